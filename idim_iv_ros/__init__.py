@@ -1,0 +1,1 @@
+"""Identification of robot dynamics from ROS 2 recordings."""

@@ -1,0 +1,19 @@
+"""The two ways in which a request can fail, each with one line for the user."""
+
+
+class IdimError(Exception):
+    """Something the user can act on: the message is one line (what, where, what to do)."""
+
+    exit_status = 1
+
+
+class UsageError(IdimError):
+    """The request is wrong: command line, configuration file, robot description, output folder."""
+
+    exit_status = 2
+
+
+class DataError(IdimError):
+    """The recording or the model cannot support the answer that was asked for."""
+
+    exit_status = 1

@@ -1,0 +1,109 @@
+"""What a robot recorded, on one uniform time grid."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One quantity of all joints on the grid of its recording.
+
+    Attributes
+    ----------
+    values : (n_samples, n_joints)
+        In the unit of the source (rad or m, rad/s or m/s, what the effort topic holds).
+        Finite everywhere; what was invented to make it so is marked in `invented`.
+    invented : (n_samples, n_joints) bool
+        True where no measurement supports the value (gap, NaN, missing joint).
+    origin : str
+        Where it comes from, in words, e.g. ``/joint_states position``.
+    """
+
+    values: FloatArray
+    invented: BoolArray
+    origin: str
+
+
+@dataclass(frozen=True)
+class Note:
+    """One thing a user should know about how a recording was read."""
+
+    topic: str
+    what: str
+    count: int
+
+
+@dataclass(frozen=True)
+class ClockQuality:
+    """The time stamps of one topic as they were found.
+
+    Times in seconds, rate in Hz; `jitter` is the standard deviation of the intervals about
+    their median, `longest_gap` the longest interval.
+    """
+
+    topic: str
+    source: Literal["header", "arrival"]
+    messages: int
+    rate: float
+    jitter: float
+    longest_gap: float
+    gaps: int
+    repeated: int
+    backward: int
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One bag of one robot, resampled on a uniform grid; immutable.
+
+    Attributes
+    ----------
+    path : Path
+        The bag it was read from.
+    joints : tuple of str
+        The identified joints, in the order of the configuration; the columns of all signals.
+    rate : float
+        Samples per second of the grid, Hz.
+    start : float
+        Time of the first sample, s, on the clock of the bag.
+    position, effort : Signal
+        Measured position and effort, as recorded (no scale, offset or gear ratio applied).
+    velocity, position_reference, velocity_reference : Signal or None
+        None where the bag has none.
+    clocks : tuple of ClockQuality
+        One for each topic that was read.
+    notes : tuple of Note
+        What was dropped, reordered or repaired while reading.
+    robot_description : str or None
+        URDF found in the bag.
+    """
+
+    path: Path
+    joints: tuple[str, ...]
+    rate: float
+    start: float
+    position: Signal
+    effort: Signal
+    velocity: Signal | None
+    position_reference: Signal | None
+    velocity_reference: Signal | None
+    clocks: tuple[ClockQuality, ...]
+    notes: tuple[Note, ...]
+    robot_description: str | None
+
+    @property
+    def samples(self) -> int:
+        """Number of samples of the grid."""
+        return int(self.position.values.shape[0])
+
+    @property
+    def duration(self) -> float:
+        """Length of the recording in seconds."""
+        return (self.samples - 1) / self.rate

@@ -1,0 +1,58 @@
+"""Test results that know their null hypothesis."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class HypothesisTest:
+    """The outcome of one statistical test, or the reason why it could not be run.
+
+    Attributes
+    ----------
+    null : str
+        The null hypothesis in words.
+    scope : str
+        ``"all"`` or the name of a joint.
+    statistic, p_value : float or None
+        None where the test could not be run; `reason` then says why.
+    df : int or None
+        Numerator degrees of freedom (of χ² or F).
+    df_denom : int or None
+        Denominator degrees of freedom of F; None for χ².
+    max_deviation : float or None
+        Effect size: how far the estimate is from the null, on the test's own scale.
+    alpha : float
+        Significance level at which `accepted` is judged.
+    reason : str or None
+        Why there is no statistic, or None.
+    """
+
+    null: str
+    scope: str
+    statistic: float | None
+    df: int | None
+    df_denom: int | None
+    p_value: float | None
+    max_deviation: float | None = None
+    alpha: float = 0.05
+    reason: str | None = None
+
+    @property
+    def accepted(self) -> bool | None:
+        """Whether the null hypothesis is accepted at `alpha`; None if the test was not run."""
+        return None if self.p_value is None else self.p_value >= self.alpha
+
+    @classmethod
+    def not_run(cls, null: str, scope: str, reason: str, alpha: float = 0.05) -> "HypothesisTest":
+        """Return the value of a test that could not be run, with the reason."""
+        return cls(null, scope, None, None, None, None, None, alpha, reason)
+
+    def __str__(self) -> str:
+        if self.p_value is None:
+            return f"{self.null} ({self.scope}): not tested, {self.reason}"
+        law = f"χ²({self.df})" if self.df_denom is None else f"F({self.df}, {self.df_denom})"
+        word = "accepted" if self.accepted else "rejected"
+        return (
+            f"{self.null} ({self.scope}): {word}, {law} = {self.statistic:.4g}, "
+            f"p = {self.p_value:.3g}"
+        )
