@@ -1,0 +1,215 @@
+"""Standard dynamic parameters: names, units and order (paper, section II.B)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+JointType = Literal["revolute", "prismatic"]
+EffortUnit = Literal["N m", "A", "V"]
+
+INERTIAL = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
+# Where each of INERTIAL stands in (M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ), the order of
+# pinocchio's regressor and of DynamicParameters.inertial.
+REGRESSOR_ORDER = (4, 5, 7, 6, 8, 9, 1, 2, 3, 0)
+
+
+@dataclass(frozen=True)
+class StandardParameter:
+    """One parameter of one link or drive.
+
+    Attributes
+    ----------
+    name : str
+        As in the paper, link index from 1: ``ZZ1``, ``Ia1``, ``Fcm6``.
+    kind : str
+        The name without its index.
+    joint : int
+        Index of the link or drive, from 0.
+    unit : str
+    """
+
+    name: str
+    kind: str
+    joint: int
+    unit: str
+
+
+@dataclass(frozen=True)
+class DynamicParameters:
+    """Numerical values of the standard parameters, shaped for dynamics computations.
+
+    The model is linear in all of them, so that the values need not be physical: a base
+    parameter vector is written here as it is, with the eliminated parameters at zero.
+
+    Attributes
+    ----------
+    inertial : (n_joints, 10)
+        M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ of each link, about the origin of its joint
+        frame, kg, kg m, kg m².
+    drive_inertia, viscous, coulomb, offset : (n_joints,)
+        Joint side: kg m², N m s/rad, N m, N m (kg, N s/m, N, N for prismatic joints).
+    coupling_joints : (n_couplings, 2) int
+        Indices (a, b) of the joints that a transmission couples.
+    coupling_inertia, coupling_viscous, coupling_coulomb : (n_couplings,)
+        Iam, Fvm, Fcm: torque on a: Iam ddq_b + Fvm dq_b + Fcm sign(dq_a + dq_b); on b: Iam ddq_a
+        + Fvm dq_a + Fcm sign(dq_a + dq_b).
+    """
+
+    inertial: FloatArray
+    drive_inertia: FloatArray
+    viscous: FloatArray
+    coulomb: FloatArray
+    offset: FloatArray
+    coupling_joints: NDArray[np.int64]
+    coupling_inertia: FloatArray
+    coupling_viscous: FloatArray
+    coupling_coulomb: FloatArray
+
+
+@dataclass(frozen=True)
+class ParameterLayout:
+    """Which standard parameters a model has, and in which order they stand in a vector.
+
+    Order: link 1 (XX … M, Ia, Fv, Fc, off), link 2, …, then Iam, Fvm, Fcm of each coupling.
+    """
+
+    parameters: tuple[StandardParameter, ...]
+    joints: int
+    coupling_joints: tuple[tuple[int, int], ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all standard parameters, in order."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    def vector(self, values: DynamicParameters) -> FloatArray:
+        """Write values into a vector (n_standard,) of this layout; other terms are left out."""
+        by_kind = {
+            "Ia": values.drive_inertia,
+            "Fv": values.viscous,
+            "Fc": values.coulomb,
+            "off": values.offset,
+        }
+        coupled = {
+            "Iam": values.coupling_inertia,
+            "Fvm": values.coupling_viscous,
+            "Fcm": values.coupling_coulomb,
+        }
+        pairs = [tuple(int(joint) for joint in pair) for pair in values.coupling_joints]
+        vector = np.zeros(len(self.parameters))
+        for position, parameter in enumerate(self.parameters):
+            if parameter.kind in INERTIAL:
+                column = REGRESSOR_ORDER[INERTIAL.index(parameter.kind)]
+                vector[position] = values.inertial[parameter.joint, column]
+            elif parameter.kind in by_kind:
+                vector[position] = by_kind[parameter.kind][parameter.joint]
+            else:
+                pair = next(pair for pair in self.coupling_joints if pair[1] == parameter.joint)
+                if pair in pairs:
+                    vector[position] = coupled[parameter.kind][pairs.index(pair)]
+        return vector
+
+    def dynamic_parameters(self, vector: FloatArray) -> DynamicParameters:
+        """Shape a vector (n_standard,) for dynamics; terms outside the layout are zero."""
+        pairs = self.coupling_joints
+        values = DynamicParameters(
+            inertial=np.zeros((self.joints, 10)),
+            drive_inertia=np.zeros(self.joints),
+            viscous=np.zeros(self.joints),
+            coulomb=np.zeros(self.joints),
+            offset=np.zeros(self.joints),
+            coupling_joints=np.array(pairs, dtype=np.int64).reshape(-1, 2),
+            coupling_inertia=np.zeros(len(pairs)),
+            coupling_viscous=np.zeros(len(pairs)),
+            coupling_coulomb=np.zeros(len(pairs)),
+        )
+        by_kind = {
+            "Ia": values.drive_inertia,
+            "Fv": values.viscous,
+            "Fc": values.coulomb,
+            "off": values.offset,
+        }
+        coupled = {
+            "Iam": values.coupling_inertia,
+            "Fvm": values.coupling_viscous,
+            "Fcm": values.coupling_coulomb,
+        }
+        for value, parameter in zip(vector, self.parameters, strict=True):
+            if parameter.kind in INERTIAL:
+                column = REGRESSOR_ORDER[INERTIAL.index(parameter.kind)]
+                values.inertial[parameter.joint, column] = value
+            elif parameter.kind in by_kind:
+                by_kind[parameter.kind][parameter.joint] = value
+            else:
+                pair = next(
+                    k for k, joints in enumerate(pairs) if joints[1] == parameter.joint
+                )
+                coupled[parameter.kind][pair] = value
+        return values
+
+
+def parameter_layout(
+    joint_types: Sequence[JointType],
+    *,
+    friction: Sequence[str],
+    drive_inertia: bool,
+    couplings: Sequence[tuple[int, int]] = (),
+    effort_unit: EffortUnit = "N m",
+) -> ParameterLayout:
+    """List the standard parameters of a robot.
+
+    Parameters
+    ----------
+    joint_types
+        One for each joint, in order.
+    friction
+        Any of ``viscous``, ``coulomb``, ``offset``.
+    drive_inertia
+        Whether each drive has an inertia of its own.
+    couplings
+        Pairs of joint indices (a, b) coupled by a transmission; named by b.
+    effort_unit
+        Unit of the torque side of the model; with ``A`` or ``V`` all units follow.
+    """
+    terms = [("Ia", drive_inertia), ("Fv", "viscous" in friction)]
+    terms += [("Fc", "coulomb" in friction), ("off", "offset" in friction)]
+    kinds = [kind for kind, present in terms if present]
+    parameters = []
+    for joint, joint_type in enumerate(joint_types):
+        for kind in (*INERTIAL, *kinds):
+            unit = _unit(kind, joint_type, effort_unit)
+            parameters.append(StandardParameter(f"{kind}{joint + 1}", kind, joint, unit))
+    coupled = [("Iam", "Ia", drive_inertia), ("Fvm", "Fv", "viscous" in friction)]
+    coupled.append(("Fcm", "Fc", "coulomb" in friction))
+    for _, joint in couplings:
+        for kind, alike, present in coupled:
+            if present:
+                unit = _unit(alike, joint_types[joint], effort_unit)
+                parameters.append(StandardParameter(f"{kind}{joint + 1}", kind, joint, unit))
+    return ParameterLayout(tuple(parameters), len(joint_types), tuple(couplings))
+
+
+def _unit(kind: str, joint_type: JointType, effort_unit: EffortUnit) -> str:
+    revolute = joint_type == "revolute"
+    if effort_unit == "N m":
+        moment = {"M": "kg", "MX": "kg m", "MY": "kg m", "MZ": "kg m"}
+        if kind in moment:
+            return moment[kind]
+        drive = {
+            "Ia": ("kg m²", "kg"),
+            "Fv": ("N m s/rad", "N s/m"),
+            "Fc": ("N m", "N"),
+            "off": ("N m", "N"),
+        }
+        return drive[kind][0 if revolute else 1] if kind in drive else "kg m²"
+    length = {"M": "/m²", "MX": "/m", "MY": "/m", "MZ": "/m"} if revolute else {"M": "/m"}
+    if kind in INERTIAL:
+        return f"{effort_unit} s²{length.get(kind, '')}"
+    angle = "rad" if revolute else "m"
+    drive_unit = {"Ia": f" s²/{angle}", "Fv": f" s/{angle}", "Fc": "", "off": ""}
+    return f"{effort_unit}{drive_unit[kind]}"
