@@ -57,7 +57,8 @@ class DynamicParameters:
         Indices (a, b) of the joints that a transmission couples.
     coupling_inertia, coupling_viscous, coupling_coulomb : (n_couplings,)
         Iam, Fvm, Fcm: torque on a: Iam ddq_b + Fvm dq_b + Fcm sign(dq_a + dq_b); on b: Iam ddq_a
-        + Fvm dq_a + Fcm sign(dq_a + dq_b).
+        + Fvm dq_a + Fcm sign(dq_a + dq_b). The motor of b turns with both joints, so that Iam is
+        its drive inertia Ia_b, and what it adds to the diagonal of a belongs to Ia_a.
     """
 
     inertial: FloatArray
@@ -75,7 +76,8 @@ class DynamicParameters:
 class ParameterLayout:
     """Which standard parameters a model has, and in which order they stand in a vector.
 
-    Order: link 1 (XX … M, Ia, Fv, Fc, off), link 2, …, then Iam, Fvm, Fcm of each coupling.
+    Order: link 1 (XX … M, Ia, Fv, Fc, off), link 2, …, then Fvm, Fcm of each coupling. A coupling
+    has no inertia of its own: Ia_b of its second joint acts on ddq_a + ddq_b.
     """
 
     parameters: tuple[StandardParameter, ...]
@@ -95,11 +97,7 @@ class ParameterLayout:
             "Fc": values.coulomb,
             "off": values.offset,
         }
-        coupled = {
-            "Iam": values.coupling_inertia,
-            "Fvm": values.coupling_viscous,
-            "Fcm": values.coupling_coulomb,
-        }
+        coupled = {"Fvm": values.coupling_viscous, "Fcm": values.coupling_coulomb}
         pairs = [tuple(int(joint) for joint in pair) for pair in values.coupling_joints]
         vector = np.zeros(len(self.parameters))
         for position, parameter in enumerate(self.parameters):
@@ -134,11 +132,7 @@ class ParameterLayout:
             "Fc": values.coulomb,
             "off": values.offset,
         }
-        coupled = {
-            "Iam": values.coupling_inertia,
-            "Fvm": values.coupling_viscous,
-            "Fcm": values.coupling_coulomb,
-        }
+        coupled = {"Fvm": values.coupling_viscous, "Fcm": values.coupling_coulomb}
         for value, parameter in zip(vector, self.parameters, strict=True):
             if parameter.kind in INERTIAL:
                 column = REGRESSOR_ORDER[INERTIAL.index(parameter.kind)]
@@ -150,6 +144,8 @@ class ParameterLayout:
                     k for k, joints in enumerate(pairs) if joints[1] == parameter.joint
                 )
                 coupled[parameter.kind][pair] = value
+        for pair, (_, second) in enumerate(pairs):
+            values.coupling_inertia[pair] = values.drive_inertia[second]
         return values
 
 
@@ -184,8 +180,7 @@ def parameter_layout(
         for kind in (*INERTIAL, *kinds):
             unit = _unit(kind, joint_type, effort_unit)
             parameters.append(StandardParameter(f"{kind}{joint + 1}", kind, joint, unit))
-    coupled = [("Iam", "Ia", drive_inertia), ("Fvm", "Fv", "viscous" in friction)]
-    coupled.append(("Fcm", "Fc", "coulomb" in friction))
+    coupled = [("Fvm", "Fv", "viscous" in friction), ("Fcm", "Fc", "coulomb" in friction)]
     for _, joint in couplings:
         for kind, alike, present in coupled:
             if present:

@@ -223,14 +223,15 @@ def _given(
         if dynamics is not None:
             friction[0, column] = float(dynamics.get("damping", "0"))
             friction[1, column] = float(dynamics.get("friction", "0"))
+    drive_inertia = np.zeros(n) if armature is None else np.asarray(armature, dtype=float)
     return DynamicParameters(
         inertial=inertial,
-        drive_inertia=np.zeros(n) if armature is None else np.asarray(armature, dtype=float),
+        drive_inertia=drive_inertia,
         viscous=friction[0],
         coulomb=friction[1],
         offset=np.zeros(n),
         coupling_joints=np.array(couplings, dtype=np.int64).reshape(-1, 2),
-        coupling_inertia=np.zeros(len(couplings)),
+        coupling_inertia=np.array([drive_inertia[second] for _, second in couplings]),
         coupling_viscous=np.zeros(len(couplings)),
         coupling_coulomb=np.zeros(len(couplings)),
     )

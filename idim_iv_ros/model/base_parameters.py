@@ -1,0 +1,149 @@
+"""Base parameters: the fewest from which the inverse dynamic model follows (section II.B)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.model.parameters import ParameterLayout
+from idim_iv_ros.model.regressor import StandardRegressor
+from idim_iv_ros.model.robot import JointLimits
+
+FloatArray = NDArray[np.float64]
+
+# A column is eliminated when less than this share of it is independent of the columns before.
+TOLERANCE = 1e-6
+_SAMPLES_PER_PARAMETER = 4
+_SEED = 20170401
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """The base set and how it groups the standard parameters.
+
+    Attributes
+    ----------
+    layout : ParameterLayout
+    columns : (b,) int
+        Standard parameters that are kept; each gives its name to its group.
+    grouping : (b, n_standard)
+        β_base = grouping · β_standard.
+    active : (n_joints, b) bool
+        Whether the torque of a joint depends on a base parameter.
+    tolerance : float
+        Relative tolerance of the elimination.
+    """
+
+    layout: ParameterLayout
+    columns: NDArray[np.int64]
+    grouping: FloatArray
+    active: NDArray[np.bool_]
+    tolerance: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the base parameters."""
+        return tuple(self.layout.names[column] for column in self.columns)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the base parameters."""
+        return tuple(self.layout.parameters[column].unit for column in self.columns)
+
+    @property
+    def expressions(self) -> tuple[str, ...]:
+        """Grouped expressions, e.g. ``XX2 - YY2 - 0.050625 M3``."""
+        return tuple(_expression(row, self.layout.names) for row in self._ordered())
+
+    def from_standard(self, standard: FloatArray) -> FloatArray:
+        """Values of the base parameters (b,) of a standard vector (n_standard,)."""
+        return np.asarray(self.grouping @ standard)
+
+    def to_standard(self, base: FloatArray) -> FloatArray:
+        """Return a standard vector with the same dynamics: eliminated parameters are zero."""
+        standard = np.zeros(len(self.layout.parameters))
+        standard[self.columns] = base
+        return standard
+
+    def _ordered(self) -> list[list[tuple[int, float]]]:
+        rows = []
+        for column, row in zip(self.columns, self.grouping, strict=True):
+            others = [int(k) for k in np.flatnonzero(row) if k != column]
+            rows.append([(int(column), 1.0), *((k, float(row[k])) for k in others)])
+        return rows
+
+
+def find_base_parameters(
+    regressor: StandardRegressor, tolerance: float = TOLERANCE
+) -> BaseParameters:
+    """Find the base set by QR elimination with the order of the columns kept.
+
+    The regressor is evaluated at states drawn within the joint limits with a fixed seed. A column
+    that depends on the columns before it is eliminated and grouped into them, so that the set
+    and its expressions do not depend on pivoting and are the same on every machine.
+
+    Raises
+    ------
+    ValueError
+        `tolerance` is not between 0 and 1.
+    """
+    if not 0.0 < tolerance < 1.0:
+        raise ValueError("tolerance must lie between 0 and 1")
+    layout = regressor.layout
+    matrix = regressor(*_random_states(regressor.robot.limits, len(layout.parameters)))
+    stacked = matrix.reshape(-1, matrix.shape[2])
+    norms = np.linalg.norm(stacked, axis=0)
+    kept: list[int] = []
+    basis = np.zeros((stacked.shape[0], 0))
+    for column in np.flatnonzero(norms > tolerance * norms.max()):
+        direction = stacked[:, column] / norms[column]
+        for _ in range(2):  # twice is enough for orthogonality to rounding
+            direction = direction - basis @ (basis.T @ direction)
+        independent = float(np.linalg.norm(direction))
+        if independent > tolerance:
+            kept.append(int(column))
+            basis = np.column_stack([basis, direction / independent])
+    columns = np.array(kept, dtype=np.int64)
+    grouping = _grouping(stacked, norms, columns, basis)
+    active = np.abs(matrix[:, :, columns]).max(axis=0) > tolerance * norms[columns] / len(stacked)
+    return BaseParameters(layout, columns, grouping, active, tolerance)
+
+
+def _random_states(
+    limits: JointLimits, parameters: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    joints = len(limits.lower)
+    random = np.random.default_rng(_SEED)
+    shape = (max(50, _SAMPLES_PER_PARAMETER * parameters), joints)
+    lower = np.maximum(limits.lower, -np.pi)
+    upper = np.minimum(limits.upper, np.pi)
+    narrow = ~(lower < upper)
+    lower, upper = np.where(narrow, -np.pi, lower), np.where(narrow, np.pi, upper)
+    q = lower + (upper - lower) * random.random(shape)
+    return q, random.uniform(-2.0, 2.0, shape), random.uniform(-10.0, 10.0, shape)
+
+
+def _grouping(
+    stacked: FloatArray, norms: FloatArray, columns: NDArray[np.int64], basis: FloatArray
+) -> FloatArray:
+    triangle = basis.T @ stacked[:, columns]
+    grouping = np.linalg.solve(triangle, basis.T @ stacked)
+    grouping[:, columns] = np.eye(len(columns))
+    grouping[:, norms <= TOLERANCE * norms.max()] = 0.0
+    # A coefficient that is rounding on the scale of what the two columns contribute is none.
+    contribution = np.abs(grouping) * norms[columns][:, None]
+    grouping[contribution <= 1e-5 * np.maximum(norms, norms.max() * 1e-9)] = 0.0
+    return np.asarray(np.round(grouping, 9))
+
+
+def _expression(terms: list[tuple[int, float]], names: tuple[str, ...]) -> str:
+    text = ""
+    for column, coefficient in terms:
+        sign = "-" if coefficient < 0 else "+"
+        size = f"{abs(coefficient):.6g}"
+        factor = "" if size == "1" else f"{size} "
+        if text:
+            text += f" {sign} {factor}{names[column]}"
+        else:
+            text = f"{'-' if sign == '-' else ''}{factor}{names[column]}"
+    return text

@@ -1,0 +1,90 @@
+"""Parallel decimation: one low-pass filter for the torque and for every column of the regressor.
+
+Source: paper, section II.C. The filter is a Chebyshev filter of type I, order 8, 0.05 dB ripple,
+run forward and backward, with its edge at 0.8 of the new Nyquist frequency.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import cheby1, sosfiltfilt
+
+FloatArray = NDArray[np.float64]
+
+EDGE = 0.8  # of the new Nyquist frequency
+_ORDER = 8
+_RIPPLE = 0.05  # dB
+# The impulse response has decayed to rounding after this many samples of the decimated series.
+_MEMORY = 80
+_PADDING = 27
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Decimated samples `kept` (indices in the full record) and the samples needed for them."""
+
+    first: int
+    last: int
+    kept: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class ParallelDecimation:
+    """Keep one sample in `factor` of a record of `samples`, after the low-pass filter.
+
+    Attributes
+    ----------
+    factor : int
+        1 keeps everything and filters nothing.
+    samples : int
+    phase : {"first", "last"}
+        Which sample of each group is kept; ``last`` is what MATLAB's decimate keeps.
+    """
+
+    factor: int
+    samples: int
+    phase: Literal["first", "last"] = "first"
+
+    @property
+    def kept(self) -> NDArray[np.int64]:
+        """Indices of the kept samples."""
+        groups = -(-self.samples // self.factor)
+        start = 0
+        if self.phase == "last":
+            start = self.factor - (self.factor * groups - self.samples) - 1
+        return np.arange(start, self.samples, self.factor)
+
+    def chunks(self, length: int) -> Iterator[Chunk]:
+        """Split the record into chunks of about `length` samples that overlap by the memory.
+
+        Filtering chunk by chunk then gives what filtering the whole record gives, to rounding.
+        """
+        kept = self.kept
+        memory = _MEMORY * self.factor if self.factor > 1 else 2
+        groups = max(1, length // self.factor)
+        if self.samples <= length + memory:
+            groups = len(kept)
+        for start in range(0, len(kept), groups):
+            inside = kept[start : start + groups]
+            first = max(0, int(inside[0]) - memory)
+            last = min(self.samples, int(inside[-1]) + 1 + memory)
+            yield Chunk(first, last, inside)
+
+    def apply(self, signal: FloatArray, chunk: Chunk) -> FloatArray:
+        """Filter samples ``chunk.first … chunk.last`` along axis 0 and keep ``chunk.kept``."""
+        if self.factor > 1:
+            sections = cheby1(_ORDER, _RIPPLE, EDGE / self.factor, output="sos")
+            signal = sosfiltfilt(sections, signal, axis=0, padlen=min(_PADDING, len(signal) - 1))
+        return np.asarray(signal[chunk.kept - chunk.first])
+
+    def whole(self, signal: FloatArray) -> FloatArray:
+        """Decimate a whole record (n_samples, …) at once."""
+        return self.apply(signal, Chunk(0, self.samples, self.kept))
+
+
+def decimation_factor(rate: float, cutoff: float) -> int:
+    """Largest factor that keeps `cutoff` (Hz) below the edge of the filter at `rate` (Hz)."""
+    return max(1, int(EDGE * rate / (2.0 * cutoff) + 1e-9))
