@@ -1,0 +1,1 @@
+"""May the estimates be believed: instruments, exogeneity, residuals and the verdict."""

@@ -25,6 +25,8 @@ class HypothesisTest:
         Significance level at which `accepted` is judged.
     reason : str or None
         Why there is no statistic, or None.
+    torque_deviation_percent : float or None
+        Effect size of an instrument test on the scale of the torque, or None.
     """
 
     null: str
@@ -36,6 +38,7 @@ class HypothesisTest:
     max_deviation: float | None = None
     alpha: float = 0.05
     reason: str | None = None
+    torque_deviation_percent: float | None = None
 
     @property
     def accepted(self) -> bool | None:

@@ -1,0 +1,153 @@
+"""How uncertain the estimates are: one estimator of their covariance a class.
+
+All work on triangles: the rows of each joint are reduced by QR once, and ZᵀZ or ZᵀX is never
+formed, which would square the condition number.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.signals.autoregression import AutoregressiveModel
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class JointBlock:
+    """The rows of one joint as a covariance needs them.
+
+    Attributes
+    ----------
+    regressor, instruments : (r_j, c_j)
+        X_j and Z_j: only the columns that are not structurally zero for this joint.
+    columns : (c_j,) int
+        Places of these columns among all b parameters.
+    sigma : float
+        Standard deviation of this joint's residual; the rows are weighted by 1/sigma.
+    """
+
+    regressor: FloatArray
+    instruments: FloatArray
+    columns: IntArray
+    sigma: float
+
+
+@dataclass(frozen=True)
+class ColouredBlock(JointBlock):
+    """The unfiltered rows of one joint and the colour of its residual.
+
+    Attributes
+    ----------
+    autoregression : AutoregressiveModel
+        Fitted on the residual of this joint, in its unit.
+    positions : (r_j,) increasing int
+        Place of each row on the regular decimated grid; recordings far apart.
+    """
+
+    autoregression: AutoregressiveModel
+    positions: IntArray
+
+
+@dataclass(frozen=True)
+class WhiteCovariance:
+    """Σ = (ZᵀWX)⁻¹ ZᵀWZ (XᵀWZ)⁻¹, W = blkdiag(I/σ_j²): right if every residual is white.
+
+    With Z = X it is the covariance of (weighted) least squares, σ²(XᵀX)⁻¹.
+    """
+
+    blocks: Sequence[JointBlock]
+    n_parameters: int
+
+    @property
+    def matrix(self) -> FloatArray:
+        """(b, b), in the products of the parameters' units."""
+        _, projected = _reduce(self.blocks, self.n_parameters)
+        root = np.linalg.inv(projected)
+        return root @ root.T
+
+
+@dataclass(frozen=True)
+class ColouredCovariance:
+    """Σ = A S Aᵀ of the estimate from unfiltered rows, when each joint's residual is AR(p).
+
+    A = (ZᵀWX)⁻¹ and S = Σ_j σ_j⁻⁴ Z_jᵀ R_j Z_j, with R_j the covariance of the joint's residual
+    at the places of its rows; Z_jᵀ R_j Z_j = σ²_N,j ‖H_jᵀ Z_j‖² with H_j = 1/Ĉ_j on the regular
+    grid, where Z_j is zero at the dropped rows.
+    """
+
+    blocks: Sequence[ColouredBlock]
+    n_parameters: int
+
+    @property
+    def matrix(self) -> FloatArray:
+        """(b, b), in the products of the parameters' units."""
+        triangle, projected = _reduce(self.blocks, self.n_parameters)
+        pieces = []
+        for block in self.blocks:
+            coloured = block.autoregression.colour_adjoint(block.instruments, block.positions)
+            scale = np.sqrt(block.autoregression.innovation_variance) / block.sigma**2
+            pieces.append(_spread(_triangle(coloured * scale), block.columns, self.n_parameters))
+        spectrum = _triangle(np.vstack(pieces))
+        # A = (Rᵀ QᵀX)⁻¹ = (QᵀX)⁻¹ R⁻ᵀ, so that Σ = BᵀB with B = S^½ R⁻¹ (QᵀX)⁻ᵀ.
+        root = np.linalg.solve(projected, np.linalg.solve(triangle.T, spectrum.T)).T
+        return root.T @ root
+
+
+@dataclass(frozen=True)
+class RefinedCovariance:
+    """Σ = (Z_fᵀ W Z_f)⁻¹ of the refined estimate (paper, equation 12), joint by joint weighted.
+
+    The blocks hold rows filtered by Ĉ_j(z⁻¹), and sigma is that of the whitened residual; with
+    one σ for all joints it is the paper's σ̂²(Z_fᵀZ_f)⁻¹.
+    """
+
+    blocks: Sequence[JointBlock]
+    n_parameters: int
+
+    @property
+    def matrix(self) -> FloatArray:
+        """(b, b), in the products of the parameters' units."""
+        triangle, _ = _reduce(self.blocks, self.n_parameters)
+        root = np.linalg.inv(triangle)
+        return root @ root.T
+
+
+def _reduce(blocks: Sequence[JointBlock], n_parameters: int) -> tuple[FloatArray, FloatArray]:
+    """Return R and QᵀX of the stacked, weighted Z = Q R, both (b, b).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the instruments do not determine all parameters.
+    """
+    pieces = []
+    for block in blocks:
+        both = _triangle(np.hstack([block.instruments, block.regressor]) / block.sigma)
+        places = np.concatenate([block.columns, block.columns + n_parameters])
+        pieces.append(_spread(both, places, 2 * n_parameters))
+    triangle = _triangle(np.vstack(pieces))
+    if len(triangle) < n_parameters:
+        raise np.linalg.LinAlgError("fewer rows than parameters")
+    square = triangle[:n_parameters, :n_parameters]
+    projected = triangle[:n_parameters, n_parameters:]
+    pivots = np.abs(np.diag(square))
+    scale = np.linalg.norm(square, axis=0)
+    if np.any(pivots <= np.finfo(float).eps * n_parameters * scale):
+        raise np.linalg.LinAlgError("the instruments do not determine all parameters")
+    return square, projected
+
+
+def _triangle(rows: FloatArray) -> FloatArray:
+    """R of the QR of tall rows."""
+    return np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64)
+
+
+def _spread(rows: FloatArray, places: IntArray, width: int) -> FloatArray:
+    """Put the columns of one joint at their places among all columns."""
+    spread = np.zeros((len(rows), width))
+    spread[:, places] = rows
+    return spread

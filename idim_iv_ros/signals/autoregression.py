@@ -1,0 +1,247 @@
+"""The autoregressive colour of a residual: fit it, remove it from rows, put it back."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.signal import lfilter
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+_ROWS_PER_COEFFICIENT = 10
+_LARGEST_ORDER = 100
+_MEMORY_LIMIT = 5000
+_UNITY = 1.0 - 1e-12
+
+
+@dataclass(frozen=True)
+class AutoregressiveModel:
+    """ε = H(z⁻¹) ε_N with H = 1/C, C = 1 + c₁ z⁻¹ + … + c_p z⁻ᵖ (paper, equation 11, D = 1).
+
+    Attributes
+    ----------
+    reflections : (p,)
+        κ₁ … κ_p of the lattice, all of modulus below 1, which makes 1/C stable. They hold the
+        predictors of every lower order too, and those start a run exactly.
+    innovation_variance : float
+        σ² of the white noise ε_N, in the squared unit of the residual.
+    """
+
+    reflections: FloatArray
+    innovation_variance: float
+
+    @property
+    def order(self) -> int:
+        """The order p."""
+        return len(self.reflections)
+
+    @cached_property
+    def coefficients(self) -> FloatArray:
+        """(p,) c₁ … c_p, in the paper's sign."""
+        return self._predictors[-1][1:]
+
+    @property
+    def variance(self) -> float:
+        """Variance of the coloured residual that this model describes."""
+        return self.innovation_variance / float(np.prod(1.0 - self.reflections**2))
+
+    @property
+    def predictable_share(self) -> float:
+        """Share of the variance that the residual's own past predicts, 1 − σ²_N / σ²_ε."""
+        return 1.0 - float(np.prod(1.0 - self.reflections**2))
+
+    @cached_property
+    def _predictors(self) -> list[FloatArray]:
+        """Polynomials of order 0 … p by the Levinson recursion."""
+        polynomials = [np.ones(1)]
+        for reflection in self.reflections:
+            longer = np.append(polynomials[-1], 0.0)
+            polynomials.append(longer + reflection * longer[::-1])
+        return polynomials
+
+    @cached_property
+    def _start(self) -> FloatArray:
+        """(p, p) lower triangular: whitens the first p rows of a run to variance σ²."""
+        start = np.zeros((self.order, self.order))
+        tail = np.cumprod((1.0 - self.reflections**2)[::-1])[::-1]
+        for k in range(self.order):
+            start[k, : k + 1] = np.sqrt(tail[k]) * self._predictors[k][::-1]
+        return start
+
+    def whiten(self, rows: FloatArray, runs: Sequence[slice]) -> FloatArray:
+        """Apply Ĉ(z⁻¹) within each run, without losing a row.
+
+        The row at place k < p of a run is predicted by the order-k predictor and scaled by
+        σ/σ_k, so that every whitened row of the residual has the innovation variance.
+
+        Parameters
+        ----------
+        rows : (r,) or (r, k)
+            y, or columns of X or Z, of one joint.
+        runs : sequence of slice
+            Rows that are contiguous in time. They must cover every row in order; rows of
+            different runs are taken as independent.
+
+        Returns
+        -------
+        ndarray of the shape of `rows`.
+        """
+        _require_cover(runs, len(rows))
+        if self.order == 0:
+            return np.array(rows, dtype=float)
+        whitened: FloatArray = lfilter(self._predictors[-1], [1.0], rows, axis=0)
+        for run in runs:
+            count = min(self.order, run.stop - run.start)
+            head = slice(run.start, run.start + count)
+            whitened[head] = self._start[:count, :count] @ rows[head]
+        return whitened
+
+    def colour_adjoint(self, rows: FloatArray, positions: IntArray) -> FloatArray:
+        """Apply the transposed colouring filter to rows zero-filled on their regular grid.
+
+        With G the result, σ² GᵀG = rowsᵀ R rows exactly, where R is the covariance that the
+        model gives the residual at the rows' places. This is what the covariance of an
+        estimate needs that did not filter its rows. Dropped rows stay zero: the residual
+        exists there, only nobody weighs it.
+
+        Parameters
+        ----------
+        rows : (r, k)
+            Columns of Z of one joint, unfiltered.
+        positions : (r,) increasing int
+            Place of each row on the regular grid of the series. Places further apart than the
+            memory of the filter are taken as independent, so that recordings may be kept
+            apart by any large step.
+
+        Returns
+        -------
+        (g, k) with g ≥ r: one row for each place of the grid that was filled.
+        """
+        if len(rows) == 0 or self.order == 0:
+            return np.array(rows, dtype=float)
+        if np.any(np.diff(positions) <= 0):
+            raise ValueError("positions must increase")
+        cuts = np.flatnonzero(np.diff(positions) > self._memory) + 1
+        pieces = []
+        for piece in np.split(np.arange(len(rows)), cuts):
+            place = positions[piece] - positions[piece[0]]
+            grid = np.zeros((int(place[-1]) + 1, rows.shape[1]))
+            grid[place] = rows[piece]
+            pieces.append(self._adjoint_of_run(grid))
+        return np.vstack(pieces)
+
+    def _adjoint_of_run(self, grid: FloatArray) -> FloatArray:
+        """Solve Lᵀ u = grid, L being the whitening of one run with its exact start."""
+        count = min(self.order, len(grid))
+        body, state = lfilter(
+            [1.0],
+            self._predictors[-1],
+            grid[count:][::-1],
+            axis=0,
+            zi=np.zeros((self.order, grid.shape[1])),
+        )
+        head = grid[:count] + state[:count][::-1]
+        head = solve_triangular(self._start[:count, :count], head, lower=True, trans="T")
+        return np.vstack([head, body[::-1]])
+
+    @cached_property
+    def _memory(self) -> int:
+        """Lag after which the impulse response of 1/C stays below 1e-3 of its peak."""
+        impulse = np.zeros(_MEMORY_LIMIT)
+        impulse[0] = 1.0
+        response = np.abs(lfilter([1.0], self._predictors[-1], impulse))
+        return int(np.flatnonzero(response > 1e-3 * response.max())[-1]) + 1
+
+
+def fit_autoregression(
+    residual: FloatArray, runs: Sequence[slice], *, max_order: int | None = None
+) -> AutoregressiveModel:
+    """Fit an autoregressive model by Burg's recursion over all runs, its order by AIC.
+
+    Each κ_k minimises the forward and backward prediction errors summed over the runs longer
+    than k, so no prediction reaches across a gap and the model is always stable. With n_k
+    rows that have k predecessors in their run, minus twice the Gaussian log-likelihood with
+    the exact start of every run is r ln σ₀² + Σ_k n_k ln(1 − κ_k²); AIC adds 2 for each
+    coefficient. The mean is not removed: an offset belongs to the model of the joint.
+
+    Parameters
+    ----------
+    residual : (r,)
+        Residual of one joint, y − X β̂.
+    runs : sequence of slice
+        Rows that are contiguous in time.
+    max_order : int, optional
+        Highest order tried; by default 100 or, if that is lower, the order at which ten rows
+        with a full past are left for each coefficient.
+    """
+    residual = np.asarray(residual, dtype=float)
+    _require_cover(runs, len(residual))
+    place = _place_in_run(runs)
+    with_past = _rows_with_past(place)
+    if max_order is None:
+        enough = with_past[1:] >= _ROWS_PER_COEFFICIENT * np.arange(1, len(with_past))
+        max_order = min(_LARGEST_ORDER, int(np.count_nonzero(enough)))
+    power = float(residual @ residual) / max(1, len(residual))
+    if power == 0.0:
+        return AutoregressiveModel(np.zeros(0), 0.0)
+    reflections = burg_reflections(residual, runs, min(max_order, len(with_past) - 1))
+    gain = np.log1p(-(reflections**2))
+    orders = np.arange(1, len(reflections) + 1)
+    criterion = np.append(0.0, np.cumsum(with_past[orders] * gain + 2.0))
+    chosen = reflections[: int(np.argmin(criterion))]
+    return AutoregressiveModel(chosen, power * float(np.prod(1.0 - chosen**2)))
+
+
+def burg_reflections(series: FloatArray, runs: Sequence[slice], order: int) -> FloatArray:
+    """Reflection coefficients κ₁ … of Burg's recursion over all runs.
+
+    Parameters
+    ----------
+    series : (r,) or (r, m)
+        Several columns are realisations of one process: their energies are summed.
+    runs : sequence of slice
+        Rows that are contiguous in time.
+    order : int
+        How many are wanted; fewer are returned when nothing is left to predict.
+    """
+    place = _place_in_run(runs)
+    forward = backward = series
+    reflections: list[float] = []
+    floor = np.finfo(float).eps * float(np.vdot(series, series))
+    for step in range(1, order + 1):
+        inside = place[1:] >= step
+        place = place[1:][inside]
+        ahead, behind = forward[1:][inside], backward[:-1][inside]
+        energy = float(np.vdot(ahead, ahead) + np.vdot(behind, behind))
+        if energy <= floor:
+            break
+        # |κ| ≤ 1 by Cauchy-Schwarz; rounding must not make it 1, which has no variance left.
+        reflection = min(max(-2.0 * float(np.vdot(ahead, behind)) / energy, -_UNITY), _UNITY)
+        reflections.append(reflection)
+        forward, backward = ahead + reflection * behind, behind + reflection * ahead
+    return np.array(reflections)
+
+
+def _place_in_run(runs: Sequence[slice]) -> IntArray:
+    """(r,) how many predecessors each row has in its run."""
+    return np.concatenate([np.arange(run.stop - run.start) for run in runs] or [np.zeros(0, int)])
+
+
+def _rows_with_past(place: IntArray) -> IntArray:
+    """n_k for k = 0 … : how many rows have at least k predecessors in their run."""
+    return np.cumsum(np.bincount(place, minlength=1)[::-1])[::-1]
+
+
+def _require_cover(runs: Sequence[slice], n_rows: int) -> None:
+    """Runs that overlap or leave rows out would silently mix or lose rows."""
+    stop = 0
+    for run in runs:
+        if run.start != stop or run.stop <= run.start:
+            raise ValueError(f"runs must follow one another without gaps, {run} does not")
+        stop = run.stop
+    if stop != n_rows:
+        raise ValueError(f"runs cover {stop} rows of {n_rows}")

@@ -1,0 +1,100 @@
+"""Regression with autoregressive errors: is there anything of the regressors in the target?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.signals.autoregression import (
+    AutoregressiveModel,
+    burg_reflections,
+    fit_autoregression,
+)
+from idim_iv_ros.statistics.triangle import independent_basis, triangle
+
+FloatArray = NDArray[np.float64]
+
+_ITERATIONS = 5
+# Beyond this many rows a column, what the regression takes out of the residual is negligible.
+_AMPLE_ROWS_PER_COLUMN = 200
+
+
+@dataclass(frozen=True)
+class ColouredRegression:
+    """target = regressors δ + v with v autoregressive.
+
+    Attributes
+    ----------
+    errors : AutoregressiveModel
+        The model of v.
+    whitened : (k, c + 1)
+        Triangle of the whitened [regressors, target].
+    n_rows : int
+    coefficients : (c,)
+        δ̂ by generalised least squares, zero for columns that depend on others.
+    covariance_root : (c, rank)
+        covariance_root @ covariance_root.T is the covariance of δ̂.
+    variance : float
+        σ² of the whitened residual.
+    """
+
+    errors: AutoregressiveModel
+    whitened: FloatArray
+    n_rows: int
+    coefficients: FloatArray
+    covariance_root: FloatArray
+    variance: float
+
+
+def regress_coloured(
+    target: FloatArray, regressors: FloatArray, runs: Sequence[slice]
+) -> ColouredRegression:
+    """Fit δ and the colour of v together, with the colour not biased by the fit of δ.
+
+    A filter fitted on the residual of least squares sees too little noise where the regressors
+    live, and the test then rejects true hypotheses (25 % instead of 5 % with 25 slow columns in
+    1500 rows); one fitted on the target itself takes a true δ for noise. So the order is AIC's
+    on the target, and the coefficients are of restricted maximum likelihood by its EM
+    iteration: Burg's energies are those of the residual plus those that estimating δ took out
+    of it, those of the columns of regressors @ covariance_root.
+
+    Parameters
+    ----------
+    target : (r,)
+        What may or may not contain something of the regressors.
+    regressors : (r, c)
+        May be rank deficient.
+    runs : sequence of slice
+        Rows that are contiguous in time.
+    """
+    errors = fit_autoregression(target, runs)
+    order = errors.order
+    fit = _generalised_least_squares(errors, target, regressors, runs)
+    ample = len(target) > _AMPLE_ROWS_PER_COLUMN * regressors.shape[1]
+    for _ in range(_ITERATIONS if order and fit.variance > 0.0 else 0):
+        series = (target - regressors @ fit.coefficients)[:, None]
+        if not ample:
+            series = np.hstack([series, regressors @ fit.covariance_root])
+        reflections = burg_reflections(series, runs, order)
+        errors = AutoregressiveModel(reflections, fit.variance)
+        fit = _generalised_least_squares(errors, target, regressors, runs)
+    return fit
+
+
+def _generalised_least_squares(
+    errors: AutoregressiveModel, target: FloatArray, regressors: FloatArray, runs: Sequence[slice]
+) -> ColouredRegression:
+    whitened = triangle(errors.whiten(np.column_stack([regressors, target]), runs))
+    basis = independent_basis(whitened[:, :-1])
+    width = regressors.shape[1]
+    rest = basis.remove(whitened[:, -1])
+    variance = float(rest @ rest) / max(1, len(target) - basis.rank)
+    return ColouredRegression(
+        errors,
+        whitened,
+        len(target),
+        basis.solve(whitened[:, -1], width),
+        np.sqrt(variance) * basis.inverse_root(width),
+        variance,
+    )

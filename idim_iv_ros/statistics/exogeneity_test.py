@@ -1,0 +1,104 @@
+"""Durbin-Wu-Hausman's other half: is X exogenous, so that least squares would do as well?
+
+Augmented regression y = X β + V̂ γ + e with V̂ = X − Z Π̂, H0: γ = 0, F(b_v, r − b − b_v).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import f as fisher
+
+from idim_iv_ros.signals.autoregression import fit_autoregression
+from idim_iv_ros.statistics.hypothesis import HypothesisTest
+from idim_iv_ros.statistics.joint_rows import JointRows
+from idim_iv_ros.statistics.triangle import independent_basis, spread, triangle
+
+FloatArray = NDArray[np.float64]
+
+NULL = "the regressor is exogenous (γ = 0)"
+
+
+def exogeneity_test(
+    joints: Sequence[JointRows], parameters: FloatArray, *, alpha: float = 0.05
+) -> tuple[HypothesisTest, ...]:
+    """Test whether X is exogenous, for all rows and joint by joint.
+
+    The rows of each joint are whitened by the autoregressive model of its IV residual first,
+    and for "all" divided by the σ of the whitened residual.
+
+    Parameters
+    ----------
+    joints : sequence of JointRows
+        Unfiltered rows.
+    parameters : (b,)
+        The IDIM-IV estimate β̂.
+    alpha : float
+        Level of each test.
+
+    Returns
+    -------
+    tuple of HypothesisTest
+        Scope "all" first, then one for each joint in the order given.
+    """
+    width = len(parameters)
+    stacked, tests, n_rows = [], [], 0
+    for rows in joints:
+        model = fit_autoregression(rows.residual(parameters), rows.runs)
+        white = rows.whitened(model)
+        reduced = triangle(np.column_stack([white.instruments, white.regressor, white.torque]))
+        count = len(rows.torque)
+        tests.append(exogeneity_f_test(reduced, count, rows.joint, alpha))
+        sigma = float(np.linalg.norm(white.residual(parameters)) / np.sqrt(max(1, count)))
+        if sigma > 0.0:
+            places = np.concatenate([rows.columns, rows.columns + width, [2 * width]])
+            stacked.append(spread(reduced / sigma, places, 2 * width + 1))
+            n_rows += count
+    if not stacked:
+        return (HypothesisTest.not_run(NULL, "all", "there is no residual", alpha), *tests)
+    return (exogeneity_f_test(triangle(np.vstack(stacked)), n_rows, "all", alpha), *tests)
+
+
+def exogeneity_f_test(
+    reduced: FloatArray, n_rows: int, scope: str, alpha: float = 0.05
+) -> HypothesisTest:
+    """F-test of γ = 0 from the triangle of [Z X y], equal to the Wu-Hausman statistic.
+
+    Columns of V̂ that vanish, or that the other columns of [X V̂] already hold, are dropped by
+    a pivoted QR with each column measured against the norm of its column of X.
+
+    Parameters
+    ----------
+    reduced : (k, 2c + 1)
+        Triangle of [Z X y]; rows may be weighted and whitened.
+    n_rows : int
+        How many rows it was made of.
+    scope : str
+        "all" or the name of a joint.
+    alpha : float
+        Level of the test.
+    """
+    width = (reduced.shape[1] - 1) // 2
+    instruments, regressor = reduced[:, :width], reduced[:, width:-1]
+    torque = reduced[:, -1]
+    error = independent_basis(instruments).remove(regressor)
+    span = independent_basis(regressor)
+    norms = np.linalg.norm(regressor, axis=0)
+    augmented = independent_basis(span.remove(error), norms)
+    if augmented.rank == 0:
+        reason = "the instruments reproduce the regressor, which is exogenous"
+        return HypothesisTest.not_run(NULL, scope, reason, alpha)
+    dof = n_rows - span.rank - augmented.rank
+    if dof <= 0:
+        columns = span.rank + augmented.rank
+        reason = f"{n_rows} rows for {columns} columns are too few"
+        return HypothesisTest.not_run(NULL, scope, reason, alpha)
+    restricted = span.remove(torque)
+    free = augmented.remove(restricted)
+    unexplained = float(free @ free)
+    if unexplained <= np.finfo(float).eps * float(torque @ torque):
+        return HypothesisTest.not_run(NULL, scope, "the residual vanishes", alpha)
+    gained = augmented.vectors.T @ restricted
+    statistic = float(gained @ gained) / augmented.rank / (unexplained / dof)
+    p_value = float(fisher.sf(statistic, augmented.rank, dof))
+    return HypothesisTest(NULL, scope, statistic, augmented.rank, dof, p_value, None, alpha)
