@@ -1,0 +1,231 @@
+"""What the residual of a joint says: its colour, whether a filter whitens it, its distribution."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+from statsmodels.tsa.stattools import acf
+
+from idim_iv_ros.signals.autoregression import AutoregressiveModel, fit_autoregression
+from idim_iv_ros.statistics.hypothesis import HypothesisTest
+from idim_iv_ros.statistics.joint_rows import JointRows
+
+FloatArray = NDArray[np.float64]
+
+WHITE = "the residual is white"
+WHITENED = "the residual filtered by its autoregressive model is white"
+NORMAL = "the whitened residual is Gaussian"
+
+_EXTRA_LAGS = 20
+_HARMLESS_SHARE = 0.05
+_HARMLESS_UNDERSTATEMENT = 1.1
+_LEAST_ROWS = 30
+
+
+@dataclass(frozen=True)
+class ResidualDiagnosis:
+    """The residual of one joint.
+
+    Attributes
+    ----------
+    joint : str
+    rms : float
+        N m (N for a prismatic joint).
+    relative_percent : float or None
+        100 ‖y − Xβ̂‖ / ‖y‖; None if there is no torque.
+    autoregression : AutoregressiveModel
+        Of the residual, its order chosen by AIC.
+    acf, acf_whitened : (n_lags + 1,)
+        Autocorrelation from lag 0, of the residual and of the whitened residual.
+    acf_bound : float
+        95 % of the autocorrelations of white noise lie within ± this, 1.96 / √r.
+    white : bool or None
+        Whether the residual may be treated as white: Ljung-Box accepts it, or the colour is
+        harmless: its past predicts less than 5 % of its variance and the standard deviations
+        computed as if it were white are less than 1.1 times too small. None if not tested.
+    sigma_understatement : float
+        How many times too small the white-noise standard deviations of the estimates are,
+        median over the columns of Z: σ_N ‖Hᵀ z‖ / (σ_ε ‖z‖).
+    whiteness : HypothesisTest
+        Ljung-Box on the residual itself; before whitening only a description, since it takes
+        the regressors as exogenous.
+    whiteness_after : HypothesisTest
+        Ljung-Box on the whitened residual, its degrees of freedom less the order.
+    normality : HypothesisTest
+        Jarque-Bera on the whitened residual.
+    skewness, excess_kurtosis : float
+        Effect sizes of normality, both 0 for a Gaussian. With thousands of rows a kurtosis
+        that harms nothing is significant.
+    """
+
+    joint: str
+    rms: float
+    relative_percent: float | None
+    autoregression: AutoregressiveModel
+    acf: FloatArray
+    acf_whitened: FloatArray
+    acf_bound: float
+    white: bool | None
+    sigma_understatement: float
+    whiteness: HypothesisTest
+    whiteness_after: HypothesisTest
+    normality: HypothesisTest
+    skewness: float
+    excess_kurtosis: float
+
+    @property
+    def ar_order(self) -> int:
+        """Order of the autoregressive model, 0 for white."""
+        return self.autoregression.order
+
+    @property
+    def predictable_share(self) -> float:
+        """Share of the variance that the residual's own past predicts."""
+        return self.autoregression.predictable_share
+
+    @property
+    def largest_correlation_after(self) -> float:
+        """Largest |autocorrelation| that the filter leaves beyond lag 0."""
+        return float(np.abs(self.acf_whitened[1:]).max(initial=0.0))
+
+
+def diagnose_residual(
+    rows: JointRows, parameters: FloatArray, *, alpha: float = 0.05
+) -> ResidualDiagnosis:
+    """Diagnose the residual y_j − X_j β̂ of one joint (paper, section IV).
+
+    Parameters
+    ----------
+    rows : JointRows
+        Unfiltered rows.
+    parameters : (b,)
+        β̂.
+    alpha : float
+        Level of each test.
+    """
+    residual = rows.residual(parameters)
+    count = len(residual)
+    model = fit_autoregression(residual, rows.runs)
+    whitened = model.whiten(residual, rows.runs)
+    n_lags = max(0, min(model.order + _EXTRA_LAGS, count // 5))
+    understatement = _sigma_understatement(model, rows)
+    whiteness = ljung_box(residual, rows.runs, WHITE, rows.joint, n_lags, alpha=alpha)
+    harmless = (
+        model.predictable_share < _HARMLESS_SHARE and understatement < _HARMLESS_UNDERSTATEMENT
+    )
+    skewness, kurtosis = _shape(whitened)
+    energy = float(rows.torque @ rows.torque)
+    return ResidualDiagnosis(
+        rows.joint,
+        float(np.sqrt(np.mean(residual**2))) if count else 0.0,
+        100.0 * float(np.sqrt(residual @ residual / energy)) if energy > 0.0 else None,
+        model,
+        autocorrelation(residual, rows.runs, n_lags),
+        autocorrelation(whitened, rows.runs, n_lags),
+        1.96 / np.sqrt(max(1, count)),
+        None if whiteness.accepted is None else whiteness.accepted or harmless,
+        understatement,
+        whiteness,
+        ljung_box(whitened, rows.runs, WHITENED, rows.joint, n_lags, model.order, alpha=alpha),
+        _jarque_bera(count, skewness, kurtosis, rows.joint, alpha),
+        skewness,
+        kurtosis,
+    )
+
+
+def autocorrelation(series: FloatArray, runs: Sequence[slice], n_lags: int) -> FloatArray:
+    """(n_lags + 1,) autocorrelation of `series` (r,), from pairs within one run only."""
+    if len(series) == 0 or np.ptp(series) == 0.0:
+        return np.append(1.0, np.zeros(n_lags))
+    apart = np.full(n_lags, np.nan)
+    pieces = [piece for run in runs for piece in (series[run], apart)]
+    correlation: FloatArray = acf(
+        np.concatenate(pieces), nlags=n_lags, fft=True, missing="conservative"
+    )
+    return correlation
+
+
+def ljung_box(
+    series: FloatArray,
+    runs: Sequence[slice],
+    null: str,
+    scope: str,
+    n_lags: int,
+    fitted: int = 0,
+    *,
+    alpha: float = 0.05,
+) -> HypothesisTest:
+    """Ljung-Box test, Q = r(r + 2) Σ_k ρ_k² / n_k against χ²(n_lags − fitted).
+
+    n_k is the number of pairs at lag k within a run, r − k for a single run.
+
+    Parameters
+    ----------
+    series : (r,)
+        A residual, raw or whitened.
+    runs : sequence of slice
+        Rows that are contiguous in time.
+    null, scope : str
+        Of the result.
+    n_lags : int
+        How many lags are summed.
+    fitted : int
+        How many coefficients of a filter were fitted on this series.
+    alpha : float
+        Level of the test.
+    """
+    count, dof = len(series), n_lags - fitted
+    if count < _LEAST_ROWS or dof < 1:
+        return HypothesisTest.not_run(null, scope, f"{count} rows are too few", alpha)
+    if np.ptp(series) == 0.0:
+        return HypothesisTest.not_run(null, scope, "the residual is constant", alpha)
+    lengths = np.array([run.stop - run.start for run in runs])
+    pairs = np.array([np.maximum(lengths - lag, 0).sum() for lag in range(1, n_lags + 1)])
+    correlation = autocorrelation(series, runs, n_lags)[1:]
+    seen = pairs > 0
+    dof -= int(np.count_nonzero(~seen))
+    if dof < 1:
+        return HypothesisTest.not_run(null, scope, "its runs are too short", alpha)
+    statistic = count * (count + 2) * float(np.sum(correlation[seen] ** 2 / pairs[seen]))
+    p_value = float(chi2.sf(statistic, dof))
+    deviation = float(np.abs(correlation[seen]).max())
+    return HypothesisTest(null, scope, statistic, dof, None, p_value, deviation, alpha)
+
+
+def _sigma_understatement(model: AutoregressiveModel, rows: JointRows) -> float:
+    """Median over the columns of Z of the true over the white-noise standard deviation."""
+    energy = np.linalg.norm(rows.instruments, axis=0)
+    seen = energy > 0.0
+    if model.order == 0 or not seen.any():
+        return 1.0
+    coloured = np.zeros_like(energy)
+    for run in rows.runs:
+        positions = np.arange(run.stop - run.start)
+        adjoint = model.colour_adjoint(rows.instruments[run], positions)
+        coloured += np.sum(adjoint**2, axis=0)
+    ratio = np.sqrt(coloured[seen] * (1.0 - model.predictable_share)) / energy[seen]
+    return float(np.median(ratio))
+
+
+def _shape(series: FloatArray) -> tuple[float, float]:
+    """Skewness and excess kurtosis; 0 where the series does not vary."""
+    centred = series - series.mean() if len(series) else series
+    variance = float(np.mean(centred**2)) if len(series) else 0.0
+    if variance == 0.0:
+        return 0.0, 0.0
+    unit = centred / np.sqrt(variance)
+    return float(np.mean(unit**3)), float(np.mean(unit**4)) - 3.0
+
+
+def _jarque_bera(
+    count: int, skewness: float, kurtosis: float, scope: str, alpha: float
+) -> HypothesisTest:
+    """JB = r/6 (S² + K²/4) against χ²(2)."""
+    if count < _LEAST_ROWS:
+        return HypothesisTest.not_run(NORMAL, scope, f"{count} rows are too few", alpha)
+    statistic = count / 6.0 * (skewness**2 + kurtosis**2 / 4.0)
+    deviation = max(abs(skewness), abs(kurtosis))
+    p_value = float(chi2.sf(statistic, 2))
+    return HypothesisTest(NORMAL, scope, statistic, 2, None, p_value, deviation, alpha)

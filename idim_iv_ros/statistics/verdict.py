@@ -1,0 +1,157 @@
+"""The paper's verdict in words: may the estimates of a joint be believed (section IV.C)?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from idim_iv_ros.statistics.hypothesis import HypothesisTest
+from idim_iv_ros.statistics.residuals import ResidualDiagnosis
+
+Verdict = Literal["stands", "oversampled, refined", "model error here", "cannot be told"]
+
+SMALL_TORQUE_PERCENT = 1.0
+
+
+@dataclass(frozen=True)
+class JointVerdict:
+    """The verdict on one joint and a sentence that an engineer can act on."""
+
+    joint: str
+    verdict: Verdict
+    sentence: str
+
+
+@dataclass(frozen=True)
+class OverallVerdict:
+    """The verdict on the whole identification, the least favourable of its joints."""
+
+    verdict: Verdict
+    sentence: str
+
+
+def judge_joint(instruments: HypothesisTest, residual: ResidualDiagnosis) -> JointVerdict:
+    """Join the instrument test and the residual of one joint.
+
+    Parameters
+    ----------
+    instruments : HypothesisTest
+        The Wald test of Π = I of this joint.
+    residual : ResidualDiagnosis
+        Of the same joint.
+    """
+    joint = residual.joint
+    if instruments.accepted is None:
+        return JointVerdict(
+            joint,
+            "cannot be told",
+            f"{joint}: the instruments were not tested ({instruments.reason}), so whether "
+            "the model is right at this joint cannot be told from this recording.",
+        )
+    if not instruments.accepted:
+        return JointVerdict(joint, "model error here", _rejected(instruments, joint))
+    if residual.white is None:
+        reason = residual.whiteness.reason
+        return JointVerdict(
+            joint,
+            "cannot be told",
+            f"{joint}: the instruments are valid, but the colour of the residual was not "
+            f"tested ({reason}), so the standard deviations cannot be judged.",
+        )
+    if residual.white:
+        return JointVerdict(
+            joint,
+            "stands",
+            f"{joint}: the instruments are valid and the residual may be treated as white: "
+            "the estimates and their standard deviations stand.",
+        )
+    return JointVerdict(joint, "oversampled, refined", _coloured(residual))
+
+
+def _rejected(instruments: HypothesisTest, joint: str) -> str:
+    percent = instruments.torque_deviation_percent
+    sentence = (
+        f"{joint}: the instruments are rejected (p = {instruments.p_value:.2g}): the simulated "
+        "motion differs from the measured one by more than noise"
+    )
+    if percent is None:
+        return f"{sentence}. The model or the control law is wrong here: run diagnose."
+    if percent < SMALL_TORQUE_PERCENT:
+        return (
+            f"{sentence}, though only by {percent:.2g} % of the torque. The model error is "
+            "real but small; run diagnose if that much matters for your use."
+        )
+    return (
+        f"{sentence}, {percent:.2g} % of the torque. The model or the control law is wrong "
+        "here and the estimates are biased: run diagnose."
+    )
+
+
+def _coloured(residual: ResidualDiagnosis) -> str:
+    times = residual.sigma_understatement
+    order = residual.ar_order
+    if times >= 1.0:
+        white_sigma = f"computed as if it were white they would be {times:.2g} times too small"
+    else:
+        white_sigma = f"computed as if it were white they would be {1 / times:.2g} times too large"
+    sentence = (
+        f"{residual.joint}: the instruments are valid and the residual is coloured, AR({order}): "
+        "the data are oversampled for the bandwidth of the loop. Use the refined standard "
+        f"deviations; {white_sigma}."
+    )
+    if residual.whiteness_after.accepted is False:
+        sentence += (
+            " The filter does not whiten the residual fully (largest correlation left "
+            f"{residual.largest_correlation_after:.2g}): decimate at a lower cut-off."
+        )
+    return sentence
+
+
+def judge_all(joints: Sequence[JointVerdict], instruments: HypothesisTest) -> OverallVerdict:
+    """Join the verdicts on all joints with the instrument test of all rows.
+
+    Parameters
+    ----------
+    joints : sequence of JointVerdict
+        One for each joint.
+    instruments : HypothesisTest
+        The Wald test of Π = I over all rows, scope "all".
+    """
+    wrong, untold, coloured = (
+        [each.joint for each in joints if each.verdict == kind]
+        for kind in ("model error here", "cannot be told", "oversampled, refined")
+    )
+    if wrong:
+        sentence = f"The model is wrong at {_names(wrong)}: run diagnose."
+        if len(wrong) + len(untold) < len(joints):
+            sentence += " The instruments of the other joints are valid."
+        if untold:
+            sentence += f" Nothing can be told of {_names(untold)}."
+        return OverallVerdict("model error here", sentence)
+    if instruments.accepted is False:
+        return OverallVerdict(
+            "model error here",
+            "No joint alone rejects its instruments, but all rows together do "
+            f"(p = {instruments.p_value:.2g}): a small model error is shared by several joints, "
+            "run diagnose.",
+        )
+    if untold:
+        sentence = f"Whether the estimates are right cannot be told at {_names(untold)}"
+        sentence += f" ({instruments.reason})." if instruments.reason else "."
+        return OverallVerdict("cannot be told", sentence)
+    if coloured:
+        return OverallVerdict(
+            "oversampled, refined",
+            f"The instruments are valid. The residual is coloured at {_names(coloured)}: the "
+            "data are oversampled, use the refined standard deviations.",
+        )
+    return OverallVerdict(
+        "stands",
+        "The instruments are valid and the residuals are white: the estimates and their "
+        "standard deviations stand.",
+    )
+
+
+def _names(joints: Sequence[str]) -> str:
+    if len(joints) == 1:
+        return joints[0]
+    return f"{', '.join(joints[:-1])} and {joints[-1]}"
