@@ -1,0 +1,144 @@
+"""The regressor against pinocchio's own inverse dynamics, which does not use it."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from idim_iv_ros.model import (
+    DynamicParameters,
+    StandardRegressor,
+    load_robot,
+    parameter_layout,
+)
+
+LINK = (
+    '<link name="{name}"><inertial><mass value="{mass}"/><origin xyz="{com}"/>'
+    '<inertia ixx="{ixx}" ixy="0.001" ixz="-0.002" iyy="{iyy}" iyz="0.003" izz="{izz}"/>'
+    "</inertial></link>"
+)
+JOINT = (
+    '<joint name="{name}" type="{type}"><parent link="{parent}"/><child link="{child}"/>'
+    '<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
+    '<limit lower="-2" upper="2" effort="10" velocity="3"/>'
+    '<dynamics damping="{damping}" friction="{friction}"/></joint>'
+)
+
+
+def arm(types: tuple[str, ...] = ("revolute", "prismatic", "continuous")) -> str:
+    parts = ['<robot name="arm"><link name="base"/>']
+    for k, joint_type in enumerate(types, start=1):
+        axis = ("0 0 1", "0 1 0", "0.6 0 0.8")[(k - 1) % 3]
+        parts.append(
+            JOINT.format(
+                name=f"j{k}",
+                type=joint_type,
+                parent="base" if k == 1 else f"l{k - 1}",
+                child=f"l{k}",
+                xyz=f"0.{k} -0.1 0.2",
+                rpy=f"0.{k} 0.3 -0.2",
+                axis=axis,
+                damping=0.5 * k,
+                friction=0.1 * k,
+            )
+        )
+        parts.append(
+            LINK.format(
+                name=f"l{k}", mass=1.0 + k, com=f"0.05 0.0{k} -0.1", ixx=0.02, iyy=0.03, izz=0.025
+            )
+        )
+    return "".join(parts) + "</robot>"
+
+
+def states(joints: int, samples: int = 20) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    random = np.random.default_rng(3)
+    shape = (samples, joints)
+    return random.uniform(-2, 2, shape), random.normal(size=shape), random.normal(size=shape)
+
+
+def rnea(model: pin.Model, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+    data = model.createData()
+    return np.array([pin.rnea(model, data, *state) for state in zip(q, dq, ddq, strict=True)])
+
+
+@pytest.mark.parametrize("joints", [("j1", "j2", "j3"), ("j3", "j1", "j2"), ("j1", "j3")])
+def test_torque_of_the_urdf_inertials_is_that_of_recursive_newton_euler(joints) -> None:
+    robot = load_robot(arm(), joints)
+    layout = parameter_layout(robot.joint_types, friction=[], drive_inertia=False)
+    q, dq, ddq = states(len(joints))
+    torque = StandardRegressor(robot, layout)(q, dq, ddq) @ layout.vector(robot.given)
+    order = robot.order
+    expected = rnea(robot.pinocchio, q[:, order], dq[:, order], ddq[:, order])
+    np.testing.assert_allclose(torque[:, order], expected, rtol=1e-11, atol=1e-11)
+
+
+def test_drives_and_friction_add_their_own_torque() -> None:
+    robot = load_robot(arm(), ["j1", "j2", "j3"], armature=[0.1, 0.2, 0.3])
+    layout = parameter_layout(
+        robot.joint_types, friction=["viscous", "coulomb", "offset"], drive_inertia=True
+    )
+    q, dq, ddq = states(3)
+    vector = layout.vector(robot.given)
+    inertial = [p.kind not in ("Ia", "Fv", "Fc", "off") for p in layout.parameters]
+    regressor = StandardRegressor(robot, layout)(q, dq, ddq)
+    drives = regressor @ np.where(inertial, 0.0, vector)
+    damping, friction = np.array([0.5, 1.0, 1.5]), np.array([0.1, 0.2, 0.3])
+    armature = np.array([0.1, 0.2, 0.3])
+    np.testing.assert_allclose(drives, armature * ddq + damping * dq + friction * np.sign(dq))
+
+
+def test_coupled_motor_turns_with_both_joints() -> None:
+    """Energy of the coupled drive is ½ Ia (dq1 + dq2)²: its torque is the same on both joints."""
+    robot = load_robot(arm(), ["j1", "j2", "j3"], couplings=[(0, 1)])
+    layout = parameter_layout(
+        robot.joint_types,
+        friction=["viscous", "coulomb"],
+        drive_inertia=True,
+        couplings=[(0, 1)],
+    )
+    q, dq, ddq = states(3)
+    regressor = StandardRegressor(robot, layout)(q, dq, ddq)
+    names = list(layout.names)
+    motor = regressor[:, :, names.index("Ia2")] + 0.0
+    motor[:, 0] += ddq[:, 0]  # Ia1 holds what the motor adds to joint 1's own acceleration
+    both = ddq[:, 0] + ddq[:, 1]
+    np.testing.assert_allclose(motor, np.column_stack([both, both, 0 * both]))
+    coulomb = regressor[:, :, names.index("Fcm2")]
+    sign = np.sign(dq[:, 0] + dq[:, 1])
+    np.testing.assert_allclose(coulomb, np.column_stack([sign, sign, 0 * sign]))
+
+
+def test_layout_writes_and_reads_the_same_values() -> None:
+    layout = parameter_layout(
+        ["revolute"] * 3,
+        friction=["viscous", "coulomb", "offset"],
+        drive_inertia=True,
+        couplings=[(1, 2)],
+    )
+    vector = np.arange(1.0, len(layout.parameters) + 1.0)
+    values = layout.dynamic_parameters(vector)
+    assert isinstance(values, DynamicParameters)
+    np.testing.assert_array_equal(layout.vector(values), vector)
+    assert values.coupling_inertia[0] == values.drive_inertia[2]
+
+
+@pytest.mark.parametrize(
+    ("unit", "kind", "expected"),
+    [
+        ("N m", "ZZ1", "kg m²"),
+        ("N m", "M2", "kg"),
+        ("N m", "Fv2", "N s/m"),
+        ("A", "ZZ1", "A s²"),
+        ("A", "MX1", "A s²/m"),
+        ("A", "Fv1", "A s/rad"),
+        ("A", "Fc1", "A"),
+    ],
+)
+def test_units_follow_the_effort_unit_and_the_joint_type(unit, kind, expected) -> None:
+    layout = parameter_layout(
+        ["revolute", "prismatic"],
+        friction=["viscous", "coulomb"],
+        drive_inertia=True,
+        effort_unit=unit,
+    )
+    units = {parameter.name: parameter.unit for parameter in layout.parameters}
+    assert units[kind] == expected

@@ -1,0 +1,40 @@
+"""Zero-phase filtering and central differences."""
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.signals import central_differences, zero_phase_butterworth
+
+RATE = 1000.0
+TIME = np.arange(4000) / RATE
+
+
+def test_slow_sine_passes_without_delay() -> None:
+    sine = np.sin(2 * np.pi * 2.0 * TIME)[:, None]
+    filtered = zero_phase_butterworth(sine, rate=RATE, cutoff=50.0, order=4)
+    np.testing.assert_allclose(filtered[200:-200], sine[200:-200], atol=1e-5)
+
+
+def test_gain_at_the_cutoff_is_one_half_after_two_passes() -> None:
+    sine = np.sin(2 * np.pi * 50.0 * TIME)[:, None]
+    filtered = zero_phase_butterworth(sine, rate=RATE, cutoff=50.0, order=4)
+    assert np.abs(filtered[1000:3000]).max() == pytest.approx(0.5, rel=1e-3)
+
+
+def test_differences_of_a_parabola_are_exact_inside() -> None:
+    velocity, acceleration = central_differences((3.0 * TIME**2)[:, None], rate=RATE)
+    np.testing.assert_allclose(velocity[1:-1, 0], 6.0 * TIME[1:-1], atol=1e-9)
+    np.testing.assert_allclose(acceleration[2:-2, 0], 6.0, atol=1e-6)
+
+
+def test_a_piece_has_the_derivatives_of_the_whole() -> None:
+    signal = np.random.default_rng(0).normal(size=(500, 2))
+    velocity, acceleration = central_differences(signal, rate=RATE)
+    piece = central_differences(signal, rate=RATE, start=100, stop=200)
+    np.testing.assert_array_equal(piece[0], velocity[100:200])
+    np.testing.assert_array_equal(piece[1], acceleration[100:200])
+
+
+def test_too_few_samples_are_refused() -> None:
+    with pytest.raises(ValueError, match="too few"):
+        zero_phase_butterworth(np.zeros((10, 1)), rate=RATE, cutoff=50.0, order=4)
