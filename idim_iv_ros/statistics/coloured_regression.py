@@ -15,7 +15,7 @@ from idim_iv_ros.statistics.triangle import independent_basis, triangle
 
 FloatArray = NDArray[np.float64]
 
-_ITERATIONS = 5
+_ITERATIONS = 3
 # Beyond this many rows a column, what the regression takes out of the residual is negligible.
 _AMPLE_ROWS_PER_COLUMN = 200
 

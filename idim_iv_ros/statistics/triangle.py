@@ -1,13 +1,14 @@
 """Least squares on the triangle that a QR leaves of tall rows, with the rank judged."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr, solve_triangular
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
+IntArray = NDArray[np.integer[Any]]
 
 RANK_TOLERANCE = 1e-8
 

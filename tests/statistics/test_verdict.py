@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+
+from idim_iv_ros.statistics.hypothesis import HypothesisTest
+from idim_iv_ros.statistics.residuals import diagnose_residual
+from idim_iv_ros.statistics.verdict import judge_all, judge_joint
+from tests.statistics.test_residuals import joint_with
+from tests.statistics.worlds import autoregressive
+
+NULL = "instruments"
+VALID = HypothesisTest(NULL, "joint", 1.0, 4, 100, 0.5)
+UNTESTED = HypothesisTest.not_run(NULL, "joint", "instruments are smoothed measurements")
+
+
+def rejected(percent):
+    return HypothesisTest(NULL, "joint", 9.0, 4, 100, 1e-6, torque_deviation_percent=percent)
+
+
+@pytest.fixture(scope="module")
+def white():
+    return diagnose_residual(joint_with(np.random.default_rng(0).standard_normal(800)), np.ones(3))
+
+
+@pytest.fixture(scope="module")
+def coloured():
+    residual = autoregressive(np.random.default_rng(1), [-0.9], (800,))
+    return diagnose_residual(joint_with(residual), np.ones(3))
+
+
+def test_valid_and_white_stands(white):
+    assert judge_joint(VALID, white).verdict == "stands"
+
+
+def test_valid_and_coloured_is_oversampled_and_says_by_how_much_sigma_is_wrong(coloured):
+    judged = judge_joint(VALID, coloured)
+    assert judged.verdict == "oversampled, refined"
+    assert f"AR({coloured.ar_order})" in judged.sentence
+    assert "times too small" in judged.sentence
+
+
+def test_rejected_is_a_model_error_whatever_the_residual(white, coloured):
+    """The paper's point: a coloured residual means oversampling only if Z is valid."""
+    for residual in (white, coloured):
+        judged = judge_joint(rejected(12.0), residual)
+        assert judged.verdict == "model error here"
+        assert "12 % of the torque" in judged.sentence
+        assert "diagnose" in judged.sentence
+
+
+def test_a_tiny_model_error_is_still_one_and_is_called_small(white):
+    judged = judge_joint(rejected(0.25), white)
+    assert judged.verdict == "model error here"
+    assert "only by 0.25 %" in judged.sentence
+
+
+def test_untested_instruments_tell_nothing_and_say_why(white):
+    judged = judge_joint(UNTESTED, white)
+    assert judged.verdict == "cannot be told"
+    assert "smoothed measurements" in judged.sentence
+
+
+def test_overall_is_the_least_favourable_joint(white, coloured):
+    good, slow = judge_joint(VALID, white), judge_joint(VALID, coloured)
+    bad, unknown = judge_joint(rejected(5.0), white), judge_joint(UNTESTED, white)
+    assert judge_all([good, good], VALID).verdict == "stands"
+    assert judge_all([good, slow], VALID).verdict == "oversampled, refined"
+    assert judge_all([slow, unknown], VALID).verdict == "cannot be told"
+    overall = judge_all([good, bad, unknown], rejected(5.0))
+    assert overall.verdict == "model error here"
+    assert "instruments of the other joints are valid" in overall.sentence
+
+
+def test_a_rejection_that_only_all_rows_see_is_not_lost(white):
+    overall = judge_all([judge_joint(VALID, white)], rejected(0.4))
+    assert overall.verdict == "model error here"
+    assert "No joint alone" in overall.sentence
