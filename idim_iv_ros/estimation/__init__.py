@@ -1,0 +1,62 @@
+"""IDIM-LS, IDIM-IV and refined IDIM-IV, with the covariance of their estimates."""
+
+from idim_iv_ros.estimation.covariance import (
+    ColouredBlock,
+    ColouredCovariance,
+    JointBlock,
+    RefinedCovariance,
+    WhiteCovariance,
+)
+from idim_iv_ros.estimation.essential import EssentialParameters, essential_parameters
+from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv
+from idim_iv_ros.estimation.instruments import (
+    FilteredReference,
+    Instruments,
+    InstrumentSource,
+    SimulatedLoop,
+    SmoothedMeasurement,
+    SourceFailure,
+)
+from idim_iv_ros.estimation.least_squares import (
+    LinearEstimate,
+    condition_number,
+    solve_instrumental_variables,
+    solve_least_squares,
+    solve_weighted_least_squares,
+    unseen_parameters,
+)
+from idim_iv_ros.estimation.refined import RefinedIdimIv, refined_idim_iv, residual_models
+from idim_iv_ros.estimation.rows import ObservationRows, instrument_rows, observation_rows
+from idim_iv_ros.estimation.sources import InstrumentSources, instrument_sources
+
+__all__ = [
+    "ColouredBlock",
+    "ColouredCovariance",
+    "EssentialParameters",
+    "FilteredReference",
+    "IdimIvEstimate",
+    "InstrumentSource",
+    "InstrumentSources",
+    "Instruments",
+    "JointBlock",
+    "LinearEstimate",
+    "ObservationRows",
+    "RefinedCovariance",
+    "RefinedIdimIv",
+    "SimulatedLoop",
+    "SmoothedMeasurement",
+    "SourceFailure",
+    "WhiteCovariance",
+    "condition_number",
+    "essential_parameters",
+    "idim_iv",
+    "instrument_rows",
+    "instrument_sources",
+    "observation_rows",
+    "refined_idim_iv",
+    "residual_models",
+    "solve_instrumental_variables",
+    "solve_least_squares",
+    "solve_weighted_least_squares",
+    "unseen_parameters",
+]

@@ -1,0 +1,24 @@
+"""From a recording to filtered, decimated signals, all columns alike."""
+
+from idim_iv_ros.signals.autoregression import AutoregressiveModel, fit_autoregression
+from idim_iv_ros.signals.cutoffs import Cutoffs, choose_cutoffs, motion_bandwidth
+from idim_iv_ros.signals.decimation import ParallelDecimation, decimation_factor
+from idim_iv_ros.signals.filters import central_differences, zero_phase_butterworth
+from idim_iv_ros.signals.joint_side import JointSignals, joint_side
+from idim_iv_ros.signals.motion import Motion, filter_motion
+
+__all__ = [
+    "AutoregressiveModel",
+    "Cutoffs",
+    "JointSignals",
+    "Motion",
+    "ParallelDecimation",
+    "central_differences",
+    "choose_cutoffs",
+    "decimation_factor",
+    "filter_motion",
+    "fit_autoregression",
+    "joint_side",
+    "motion_bandwidth",
+    "zero_phase_butterworth",
+]

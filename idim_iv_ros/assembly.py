@@ -1,0 +1,297 @@
+"""From estimates and tests to the result that is saved and shown."""
+
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.estimation import (
+    ColouredBlock,
+    ColouredCovariance,
+    EssentialParameters,
+    IdimIvEstimate,
+    InstrumentSources,
+    JointBlock,
+    LinearEstimate,
+    ObservationRows,
+    RefinedIdimIv,
+    WhiteCovariance,
+    condition_number,
+    essential_parameters,
+    residual_models,
+    solve_least_squares,
+)
+from idim_iv_ros.preparation import PreparedRegression
+from idim_iv_ros.result import (
+    BagSummary,
+    Fit,
+    IdentificationResult,
+    InstrumentReport,
+    JointSeries,
+    ParameterEstimate,
+    ProcessingSummary,
+    Refined,
+    RefinedEstimate,
+)
+from idim_iv_ros.signals import AutoregressiveModel
+from idim_iv_ros.statistics import joint_verdict, overall_verdict
+from idim_iv_ros.validation import Validation
+
+FloatArray = NDArray[np.float64]
+Estimator = Literal["idim-iv", "idim-ls"]
+
+_REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags", "statsmodels")
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """All estimates of one identification.
+
+    Attributes
+    ----------
+    estimator : str
+    linear : LinearEstimate
+        The one that is reported.
+    matrices : one (r_j, c_j) array for each joint
+        Its instruments, the observation matrices for IDIM-LS.
+    weighted : LinearEstimate
+        Joint-weighted IDIM-LS.
+    iteration : IdimIvEstimate or None
+    sources : InstrumentSources or None
+    refined : RefinedIdimIv
+    """
+
+    estimator: Estimator
+    linear: LinearEstimate
+    matrices: Sequence[FloatArray]
+    weighted: LinearEstimate
+    iteration: IdimIvEstimate | None
+    sources: InstrumentSources | None
+    refined: RefinedIdimIv
+
+
+def assemble_result(
+    prepared: PreparedRegression, estimates: Estimates, validation: Validation
+) -> IdentificationResult:
+    """Gather everything that a user is shown."""
+    linear, refined = estimates.linear, estimates.refined
+    estimate, sources = estimates.iteration, estimates.sources
+    configuration, base = prepared.configuration, prepared.model.base
+    count = len(base.columns)
+    total = sum(len(joint) for joint in prepared.rows)
+    essential = essential_parameters(
+        refined.linear.values,
+        refined.covariance,
+        total,
+        alpha=configuration.identification.significance,
+    )
+    verdicts = tuple(
+        joint_verdict(test, residual)
+        for test, residual in zip(validation.tests[1:], validation.residuals, strict=True)
+    )
+    coloured = any(residual.white is False for residual in validation.residuals)
+    return IdentificationResult(
+        robot=prepared.model.robot.name,
+        joints=tuple(configuration.robot.joints),
+        effort_unit=configuration.signals.effort_unit,
+        bags=_bags(prepared),
+        software=_software(),
+        configuration=configuration.model_dump(mode="json", exclude_none=True),
+        estimator=estimates.estimator,
+        iterations=1 if estimate is None else len(estimate.steps) + 1,
+        converged=estimate is None or estimate.converged,
+        convergence_note=_convergence(estimate, base.names, configuration),
+        parameters=_parameters(prepared, estimates, validation, essential),
+        instruments=_instruments(estimate, validation, configuration),
+        residuals=validation.residuals,
+        verdicts=verdicts,
+        verdict=overall_verdict(verdicts),
+        fit=Fit(
+            relative_error_percent=_relative_error(prepared.rows, linear),
+            ls_relative_error_percent=_relative_error(prepared.rows, estimates.weighted),
+            condition_number=condition_number(prepared.rows, count),
+            samples=total,
+            base_parameters=count,
+            essential_parameters=len(essential.columns),
+            essential_p_value=essential.p_value,
+        ),
+        processing=ProcessingSummary(
+            position_cutoff=prepared.cutoffs.position,
+            position_order=configuration.processing.position_order,
+            decimation_cutoff=prepared.cutoffs.decimation,
+            decimation_factor=prepared.cutoffs.factor,
+            row_rate=prepared.motions[0].signals.rate / prepared.cutoffs.factor,
+            minimum_speed=tuple(float(speed) for speed in prepared.minimum_speed),
+            reasons=prepared.reasons,
+        ),
+        controller=() if sources is None else sources.controller,
+        refined=_refined(prepared, refined, essential.columns) if coloured else None,
+        series=_series(prepared, linear),
+    )
+
+
+def _deviations(
+    prepared: PreparedRegression,
+    linear: LinearEstimate,
+    matrices: Sequence[FloatArray],
+    models: Sequence[AutoregressiveModel],
+) -> tuple[FloatArray, FloatArray]:
+    """Standard deviations (b,) with the colour of the residual, and as if it were white."""
+    count = len(linear.values)
+    white, coloured = [], []
+    for joint, matrix, sigma, model in zip(
+        prepared.rows, matrices, linear.sigma, models, strict=True
+    ):
+        white.append(JointBlock(joint.matrix, matrix, joint.columns, float(sigma)))
+        coloured.append(
+            ColouredBlock(joint.matrix, matrix, joint.columns, float(sigma), model, joint.position)
+        )
+    return (
+        np.sqrt(np.diag(ColouredCovariance(coloured, count).matrix)),
+        np.sqrt(np.diag(WhiteCovariance(white, count).matrix)),
+    )
+
+
+def _parameters(
+    prepared: PreparedRegression,
+    estimates: Estimates,
+    validation: Validation,
+    essential: EssentialParameters,
+) -> tuple[ParameterEstimate, ...]:
+    base = prepared.model.base
+    weighted, linear = estimates.weighted, estimates.linear
+    std, white_std = _deviations(prepared, linear, estimates.matrices, validation.models)
+    observed = [joint.matrix for joint in prepared.rows]
+    models = residual_models(prepared.rows, weighted.residuals)
+    ls_std, _ = _deviations(prepared, weighted, observed, models)
+    ordinary = solve_least_squares(prepared.rows, len(base.columns))
+    given = prepared.model.given if prepared.model.robot.has_inertials else None
+    places = {int(column): place for place, column in enumerate(essential.columns)}
+    return tuple(
+        ParameterEstimate(
+            name=base.names[k],
+            expression=base.expressions[k],
+            unit=base.units[k],
+            value=float(linear.values[k]),
+            std=float(std[k]),
+            white_std=float(white_std[k]),
+            essential=k in places,
+            essential_value=float(essential.values[places[k]]) if k in places else None,
+            essential_std=float(essential.std[places[k]]) if k in places else None,
+            ls_value=float(weighted.values[k]),
+            ls_std=float(ls_std[k]),
+            ordinary_ls_value=float(ordinary.values[k]),
+            given_value=None if given is None else float(given[k]),
+        )
+        for k in range(len(base.columns))
+    )
+
+
+def _refined(
+    prepared: PreparedRegression, refined: RefinedIdimIv, essential: NDArray[np.int64]
+) -> Refined:
+    base = prepared.model.base
+    std = np.sqrt(np.diag(refined.covariance))
+    return Refined(
+        ar_orders=tuple(model.order for model in refined.models),
+        parameters=tuple(
+            RefinedEstimate(
+                base.names[k],
+                base.expressions[k],
+                base.units[k],
+                float(refined.linear.values[k]),
+                float(std[k]),
+                k in essential,
+            )
+            for k in range(len(base.columns))
+        ),
+    )
+
+
+def _instruments(
+    estimate: IdimIvEstimate | None, validation: Validation, configuration: Configuration
+) -> InstrumentReport:
+    joints = [test.accepted for test in validation.tests[1:]]
+    accepted = None if None in joints else all(joints)
+    note = "" if estimate is None else estimate.instruments.note
+    return InstrumentReport(
+        source="none: least squares" if estimate is None else estimate.source.name,
+        accepted=accepted,
+        alpha=configuration.identification.significance,
+        failures=() if estimate is None else estimate.failures,
+        notes=(note,) if note else (),
+        tests=validation.tests,
+        exogeneity=validation.exogeneity,
+    )
+
+
+def _convergence(
+    estimate: IdimIvEstimate | None, names: tuple[str, ...], configuration: Configuration
+) -> str:
+    if estimate is None:
+        return "least squares needs no iteration"
+    if not estimate.steps:
+        return "the instruments do not depend on the parameters: one step"
+    last = estimate.steps[-1]
+    moved = f"{names[last.parameter]} moved last, by {100.0 * last.change:.2g} %"
+    tolerance = 100.0 * configuration.identification.tolerance
+    if estimate.converged:
+        return f"{moved} (tolerance {tolerance:g} %)"
+    return f"not converged: {moved}, more than {tolerance:g} %"
+
+
+def _relative_error(rows: Sequence[ObservationRows], linear: LinearEstimate) -> float:
+    error = sum(float(residual @ residual) for residual in linear.residuals)
+    torque = sum(float(joint.torque @ joint.torque) for joint in rows)
+    return 100.0 * float(np.sqrt(error / torque)) if torque > 0.0 else float("nan")
+
+
+def _bags(prepared: PreparedRegression) -> tuple[BagSummary, ...]:
+    bags = []
+    for recording, motion in zip(prepared.recordings, prepared.motions, strict=True):
+        signals = (
+            recording.position,
+            recording.effort,
+            recording.velocity,
+            recording.position_reference,
+            recording.velocity_reference,
+        )
+        bags.append(
+            BagSummary(
+                path=str(recording.path),
+                rate=recording.rate,
+                duration=recording.duration,
+                samples=recording.samples,
+                signals=tuple(signal.origin for signal in signals if signal is not None),
+                clocks=recording.clocks,
+                notes=recording.notes,
+                dropped=motion.dropped,
+            )
+        )
+    return tuple(bags)
+
+
+def _series(prepared: PreparedRegression, linear: LinearEstimate) -> tuple[JointSeries, ...]:
+    """Measured and predicted torque of the rows that count, recordings one after the other."""
+    starts = np.cumsum([0.0, *(recording.duration for recording in prepared.recordings)])
+    series = []
+    for joint, residual in zip(prepared.rows, linear.residuals, strict=True):
+        name = prepared.configuration.robot.joints[joint.joint]
+        time = [
+            start + motion.time[motion.kept[:, joint.joint]]
+            for start, motion in zip(starts, prepared.motions, strict=False)
+        ]
+        series.append(JointSeries(name, np.concatenate(time), joint.torque, joint.torque - residual))
+    return tuple(series)
+
+
+def _software() -> dict[str, str]:
+    versions = {"python": platform.python_version()}
+    for package in _REPORTED:
+        versions[package] = metadata.version(package)
+    return versions

@@ -1,0 +1,258 @@
+"""Can a recording support an identification?  Said in words before anyone waits for numbers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.estimation import (
+    JointBlock,
+    WhiteCovariance,
+    condition_number,
+    solve_weighted_least_squares,
+    unseen_parameters,
+)
+from idim_iv_ros.preparation import PreparedRegression, prepare
+from idim_iv_ros.recording import Recording
+from idim_iv_ros.signals import Motion
+from idim_iv_ros.stopwatch import Progress
+
+FloatArray = NDArray[np.float64]
+Level = Literal["good", "limited", "unusable"]
+
+_INVENTED_LIMIT = 0.05  # share of samples without a measurement
+_JITTER_LIMIT = 0.2  # of the sampling interval
+_CLIPPED_SHARE = 0.005  # of samples that sit exactly at the largest effort
+_LEAST_RANGE = 0.1  # rad (m for a prismatic joint) that shows gravity and inertia
+_LEAST_REVERSALS = 4
+_LEAST_DURATION = 5.0  # s
+_ACCELERATION_NOISE = 3.0  # motion over noise
+_WELL_SEEN, _SEEN = 10.0, 30.0  # relative deviation in percent
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One sentence on a recording or a joint, and how much it limits the identification."""
+
+    where: str
+    level: Level
+    sentence: str
+
+
+@dataclass(frozen=True)
+class ParameterVisibility:
+    """What the excitation shows of one base parameter.
+
+    Attributes
+    ----------
+    name, expression, unit : str
+    smallest : float or None
+        Smallest value that two standard deviations tell from zero; None if it cannot be seen
+        at all. From the residual of least squares taken as white: a lower bound.
+    relative_percent : float or None
+        Standard deviation in percent of the least-squares value.
+    seen : str
+        ``well``, ``yes``, ``poorly`` or ``no``.
+    """
+
+    name: str
+    expression: str
+    unit: str
+    smallest: float | None
+    relative_percent: float | None
+    seen: Literal["well", "yes", "poorly", "no"]
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """All findings; `usable` is false when an identification would be refused."""
+
+    findings: tuple[Finding, ...]
+    parameters: tuple[ParameterVisibility, ...]
+    condition_number: float | None
+
+    @property
+    def usable(self) -> bool:
+        """Whether nothing is unusable."""
+        return all(finding.level != "unusable" for finding in self.findings)
+
+
+def check(
+    bags: Sequence[Path], configuration: Configuration, progress: Progress | None = None
+) -> CheckReport:
+    """Look at recordings, joints and parameters without identifying anything.
+
+    Raises
+    ------
+    UsageError, DataError
+        The recordings cannot be read or filtered at all; see `prepare`.
+    """
+    prepared, _ = prepare(bags, configuration, progress)
+    findings: list[Finding] = []
+    for recording, motion in zip(prepared.recordings, prepared.motions, strict=True):
+        findings += _recording_findings(recording, motion)
+    findings += _reference_findings(prepared)
+    for joint, name in enumerate(configuration.robot.joints):
+        findings += _joint_findings(prepared, joint, name)
+    parameters, condition = _visibility(prepared)
+    unseen = [parameter.name for parameter in parameters if parameter.seen == "no"]
+    if unseen:
+        sentence = f"{', '.join(unseen)} cannot be told from the other parameters"
+        findings.append(Finding("excitation", "unusable", sentence))
+    return CheckReport(tuple(findings), parameters, condition)
+
+
+def _recording_findings(recording: Recording, motion: Motion) -> list[Finding]:
+    name = recording.path.name
+    findings = [
+        Finding(
+            name, "good", f"{recording.duration:.4g} s at {recording.rate:.5g} samples per second"
+        )
+    ]
+    if recording.duration < _LEAST_DURATION:
+        sentence = f"only {recording.duration:.3g} s: standard deviations will be large"
+        findings.append(Finding(name, "limited", sentence))
+    for clock in recording.clocks:
+        if clock.source == "arrival":
+            sentence = f"{clock.topic}: no header stamps, arrival times are used"
+            findings.append(Finding(name, "limited", sentence))
+        if clock.jitter * clock.rate > _JITTER_LIMIT:
+            sentence = f"{clock.topic}: stamps jitter by {1000 * clock.jitter:.3g} ms"
+            findings.append(Finding(name, "limited", sentence))
+    invented = float(np.mean(~motion.signals.valid))
+    if invented > 0.0:
+        level: Level = "limited" if invented > _INVENTED_LIMIT else "good"
+        sentence = f"{100 * invented:.2g} % of the joint samples have no measurement; left out"
+        findings.append(Finding(name, level, sentence))
+    findings += [
+        Finding(name, "good", f"{note.topic}: {note.what} ({note.count})")
+        for note in recording.notes
+    ]
+    return findings
+
+
+def _reference_findings(prepared: PreparedRegression) -> list[Finding]:
+    missing = [
+        motion.signals.name
+        for motion in prepared.motions
+        if motion.signals.position_reference is None
+    ]
+    if missing:
+        sentence = (
+            "no reference recorded: the loop cannot be simulated, instruments will be smoothed "
+            "measurements and cannot be tested"
+        )
+        return [Finding(", ".join(missing), "limited", sentence)]
+    if prepared.configuration.controller.type == "unknown":
+        sentence = "control law unknown: it will be fitted from reference, motion and torque"
+        return [Finding("controller", "limited", sentence)]
+    return []
+
+
+def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list[Finding]:
+    torque = np.concatenate([motion.torque[:, joint] for motion in prepared.motions])
+    position = np.concatenate([motion.position[motion.span, joint] for motion in prepared.motions])
+    speeds, accelerations = [], []
+    for motion in prepared.motions:
+        _, velocity, acceleration = motion.derivatives(0, motion.span.stop - motion.span.start)
+        speeds.append(velocity[:, joint])
+        accelerations.append(acceleration[:, joint])
+    speed, acceleration = np.concatenate(speeds), np.concatenate(accelerations)
+    if len(prepared.rows[joint]) == 0:
+        return [Finding(name, "unusable", "never moves faster than the reversal speed")]
+    revolute = prepared.model.robot.joint_types[joint] == "revolute"
+    unit = "rad" if revolute else "m"
+    reversals = int(np.count_nonzero(np.diff(np.sign(speed[np.abs(speed) > 0.0]))))
+    findings = [
+        Finding(
+            name,
+            "good",
+            f"moves over {np.ptp(position):.3g} {unit}, up to {np.abs(speed).max():.3g} {unit}/s "
+            f"and {np.abs(acceleration).max():.3g} {unit}/s², {reversals} reversals",
+        )
+    ]
+    if np.ptp(position) < _LEAST_RANGE:
+        sentence = f"moves over {np.ptp(position):.2g} {unit} only: gravity hardly changes"
+        findings.append(Finding(name, "limited", sentence))
+    if reversals < _LEAST_REVERSALS:
+        sentence = f"{reversals} reversals: Coulomb friction and offset are hard to separate"
+        findings.append(Finding(name, "limited", sentence))
+    clipped = _clipped_share(torque)
+    if clipped > _CLIPPED_SHARE:
+        sentence = (
+            f"{100 * clipped:.2g} % of the effort sits at its largest value "
+            f"{np.abs(torque).max():.3g}: clipped, or a torque limit"
+        )
+        findings.append(Finding(name, "limited", sentence))
+    ratio = _acceleration_over_noise(prepared, joint, float(np.std(acceleration)))
+    if ratio < _ACCELERATION_NOISE:
+        sentence = (
+            f"acceleration is only {ratio:.2g} times its noise: inertias will be biased by least "
+            "squares; move faster or lower processing.position_cutoff"
+        )
+        findings.append(Finding(name, "limited", sentence))
+    return findings
+
+
+def _clipped_share(torque: FloatArray) -> float:
+    """Share of samples exactly at the largest magnitude; that of one lone peak is negligible."""
+    size = np.abs(torque)
+    return float(np.mean(size >= size.max() * (1.0 - 1e-9))) if size.max() > 0.0 else 0.0
+
+
+def _acceleration_over_noise(prepared: PreparedRegression, joint: int, acceleration: float) -> float:
+    """Motion over the noise that the position filter lets into the acceleration.
+
+    The noise of the positions is taken as white, with the variance of what the filter removed.
+    """
+    motion = prepared.motions[0]
+    rate, cutoff = motion.signals.rate, min(prepared.cutoffs.decimation, motion.signals.rate / 2)
+    removed = motion.signals.position[motion.span, joint] - motion.position[motion.span, joint]
+    density = float(np.var(removed)) / (rate / 2.0)
+    noise = np.sqrt(density * (2.0 * np.pi) ** 4 * cutoff**5 / 5.0)
+    return acceleration / noise if noise > 0.0 else np.inf
+
+
+def _visibility(
+    prepared: PreparedRegression,
+) -> tuple[tuple[ParameterVisibility, ...], float | None]:
+    base = prepared.model.base
+    count = len(base.columns)
+    if any(len(joint) == 0 for joint in prepared.rows):
+        return (), None
+    unseen = unseen_parameters(prepared.rows, count)
+    if unseen:
+        return (
+            tuple(
+                ParameterVisibility(base.names[k], base.expressions[k], base.units[k], None, None, "no")
+                for k in unseen
+            ),
+            None,
+        )
+    estimate = solve_weighted_least_squares(prepared.rows, count)
+    blocks = [
+        JointBlock(joint.matrix, joint.matrix, joint.columns, float(sigma))
+        for joint, sigma in zip(prepared.rows, estimate.sigma, strict=True)
+    ]
+    std = np.sqrt(np.diag(WhiteCovariance(blocks, count).matrix))
+    parameters = []
+    for k in range(count):
+        relative = 100.0 * float(std[k]) / max(abs(float(estimate.values[k])), 1e-300)
+        seen: Literal["well", "yes", "poorly"] = "poorly"
+        if relative <= _SEEN:
+            seen = "well" if relative <= _WELL_SEEN else "yes"
+        parameters.append(
+            ParameterVisibility(
+                base.names[k],
+                base.expressions[k],
+                base.units[k],
+                2.0 * float(std[k]),
+                relative,
+                seen,
+            )
+        )
+    return tuple(parameters), condition_number(prepared.rows, count)

@@ -1,0 +1,261 @@
+"""Where the instruments come from: a simulated closed loop, or what replaces it.
+
+Equation 8 asks for a simulation with the same references and the same control law. Where the
+references or the law are missing, the fallbacks here say what they are and what they cost.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.estimation.rows import States, instrument_rows
+from idim_iv_ros.model import InverseModel
+from idim_iv_ros.signals import Motion, central_differences, zero_phase_butterworth
+from idim_iv_ros.simulation import ControlLaw, simulate_closed_loop
+
+FloatArray = NDArray[np.float64]
+
+# Gains are rescaled only while the simulated inertia is further than this from the robot's.
+_SAME_INERTIA = 0.25
+_INERTIA_STATES = 50
+
+
+class SourceFailure(Exception):
+    """A source cannot make instruments; the message says why."""
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """Instruments of one iteration.
+
+    Attributes
+    ----------
+    matrices : one (r_j, c_j) array for each joint
+    states : one for each motion
+        Simulated q, dq, ddq of the span.
+    note : str
+        What was done to obtain them, in words; empty when there is nothing to say.
+    """
+
+    matrices: tuple[FloatArray, ...]
+    states: tuple[States, ...]
+    note: str = ""
+
+
+class InstrumentSource(Protocol):
+    """Something that makes instruments at given base parameters."""
+
+    @property
+    def name(self) -> str:
+        """What it is, in words for the report."""
+
+    @property
+    def testable(self) -> str | None:
+        """None if the tests of the instruments mean something, otherwise why they do not."""
+
+    @property
+    def iterative(self) -> bool:
+        """Whether the instruments depend on the parameters."""
+
+    def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
+        """Make instruments at `values` (b,); `reference_values` are the best guess of the robot.
+
+        Raises
+        ------
+        SourceFailure
+            No instruments at these values.
+        """
+
+
+@dataclass(frozen=True)
+class SimulatedLoop:
+    """Instruments from the simulated closed loop (equations 7 and 8).
+
+    Attributes
+    ----------
+    model : InverseModel
+    motions : tuple of Motion
+        All with references.
+    laws : tuple of ControlLaw
+        One for each motion.
+    name : str
+    """
+
+    model: InverseModel
+    motions: tuple[Motion, ...]
+    laws: tuple[ControlLaw, ...]
+    name: str = "closed-loop simulation with the configured control law"
+
+    @property
+    def testable(self) -> str | None:
+        """The instruments do not use the measurements: the tests apply."""
+        return None
+
+    @property
+    def iterative(self) -> bool:
+        """The simulation depends on the parameters."""
+        return True
+
+    def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
+        """Simulate every recording at `values`; gains keep the bandwidth of the real loop."""
+        scale = self._gain_scale(values, reference_values)
+        parameters = self.model.dynamic_parameters(values)
+        states: list[States] = []
+        for motion, law in zip(self.motions, self.laws, strict=True):
+            signals = motion.signals
+            if signals.position_reference is None:
+                raise SourceFailure(f"{signals.name} has no reference")
+            start, velocity, _ = _initial(motion)
+            result = simulate_closed_loop(
+                self.model.robot,
+                parameters,
+                law.scaled(scale),
+                rate=signals.rate,
+                position_reference=signals.position_reference,
+                velocity_reference=signals.velocity_reference,
+                initial_position=start,
+                initial_velocity=velocity,
+            )
+            if result.diverged is not None:
+                raise SourceFailure(f"{signals.name}: {result.diverged}")
+            states.append(
+                partial(
+                    _slice,
+                    result.position[motion.span],
+                    result.velocity[motion.span],
+                    result.acceleration[motion.span],
+                )
+            )
+        note = ""
+        if not np.allclose(scale, 1.0):
+            note = "gains scaled by " + ", ".join(f"{factor:.3g}" for factor in scale)
+        return Instruments(instrument_rows(self.model, self.motions, states), tuple(states), note)
+
+    def _gain_scale(self, values: FloatArray, reference_values: FloatArray) -> FloatArray:
+        """J_j(values) / J_j(robot), 1 where they are close (methods: gain update)."""
+        position = self.motions[0].position
+        sample = position[:: max(1, len(position) // _INERTIA_STATES)]
+        simulated = self.model.joint_inertia(values, sample)
+        actual = self.model.joint_inertia(reference_values, sample)
+        usable = (simulated > 0.0) & (actual > 0.0)
+        ratio = np.where(usable, simulated / np.where(usable, actual, 1.0), 1.0)
+        return np.where(np.abs(ratio - 1.0) > _SAME_INERTIA, ratio, 1.0)
+
+
+@dataclass(frozen=True)
+class FilteredReference:
+    """Instruments from the reference passed through a fitted closed-loop filter.
+
+    Attributes
+    ----------
+    model : InverseModel
+    motions : tuple of Motion
+    positions : one (n_samples, n_joints) array for each motion
+        Output of the filter, rad, on the untrimmed record.
+    fit_percent : (n_joints,)
+        Share of the tracking error that the filter explains.
+    """
+
+    model: InverseModel
+    motions: tuple[Motion, ...]
+    positions: tuple[FloatArray, ...]
+    fit_percent: FloatArray
+
+    @property
+    def name(self) -> str:
+        """Name with the fit."""
+        fits = ", ".join(f"{fit:.0f} %" for fit in self.fit_percent)
+        return f"reference through a fitted closed-loop filter (fit of the tracking error: {fits})"
+
+    @property
+    def testable(self) -> str | None:
+        """The filter is linear and fitted on the measurements, yet the tests apply."""
+        return None
+
+    @property
+    def iterative(self) -> bool:
+        """The filter does not depend on the parameters."""
+        return False
+
+    def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
+        """Differentiate the filtered references."""
+        states = tuple(
+            partial(_differentiated, position, motion)
+            for position, motion in zip(self.positions, self.motions, strict=True)
+        )
+        return Instruments(instrument_rows(self.model, self.motions, states), states)
+
+
+@dataclass(frozen=True)
+class SmoothedMeasurement:
+    """Instruments from the measurements themselves, smoothed harder than the regressor.
+
+    Noise below the smoothing cut-off stays in both X and Z: it is not averaged out, so that the
+    estimate keeps the bias of least squares in that band, and Π = I says nothing.
+    """
+
+    model: InverseModel
+    motions: tuple[Motion, ...]
+    cutoff: float
+
+    @property
+    def name(self) -> str:
+        """Name with the cut-off."""
+        return f"measured positions smoothed at {self.cutoff:.3g} Hz"
+
+    @property
+    def testable(self) -> str | None:
+        """The instruments are made from the regressor's own measurements."""
+        return (
+            "the instruments are smoothed measurements, not a simulation: the noise below "
+            f"{self.cutoff:.3g} Hz is in both"
+        )
+
+    @property
+    def iterative(self) -> bool:
+        """The measurements do not depend on the parameters."""
+        return False
+
+    def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
+        """Smooth and differentiate."""
+        states = []
+        for motion in self.motions:
+            smooth = zero_phase_butterworth(
+                motion.position, rate=motion.signals.rate, cutoff=self.cutoff, order=4
+            )
+            states.append(partial(_differentiated, smooth, motion))
+        return Instruments(instrument_rows(self.model, self.motions, states), tuple(states))
+
+
+def _initial(motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
+    velocity, acceleration = central_differences(
+        motion.position, rate=motion.signals.rate, start=0, stop=1
+    )
+    return motion.position[0], velocity[0], acceleration[0]
+
+
+def _slice(
+    position: FloatArray, velocity: FloatArray, acceleration: FloatArray, first: int, last: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return position[first:last], velocity[first:last], acceleration[first:last]
+
+
+def _differentiated(
+    position: FloatArray, motion: Motion, first: int, last: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    start = motion.span.start
+    velocity, acceleration = central_differences(
+        position, rate=motion.signals.rate, start=start + first, stop=start + last
+    )
+    return position[start + first : start + last], velocity, acceleration
+
+
+def smoothed_measurement(
+    model: InverseModel, motions: Sequence[Motion], decimation_cutoff: float
+) -> SmoothedMeasurement:
+    """Return the fallback of last resort: smoothing at half of the decimation cut-off."""
+    return SmoothedMeasurement(model, tuple(motions), decimation_cutoff / 2.0)

@@ -1,0 +1,116 @@
+"""Which instruments a recording allows: the control law, its fit, or what replaces them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.estimation.instruments import (
+    FilteredReference,
+    InstrumentSource,
+    SimulatedLoop,
+    SmoothedMeasurement,
+)
+from idim_iv_ros.model import InverseModel
+from idim_iv_ros.signals import Cutoffs, Motion
+from idim_iv_ros.simulation import (
+    ControllerFit,
+    ControlLaw,
+    control_law,
+    fit_controller,
+    fit_reference_filter,
+)
+
+FloatArray = NDArray[np.float64]
+
+# A fitted control law that explains less of the torque than this is not simulated.
+LEAST_R_SQUARED = 0.9
+
+
+@dataclass(frozen=True)
+class InstrumentSources:
+    """Sources in the order in which they are tried, and where the iteration may start.
+
+    Attributes
+    ----------
+    sources : tuple of InstrumentSource
+    starts : tuple of (name, (b,) base parameters)
+    controller : tuple of str
+        What is known of the control law, one sentence each.
+    """
+
+    sources: tuple[InstrumentSource, ...]
+    starts: tuple[tuple[str, FloatArray], ...]
+    controller: tuple[str, ...]
+
+
+def instrument_sources(
+    configuration: Configuration,
+    model: InverseModel,
+    motions: Sequence[Motion],
+    cutoffs: Cutoffs,
+) -> InstrumentSources:
+    """List the sources of instruments that the configuration and the recordings allow."""
+    sources: list[InstrumentSource] = []
+    sentences: list[str] = []
+    if all(motion.signals.position_reference is not None for motion in motions):
+        law, said = _laws(configuration, motions)
+        sentences += said
+        if law is not None:
+            known = configuration.controller.type != "unknown"
+            how = "configured" if known else "fitted"
+            name = f"closed-loop simulation with the {how} control law"
+            sources.append(SimulatedLoop(model, tuple(motions), law, name))
+        sources.append(_filtered_reference(model, motions))
+    else:
+        missing = [m.signals.name for m in motions if m.signals.position_reference is None]
+        sentences.append(
+            f"no reference in {', '.join(missing)}: the closed loop cannot be simulated, so that "
+            "the instruments are smoothed measurements. Noise of the positions below the "
+            "smoothing frequency is not averaged out, and the instruments cannot be tested"
+        )
+    sources.append(SmoothedMeasurement(model, tuple(motions), cutoffs.decimation / 2.0))
+    return InstrumentSources(tuple(sources), _starts(configuration, model), tuple(sentences))
+
+
+def _starts(
+    configuration: Configuration, model: InverseModel
+) -> tuple[tuple[str, FloatArray], ...]:
+    regular = ("the regular start", model.regular)
+    usable = model.robot.has_inertials and configuration.signals.effort_unit == "N m"
+    if configuration.identification.start == "regular" or not usable:
+        return (regular,)
+    return (("the given values", model.given_without_friction), regular)
+
+
+def _laws(
+    configuration: Configuration, motions: Sequence[Motion]
+) -> tuple[tuple[ControlLaw, ...] | None, list[str]]:
+    section = configuration.controller
+    joints = len(configuration.robot.joints)
+    if section.type != "unknown":
+        law = control_law(section, joints)
+        return tuple(law for _ in motions), [f"control law {section.type} as configured"]
+    fits = [_fit(motion) for motion in motions]
+    sentences = []
+    for name, index in ((name, k) for k, name in enumerate(configuration.robot.joints)):
+        sentences.append(f"{name}: {fits[0].describe(index)}")
+    worst = min(float(fit.r_squared.min()) for fit in fits)
+    if worst < LEAST_R_SQUARED:
+        sentences.append(
+            f"the fitted control law explains only R² = {worst:.2f} of a joint's torque, less than "
+            f"{LEAST_R_SQUARED:g}: the loop is not simulated with it"
+        )
+        return None, sentences
+    laws = [fit.law(motion) for fit, motion in zip(fits, motions, strict=True)]
+    return tuple(laws), sentences
+
+
+def _fit(motion: Motion) -> ControllerFit:
+    raise NotImplementedError
+
+
+def _filtered_reference(model: InverseModel, motions: Sequence[Motion]) -> FilteredReference:
+    raise NotImplementedError

@@ -1,0 +1,91 @@
+"""From recordings to validated parameters: the whole of `idim-iv identify` without its files."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.assembly import Estimates, Estimator, assemble_result
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.estimation import (
+    idim_iv,
+    instrument_sources,
+    refined_idim_iv,
+    solve_weighted_least_squares,
+)
+from idim_iv_ros.preparation import PreparedRegression, prepare, require_excitation
+from idim_iv_ros.result import IdentificationResult
+from idim_iv_ros.stopwatch import Progress, Stopwatch
+from idim_iv_ros.validation import validate
+
+FloatArray = NDArray[np.float64]
+
+
+def identify(
+    bags: Sequence[Path],
+    configuration: Configuration,
+    *,
+    estimator: Estimator = "idim-iv",
+    progress: Progress | None = None,
+) -> IdentificationResult:
+    """Identify a robot from its recordings and test whether the answer may be believed.
+
+    Parameters
+    ----------
+    bags
+        Recordings of one robot, used together.
+    configuration
+        See `load_configuration`.
+    estimator
+        ``idim-iv``, or ``idim-ls`` for least squares (joint-weighted).
+    progress
+        Called with a stage in words and the share that is done, 0 to 1.
+
+    Raises
+    ------
+    UsageError
+        The configuration or the URDF is wrong.
+    DataError
+        The recordings cannot support the answer.
+    """
+    prepared, timing = prepare(bags, configuration, progress)
+    require_excitation(prepared)
+    with Stopwatch(progress, timing) as watch:
+        result = _identify(prepared, estimator, watch)
+    result.timing.update(timing)
+    return result
+
+
+def _identify(
+    prepared: PreparedRegression, estimator: Estimator, watch: Stopwatch
+) -> IdentificationResult:
+    configuration = prepared.configuration
+    watch.stage("estimation", 0.5)
+    parameters = len(prepared.model.base.columns)
+    weighted = solve_weighted_least_squares(prepared.rows, parameters)
+    estimate, sources = None, None
+    linear = weighted
+    matrices: tuple[FloatArray, ...] = tuple(joint.matrix for joint in prepared.rows)
+    if estimator == "idim-iv":
+        sources = instrument_sources(
+            configuration, prepared.model, prepared.motions, prepared.cutoffs
+        )
+        estimate = idim_iv(
+            prepared.rows,
+            sources.sources,
+            sources.starts,
+            tolerance=configuration.identification.tolerance,
+            max_iterations=configuration.identification.max_iterations,
+            progress=watch.progress,
+        )
+        linear, matrices = estimate.linear, estimate.instruments.matrices
+    watch.stage("validation", 0.85)
+    validation = validate(prepared, linear, matrices, estimate)
+    watch.stage("refinement", 0.95)
+    refined = refined_idim_iv(prepared.rows, matrices, validation.models, parameters)
+    return assemble_result(
+        prepared,
+        Estimates(estimator, linear, matrices, weighted, estimate, sources, refined),
+        validation,
+    )

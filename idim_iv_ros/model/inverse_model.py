@@ -1,0 +1,132 @@
+"""The inverse dynamic model in base parameters: what the recordings are regressed on."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.model.base_parameters import BaseParameters, find_base_parameters
+from idim_iv_ros.model.parameters import DynamicParameters, parameter_layout
+from idim_iv_ros.model.regressor import StandardRegressor
+from idim_iv_ros.model.robot import RobotModel, load_robot
+
+FloatArray = NDArray[np.float64]
+
+_BLOCK = 256
+
+
+@dataclass(frozen=True)
+class InverseModel:
+    """Equation 3 in base parameters.
+
+    Attributes
+    ----------
+    robot : RobotModel
+    regressor : StandardRegressor
+    base : BaseParameters
+    """
+
+    robot: RobotModel
+    regressor: StandardRegressor
+    base: BaseParameters
+
+    def matrix(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+        """Base regressor (n_samples, n_joints, b) at states of (n_samples, n_joints) each."""
+        standard = self.regressor(q, dq, ddq)
+        return np.asarray(standard[:, :, self.base.columns])
+
+    def joint_matrices(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> list[FloatArray]:
+        """Rows of each joint: (n_samples, c_j) with only the columns it depends on.
+
+        Made in blocks that fit the processor's cache.
+        """
+        samples = len(q)
+        active = [np.flatnonzero(columns) for columns in self.base.active]
+        rows = [np.empty((samples, len(columns))) for columns in active]
+        for start in range(0, samples, _BLOCK):
+            block = slice(start, min(start + _BLOCK, samples))
+            standard = self.regressor(q[block], dq[block], ddq[block])
+            for joint, columns in enumerate(active):
+                rows[joint][block] = standard[:, joint, self.base.columns[columns]]
+        return rows
+
+    @property
+    def given(self) -> FloatArray:
+        """Base parameters (b,) of the URDF and the armature of the configuration."""
+        return self.base.from_standard(self.regressor.layout.vector(self.robot.given))
+
+    @property
+    def given_without_friction(self) -> FloatArray:
+        """`given` (b,) with friction and offsets at zero: the paper's start."""
+        layout = self.regressor.layout
+        standard = layout.vector(self.robot.given)
+        for position, parameter in enumerate(layout.parameters):
+            if parameter.kind in ("Fv", "Fc", "off", "Fvm", "Fcm"):
+                standard[position] = 0.0
+        return self.base.from_standard(standard)
+
+    @property
+    def regular(self) -> FloatArray:
+        """Base parameters (b,) of the regular start: drives of unit inertia, M(q) = I.
+
+        Without drive inertia in the model, links of unit mass (prismatic) or unit inertia.
+        """
+        layout = self.regressor.layout
+        standard = np.zeros(len(layout.parameters))
+        has_drives = any(parameter.kind == "Ia" for parameter in layout.parameters)
+        for position, parameter in enumerate(layout.parameters):
+            prismatic = self.robot.joint_types[parameter.joint] == "prismatic"
+            kinds = ("Ia",) if has_drives else ("M",) if prismatic else ("XX", "YY", "ZZ")
+            standard[position] = float(parameter.kind in kinds)
+        return self.base.from_standard(standard)
+
+    def dynamic_parameters(self, values: FloatArray) -> DynamicParameters:
+        """Parameters for dynamics that are equivalent to base parameters (b,)."""
+        return self.regressor.layout.dynamic_parameters(self.base.to_standard(values))
+
+    def joint_inertia(self, values: FloatArray, q: FloatArray) -> FloatArray:
+        """Mean diagonal of the mass matrix over positions (n_samples, n_joints): (n_joints,)."""
+        joints = q.shape[1]
+        still = np.zeros_like(q)
+        gravity = self.matrix(q, still, still)
+        inertia = np.empty(joints)
+        for joint in range(joints):
+            unit = still.copy()
+            unit[:, joint] = 1.0
+            column = self.matrix(q, still, unit)[:, joint] - gravity[:, joint]
+            inertia[joint] = float(np.mean(column @ values))
+        return inertia
+
+
+def build_inverse_model(configuration: Configuration, urdf: str, source: str) -> InverseModel:
+    """Build the model of a configuration from URDF text.
+
+    Raises
+    ------
+    UsageError
+        See `load_robot`.
+    """
+    joints = configuration.robot.joints
+    couplings = [
+        (joints.index(coupling.joints[0]), joints.index(coupling.joints[1]))
+        for coupling in configuration.robot.couplings
+    ]
+    robot = load_robot(
+        urdf,
+        joints,
+        gravity=configuration.robot.gravity,
+        armature=configuration.simulator.armature,
+        couplings=couplings,
+        name=configuration.robot.name,
+        source=source,
+    )
+    layout = parameter_layout(
+        robot.joint_types,
+        friction=configuration.identification.friction,
+        drive_inertia=configuration.identification.drive_inertia,
+        couplings=couplings,
+        effort_unit=configuration.signals.effort_unit,
+    )
+    regressor = StandardRegressor(robot, layout)
+    return InverseModel(robot, regressor, find_base_parameters(regressor))

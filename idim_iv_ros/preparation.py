@@ -1,0 +1,150 @@
+"""From bags to the rows of the regression: what precedes every estimate and every check."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.estimation import ObservationRows, observation_rows, unseen_parameters
+from idim_iv_ros.model import InverseModel, build_inverse_model
+from idim_iv_ros.recording import Recording, read_recordings
+from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
+from idim_iv_ros.stopwatch import Progress, Stopwatch
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PreparedRegression:
+    """Everything between the bags and the estimators.
+
+    Attributes
+    ----------
+    configuration : Configuration
+    recordings : tuple of Recording
+    model : InverseModel
+    cutoffs : Cutoffs
+    minimum_speed : (n_joints,) rad/s
+    motions : tuple of Motion
+    rows : tuple of ObservationRows
+    reasons : tuple of str
+        What was proposed or decided while filtering, and why.
+    """
+
+    configuration: Configuration
+    recordings: tuple[Recording, ...]
+    model: InverseModel
+    cutoffs: Cutoffs
+    minimum_speed: FloatArray
+    motions: tuple[Motion, ...]
+    rows: tuple[ObservationRows, ...]
+    reasons: tuple[str, ...]
+
+
+def prepare(
+    bags: Sequence[Path], configuration: Configuration, progress: Progress | None = None
+) -> tuple[PreparedRegression, dict[str, float]]:
+    """Read, filter and decimate: everything that precedes an estimate.
+
+    Returns
+    -------
+    the regression, and seconds by stage
+
+    Raises
+    ------
+    UsageError, DataError
+        See `read_recordings`, `build_inverse_model`, `choose_cutoffs`, `filter_motion`.
+    """
+    with Stopwatch(progress) as watch:
+        return _prepare(bags, configuration, watch), watch.timing
+
+
+def _prepare(
+    bags: Sequence[Path], configuration: Configuration, watch: Stopwatch
+) -> PreparedRegression:
+    watch.stage("reading", 0.0)
+    signals = configuration.signals
+    recordings = read_recordings(
+        bags,
+        joints=configuration.robot.joints,
+        joint_states=signals.joint_states,
+        effort=signals.effort,
+        reference=signals.reference,
+        progress=watch.progress,
+    )
+    watch.stage("model", 0.3)
+    urdf, source = _urdf(configuration, recordings)
+    model = build_inverse_model(configuration, urdf, source)
+    watch.stage("filtering", 0.35)
+    records = [joint_side(recording, configuration) for recording in recordings]
+    origin = str(configuration.source or "configuration")
+    cutoffs = choose_cutoffs(
+        configuration.processing,
+        [record.position for record in records],
+        records[0].rate,
+        origin,
+    )
+    couplings = model.regressor.layout.coupling_joints
+    motions, minimum_speed, reasons = filter_motion(
+        records, configuration.processing, cutoffs, configuration.robot.joints, couplings
+    )
+    watch.stage("regressor", 0.4)
+    rows = observation_rows(model, motions)
+    return PreparedRegression(
+        configuration=configuration,
+        recordings=tuple(recordings),
+        model=model,
+        cutoffs=cutoffs,
+        minimum_speed=minimum_speed,
+        motions=motions,
+        rows=rows,
+        reasons=cutoffs.reasons + reasons,
+    )
+
+
+def require_excitation(prepared: PreparedRegression) -> None:
+    """Refuse rows that cannot determine the base parameters, and list those they cannot.
+
+    Raises
+    ------
+    DataError
+        Too few rows, a joint without rows, or parameters that the motion does not show.
+    """
+    names = prepared.model.base.names
+    where = ", ".join(recording.path.name for recording in prepared.recordings)
+    for joint in prepared.rows:
+        if len(joint) == 0:
+            name = prepared.configuration.robot.joints[joint.joint]
+            raise DataError(
+                f"{where}: {name} has no usable sample (it never exceeds "
+                f"{prepared.minimum_speed[joint.joint]:.3g} rad/s, or nothing was measured); "
+                "record a motion of this joint or leave it out of robot.joints"
+            )
+    unseen = unseen_parameters(prepared.rows, len(names))
+    if unseen:
+        listed = ", ".join(names[column] for column in unseen)
+        raise DataError(
+            f"{where}: the excitation is rank deficient: {listed} cannot be told from the other "
+            "parameters; record a richer motion of all joints"
+        )
+
+
+def _urdf(configuration: Configuration, recordings: Sequence[Recording]) -> tuple[str, str]:
+    path = configuration.robot.urdf
+    if path is not None:
+        try:
+            return path.read_text(encoding="utf-8"), str(path)
+        except (OSError, UnicodeDecodeError) as error:
+            raise UsageError(f"{path}: cannot read the URDF: {error}") from error
+    for recording in recordings:
+        if recording.robot_description is not None:
+            return recording.robot_description, f"{recording.path.name} /robot_description"
+    raise UsageError(
+        f"{configuration.source}: robot.urdf is not given and no bag has /robot_description"
+    )
+
+

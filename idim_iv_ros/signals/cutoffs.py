@@ -1,0 +1,149 @@
+"""Cut-off frequencies: checked when the user gives them, proposed from the data otherwise."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from idim_iv_ros.configuration import ProcessingSection
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.signals.decimation import EDGE, decimation_factor
+
+FloatArray = NDArray[np.float64]
+
+# The paper filters positions at 50 Hz and decimates at 20 Hz; EMPS is filtered at 100 and 40 Hz.
+DECIMATION_SHARE = 0.4
+_ABOVE_NOISE = 10.0  # power over the noise floor that counts as motion
+_SPEED_SHARE = 0.01  # of the peak speed: reversal regime when the user names none
+
+
+@dataclass(frozen=True)
+class Cutoffs:
+    """What the signals are filtered with, and why.
+
+    Attributes
+    ----------
+    position, decimation : float
+        Hz.
+    factor : int
+        Decimation factor at the rate of the recording.
+    bandwidth : float or None
+        Hz; measured where a cut-off was proposed.
+    reasons : tuple of str
+        One sentence for each value that was proposed or derived.
+    """
+
+    position: float
+    decimation: float
+    factor: int
+    bandwidth: float | None
+    reasons: tuple[str, ...]
+
+
+def choose_cutoffs(
+    processing: ProcessingSection, positions: Sequence[FloatArray], rate: float, source: str
+) -> Cutoffs:
+    """Check the given cut-offs against the rate and each other; propose what is not given.
+
+    Parameters
+    ----------
+    positions
+        One (n_samples, n_joints) array for each recording, rad or m.
+    rate
+        Hz, of all recordings.
+    source
+        The configuration file, for messages.
+
+    Raises
+    ------
+    UsageError
+        A cut-off contradicts the rate or the other cut-off.
+    """
+    given_position, given_decimation = processing.position_cutoff, processing.decimation_cutoff
+    for key, value in (
+        ("position_cutoff", given_position),
+        ("decimation_cutoff", given_decimation),
+    ):
+        if value is not None and value >= rate / 2.0:
+            raise UsageError(
+                f"{source}: processing.{key} is {value:g} Hz, but at {rate:g} samples per second "
+                f"nothing above {rate / 2.0:g} Hz is recorded"
+            )
+    reasons: list[str] = []
+    bandwidth = None
+    position = given_position
+    if position is None:
+        bandwidth = max(motion_bandwidth(q, rate) for q in positions)
+        position = min(bandwidth, EDGE * rate / 2.0)
+        if given_decimation is not None:
+            position = max(position, given_decimation / DECIMATION_SHARE)
+            position = min(position, EDGE * rate / 2.0)
+        position = float(f"{position:.2g}")
+        reasons.append(
+            f"position cut-off {position:g} Hz proposed: the measured motion stands above the "
+            f"position noise up to {bandwidth:.3g} Hz"
+        )
+    decimation = given_decimation
+    if decimation is None:
+        decimation = float(f"{DECIMATION_SHARE * position:.3g}")
+        reasons.append(
+            f"decimation cut-off {decimation:g} Hz proposed: {DECIMATION_SHARE:g} of the position "
+            "cut-off, the paper's ratio"
+        )
+    if decimation > position:
+        raise UsageError(
+            f"{source}: processing.decimation_cutoff {decimation:g} Hz is above "
+            f"position_cutoff {position:g} Hz: the torque would hold frequencies that the "
+            "filtered positions have lost"
+        )
+    factor = decimation_factor(rate, decimation)
+    if factor == 1:
+        reasons.append(
+            f"not decimated: {decimation:g} Hz needs more than half of the {rate:g} samples per "
+            "second"
+        )
+    return Cutoffs(position, decimation, factor, bandwidth, tuple(reasons))
+
+
+def motion_bandwidth(position: FloatArray, rate: float) -> float:
+    """Highest frequency, Hz, at which the motion of any joint stands above its position noise.
+
+    The noise floor is the median of the power spectral density (Welch) over the upper half of
+    the frequencies; the motion ends where the density first falls below ten times that floor.
+
+    Raises
+    ------
+    DataError
+        The recording is too short for a spectrum.
+    """
+    if len(position) < 64:
+        raise DataError(f"{len(position)} samples are too few to measure a bandwidth")
+    segment = min(len(position), max(64, int(8.0 * rate)))
+    frequency, density = welch(
+        position, fs=rate, nperseg=segment, axis=0, detrend="linear", window="hann"
+    )
+    floor = np.median(density[frequency > rate / 4.0], axis=0)
+    moving = density[1:] > _ABOVE_NOISE * floor
+    ends = np.where(moving.all(axis=0), len(moving), np.argmin(moving, axis=0))
+    return float(max(frequency[1:][max(int(ends.max()) - 1, 0)], 4.0 * frequency[1]))
+
+
+def choose_minimum_speed(
+    processing: ProcessingSection, peak_speed: FloatArray
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Speed below which a joint is in its reversal regime, (n_joints,) rad/s, and why.
+
+    Parameters
+    ----------
+    peak_speed
+        (n_joints,) largest filtered speed of each joint, rad/s.
+    """
+    if processing.minimum_speed is not None:
+        return np.array(processing.minimum_speed), ()
+    reason = (
+        f"samples slower than {100 * _SPEED_SHARE:g} % of a joint's peak speed are kept out of "
+        "its rows: the sign of the speed is not known there"
+    )
+    return _SPEED_SHARE * peak_speed, (reason,)

@@ -1,0 +1,92 @@
+"""From what was recorded to joint positions and joint torques."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.recording.recording import Recording
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class JointSignals:
+    """One recording in joint coordinates, on its uniform grid.
+
+    Attributes
+    ----------
+    name : str
+        The bag it comes from.
+    rate : float
+        Hz.
+    position : (n_samples, n_joints)
+        Measured, unfiltered, rad or m.
+    torque : (n_samples, n_joints)
+        N m or N (or the unit of the effort where that is no torque).
+    valid : (n_samples, n_joints) bool
+        Whether the joint's position and torque rest on measurements.
+    position_reference, velocity_reference : (n_samples, n_joints) or None
+    """
+
+    name: str
+    rate: float
+    position: FloatArray
+    torque: FloatArray
+    valid: BoolArray
+    position_reference: FloatArray | None
+    velocity_reference: FloatArray | None
+
+
+def joint_side(recording: Recording, configuration: Configuration) -> JointSignals:
+    """Apply effort scale, transmission and position offsets (design: Configuration).
+
+    With a motor-to-joint matrix R all recorded signals are on the motor side: q = R⁻¹ q_motor and
+    τ = Rᵀ τ_motor (or `motor_to_joint_torque` · τ_motor).
+
+    Raises
+    ------
+    UsageError
+        The motor-to-joint matrix is singular.
+    """
+    robot = configuration.robot
+    joints = len(robot.joints)
+    to_joint, to_torque = np.eye(joints), np.eye(joints)
+    if robot.motor_to_joint is not None:
+        matrix = np.array(robot.motor_to_joint)
+        if np.linalg.matrix_rank(matrix) < joints:
+            raise UsageError(f"{configuration.source}: robot.motor_to_joint is singular")
+        to_joint, to_torque = np.linalg.inv(matrix), matrix.T
+    if robot.motor_to_joint_torque is not None:
+        to_torque = np.array(robot.motor_to_joint_torque)
+    offset = np.array(robot.position_offset or [0.0] * joints)
+    scale = np.array(configuration.signals.effort_scale or [1.0] * joints)
+    position = recording.position.values @ to_joint.T + offset
+    torque = (recording.effort.values * scale) @ to_torque.T
+    invented = _touched(recording.position.invented, to_joint)
+    invented |= _touched(recording.effort.invented, to_torque)
+    reference = velocity = None
+    if recording.position_reference is not None:
+        reference = recording.position_reference.values @ to_joint.T + offset
+        invented |= _touched(recording.position_reference.invented, to_joint)
+    if recording.velocity_reference is not None:
+        velocity = recording.velocity_reference.values @ to_joint.T
+    return JointSignals(
+        name=recording.path.name,
+        rate=recording.rate,
+        position=position,
+        torque=torque,
+        valid=~invented,
+        position_reference=reference,
+        velocity_reference=velocity,
+    )
+
+
+def _touched(invented: BoolArray, matrix: FloatArray) -> BoolArray:
+    """Joints whose value depends on an invented motor value."""
+    if not invented.any():
+        return np.zeros_like(invented)
+    return np.asarray(invented.astype(float) @ (np.abs(matrix) > 1e-12).T > 0.0)

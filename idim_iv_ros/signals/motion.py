@@ -1,0 +1,186 @@
+"""Filtered motion with the torque that goes with it, ready for a regression."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.configuration import ProcessingSection
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.signals.cutoffs import Cutoffs, choose_minimum_speed
+from idim_iv_ros.signals.decimation import ParallelDecimation, decimation_factor
+from idim_iv_ros.signals.filters import central_differences, zero_phase_butterworth
+from idim_iv_ros.signals.joint_side import JointSignals
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+_EDGE_PERIODS = 2.0  # of the position cut-off, cut at each end when the user names no trim
+_EDGE_GROUPS = 2  # decimated samples cut at each end, likewise
+# A joint whose motion is not this many times its noise, or its range below this, stands still.
+_STILL_NOISE = 10.0
+_STILL_RANGE = 1e-4
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One recording, filtered and trimmed.
+
+    Attributes
+    ----------
+    signals : JointSignals
+        The unfiltered record.
+    position : (n_samples, n_joints)
+        Zero-phase filtered, rad or m, not trimmed.
+    span : slice
+        The trimmed part; everything below refers to it.
+    decimation : ParallelDecimation
+    kept : (n_kept, n_joints) bool
+        Decimated samples that count for each joint: measured, faster than the reversal speed.
+    dropped : dict
+        How many decimated joint samples were dropped for which reason.
+    """
+
+    signals: JointSignals
+    position: FloatArray
+    span: slice
+    decimation: ParallelDecimation
+    kept: BoolArray
+    dropped: dict[str, int]
+
+    def derivatives(self, first: int, last: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """q, dq, ddq of samples `first` … `last` of the span, each (last - first, n_joints)."""
+        start = self.span.start
+        velocity, acceleration = central_differences(
+            self.position, rate=self.signals.rate, start=start + first, stop=start + last
+        )
+        return self.position[start + first : start + last], velocity, acceleration
+
+    @property
+    def torque(self) -> FloatArray:
+        """Measured torque of the span, (n_samples, n_joints) N m."""
+        return self.signals.torque[self.span]
+
+    @property
+    def time(self) -> FloatArray:
+        """Time of the decimated samples from the start of the recording, (n_kept,) s."""
+        return (self.span.start + self.decimation.kept) / self.signals.rate
+
+
+def filter_motion(
+    signals: Sequence[JointSignals],
+    processing: ProcessingSection,
+    cutoffs: Cutoffs,
+    joints: Sequence[str],
+    couplings: Sequence[tuple[int, int]] = (),
+) -> tuple[tuple[Motion, ...], FloatArray, tuple[str, ...]]:
+    """Filter the positions of all recordings and decide which decimated samples count.
+
+    Returns
+    -------
+    motions : one for each recording
+    minimum_speed : (n_joints,) rad/s
+    reasons : sentences for the report
+
+    Raises
+    ------
+    DataError
+        A recording is too short to be filtered, or no joint ever moves.
+    """
+    reasons: list[str] = []
+    filtered = []
+    still = np.ones(len(joints), dtype=bool)
+    for record in signals:
+        try:
+            position = zero_phase_butterworth(
+                record.position,
+                rate=record.rate,
+                cutoff=cutoffs.position,
+                order=processing.position_order,
+            )
+        except ValueError as error:
+            raise DataError(f"{record.name}: {error}; record for longer") from error
+        filtered.append(position)
+        still &= _stands_still(record.position, position)
+    if still.all():
+        names = ", ".join(record.name for record in signals)
+        raise DataError(f"{names}: no joint moves; record an exciting motion")
+    spans = [_span(record, processing, cutoffs) for record in signals]
+    if still.any():
+        names = ", ".join(name for name, stands in zip(joints, still, strict=True) if stands)
+        reasons.append(f"{names} stands still: its noise is not taken for motion")
+        for position in filtered:
+            position[:, still] = position[:, still].mean(axis=0)
+    peaks = np.zeros(len(joints))
+    for record, position, span in zip(signals, filtered, spans, strict=True):
+        velocity = np.gradient(position[span], 1.0 / record.rate, axis=0)
+        peaks = np.maximum(peaks, np.abs(velocity).max(axis=0))
+    minimum_speed, why = choose_minimum_speed(processing, peaks)
+    reasons += why
+    motions = tuple(
+        _motion(record, position, span, processing, cutoffs, minimum_speed, couplings)
+        for record, position, span in zip(signals, filtered, spans, strict=True)
+    )
+    return motions, minimum_speed, tuple(reasons)
+
+
+def _stands_still(raw: FloatArray, filtered: FloatArray) -> BoolArray:
+    noise = np.std(raw - filtered, axis=0)
+    extent = np.ptp(filtered, axis=0)
+    return np.asarray((extent < _STILL_RANGE) | (extent < _STILL_NOISE * noise))
+
+
+def _span(record: JointSignals, processing: ProcessingSection, cutoffs: Cutoffs) -> slice:
+    if processing.trim is not None:
+        cut = [round(seconds * record.rate) for seconds in processing.trim]
+    else:
+        cut = [round(_EDGE_PERIODS / cutoffs.position * record.rate)] * 2
+    samples = len(record.position)
+    if samples - sum(cut) < 10 * cutoffs.factor:
+        raise DataError(
+            f"{record.name}: {samples / record.rate:.3g} s leave fewer than 10 decimated samples "
+            f"after {sum(cut) / record.rate:.3g} s are cut at the ends; record for longer"
+        )
+    return slice(cut[0], samples - cut[1])
+
+
+def _motion(
+    record: JointSignals,
+    position: FloatArray,
+    span: slice,
+    processing: ProcessingSection,
+    cutoffs: Cutoffs,
+    minimum_speed: FloatArray,
+    couplings: Sequence[tuple[int, int]],
+) -> Motion:
+    factor = decimation_factor(record.rate, cutoffs.decimation)
+    decimation = ParallelDecimation(factor, span.stop - span.start, processing.decimation_phase)
+    velocity = np.gradient(position[span], 1.0 / record.rate, axis=0)[decimation.kept]
+    fast = np.abs(velocity) >= minimum_speed
+    for pair in couplings:
+        both = np.abs(velocity[:, list(pair)].sum(axis=1)) >= minimum_speed[list(pair)].min()
+        for joint in pair:
+            fast[:, joint] &= both
+    measured = _groups_measured(record.valid[span], decimation)
+    inside = np.ones(len(velocity), dtype=bool)
+    if processing.trim is None and decimation.factor > 1:
+        inside[:_EDGE_GROUPS] = inside[-_EDGE_GROUPS:] = False
+    kept = fast & measured & inside[:, None]
+    dropped = {
+        "slower than the reversal speed": int((inside[:, None] & measured & ~fast).sum()),
+        "not measured": int((inside[:, None] & ~measured).sum()),
+        "at the edges": int((~inside).sum() * kept.shape[1]),
+    }
+    return Motion(record, position, span, decimation, kept, dropped)
+
+
+def _groups_measured(valid: BoolArray, decimation: ParallelDecimation) -> BoolArray:
+    """Whether every sample of a decimated sample's group was measured."""
+    if valid.all():
+        return np.ones((len(decimation.kept), valid.shape[1]), dtype=bool)
+    count = np.concatenate([np.zeros((1, valid.shape[1]), int), np.cumsum(~valid, axis=0)])
+    reach = decimation.factor
+    first = np.maximum(decimation.kept - reach, 0)
+    last = np.minimum(decimation.kept + reach + 1, len(valid))
+    return np.asarray(count[last] - count[first] == 0)

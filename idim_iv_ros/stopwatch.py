@@ -1,0 +1,49 @@
+"""Seconds by stage of a long computation, and a word to whoever waits for it."""
+
+import time
+from collections.abc import Callable
+from types import TracebackType
+
+Progress = Callable[[str, float], None]
+
+
+class Stopwatch:
+    """Context manager that adds the seconds of each stage to `timing`.
+
+    Parameters
+    ----------
+    progress
+        Called at the start of each stage with its name and the share that is done, 0 to 1.
+    timing
+        Continued if given.
+    """
+
+    def __init__(self, progress: Progress | None, timing: dict[str, float] | None = None):
+        self.progress = progress
+        self.timing = {} if timing is None else timing
+        self._stage: str | None = None
+        self._since = 0.0
+
+    def stage(self, name: str, share: float) -> None:
+        """End the running stage and start another."""
+        self._end()
+        self._stage, self._since = name, time.perf_counter()
+        if self.progress is not None:
+            self.progress(name, share)
+
+    def __enter__(self) -> "Stopwatch":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._end()
+
+    def _end(self) -> None:
+        if self._stage is not None:
+            spent = time.perf_counter() - self._since
+            self.timing[self._stage] = self.timing.get(self._stage, 0.0) + spent
+        self._stage = None

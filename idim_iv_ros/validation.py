@@ -1,0 +1,70 @@
+"""Tests and residual analysis of one estimate."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.estimation import IdimIvEstimate, LinearEstimate, residual_models
+from idim_iv_ros.preparation import PreparedRegression
+from idim_iv_ros.signals import AutoregressiveModel
+from idim_iv_ros.statistics import (
+    HypothesisTest,
+    JointRows,
+    ResidualDiagnosis,
+    diagnose_residual,
+    exogeneity_test,
+    wald_test_of_instruments,
+)
+
+FloatArray = NDArray[np.float64]
+
+NO_INSTRUMENTS = "IDIM-LS uses no instruments"
+
+
+@dataclass(frozen=True)
+class Validation:
+    """What the tests say of one estimate; see `IdentificationResult` for its parts."""
+
+    tests: tuple[HypothesisTest, ...]
+    exogeneity: tuple[HypothesisTest, ...]
+    residuals: tuple[ResidualDiagnosis, ...]
+    models: tuple[AutoregressiveModel, ...]
+
+
+def validate(
+    prepared: PreparedRegression,
+    linear: LinearEstimate,
+    matrices: Sequence[FloatArray],
+    estimate: IdimIvEstimate | None,
+) -> Validation:
+    """Run the revised Durbin-Wu-Hausman test and the residual analysis (paper, section IV).
+
+    Parameters
+    ----------
+    linear
+        The estimate that is judged.
+    matrices
+        Its instruments, (r_j, c_j) for each joint; the observation matrices for IDIM-LS.
+    estimate
+        The IDIM-IV iteration, None for IDIM-LS.
+    """
+    configuration = prepared.configuration
+    alpha = configuration.identification.significance
+    joints = configuration.robot.joints
+    rows = [
+        JointRows(
+            joints[joint.joint], joint.matrix, matrix, joint.torque, joint.columns, joint.runs
+        )
+        for joint, matrix in zip(prepared.rows, matrices, strict=True)
+    ]
+    reason = NO_INSTRUMENTS if estimate is None else estimate.source.testable
+    tests = wald_test_of_instruments(rows, linear.values, alpha=alpha, not_simulated=reason)
+    exogeneity = exogeneity_test(rows, linear.values, alpha=alpha, not_simulated=reason)
+    return Validation(
+        tests=tests,
+        exogeneity=exogeneity,
+        residuals=tuple(diagnose_residual(joint, linear.values, alpha=alpha) for joint in rows),
+        models=residual_models(prepared.rows, linear.residuals),
+    )
