@@ -1,0 +1,58 @@
+# Everything happens in .venv, which is made here from pyproject.toml.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: demo test slow lint types tests bench clean
+
+demo: $(VENV)/ready
+	$(BIN)/python -m bags.demo --out out/demo
+
+test: lint types tests
+
+lint: $(VENV)/ready-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/ready-test
+	$(BIN)/mypy
+
+tests: $(VENV)/ready-test
+	$(BIN)/pytest
+
+# Monte Carlo studies and long recordings: about half an hour.
+slow: $(VENV)/ready-test
+	$(BIN)/pytest -m slow
+
+bench: $(VENV)/ready-bench
+	$(BIN)/python -m benchmarks.decode
+	$(BIN)/python -m benchmarks.simulation
+	$(BIN)/python -m benchmarks.figaroh
+	$(BIN)/python -m benchmarks.long_recording
+
+$(VENV)/bin/python:
+	@echo "== making the Python environment $(VENV) with $$($(PYTHON) --version)"
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
+		{ echo "Python 3.10 or newer is needed; say make PYTHON=/path/to/python3"; exit 1; }
+	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
+		echo "== installing python3-venv from Debian"; \
+		apt-get update -q && apt-get install -q -y python3-venv && $(PYTHON) -m venv $(VENV); }
+	@$(BIN)/python -m pip install -q --disable-pip-version-check --upgrade pip
+
+$(VENV)/ready: $(VENV)/bin/python pyproject.toml setup.py
+	@echo "== installing idim-iv-ros and its dependencies from PyPI"
+	@$(BIN)/python -m pip install -q --disable-pip-version-check -e .
+	@touch $@
+
+$(VENV)/ready-test: $(VENV)/ready
+	@echo "== installing the test tools from PyPI"
+	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[test]"
+	@touch $@
+
+$(VENV)/ready-bench: $(VENV)/ready
+	@echo "== installing the peers to compare with from PyPI"
+	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[bench]"
+	@touch $@
+
+clean:
+	rm -rf $(VENV) out build *.egg-info
