@@ -6,6 +6,7 @@ formed, which would square the condition number.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.signals.autoregression import AutoregressiveModel
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
+IntArray = NDArray[np.integer[Any]]
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,21 @@
 """May the estimates be believed: instruments, exogeneity, residuals and the verdict."""
+
+from idim_iv_ros.statistics.exogeneity_test import exogeneity_test
+from idim_iv_ros.statistics.hypothesis import HypothesisTest
+from idim_iv_ros.statistics.instrument_test import wald_test_of_instruments
+from idim_iv_ros.statistics.joint_rows import JointRows
+from idim_iv_ros.statistics.residuals import ResidualDiagnosis, diagnose_residual
+from idim_iv_ros.statistics.verdict import JointVerdict, OverallVerdict, judge_all, judge_joint
+
+__all__ = [
+    "HypothesisTest",
+    "JointRows",
+    "JointVerdict",
+    "OverallVerdict",
+    "ResidualDiagnosis",
+    "diagnose_residual",
+    "exogeneity_test",
+    "judge_all",
+    "judge_joint",
+    "wald_test_of_instruments",
+]

@@ -53,7 +53,7 @@ def regress_coloured(
     """Fit δ and the colour of v together, with the colour not biased by the fit of δ.
 
     A filter fitted on the residual of least squares sees too little noise where the regressors
-    live, and the test then rejects true hypotheses (25 % instead of 5 % with 25 slow columns in
+    live, and the test then rejects true hypotheses (22 % instead of 5 % with 25 slow columns in
     1500 rows); one fitted on the target itself takes a true δ for noise. So the order is AIC's
     on the target, and the coefficients are of restricted maximum likelihood by its EM
     iteration: Burg's energies are those of the residual plus those that estimating δ took out
