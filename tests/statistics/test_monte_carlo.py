@@ -71,6 +71,16 @@ def test_gravity_left_out_is_rejected_and_gravity_kept_is_accepted():
     assert pendulum_rejections(40, with_gravity=False) > 0.9
 
 
+def test_a_stiff_loop_hides_the_missing_gravity_from_the_torque_but_not_from_the_estimate():
+    """Why a small effect size is not called a small model error."""
+    percents, coulomb = [], []
+    for rows, estimate in pendulums(np.random.default_rng(3), 10, with_gravity=False):
+        percents.append(wald_test_of_instruments([rows], estimate)[1].torque_deviation_percent)
+        coulomb.append(estimate[2])
+    assert max(percents) < 1.0
+    assert min(coulomb) > 1.3 * 5.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("colours", COLOURS)
 @pytest.mark.parametrize("test", [wald, exogeneity])
