@@ -25,6 +25,7 @@ from idim_iv_ros.estimation import (
     essential_parameters,
     residual_models,
     solve_least_squares,
+    triangles_of_rows,
 )
 from idim_iv_ros.preparation import PreparedRegression
 from idim_iv_ros.result import (
@@ -39,7 +40,7 @@ from idim_iv_ros.result import (
     RefinedEstimate,
 )
 from idim_iv_ros.signals import AutoregressiveModel
-from idim_iv_ros.statistics import joint_verdict, overall_verdict
+from idim_iv_ros.statistics import judge_all, judge_joint
 from idim_iv_ros.validation import Validation
 
 FloatArray = NDArray[np.float64]
@@ -55,6 +56,7 @@ class Estimates:
     Attributes
     ----------
     estimator : str
+    rows : tuple of ObservationRows
     linear : LinearEstimate
         The one that is reported.
     matrices : one (r_j, c_j) array for each joint
@@ -67,6 +69,7 @@ class Estimates:
     """
 
     estimator: Estimator
+    rows: Sequence[ObservationRows]
     linear: LinearEstimate
     matrices: Sequence[FloatArray]
     weighted: LinearEstimate
@@ -79,11 +82,11 @@ def assemble_result(
     prepared: PreparedRegression, estimates: Estimates, validation: Validation
 ) -> IdentificationResult:
     """Gather everything that a user is shown."""
-    linear, refined = estimates.linear, estimates.refined
+    rows, linear, refined = estimates.rows, estimates.linear, estimates.refined
     estimate, sources = estimates.iteration, estimates.sources
     configuration, base = prepared.configuration, prepared.model.base
     count = len(base.columns)
-    total = sum(len(joint) for joint in prepared.rows)
+    total = sum(len(joint) for joint in rows)
     essential = essential_parameters(
         refined.linear.values,
         refined.covariance,
@@ -91,7 +94,7 @@ def assemble_result(
         alpha=configuration.identification.significance,
     )
     verdicts = tuple(
-        joint_verdict(test, residual)
+        judge_joint(test, residual)
         for test, residual in zip(validation.tests[1:], validation.residuals, strict=True)
     )
     coloured = any(residual.white is False for residual in validation.residuals)
@@ -110,11 +113,11 @@ def assemble_result(
         instruments=_instruments(estimate, validation, configuration),
         residuals=validation.residuals,
         verdicts=verdicts,
-        verdict=overall_verdict(verdicts),
+        verdict=judge_all(verdicts),
         fit=Fit(
-            relative_error_percent=_relative_error(prepared.rows, linear),
-            ls_relative_error_percent=_relative_error(prepared.rows, estimates.weighted),
-            condition_number=condition_number(prepared.rows, count),
+            relative_error_percent=_relative_error(rows, linear),
+            ls_relative_error_percent=_relative_error(rows, estimates.weighted),
+            condition_number=condition_number(triangles_of_rows(rows), count),
             samples=total,
             base_parameters=count,
             essential_parameters=len(essential.columns),
@@ -131,12 +134,12 @@ def assemble_result(
         ),
         controller=() if sources is None else sources.controller,
         refined=_refined(prepared, refined, essential.columns) if coloured else None,
-        series=_series(prepared, linear),
+        series=_series(prepared, rows, linear),
     )
 
 
 def _deviations(
-    prepared: PreparedRegression,
+    rows: Sequence[ObservationRows],
     linear: LinearEstimate,
     matrices: Sequence[FloatArray],
     models: Sequence[AutoregressiveModel],
@@ -144,9 +147,7 @@ def _deviations(
     """Standard deviations (b,) with the colour of the residual, and as if it were white."""
     count = len(linear.values)
     white, coloured = [], []
-    for joint, matrix, sigma, model in zip(
-        prepared.rows, matrices, linear.sigma, models, strict=True
-    ):
+    for joint, matrix, sigma, model in zip(rows, matrices, linear.sigma, models, strict=True):
         white.append(JointBlock(joint.matrix, matrix, joint.columns, float(sigma)))
         coloured.append(
             ColouredBlock(joint.matrix, matrix, joint.columns, float(sigma), model, joint.position)
@@ -164,12 +165,12 @@ def _parameters(
     essential: EssentialParameters,
 ) -> tuple[ParameterEstimate, ...]:
     base = prepared.model.base
-    weighted, linear = estimates.weighted, estimates.linear
-    std, white_std = _deviations(prepared, linear, estimates.matrices, validation.models)
-    observed = [joint.matrix for joint in prepared.rows]
-    models = residual_models(prepared.rows, weighted.residuals)
-    ls_std, _ = _deviations(prepared, weighted, observed, models)
-    ordinary = solve_least_squares(prepared.rows, len(base.columns))
+    rows, weighted, linear = estimates.rows, estimates.weighted, estimates.linear
+    std, white_std = _deviations(rows, linear, estimates.matrices, validation.models)
+    observed = [joint.matrix for joint in rows]
+    models = residual_models(rows, weighted.residuals)
+    ls_std, _ = _deviations(rows, weighted, observed, models)
+    ordinary = solve_least_squares(rows, len(base.columns))
     given = prepared.model.given if prepared.model.robot.has_inertials else None
     places = {int(column): place for place, column in enumerate(essential.columns)}
     return tuple(
@@ -276,17 +277,21 @@ def _bags(prepared: PreparedRegression) -> tuple[BagSummary, ...]:
     return tuple(bags)
 
 
-def _series(prepared: PreparedRegression, linear: LinearEstimate) -> tuple[JointSeries, ...]:
+def _series(
+    prepared: PreparedRegression, rows: Sequence[ObservationRows], linear: LinearEstimate
+) -> tuple[JointSeries, ...]:
     """Measured and predicted torque of the rows that count, recordings one after the other."""
     starts = np.cumsum([0.0, *(recording.duration for recording in prepared.recordings)])
     series = []
-    for joint, residual in zip(prepared.rows, linear.residuals, strict=True):
+    for joint, residual in zip(rows, linear.residuals, strict=True):
         name = prepared.configuration.robot.joints[joint.joint]
         time = [
             start + motion.time[motion.kept[:, joint.joint]]
             for start, motion in zip(starts, prepared.motions, strict=False)
         ]
-        series.append(JointSeries(name, np.concatenate(time), joint.torque, joint.torque - residual))
+        series.append(
+            JointSeries(name, np.concatenate(time), joint.torque, joint.torque - residual)
+        )
     return tuple(series)
 
 

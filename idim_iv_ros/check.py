@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.estimation import (
-    JointBlock,
-    WhiteCovariance,
+    JointTriangle,
     condition_number,
-    solve_weighted_least_squares,
+    solve_triangles,
+    stream_triangles,
     unseen_parameters,
+    white_covariance,
 )
+from idim_iv_ros.model import BaseParameters
 from idim_iv_ros.preparation import PreparedRegression, prepare
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import Motion
@@ -64,7 +66,7 @@ class ParameterVisibility:
     unit: str
     smallest: float | None
     relative_percent: float | None
-    seen: Literal["well", "yes", "poorly", "no"]
+    seen: str
 
 
 @dataclass(frozen=True)
@@ -92,13 +94,16 @@ def check(
         The recordings cannot be read or filtered at all; see `prepare`.
     """
     prepared, _ = prepare(bags, configuration, progress)
+    triangles = stream_triangles(prepared.model, prepared.motions)
     findings: list[Finding] = []
     for recording, motion in zip(prepared.recordings, prepared.motions, strict=True):
         findings += _recording_findings(recording, motion)
     findings += _reference_findings(prepared)
     for joint, name in enumerate(configuration.robot.joints):
         findings += _joint_findings(prepared, joint, name)
-    parameters, condition = _visibility(prepared)
+        if triangles[joint].rows == 0:
+            findings.append(Finding(name, "unusable", "never faster than the reversal speed"))
+    parameters, condition = _visibility(prepared, triangles)
     unseen = [parameter.name for parameter in parameters if parameter.seen == "no"]
     if unseen:
         sentence = f"{', '.join(unseen)} cannot be told from the other parameters"
@@ -162,8 +167,6 @@ def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list
         speeds.append(velocity[:, joint])
         accelerations.append(acceleration[:, joint])
     speed, acceleration = np.concatenate(speeds), np.concatenate(accelerations)
-    if len(prepared.rows[joint]) == 0:
-        return [Finding(name, "unusable", "never moves faster than the reversal speed")]
     revolute = prepared.model.robot.joint_types[joint] == "revolute"
     unit = "rad" if revolute else "m"
     reversals = int(np.count_nonzero(np.diff(np.sign(speed[np.abs(speed) > 0.0]))))
@@ -204,7 +207,9 @@ def _clipped_share(torque: FloatArray) -> float:
     return float(np.mean(size >= size.max() * (1.0 - 1e-9))) if size.max() > 0.0 else 0.0
 
 
-def _acceleration_over_noise(prepared: PreparedRegression, joint: int, acceleration: float) -> float:
+def _acceleration_over_noise(
+    prepared: PreparedRegression, joint: int, acceleration: float
+) -> float:
     """Motion over the noise that the position filter lets into the acceleration.
 
     The noise of the positions is taken as white, with the variance of what the filter removed.
@@ -218,41 +223,31 @@ def _acceleration_over_noise(prepared: PreparedRegression, joint: int, accelerat
 
 
 def _visibility(
-    prepared: PreparedRegression,
+    prepared: PreparedRegression, triangles: Sequence[JointTriangle]
 ) -> tuple[tuple[ParameterVisibility, ...], float | None]:
     base = prepared.model.base
     count = len(base.columns)
-    if any(len(joint) == 0 for joint in prepared.rows):
+    if any(joint.rows == 0 for joint in triangles):
         return (), None
-    unseen = unseen_parameters(prepared.rows, count)
+    unseen = unseen_parameters(triangles, count)
     if unseen:
-        return (
-            tuple(
-                ParameterVisibility(base.names[k], base.expressions[k], base.units[k], None, None, "no")
-                for k in unseen
-            ),
-            None,
-        )
-    estimate = solve_weighted_least_squares(prepared.rows, count)
-    blocks = [
-        JointBlock(joint.matrix, joint.matrix, joint.columns, float(sigma))
-        for joint, sigma in zip(prepared.rows, estimate.sigma, strict=True)
-    ]
-    std = np.sqrt(np.diag(WhiteCovariance(blocks, count).matrix))
-    parameters = []
-    for k in range(count):
-        relative = 100.0 * float(std[k]) / max(abs(float(estimate.values[k])), 1e-300)
-        seen: Literal["well", "yes", "poorly"] = "poorly"
-        if relative <= _SEEN:
-            seen = "well" if relative <= _WELL_SEEN else "yes"
-        parameters.append(
-            ParameterVisibility(
-                base.names[k],
-                base.expressions[k],
-                base.units[k],
-                2.0 * float(std[k]),
-                relative,
-                seen,
-            )
-        )
-    return tuple(parameters), condition_number(prepared.rows, count)
+        return tuple(_parameter(base, k, None, 0.0) for k in unseen), None
+    values, sigma = solve_triangles(triangles, count)
+    std = np.sqrt(np.diag(white_covariance(triangles, count, sigma)))
+    parameters = tuple(
+        _parameter(base, k, float(std[k]), abs(float(values[k]))) for k in range(count)
+    )
+    return parameters, condition_number(triangles, count)
+
+
+def _parameter(
+    base: BaseParameters, place: int, std: float | None, size: float
+) -> ParameterVisibility:
+    relative, smallest, seen = None, None, "no"
+    if std is not None:
+        relative = 100.0 * std / max(size, 1e-300)
+        smallest = 2.0 * std
+        seen = "well" if relative <= _WELL_SEEN else "yes" if relative <= _SEEN else "poorly"
+    return ParameterVisibility(
+        base.names[place], base.expressions[place], base.units[place], smallest, relative, seen
+    )

@@ -11,8 +11,10 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.estimation import (
     idim_iv,
     instrument_sources,
+    observation_rows,
     refined_idim_iv,
     solve_weighted_least_squares,
+    triangles_of_rows,
 )
 from idim_iv_ros.preparation import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.result import IdentificationResult
@@ -50,7 +52,6 @@ def identify(
         The recordings cannot support the answer.
     """
     prepared, timing = prepare(bags, configuration, progress)
-    require_excitation(prepared)
     with Stopwatch(progress, timing) as watch:
         result = _identify(prepared, estimator, watch)
     result.timing.update(timing)
@@ -61,18 +62,21 @@ def _identify(
     prepared: PreparedRegression, estimator: Estimator, watch: Stopwatch
 ) -> IdentificationResult:
     configuration = prepared.configuration
+    watch.stage("regressor", 0.4)
+    rows = observation_rows(prepared.model, prepared.motions)
+    require_excitation(prepared, triangles_of_rows(rows))
     watch.stage("estimation", 0.5)
     parameters = len(prepared.model.base.columns)
-    weighted = solve_weighted_least_squares(prepared.rows, parameters)
+    weighted = solve_weighted_least_squares(rows, parameters)
     estimate, sources = None, None
     linear = weighted
-    matrices: tuple[FloatArray, ...] = tuple(joint.matrix for joint in prepared.rows)
+    matrices: tuple[FloatArray, ...] = tuple(joint.matrix for joint in rows)
     if estimator == "idim-iv":
         sources = instrument_sources(
             configuration, prepared.model, prepared.motions, prepared.cutoffs
         )
         estimate = idim_iv(
-            prepared.rows,
+            rows,
             sources.sources,
             sources.starts,
             tolerance=configuration.identification.tolerance,
@@ -81,11 +85,11 @@ def _identify(
         )
         linear, matrices = estimate.linear, estimate.instruments.matrices
     watch.stage("validation", 0.85)
-    validation = validate(prepared, linear, matrices, estimate)
+    validation = validate(prepared, rows, linear, matrices, estimate)
     watch.stage("refinement", 0.95)
-    refined = refined_idim_iv(prepared.rows, matrices, validation.models, parameters)
+    refined = refined_idim_iv(rows, matrices, validation.models, parameters)
     return assemble_result(
         prepared,
-        Estimates(estimator, linear, matrices, weighted, estimate, sources, refined),
+        Estimates(estimator, rows, linear, matrices, weighted, estimate, sources, refined),
         validation,
     )

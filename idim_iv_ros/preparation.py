@@ -1,4 +1,4 @@
-"""From bags to the rows of the regression: what precedes every estimate and every check."""
+"""From bags to filtered motion and a model: what precedes every estimate and every check."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.estimation import ObservationRows, observation_rows, unseen_parameters
+from idim_iv_ros.estimation import JointTriangle, unseen_parameters
 from idim_iv_ros.model import InverseModel, build_inverse_model
 from idim_iv_ros.recording import Recording, read_recordings
 from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PreparedRegression:
-    """Everything between the bags and the estimators.
+    """Everything that the rows of the regression are made from.
 
     Attributes
     ----------
@@ -30,7 +30,6 @@ class PreparedRegression:
     cutoffs : Cutoffs
     minimum_speed : (n_joints,) rad/s
     motions : tuple of Motion
-    rows : tuple of ObservationRows
     reasons : tuple of str
         What was proposed or decided while filtering, and why.
     """
@@ -41,7 +40,6 @@ class PreparedRegression:
     cutoffs: Cutoffs
     minimum_speed: FloatArray
     motions: tuple[Motion, ...]
-    rows: tuple[ObservationRows, ...]
     reasons: tuple[str, ...]
 
 
@@ -92,8 +90,6 @@ def _prepare(
     motions, minimum_speed, reasons = filter_motion(
         records, configuration.processing, cutoffs, configuration.robot.joints, couplings
     )
-    watch.stage("regressor", 0.4)
-    rows = observation_rows(model, motions)
     return PreparedRegression(
         configuration=configuration,
         recordings=tuple(recordings),
@@ -101,30 +97,29 @@ def _prepare(
         cutoffs=cutoffs,
         minimum_speed=minimum_speed,
         motions=motions,
-        rows=rows,
         reasons=cutoffs.reasons + reasons,
     )
 
 
-def require_excitation(prepared: PreparedRegression) -> None:
+def require_excitation(prepared: PreparedRegression, triangles: Sequence[JointTriangle]) -> None:
     """Refuse rows that cannot determine the base parameters, and list those they cannot.
 
     Raises
     ------
     DataError
-        Too few rows, a joint without rows, or parameters that the motion does not show.
+        A joint without rows, or parameters that the motion does not show.
     """
     names = prepared.model.base.names
     where = ", ".join(recording.path.name for recording in prepared.recordings)
-    for joint in prepared.rows:
-        if len(joint) == 0:
-            name = prepared.configuration.robot.joints[joint.joint]
+    for joint, triangle in enumerate(triangles):
+        if triangle.rows == 0:
+            name = prepared.configuration.robot.joints[joint]
             raise DataError(
                 f"{where}: {name} has no usable sample (it never exceeds "
-                f"{prepared.minimum_speed[joint.joint]:.3g} rad/s, or nothing was measured); "
+                f"{prepared.minimum_speed[joint]:.3g} rad/s, or nothing was measured); "
                 "record a motion of this joint or leave it out of robot.joints"
             )
-    unseen = unseen_parameters(prepared.rows, len(names))
+    unseen = unseen_parameters(triangles, len(names))
     if unseen:
         listed = ", ".join(names[column] for column in unseen)
         raise DataError(
@@ -146,5 +141,3 @@ def _urdf(configuration: Configuration, recordings: Sequence[Recording]) -> tupl
     raise UsageError(
         f"{configuration.source}: robot.urdf is not given and no bag has /robot_description"
     )
-
-

@@ -6,7 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.estimation import IdimIvEstimate, LinearEstimate, residual_models
+from idim_iv_ros.estimation import (
+    IdimIvEstimate,
+    LinearEstimate,
+    ObservationRows,
+    residual_models,
+)
 from idim_iv_ros.preparation import PreparedRegression
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.statistics import (
@@ -35,6 +40,7 @@ class Validation:
 
 def validate(
     prepared: PreparedRegression,
+    observed: Sequence[ObservationRows],
     linear: LinearEstimate,
     matrices: Sequence[FloatArray],
     estimate: IdimIvEstimate | None,
@@ -43,6 +49,8 @@ def validate(
 
     Parameters
     ----------
+    observed
+        The rows that count.
     linear
         The estimate that is judged.
     matrices
@@ -57,7 +65,7 @@ def validate(
         JointRows(
             joints[joint.joint], joint.matrix, matrix, joint.torque, joint.columns, joint.runs
         )
-        for joint, matrix in zip(prepared.rows, matrices, strict=True)
+        for joint, matrix in zip(observed, matrices, strict=True)
     ]
     reason = NO_INSTRUMENTS if estimate is None else estimate.source.testable
     tests = wald_test_of_instruments(rows, linear.values, alpha=alpha, not_simulated=reason)
@@ -66,5 +74,5 @@ def validate(
         tests=tests,
         exogeneity=exogeneity,
         residuals=tuple(diagnose_residual(joint, linear.values, alpha=alpha) for joint in rows),
-        models=residual_models(prepared.rows, linear.residuals),
+        models=residual_models(observed, linear.residuals),
     )

@@ -18,9 +18,7 @@ Bags = Annotated[
 Config = Annotated[
     Path, typer.Option("--config", help="The robot's YAML file.", show_default=False)
 ]
-Out = Annotated[
-    Path, typer.Option("--out", help="Folder for the results.", show_default=False)
-]
+Out = Annotated[Path, typer.Option("--out", help="Folder for the results.", show_default=False)]
 
 
 @contextmanager

@@ -38,7 +38,9 @@ def _print_findings(console: Console, report: CheckReport) -> None:
     table.add_column()
     for finding in report.findings:
         level = f"[{_COLOUR[finding.level]}]{finding.level}[/]"
-        table.add_row(finding.where.replace("[", "\\["), level, finding.sentence.replace("[", "\\["))
+        table.add_row(
+            finding.where.replace("[", "\\["), level, finding.sentence.replace("[", "\\[")
+        )
     console.print(table)
 
 

@@ -35,9 +35,7 @@ def identify_command(
     """
     configuration = load_configuration(config)
     with require_writable(out), progress_bar() as progress:
-        result = identify(
-            bags, configuration, estimator=estimator.value, progress=progress
-        )
+        result = identify(bags, configuration, estimator=estimator.value, progress=progress)
         _, html = write_report(result, out)
     console = Console()
     console.print(parameter_table(result))

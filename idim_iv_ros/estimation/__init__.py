@@ -19,15 +19,22 @@ from idim_iv_ros.estimation.instruments import (
 )
 from idim_iv_ros.estimation.least_squares import (
     LinearEstimate,
-    condition_number,
     solve_instrumental_variables,
     solve_least_squares,
+    solve_triangles,
     solve_weighted_least_squares,
-    unseen_parameters,
 )
 from idim_iv_ros.estimation.refined import RefinedIdimIv, refined_idim_iv, residual_models
 from idim_iv_ros.estimation.rows import ObservationRows, instrument_rows, observation_rows
 from idim_iv_ros.estimation.sources import InstrumentSources, instrument_sources
+from idim_iv_ros.estimation.triangles import (
+    JointTriangle,
+    condition_number,
+    stream_triangles,
+    triangles_of_rows,
+    unseen_parameters,
+    white_covariance,
+)
 
 __all__ = [
     "ColouredBlock",
@@ -39,6 +46,7 @@ __all__ = [
     "InstrumentSources",
     "Instruments",
     "JointBlock",
+    "JointTriangle",
     "LinearEstimate",
     "ObservationRows",
     "RefinedCovariance",
@@ -57,6 +65,10 @@ __all__ = [
     "residual_models",
     "solve_instrumental_variables",
     "solve_least_squares",
+    "solve_triangles",
     "solve_weighted_least_squares",
+    "stream_triangles",
+    "triangles_of_rows",
     "unseen_parameters",
+    "white_covariance",
 ]

@@ -13,9 +13,9 @@ from idim_iv_ros.estimation.least_squares import (
     LinearEstimate,
     solve_instrumental_variables,
     solve_weighted_least_squares,
-    triangle_of,
 )
 from idim_iv_ros.estimation.rows import ObservationRows
+from idim_iv_ros.estimation.triangles import JointTriangle, triangles_of_rows, white_covariance
 
 FloatArray = NDArray[np.float64]
 
@@ -88,10 +88,13 @@ def idim_iv(
     """
     parameters = len(starts[0][1])
     least_squares = solve_weighted_least_squares(rows, parameters)
+    triangles = triangles_of_rows(rows)
     failures: list[str] = []
     for source in sources:
         for name, start in starts:
-            step = _Iteration(rows, source, least_squares, tolerance, max_iterations, progress)
+            step = _Iteration(
+                rows, triangles, source, least_squares, tolerance, max_iterations, progress
+            )
             try:
                 return step.run(start, tuple(failures))
             except SourceFailure as failure:
@@ -105,6 +108,7 @@ def idim_iv(
 @dataclass(frozen=True)
 class _Iteration:
     rows: Sequence[ObservationRows]
+    triangles: Sequence[JointTriangle]
     source: InstrumentSource
     least_squares: LinearEstimate
     tolerance: float
@@ -123,7 +127,7 @@ class _Iteration:
                 self.progress(f"IDIM-IV iteration {done + 1}", done / self.max_iterations)
             instruments = self._simulate(linear)
             before, linear = linear, self._solve(instruments, linear.sigma)
-            steps.append(_change(self.rows, before.values, linear))
+            steps.append(self._change(before.values, linear))
             converged = steps[-1].change <= self.tolerance
         return IdimIvEstimate(
             linear,
@@ -140,7 +144,7 @@ class _Iteration:
         try:
             return self.source.instruments(linear.values, self.least_squares.values)
         except SourceFailure as failure:
-            covariance = _white_covariance(self.rows, linear)
+            covariance = self._white_covariance(linear)
             deviation = np.sqrt(np.diag(covariance))
             known = np.flatnonzero(deviation <= _WELL_KNOWN * np.abs(linear.values))
             if len(known) in (0, len(linear.values)):
@@ -161,23 +165,15 @@ class _Iteration:
         except DataError as error:
             raise SourceFailure(str(error)) from error
 
+    def _change(self, previous: FloatArray, linear: LinearEstimate) -> IterationStep:
+        deviation = np.sqrt(np.diag(self._white_covariance(linear)))
+        known = deviation <= _WELL_KNOWN * np.abs(linear.values)
+        if not known.any():
+            known[:] = True
+        size = np.maximum(np.abs(previous), 1e-12)
+        change = np.where(known, np.abs(linear.values - previous) / size, 0.0)
+        worst = int(np.argmax(change))
+        return IterationStep(float(change[worst]), worst)
 
-def _change(
-    rows: Sequence[ObservationRows], previous: FloatArray, linear: LinearEstimate
-) -> IterationStep:
-    deviation = np.sqrt(np.diag(_white_covariance(rows, linear)))
-    known = deviation <= _WELL_KNOWN * np.abs(linear.values)
-    if not known.any():
-        known[:] = True
-    size = np.maximum(np.abs(previous), 1e-12)
-    change = np.where(known, np.abs(linear.values - previous) / size, 0.0)
-    worst = int(np.argmax(change))
-    return IterationStep(float(change[worst]), worst)
-
-
-def _white_covariance(rows: Sequence[ObservationRows], linear: LinearEstimate) -> FloatArray:
-    """Covariance (b, b) of weighted least squares at these weights if residuals were white."""
-    parameters = len(linear.values)
-    triangle = triangle_of(rows, parameters, weights=1.0 / linear.sigma)
-    root = np.linalg.inv(triangle[:parameters, :parameters])
-    return np.asarray(root @ root.T)
+    def _white_covariance(self, linear: LinearEstimate) -> FloatArray:
+        return white_covariance(self.triangles, len(linear.values), linear.sigma)

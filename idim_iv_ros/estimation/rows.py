@@ -1,6 +1,6 @@
 """Decimated rows of the regression, joint by joint (paper, equation 5)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,27 +50,59 @@ class ObservationRows:
         return len(self.torque)
 
 
-def observation_rows(model: InverseModel, motions: Sequence[Motion]) -> tuple[ObservationRows, ...]:
-    """Regressor of the measured motion and measured torque, decimated in parallel.
+@dataclass(frozen=True)
+class RowBlock:
+    """Rows of one chunk of one motion.
 
-    The full-rate regressor is made in chunks and never held whole.
+    Attributes
+    ----------
+    kept : (k, n_joints) bool
+        Which of its decimated samples count for each joint.
+    matrices : one (r_j, c_j) array for each joint
     """
-    blocks = [_decimated(model, motion, motion.derivatives) for motion in motions]
-    torques = [motion.decimation.whole(motion.torque) for motion in motions]
+
+    kept: NDArray[np.bool_]
+    matrices: tuple[FloatArray, ...]
+
+
+def row_blocks(model: InverseModel, motion: Motion, states: States) -> Iterator[RowBlock]:
+    """Decimated regressor rows chunk by chunk; the full-rate regressor is never held whole.
+
+    Parameters
+    ----------
+    states
+        (first, last) → q, dq, ddq of those samples of the motion's span.
+    """
+    done = 0
+    for chunk in motion.decimation.chunks(CHUNK):
+        kept = motion.kept[done : done + len(chunk.kept)]
+        matrices = tuple(
+            motion.decimation.apply(matrix, chunk)[kept[:, joint]]
+            for joint, matrix in enumerate(model.joint_matrices(*states(chunk.first, chunk.last)))
+        )
+        yield RowBlock(kept, matrices)
+        done += len(chunk.kept)
+
+
+def torque_rows(motion: Motion) -> list[FloatArray]:
+    """Decimated torque of the samples that count, one (r_j,) array for each joint."""
+    torque = motion.decimation.whole(motion.torque)
+    return [torque[motion.kept[:, joint], joint] for joint in range(torque.shape[1])]
+
+
+def observation_rows(model: InverseModel, motions: Sequence[Motion]) -> tuple[ObservationRows, ...]:
+    """Regressor of the measured motion and measured torque, decimated in parallel."""
+    matrices = instrument_rows(model, motions, [motion.derivatives for motion in motions])
+    torques = [torque_rows(motion) for motion in motions]
     rows = []
-    for joint in range(len(model.robot.joints)):
-        kept = [motion.kept[:, joint] for motion in motions]
-        position = _grid(kept)
+    for joint, matrix in enumerate(matrices):
+        position = _grid([motion.kept[:, joint] for motion in motions])
         rows.append(
             ObservationRows(
                 joint=joint,
                 columns=np.flatnonzero(model.base.active[joint]),
-                matrix=np.concatenate(
-                    [block[joint] for block in blocks],
-                ),
-                torque=np.concatenate(
-                    [torque[keep, joint] for torque, keep in zip(torques, kept, strict=True)]
-                ),
+                matrix=matrix,
+                torque=np.concatenate([torque[joint] for torque in torques]),
                 runs=_runs(position),
                 position=position,
             )
@@ -93,25 +125,11 @@ def instrument_rows(
     One (r, c) array for each joint, as `ObservationRows.matrix`.
     """
     blocks = [
-        _decimated(model, motion, simulated)
+        block.matrices
         for motion, simulated in zip(motions, states, strict=True)
+        for block in row_blocks(model, motion, simulated)
     ]
-    return tuple(
-        np.concatenate([block[joint] for block in blocks])
-        for joint in range(len(model.robot.joints))
-    )
-
-
-def _decimated(model: InverseModel, motion: Motion, states: States) -> list[FloatArray]:
-    parts: list[list[FloatArray]] = [[] for _ in model.robot.joints]
-    done = 0
-    for chunk in motion.decimation.chunks(CHUNK):
-        stop = done + len(chunk.kept)
-        for joint, matrix in enumerate(model.joint_matrices(*states(chunk.first, chunk.last))):
-            decimated = motion.decimation.apply(matrix, chunk)
-            parts[joint].append(decimated[motion.kept[done:stop, joint]])
-        done = stop
-    return [np.concatenate(part) for part in parts]
+    return tuple(np.concatenate(parts) for parts in zip(*blocks, strict=True))
 
 
 def _grid(kept: Sequence[NDArray[np.bool_]]) -> IntArray:

@@ -16,11 +16,9 @@ from idim_iv_ros.estimation.instruments import (
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Cutoffs, Motion
 from idim_iv_ros.simulation import (
-    ControllerFit,
     ControlLaw,
+    ControllerFit,
     control_law,
-    fit_controller,
-    fit_reference_filter,
 )
 
 FloatArray = NDArray[np.float64]

@@ -140,9 +140,7 @@ class ParameterLayout:
             elif parameter.kind in by_kind:
                 by_kind[parameter.kind][parameter.joint] = value
             else:
-                pair = next(
-                    k for k, joints in enumerate(pairs) if joints[1] == parameter.joint
-                )
+                pair = next(k for k, joints in enumerate(pairs) if joints[1] == parameter.joint)
                 coupled[parameter.kind][pair] = value
         for pair, (_, second) in enumerate(pairs):
             values.coupling_inertia[pair] = values.drive_inertia[second]

@@ -136,9 +136,7 @@ def _parse(urdf: str, source: str) -> ElementTree.Element:
     return root
 
 
-def _joint_type(
-    elements: dict[str, ElementTree.Element], joint: str, source: str
-) -> JointType:
+def _joint_type(elements: dict[str, ElementTree.Element], joint: str, source: str) -> JointType:
     if joint not in elements:
         movable = [name for name, e in elements.items() if e.get("type") != "fixed"]
         raise UsageError(

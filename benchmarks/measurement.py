@@ -1,0 +1,69 @@
+"""Time and peak memory of one case in a process of its own, and the page that keeps them."""
+
+import datetime
+import json
+import os
+import platform
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+RESULTS = Path(__file__).parent / "results"
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Seconds of the measured part and peak resident memory (bytes) of the whole process."""
+
+    seconds: float
+    peak: int
+    detail: dict[str, float]
+
+
+def measure(module: str, case: str, runs: int = 3) -> Measurement:
+    """Run ``python -m module case`` in fresh processes; the run with the median time counts."""
+    found = []
+    for _ in range(runs):
+        completed = subprocess.run(
+            [sys.executable, "-m", module, case],
+            check=True,
+            capture_output=True,
+            text=True,
+            env={**os.environ, "OMP_NUM_THREADS": "2", "OPENBLAS_NUM_THREADS": "2"},
+        )
+        document = json.loads(completed.stdout.splitlines()[-1])
+        found.append(Measurement(document.pop("seconds"), document.pop("peak"), document))
+    return sorted(found, key=lambda measurement: measurement.seconds)[len(found) // 2]
+
+
+def report_case(seconds: float, **detail: float) -> None:
+    """Print what `measure` reads: the last line of a case's output."""
+    status = Path("/proc/self/status").read_text()
+    peak = next(line for line in status.splitlines() if line.startswith("VmHWM"))
+    document = {"seconds": seconds, "peak": int(peak.split()[1]) * 1024, **detail}
+    print(json.dumps(document))
+
+
+def write_page(name: str, title: str, lines: list[str]) -> None:
+    """Print the figures and keep them with machine, date and command."""
+    cpu = next(
+        (
+            line.split(":", 1)[1].strip()
+            for line in Path("/proc/cpuinfo").read_text().splitlines()
+            if line.startswith("model name")
+        ),
+        platform.processor(),
+    )
+    head = [
+        f"# {title}",
+        "",
+        f"- machine: {cpu}, {os.cpu_count()} cores, Python {platform.python_version()}",
+        f"- date: {datetime.date.today().isoformat()}",
+        f"- command: `python -m benchmarks.{name}`",
+        "",
+    ]
+    text = "\n".join([*head, *lines, ""])
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / f"{name}.md").write_text(text, encoding="utf-8")
+    print(text)
