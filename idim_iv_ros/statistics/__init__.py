@@ -1,6 +1,6 @@
 """May the estimates be believed: instruments, exogeneity, residuals and the verdict."""
 
-from idim_iv_ros.statistics.exogeneity_test import exogeneity_test
+from idim_iv_ros.statistics.exogeneity import exogeneity_test
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.instrument_test import wald_test_of_instruments
 from idim_iv_ros.statistics.joint_rows import JointRows

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
-from idim_iv_ros.signals.autoregression import fit_autoregression
+from idim_iv_ros.statistics.coloured_regression import regress_coloured
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.joint_rows import JointRows
 from idim_iv_ros.statistics.triangle import independent_basis, spread, triangle
@@ -20,7 +20,11 @@ NULL = "the regressor is exogenous (γ = 0)"
 
 
 def exogeneity_test(
-    joints: Sequence[JointRows], parameters: FloatArray, *, alpha: float = 0.05
+    joints: Sequence[JointRows],
+    parameters: FloatArray,
+    *,
+    alpha: float = 0.05,
+    not_simulated: str | None = None,
 ) -> tuple[HypothesisTest, ...]:
     """Test whether X is exogenous, for all rows and joint by joint.
 
@@ -35,16 +39,24 @@ def exogeneity_test(
         The IDIM-IV estimate β̂.
     alpha : float
         Level of each test.
+    not_simulated : str, optional
+        Why the instruments do not come from a simulation of the loop. V̂ is then not the error
+        of X, and no test is run.
 
     Returns
     -------
     tuple of HypothesisTest
         Scope "all" first, then one for each joint in the order given.
     """
+    if not_simulated is not None:
+        scopes = ("all", *(rows.joint for rows in joints))
+        return tuple(HypothesisTest.not_run(NULL, each, not_simulated, alpha) for each in scopes)
     width = len(parameters)
     stacked, tests, n_rows = [], [], 0
     for rows in joints:
-        model = fit_autoregression(rows.residual(parameters), rows.runs)
+        # The residual has lost what estimating β took out of it; a filter fitted on it alone
+        # made a true hypothesis fail 45 % of the time with 45 columns in 250 rows.
+        model = regress_coloured(rows.residual(parameters), rows.regressor, rows.runs).errors
         white = rows.whitened(model)
         reduced = triangle(np.column_stack([white.instruments, white.regressor, white.torque]))
         count = len(rows.torque)

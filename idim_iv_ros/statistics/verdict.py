@@ -109,15 +109,17 @@ def _coloured(residual: ResidualDiagnosis) -> str:
     return sentence
 
 
-def judge_all(joints: Sequence[JointVerdict], instruments: HypothesisTest) -> OverallVerdict:
+def judge_all(
+    joints: Sequence[JointVerdict], instruments: HypothesisTest | None = None
+) -> OverallVerdict:
     """Join the verdicts on all joints with the instrument test of all rows.
 
     Parameters
     ----------
     joints : sequence of JointVerdict
         One for each joint.
-    instruments : HypothesisTest
-        The Wald test of Π = I over all rows, scope "all".
+    instruments : HypothesisTest, optional
+        The Wald test of Π = I over all rows, scope "all"; it sees what no joint shows alone.
     """
     wrong, untold, coloured = (
         [each.joint for each in joints if each.verdict == kind]
@@ -130,7 +132,7 @@ def judge_all(joints: Sequence[JointVerdict], instruments: HypothesisTest) -> Ov
         if untold:
             sentence += f" Nothing can be told of {_names(untold)}."
         return OverallVerdict("model error here", sentence)
-    if instruments.accepted is False:
+    if instruments is not None and instruments.accepted is False:
         return OverallVerdict(
             "model error here",
             "No joint alone rejects its instruments, but all rows together do "
@@ -139,7 +141,8 @@ def judge_all(joints: Sequence[JointVerdict], instruments: HypothesisTest) -> Ov
         )
     if untold:
         sentence = f"Whether the estimates are right cannot be told at {_names(untold)}"
-        sentence += f" ({instruments.reason})." if instruments.reason else "."
+        reason = None if instruments is None else instruments.reason
+        sentence += f" ({reason})." if reason else "."
         return OverallVerdict("cannot be told", sentence)
     if coloured:
         return OverallVerdict(

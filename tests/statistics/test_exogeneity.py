@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from linearmodels.iv import IV2SLS
 
-from idim_iv_ros.statistics.exogeneity_test import exogeneity_f_test, exogeneity_test
+from idim_iv_ros.statistics.exogeneity import exogeneity_f_test, exogeneity_test
 from idim_iv_ros.statistics.joint_rows import JointRows
 from idim_iv_ros.statistics.triangle import triangle
 
@@ -77,3 +77,13 @@ def test_the_joint_whose_noise_enters_the_torque_is_the_one_rejected():
     assert second.accepted is False
     assert everything.accepted is False
     assert everything.df == 8
+
+
+def test_instruments_of_smoothed_measurements_are_not_tested_and_say_why():
+    x, z, y = matrices(6)
+    rows = JointRows("joint", x, z, y, np.arange(6), [slice(0, 600)])
+    tests = exogeneity_test([rows], np.ones(6), not_simulated="smoothed measurements")
+    assert [(t.scope, t.accepted, t.reason) for t in tests] == [
+        ("all", None, "smoothed measurements"),
+        ("joint", None, "smoothed measurements"),
+    ]

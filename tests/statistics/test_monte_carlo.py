@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import f as fisher
 
-from idim_iv_ros.statistics.exogeneity_test import exogeneity_f_test, exogeneity_test
+from idim_iv_ros.statistics.exogeneity import exogeneity_f_test, exogeneity_test
 from idim_iv_ros.statistics.instrument_test import wald_test_of_instruments
 from idim_iv_ros.statistics.triangle import triangle
 from tests.statistics.worlds import coloured_world, pendulums
@@ -60,6 +60,12 @@ def test_without_whitening_a_coloured_v_makes_both_tests_reject_the_truth():
 def test_whitening_keeps_the_size(test):
     """150 runs: a true size of 5 % gives more than 10.7 % once in a thousand times."""
     assert rejections(test, worlds(QUICK, AR1, AR1)) < 0.107
+
+
+def test_forty_five_columns_in_250_rows_do_not_spoil_the_size_of_the_exogeneity_test():
+    """A filter fitted on the residual alone rejects in 45 % of these worlds."""
+    crowded = worlds(QUICK, AR1, AR1, n_rows=250, n_columns=45)
+    assert rejections(exogeneity, crowded) < 0.12
 
 
 def test_a_deviating_column_is_found_through_coloured_errors():
