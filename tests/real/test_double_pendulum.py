@@ -1,0 +1,47 @@
+"""DFKI double pendulum (underactuated lab, design A): gains recovered, published model found."""
+
+from pathlib import Path
+
+import pytest
+
+from idim_iv_ros import identify, import_table, load_configuration
+from idim_iv_ros.result import IdentificationResult
+
+# identified_model_2.0.yml: m1 = 0.5594, r1 = 0.3, m2 = 0.6043, l1 = 0.3, r2 = 0.1838
+PUBLISHED = {"MX1": 0.5594 * 0.3 + 0.6043 * 0.3, "MX2": 0.6043 * 0.1838}
+
+
+@pytest.fixture(scope="module")
+def result(data: Path, config: Path, tmp_path_factory) -> IdentificationResult:
+    folder = data / "dfki_double_pendulum"
+    out = tmp_path_factory.mktemp("dfki") / "double_pendulum.mcap"
+    measured, reference = folder / "measured.csv", folder / "reference.csv"
+    import_table(
+        out,
+        joints=["shoulder", "elbow"],
+        position=f"{measured}:pos1,pos2",
+        velocity=f"{measured}:vel1,vel2",
+        effort=f"{measured}:tau1,tau2",
+        time=f"{measured}:time",
+        reference=f"{reference}:pos1,pos2",
+        velocity_reference=f"{reference}:vel1,vel2",
+        reference_time=f"{reference}:time",
+    )
+    return identify([out], load_configuration(config / "double_pendulum.yaml"))
+
+
+def test_control_law_is_recovered(result: IdentificationResult) -> None:
+    """Kp about 20 N m/rad and Kd about 0.5 N m s/rad on both joints (shared/data/README.md)."""
+    assert "fitted control law" in result.instruments.source
+    assert len(result.controller_fit) == 2
+    for fit in result.controller_fit:
+        assert fit.r_squared > 0.95
+        assert fit.kp == pytest.approx(20.0, rel=0.1)
+        assert fit.kd == pytest.approx(0.5, rel=0.25)
+
+
+@pytest.mark.parametrize("name", ["MX1", "MX2"])
+def test_published_first_moments_are_found_within_ten_percent(result, name) -> None:
+    value = {parameter.name: parameter.value for parameter in result.parameters}[name]
+    assert result.converged
+    assert value == pytest.approx(PUBLISHED[name], rel=0.10)
