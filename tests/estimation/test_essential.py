@@ -1,0 +1,44 @@
+"""Backward elimination: its F equals that of two nested regressions."""
+
+import numpy as np
+import statsmodels.api as sm
+
+from idim_iv_ros.estimation import essential_parameters
+from idim_iv_ros.estimation.essential import restrict
+
+
+def regression(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    random = np.random.default_rng(seed)
+    matrix = random.normal(size=(300, 6)) @ (np.eye(6) + 0.1 * random.normal(size=(6, 6)))
+    truth = np.array([3.0, 0.0, -2.0, 0.0, 1.0, 0.0])
+    return matrix, matrix @ truth + random.normal(size=300)
+
+
+def test_f_statistic_is_that_of_nested_models() -> None:
+    matrix, torque = regression()
+    full = sm.OLS(torque, matrix).fit()
+    found = essential_parameters(full.params, full.cov_params(), len(torque))
+    nested = sm.OLS(torque, matrix[:, found.columns]).fit()
+    statistic, p_value, _ = full.compare_f_test(nested)
+    np.testing.assert_allclose([found.statistic, found.p_value], [statistic, p_value], rtol=1e-8)
+    np.testing.assert_allclose(found.values, nested.params, rtol=1e-8)
+
+
+def test_parameters_that_are_zero_are_left_out_and_the_others_stay() -> None:
+    kept = [set(essential_of(seed)) for seed in range(40)]
+    assert all({0, 2, 4} <= columns for columns in kept)
+    superfluous = np.mean([len(columns - {0, 2, 4}) > 0 for columns in kept])
+    assert superfluous < 0.2
+
+
+def essential_of(seed: int) -> list[int]:
+    matrix, torque = regression(seed)
+    full = sm.OLS(torque, matrix).fit()
+    return essential_parameters(full.params, full.cov_params(), len(torque)).columns.tolist()
+
+
+def test_restriction_has_the_smaller_deviation() -> None:
+    matrix, torque = regression()
+    full = sm.OLS(torque, matrix).fit()
+    _, std = restrict(full.params, full.cov_params(), [0, 2, 4])
+    assert np.all(std <= np.sqrt(np.diag(full.cov_params()))[[0, 2, 4]])
