@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.recording.recording import Recording
+from idim_iv_ros.recording import Recording
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -1,0 +1,120 @@
+"""Which clock stamps the messages, and what is wrong with it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.recording.joint_messages import JointMessages
+from idim_iv_ros.recording.recording import ClockQuality, Note
+
+IntArray = NDArray[np.int64]
+
+GAP = 2.5  # sampling intervals without a message
+# A step back by more than this many intervals is a clock that was set, not a late message.
+_SET_BACK = 20.0
+_MOSTLY_BACKWARD = 0.2
+
+
+@dataclass(frozen=True)
+class StampedMessages:
+    """Messages with strictly increasing times.
+
+    Attributes
+    ----------
+    messages : JointMessages
+        Sorted, without repeated stamps.
+    time : (n,) int
+        ns.
+    quality : ClockQuality
+    notes : tuple of Note
+    """
+
+    messages: JointMessages
+    time: IntArray
+    quality: ClockQuality
+    notes: tuple[Note, ...]
+
+
+def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
+    """Sort messages by their header stamps, or by arrival where the stamps say nothing.
+
+    Raises
+    ------
+    DataError
+        Too few messages, or time runs backward for good.
+    """
+    topic = messages.topic
+    if len(messages) < 2:
+        raise DataError(f"{where}: {len(messages)} messages on {topic}: nothing to identify from")
+    headed = bool(np.ptp(messages.stamps) > 0)
+    time = messages.stamps if headed else messages.arrival
+    source = "header" if headed else "arrival"
+    notes = []
+    if not headed:
+        what = "no header stamps: times of arrival are used"
+        notes.append(Note(topic, what, len(messages)))
+    steps = np.diff(time)
+    forward = steps[steps > 0]
+    if len(forward) == 0:
+        raise DataError(f"{where}: time never advances on {topic}")
+    interval = float(np.median(forward))
+    backward = int(np.count_nonzero(steps < 0))
+    if backward > _MOSTLY_BACKWARD * len(steps):
+        raise DataError(
+            f"{where}: time goes backward in {backward} of {len(steps)} steps on {topic}; the "
+            "recording cannot be put in order"
+        )
+    kept = _longest_stretch(time, interval)
+    if kept.stop - kept.start < len(time):
+        lost = len(time) - (kept.stop - kept.start)
+        what = "the clock was set back: only the longest stretch in order is used, dropped messages"
+        notes.append(Note(topic, what, lost))
+    order = kept.start + np.argsort(time[kept], kind="stable")
+    late = int(np.count_nonzero(np.diff(order) < 0))
+    if late:
+        notes.append(Note(topic, "messages out of order were sorted by their stamp", late))
+    ordered = time[order]
+    fresh = np.concatenate([[True], np.diff(ordered) > 0])
+    repeated = int(np.count_nonzero(~fresh))
+    if repeated:
+        notes.append(Note(topic, "repeated stamps: the first message of each is kept", repeated))
+    order, ordered = order[fresh], ordered[fresh]
+    intervals = np.diff(ordered) * 1e-9
+    median = float(np.median(intervals)) if len(intervals) else 0.0
+    gaps = int(np.count_nonzero(intervals > GAP * median))
+    if gaps:
+        notes.append(Note(topic, f"gaps of more than {GAP:g} sampling intervals", gaps))
+    usual = intervals[intervals <= GAP * median]
+    quality = ClockQuality(
+        topic=topic,
+        source="header" if source == "header" else "arrival",
+        messages=len(messages),
+        rate=1.0 / median if median > 0.0 else 0.0,
+        jitter=float(np.std(usual)) if len(usual) else 0.0,
+        longest_gap=float(intervals.max(initial=0.0)),
+        gaps=gaps,
+        repeated=repeated,
+        backward=backward,
+    )
+    if np.array_equal(order, np.arange(len(messages))):
+        return StampedMessages(messages, ordered, quality, tuple(notes))
+    sorted_messages = replace(
+        messages,
+        stamps=messages.stamps[order],
+        arrival=messages.arrival[order],
+        values={name: values[order] for name, values in messages.values.items()},
+    )
+    return StampedMessages(sorted_messages, ordered, quality, tuple(notes))
+
+
+def _longest_stretch(time: IntArray, interval: float) -> slice:
+    """Longest stretch without the clock being set back."""
+    cuts = np.flatnonzero(np.diff(time) < -_SET_BACK * interval) + 1
+    if len(cuts) == 0:
+        return slice(0, len(time))
+    starts = np.concatenate([[0], cuts])
+    stops = np.concatenate([cuts, [len(time)]])
+    longest = int(np.argmax(stops - starts))
+    return slice(int(starts[longest]), int(stops[longest]))

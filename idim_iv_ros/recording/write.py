@@ -1,0 +1,166 @@
+"""Writing recordings as MCAP bags that ROS 2 tools open."""
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_typestore
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.recording.cdr_layout import JOINT_STATE, read_layout
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_STRING = "std_msgs/msg/String"
+_QOS = (
+    "- history: keep_last\n  depth: 10\n  reliability: reliable\n  durability: {durability}\n"
+    "  deadline: {{sec: 9223372036, nsec: 854775807}}\n"
+    "  lifespan: {{sec: 9223372036, nsec: 854775807}}\n  liveliness: automatic\n"
+    "  liveliness_lease_duration: {{sec: 9223372036, nsec: 854775807}}\n"
+    "  avoid_ros_namespace_conventions: false\n"
+)
+
+
+@dataclass(frozen=True)
+class JointTopic:
+    """One JointState topic to be written.
+
+    Attributes
+    ----------
+    name : str
+    joints : sequence of str
+    time : (n,) s
+    position, velocity, effort : (n, n_joints) or None
+    """
+
+    name: str
+    joints: Sequence[str]
+    time: FloatArray
+    position: FloatArray | None = None
+    velocity: FloatArray | None = None
+    effort: FloatArray | None = None
+
+
+def write_bag(
+    out: Path, topics: Sequence[JointTopic], *, robot_description: str | None = None
+) -> None:
+    """Write JointState topics, and the URDF, into an MCAP bag.
+
+    The file appears under its name only when it is whole.
+
+    Raises
+    ------
+    UsageError
+        The file cannot be written.
+    """
+    with _whole_file(out) as temporary, temporary.open("wb") as stream:
+        writer = Writer(stream, chunk_size=1 << 20, compression=CompressionType.ZSTD)
+        writer.start(profile="ros2", library="idim_iv_ros")
+        if robot_description is not None:
+            channel = _channel(writer, "/robot_description", _STRING, "transient_local")
+            start = min(_nanoseconds(topic.time)[0] for topic in topics)
+            writer.add_message(
+                channel, int(start), _string(robot_description), int(start), sequence=0
+            )
+        _write_topics(writer, topics)
+        writer.finish()
+
+
+def _write_topics(writer: Writer, topics: Sequence[JointTopic]) -> None:
+    """Messages of all topics in the order of their stamps."""
+    channels = [_channel(writer, topic.name, JOINT_STATE, "volatile") for topic in topics]
+    stamps = [_nanoseconds(topic.time) for topic in topics]
+    payloads = [_messages(topic, stamp) for topic, stamp in zip(topics, stamps, strict=True)]
+    owner = np.concatenate([np.full(len(s), k) for k, s in enumerate(stamps)])
+    number = np.concatenate([np.arange(len(s)) for s in stamps])
+    order = np.argsort(np.concatenate(stamps), kind="stable")
+    for place in order:
+        topic, message = int(owner[place]), int(number[place])
+        stamp = int(stamps[topic][message])
+        writer.add_message(
+            channels[topic], stamp, payloads[topic][message].tobytes(), stamp, sequence=message
+        )
+
+
+def _messages(topic: JointTopic, stamps: IntArray) -> NDArray[np.uint8]:
+    """Serialised messages (n, size): one template, its numbers filled in for all at once."""
+    template = _template(topic)
+    layout = read_layout(template, JOINT_STATE)
+    messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
+    seconds, nanoseconds = np.divmod(stamps, 1_000_000_000)
+    assert layout.stamp is not None
+    place = layout.stamp
+    messages[:, place : place + 4] = seconds.astype("<i4")[:, None].view(np.uint8)
+    messages[:, place + 4 : place + 8] = nanoseconds.astype("<u4")[:, None].view(np.uint8)
+    for name, values in _fields(topic).items():
+        offset, count = layout.fields[name]
+        numbers = np.ascontiguousarray(values, dtype="<f8")
+        messages[:, offset : offset + 8 * count] = numbers.view(np.uint8)
+    return messages
+
+
+def _fields(topic: JointTopic) -> dict[str, FloatArray]:
+    fields = {"position": topic.position, "velocity": topic.velocity, "effort": topic.effort}
+    return {name: values for name, values in fields.items() if values is not None}
+
+
+def _template(topic: JointTopic) -> bytes:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types = store.types
+    empty = np.zeros(0)
+    filled = {name: np.zeros(len(topic.joints)) for name in _fields(topic)}
+    message = types[JOINT_STATE](
+        header=types["std_msgs/msg/Header"](
+            stamp=types["builtin_interfaces/msg/Time"](sec=0, nanosec=0), frame_id=""
+        ),
+        name=list(topic.joints),
+        position=filled.get("position", empty),
+        velocity=filled.get("velocity", empty),
+        effort=filled.get("effort", empty),
+    )
+    return bytes(store.serialize_cdr(message, JOINT_STATE))
+
+
+def _string(text: str) -> bytes:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    return bytes(store.serialize_cdr(store.types[_STRING](data=text), _STRING))
+
+
+def _channel(writer: Writer, topic: str, message_type: str, durability: str) -> int:
+    definition, hash_ = _definition(message_type)
+    schema = writer.register_schema(message_type, "ros2msg", definition.encode())
+    metadata = {
+        "offered_qos_profiles": _QOS.format(durability=durability),
+        "topic_type_hash": hash_,
+    }
+    return int(writer.register_channel(topic, "cdr", schema, metadata))
+
+
+def _definition(message_type: str) -> tuple[str, str]:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    definition, _ = store.generate_msgdef(message_type)
+    return definition, store.hash_rihs01(message_type)
+
+
+def _nanoseconds(time: FloatArray) -> IntArray:
+    return np.round(np.asarray(time, dtype=float) * 1e9).astype(np.int64)
+
+
+@contextmanager
+def _whole_file(out: Path) -> Iterator[Path]:
+    """A temporary file beside `out` that takes its name when all went well."""
+    temporary = out.with_name(f".{out.name}.{os.getpid()}.part")
+    try:
+        try:
+            yield temporary
+            temporary.replace(out)
+        except OSError as error:
+            raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
