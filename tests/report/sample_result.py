@@ -1,5 +1,6 @@
 """Identification results as they come out of real recordings, made without one."""
 
+import itertools
 from dataclasses import replace
 from typing import Literal
 
@@ -87,7 +88,9 @@ def sample_result(joints: int = 6, case: Case = "coloured", seed: int = 1) -> Id
             alpha=0.05,
             failures=()
             if untested
-            else ("closed-loop simulation from the given values: diverged after 0.31 s at joint_2",),
+            else (
+                "closed-loop simulation from the given values: diverged after 0.31 s at joint_2",
+            ),
             notes=() if untested else ("gains scaled by 1, 1.32, 0.871",),
             tests=tests,
             exogeneity=_exogeneity(names, case),
@@ -173,7 +176,7 @@ def _joint(
     torque = columns @ beta + noise
     cuts = np.flatnonzero(np.diff(time) > 0.03) + 1
     bounds = [0, *cuts, len(time)]
-    runs = tuple(slice(a, b) for a, b in zip(bounds, bounds[1:], strict=False))
+    runs = tuple(slice(a, b) for a, b in itertools.pairwise(bounds))
     rows = JointRows(name, columns, columns, torque, np.arange(4), runs)
     predicted: NDArray[np.float64] = columns @ beta
     return JointSeries(name, time, torque, predicted), diagnose_residual(rows, beta)

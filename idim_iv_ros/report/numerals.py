@@ -1,0 +1,130 @@
+"""Numbers as a reader wants them: as many digits as the uncertainty leaves, never more."""
+
+import math
+
+from idim_iv_ros.report.markup import Html, join, tag
+
+MISSING = "–"
+THIN = "\N{NARROW NO-BREAK SPACE}"
+MINUS = "\N{MINUS SIGN}"
+INTERVAL = 1.96
+
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_SMALLEST, _LARGEST = 1e-4, 1e6
+
+
+def known(value: float | None) -> bool:
+    """Whether there is a finite number."""
+    return value is not None and math.isfinite(value)
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Return a number with `digits` significant digits."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if value == 0.0:
+        return "0"
+    if not _SMALLEST <= abs(value) < _LARGEST:
+        exponent = _exponent(value, digits)
+        return _power(f"{value / 10.0**exponent:.{digits - 1}f}", exponent)
+    return fixed(value, digits - 1 - _exponent(value, digits))
+
+
+def fixed(value: float, decimals: int) -> str:
+    """Return a number with that many decimals; below 0 the digits before the point are rounded."""
+    rounded = round(value, decimals)
+    # Four digits stand together, longer numbers in groups of three (ISO 80000-1).
+    group = "," if abs(rounded) >= 1e4 else ""
+    text = f"{rounded:{group}.{max(0, decimals)}f}".replace(",", THIN)
+    if not any(digit in text for digit in "123456789"):
+        text = text.lstrip("-")
+    return text.replace("-", MINUS)
+
+
+def exact(value: float | None, unit: str) -> str:
+    """Return a number that was set, not measured, with no digits beyond those it needs."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    return f"{value:.6g}".replace("-", MINUS) + f"{THIN}{unit}"
+
+
+def count(value: int) -> str:
+    """Return a whole number with its thousands apart."""
+    return fixed(float(value), 0)
+
+
+def measured(value: float | None, std: float | None) -> tuple[str, str]:
+    """Return a value and the half-width of its 95 % interval, rounded alike.
+
+    The half-width is 1.96 σ with two significant digits; it is empty where there is no σ.
+    """
+    if value is None or not math.isfinite(value):
+        return MISSING, ""
+    if std is None or not math.isfinite(std) or std <= 0.0:
+        return number(value, 4), ""
+    half = INTERVAL * std
+    largest = max(abs(value), half)
+    decimals = 1 - _exponent(half, 2)
+    if _SMALLEST <= largest < _LARGEST:
+        return fixed(value, decimals), f"±{THIN}{fixed(half, decimals)}"
+    exponent = math.floor(math.log10(largest))
+    scale = 10.0**exponent
+    decimals = max(0, decimals + exponent)
+    return (
+        _power(fixed(value / scale, decimals), exponent),
+        f"±{THIN}{_power(fixed(half / scale, decimals), exponent)}",
+    )
+
+
+def beside(value: float | None, std: float | None) -> str:
+    """Return a value rounded like an estimate with that σ, to be compared with it."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if value == 0.0:
+        return "0"
+    if std is None or not math.isfinite(std) or std <= 0.0:
+        return number(value, 4)
+    return measured(value, std)[0]
+
+
+def percent(value: float | None, digits: int = 2) -> str:
+    """Return a share that is given in percent, with its sign."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if abs(value) >= 1000.0:
+        return f"> 1000{THIN}%" if value > 0 else f"< {MINUS}1000{THIN}%"
+    return f"{number(value, digits if abs(value) < 100.0 else 3)}{THIN}%"
+
+
+def p_value(value: float | None) -> str:
+    """Return a p-value; below 0.0001 only that it is."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    return "<\N{NO-BREAK SPACE}0.0001" if value < 1e-4 else number(value, 2)
+
+
+def with_unit(value: float | None, unit: str, digits: int = 3) -> str:
+    """Return a number with its unit."""
+    text = number(value, digits)
+    return text if text == MISSING else f"{text}{THIN}{unit}"
+
+
+def cell(text: object, key: float | None = None) -> Html:
+    """Return a right-aligned table cell; `key` is what the column is sorted by."""
+    return tag("td", text, css="num", data_key=None if not known(key) else repr(key))
+
+
+def measured_cells(value: float | None, std: float | None) -> Html:
+    """Return two table cells, the value and its ± half-width."""
+    text, half = measured(value, std)
+    key = repr(value) if known(value) else None
+    return join(tag("td", text, css="num", data_key=key), tag("td", half, css="half"))
+
+
+def _exponent(value: float, digits: int) -> int:
+    """Exponent of ten of the leading digit after rounding to `digits` digits."""
+    return int(f"{abs(value):.{digits - 1}e}".partition("e")[2])
+
+
+def _power(mantissa: str, exponent: int) -> str:
+    return f"{mantissa.replace('-', MINUS)}·10{str(exponent).translate(_SUPERSCRIPT)}"

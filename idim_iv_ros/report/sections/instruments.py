@@ -1,0 +1,91 @@
+"""The tests of the instruments and of exogeneity, with what they mean in plain words."""
+
+from collections.abc import Sequence
+
+from idim_iv_ros.report.badges import outcome_badge
+from idim_iv_ros.report.markup import Html, bullets, section, sentence, tag
+from idim_iv_ros.report.numerals import cell, count, exact, number, p_value, percent
+from idim_iv_ros.result import IdentificationResult, InstrumentReport
+from idim_iv_ros.statistics import HypothesisTest
+
+_VALID = (
+    "Instruments are what the motion would be without noise: a simulation of the same loop at "
+    "the estimated parameters. H0 says that they are valid (Π = I): the observation matrix of "
+    "the measured motion is that of the simulated motion plus noise. Accepted: simulated and "
+    "measured motion differ by nothing but noise, and the estimates are consistent. Rejected: "
+    "they differ systematically; the model or the control law is wrong at that joint and the "
+    "estimates of its parameters are biased. A long recording rejects even a harmless deviation, "
+    "so read the effect beside the p-value: how much of the torque it moves."
+)
+_EXOGENOUS = (
+    "H0 says that the measured motion is unrelated to the torque noise (exogenous, γ = 0). "
+    "Accepted: least squares does as well as instrumental variables on this recording. Rejected: "
+    "noise feeds back through the control loop into the measured motion; IDIM-LS is biased and "
+    "the instrumental variables are needed. Neither outcome speaks against the model, and both "
+    "mean something only where the instruments are valid."
+)
+
+
+def instruments_section(result: IdentificationResult) -> Html:
+    """Return both tests for all rows and joint by joint."""
+    report = result.instruments
+    return section(
+        "Instrument tests",
+        "instruments",
+        _source(report),
+        tag("h3", "Are the instruments valid? Revised Durbin-Wu-Hausman test"),
+        tag("p", _VALID, css="explanation"),
+        _table(report.tests, effects=True),
+        tag("h3", "Would least squares do? Exogeneity test"),
+        tag("p", _EXOGENOUS, css="explanation"),
+        _table(report.exogeneity, effects=False),
+        tag(
+            "p",
+            f"Each test at a significance level of {exact(100.0 * report.alpha, '%')}, on rows "
+            "whitened by an autoregressive model of their own. F(a, b) has a and b degrees of "
+            "freedom.",
+            css="explanation",
+        ),
+    )
+
+
+def _source(report: InstrumentReport) -> Html:
+    failures = [f"Tried before and failed: {failure}" for failure in report.failures]
+    return tag(
+        "div",
+        tag("p", tag("b", "Source of the instruments: "), report.source, "."),
+        bullets(sentence(text) for text in [*failures, *report.notes]),
+    )
+
+
+def _table(tests: Sequence[HypothesisTest], *, effects: bool) -> Html:
+    reasons = {test.reason for test in tests}
+    if len(reasons) == 1 and all(test.accepted is None for test in tests):
+        return tag("p", outcome_badge(None), f" because {reasons.pop()}.")
+    heads = [("Rows", None), ("H0", None), ("Statistic", "num"), ("p", "num")]
+    if effects:
+        heads += [("Effect, % of torque", "num"), ("Largest |Π̂ − I|", "num")]
+    head = [tag("th", text, scope="col", css=css) for text, css in heads]
+    rows = [_row(test, effects=effects) for test in tests]
+    return tag("table", tag("thead", tag("tr", head)), tag("tbody", rows), css="tests")
+
+
+def _row(test: HypothesisTest, *, effects: bool) -> Html:
+    everything = test.scope == "all"
+    name = tag("th", "all joints" if everything else test.scope, scope="row")
+    outcome = tag("td", outcome_badge(test.accepted, neutral=not effects))
+    css = "everything" if everything else None
+    if test.accepted is None:
+        span = "4" if effects else "2"
+        reason = tag("td", f"because {test.reason}", colspan=span, css="words")
+        return tag("tr", name, outcome, reason, css=css)
+    cells = [cell(_statistic(test)), cell(p_value(test.p_value))]
+    if effects:
+        cells += [cell(percent(test.torque_deviation_percent)), cell(number(test.max_deviation, 2))]
+    return tag("tr", name, outcome, cells, css=css)
+
+
+def _statistic(test: HypothesisTest) -> str:
+    df = count(test.df or 0)
+    law = f"χ²({df})" if test.df_denom is None else f"F({df}, {count(test.df_denom)})"
+    return f"{law} = {number(test.statistic, 3)}"

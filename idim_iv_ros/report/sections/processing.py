@@ -1,0 +1,93 @@
+"""What was filtered and dropped, and what the reading of the recordings found."""
+
+from collections import Counter
+
+from idim_iv_ros.report.markup import Html, bullets, section, sentence, tag
+from idim_iv_ros.report.numerals import cell, count, exact, percent, with_unit
+from idim_iv_ros.report.sections.recordings import recording_block
+from idim_iv_ros.report.units import torque_unit
+from idim_iv_ros.result import IdentificationResult
+
+
+def processing_section(result: IdentificationResult) -> Html:
+    """Return filters with their reasons, dropped samples, recordings and control law."""
+    return section(
+        "What was filtered and dropped",
+        "processing",
+        tag(
+            "div",
+            tag("div", _filters(result), _dropped(result)),
+            _speeds(result),
+            css="grid pair",
+        ),
+        tag("h3", "Decisions and their reasons") if result.processing.reasons else None,
+        bullets(sentence(reason, result.joints) for reason in result.processing.reasons),
+        tag("h3", "Control law") if result.controller else None,
+        bullets(sentence(line, result.joints) for line in result.controller),
+        [recording_block(bag) for bag in result.bags],
+    )
+
+
+def _filters(result: IdentificationResult) -> Html:
+    used = result.processing
+    order = f"Butterworth of order {used.position_order}, forward and backward (no phase)"
+    rows = [
+        ("Position filter", exact(used.position_cutoff, "Hz"), order),
+        ("Derivatives", "", "central differences of the filtered position"),
+        (
+            "Decimation filter",
+            exact(used.decimation_cutoff, "Hz"),
+            "low-pass Chebyshev, the same on the torque and on every column",
+        ),
+        (
+            "Decimation",
+            f"1 of {used.decimation_factor}" if used.decimation_factor > 1 else "none",
+            f"leaves {exact(used.row_rate, 'rows')} per second",
+        ),
+    ]
+    body = [
+        tag("tr", tag("th", name, scope="row"), cell(value), tag("td", note, css="words"))
+        for name, value, note in rows
+    ]
+    return tag("table", tag("caption", "Filters"), tag("tbody", body), css="filters")
+
+
+def _speeds(result: IdentificationResult) -> Html:
+    pairs = zip(result.joints, result.processing.minimum_speed, strict=False)
+    body = [
+        tag(
+            "tr",
+            tag("th", joint, scope="row"),
+            cell(with_unit(speed, _speed_unit(torque_unit(result, index)), 2)),
+        )
+        for index, (joint, speed) in enumerate(pairs)
+    ]
+    why = tag("small", " slower samples do not count: the sign of the speed is unsure there")
+    caption = tag("caption", "Reversal speed", why)
+    return tag("table", caption, tag("tbody", body), css="speeds")
+
+
+def _speed_unit(unit: str) -> str:
+    return "m/s" if unit == "N" else "rad/s"
+
+
+def _dropped(result: IdentificationResult) -> Html:
+    dropped: Counter[str] = Counter()
+    for bag in result.bags:
+        dropped.update(bag.dropped)
+    total = result.fit.samples + sum(dropped.values())
+    lines = [("used", result.fit.samples), *dropped.items()]
+    body = [
+        tag(
+            "tr",
+            tag("th", reason if reason == "used" else f"dropped: {reason}", scope="row"),
+            cell(count(number_of)),
+            cell(percent(100.0 * number_of / total if total else None, 3)),
+        )
+        for reason, number_of in lines
+    ]
+    body.append(
+        tag("tr", tag("th", "all", scope="row"), cell(count(total)), cell(""), css="everything")
+    )
+    caption = tag("caption", "Decimated samples, summed over the joints")
+    return tag("table", caption, tag("tbody", body), css="dropped")

@@ -1,0 +1,99 @@
+"""May the result be believed? The first thing that a reader sees."""
+
+from idim_iv_ros.report.badges import verdict_badge, verdict_colour
+from idim_iv_ros.report.markup import Html, join, sentence, tag
+from idim_iv_ros.report.numerals import cell, count, exact, number, percent, with_unit
+from idim_iv_ros.report.units import torque_unit
+from idim_iv_ros.result import IdentificationResult
+
+
+def verdict_section(result: IdentificationResult) -> Html:
+    """Return the verdict in one sentence, joint by joint, and the key numbers."""
+    verdict = result.verdict
+    return tag(
+        "section",
+        tag(
+            "div",
+            verdict_badge(verdict.verdict),
+            tag("p", verdict.sentence, css="headline"),
+            css=f"verdict {verdict_colour(verdict.verdict)}",
+        ),
+        _key_numbers(result),
+        _joints(result),
+        id="verdict",
+    )
+
+
+def _key_numbers(result: IdentificationResult) -> Html:
+    fit = result.fit
+    ls_error = f"IDIM-LS: {percent(fit.ls_relative_error_percent, 3)}"
+    if result.estimator == "idim-ls":
+        ls_error = "of the measured torque"
+    seconds = sum(bag.duration for bag in result.bags)
+    rates = sorted({bag.rate for bag in result.bags})
+    bags = f"{len(result.bags)} recording{'s' if len(result.bags) != 1 else ''}"
+    recorded = f"{bags}, {' and '.join(exact(rate, 'Hz') for rate in rates)}"
+    tiles = [
+        ("Relative error", percent(fit.relative_error_percent, 3), ls_error),
+        (
+            "Parameters",
+            f"{fit.essential_parameters} of {fit.base_parameters}",
+            "base parameters are essential",
+        ),
+        _iterations(result),
+        ("Recorded", with_unit(seconds, "s", 3), recorded),
+        (
+            "Used",
+            count(fit.samples),
+            f"samples of all joints, decimated to {exact(result.processing.row_rate, 'Hz')}",
+        ),
+        ("Condition number", number(fit.condition_number, 3), "of the observation matrix"),
+    ]
+    return join(
+        tag(
+            "dl",
+            [
+                tag("div", tag("dt", name), tag("dd", value), tag("dd", note, css="note"))
+                for name, value, note in tiles
+            ],
+            css="tiles",
+        ),
+        tag("p", tag("b", "Instruments: "), result.instruments.source, "."),
+    )
+
+
+def _iterations(result: IdentificationResult) -> tuple[str, str, str]:
+    if result.estimator == "idim-ls":
+        return ("Estimator", "IDIM-LS", result.convergence_note)
+    state = "" if result.converged else "NOT converged: "
+    note = result.convergence_note.removeprefix("not converged: ")
+    return ("Iterations", str(result.iterations), f"{state or 'converged: '}{note}")
+
+
+def _joints(result: IdentificationResult) -> Html:
+    rows = []
+    for index, (residual, verdict) in enumerate(
+        zip(result.residuals, result.verdicts, strict=True)
+    ):
+        words = verdict.sentence.removeprefix(f"{verdict.joint}: ")
+        rows.append(
+            tag(
+                "tr",
+                tag("th", verdict.joint, scope="row"),
+                tag("td", verdict_badge(verdict.verdict)),
+                tag("td", sentence(words), css="words"),
+                cell(percent(residual.relative_percent)),
+                cell(with_unit(residual.rms, torque_unit(result, index), 2)),
+            )
+        )
+    heads = ("Joint", "Verdict", "What it means", "Residual, % of torque", "Residual, rms")
+    return tag(
+        "table",
+        tag("thead", tag("tr", [_head(text) for text in heads])),
+        tag("tbody", rows),
+        css="joints",
+    )
+
+
+def _head(text: str) -> Html:
+    return tag("th", text, scope="col", css="num" if text.startswith("Residual") else None)

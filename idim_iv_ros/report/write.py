@@ -1,0 +1,124 @@
+"""The files of a result: both complete or neither."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.report.html import report_html
+from idim_iv_ros.report.json_result import result_text
+from idim_iv_ros.result import IdentificationResult
+
+RESULT, REPORT = "result.json", "report.html"
+
+
+def write_report(result: IdentificationResult, out: Path) -> tuple[Path, Path]:
+    """Write result.json and report.html.
+
+    Both are written beside their place and moved there when they are complete, so that no
+    half-written file is ever found under `out`.
+
+    Parameters
+    ----------
+    result : IdentificationResult
+        What `identify` found.
+    out : Path
+        Folder; created if it does not exist.
+
+    Returns
+    -------
+    Path, Path
+        result.json and report.html.
+
+    Raises
+    ------
+    UsageError
+        The folder cannot be written.
+    """
+    texts = {out / RESULT: result_text(result), out / REPORT: report_html(result)}
+    with require_writable(out):
+        _write_together(texts)
+    return out / RESULT, out / REPORT
+
+
+@contextmanager
+def require_writable(out: Path) -> Iterator[None]:
+    """Make sure, before long work, that its results can be written afterwards.
+
+    The folder is created if it does not exist, and removed again (with the parents that were
+    created for it) if the work inside the ``with`` fails and left nothing in it.
+
+    Parameters
+    ----------
+    out : Path
+        Folder of the results.
+
+    Raises
+    ------
+    UsageError
+        The folder cannot be written, and why.
+    """
+    created: list[Path] = []
+    try:
+        try:
+            _create(out, created)
+            _probe(out)
+        except OSError as error:
+            raise _refusal(out, error) from error
+        yield
+    except BaseException:
+        for folder in reversed(created):
+            try:
+                folder.rmdir()
+            except OSError:
+                break
+        raise
+
+
+def _create(out: Path, created: list[Path]) -> None:
+    """Create the folder and its parents, and note each one in `created`."""
+    missing = [folder for folder in (out, *out.parents) if not folder.exists()]
+    for folder in reversed(missing):
+        folder.mkdir()
+        created.append(folder)
+
+
+def _probe(out: Path) -> None:
+    for name in (RESULT, REPORT):
+        if (out / name).is_dir():
+            raise IsADirectoryError(f"{name} is a folder there")
+    probe = _temporary(out / RESULT)
+    try:
+        probe.write_bytes(b"\0")
+    finally:
+        probe.unlink(missing_ok=True)
+
+
+def _write_together(texts: dict[Path, str]) -> None:
+    temporary = {path: _temporary(path) for path in texts}
+    try:
+        for path, text in texts.items():
+            with temporary[path].open("w", encoding="utf-8") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+        for path in texts:
+            temporary[path].replace(path)
+    except OSError as error:
+        raise _refusal(next(iter(texts)).parent, error) from error
+    finally:
+        for path in temporary.values():
+            path.unlink(missing_ok=True)
+
+
+def _temporary(path: Path) -> Path:
+    return path.with_name(f".{path.name}.{os.getpid()}.tmp")
+
+
+def _refusal(out: Path, error: OSError) -> UsageError:
+    if isinstance(error, (NotADirectoryError, FileExistsError)):
+        reason = "a file is in its place"
+    else:
+        reason = error.strerror or str(error)
+    return UsageError(f"{out}: cannot write the report there: {reason}; give another --out")

@@ -1,0 +1,96 @@
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.report import require_writable, write_report
+from tests.report.sample_result import sample_result
+
+
+def test_both_files_are_written_into_a_new_folder_and_nothing_else(tmp_path: Path) -> None:
+    out = tmp_path / "a" / "b"
+    written, page = write_report(sample_result(1), out)
+    assert json.loads(written.read_text(encoding="utf-8"))["robot"] == "staubli_tx40"
+    assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert sorted(path.name for path in out.iterdir()) == ["report.html", "result.json"]
+
+
+def test_files_have_the_permissions_of_any_new_file(tmp_path: Path) -> None:
+    ordinary = tmp_path / "ordinary"
+    ordinary.touch()
+    written, _ = write_report(sample_result(1), tmp_path)
+    assert written.stat().st_mode == ordinary.stat().st_mode
+
+
+def test_a_full_disk_leaves_the_old_result_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_report(sample_result(1, "white"), tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(UsageError, match=r"No space left on device; .*--out"):
+        write_report(sample_result(2, "coloured"), tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_full_disk_leaves_no_folder_where_there_was_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(UsageError):
+        write_report(sample_result(1), tmp_path / "new" / "deep")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused_in_one_line(tmp_path: Path) -> None:
+    place = tmp_path / "taken"
+    place.write_text("mine")
+    for out in (place, place / "below"):
+        with pytest.raises(UsageError, match="a file is in its place") as refusal:
+            write_report(sample_result(1), out)
+        assert "\n" not in str(refusal.value)
+        assert str(out) in str(refusal.value)
+    assert place.read_text() == "mine"
+
+
+def test_a_folder_in_the_place_of_a_file_is_refused_early(tmp_path: Path) -> None:
+    (tmp_path / "result.json").mkdir()
+    with pytest.raises(UsageError, match="is a folder"), require_writable(tmp_path):
+        pytest.fail("the work was started")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_without_permission_is_refused_early(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    with pytest.raises(UsageError, match="Permission denied"), require_writable(tmp_path / "new"):
+        pytest.fail("the work was started")
+
+
+def test_a_file_system_that_takes_no_folders_is_refused_early() -> None:
+    with pytest.raises(UsageError, match="cannot write"), require_writable(Path("/proc/idim/out")):
+        pytest.fail("the work was started")
+
+
+def test_failed_work_leaves_no_new_folder_behind(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt), require_writable(tmp_path / "a" / "b"):
+        raise KeyboardInterrupt
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_failed_work_keeps_what_was_there_before(tmp_path: Path) -> None:
+    out = tmp_path / "old"
+    out.mkdir()
+    (out / "notes.txt").write_text("mine")
+    with pytest.raises(ZeroDivisionError), require_writable(out):
+        raise ZeroDivisionError
+    assert (out / "notes.txt").read_text() == "mine"
+    assert len(list(out.iterdir())) == 1
