@@ -83,9 +83,7 @@ def ours(samples: int) -> None:
     q, dq, ddq = motion(samples)
     tau = torque(samples)
     started = time.perf_counter()
-    robot = load_robot(
-        (CONFIG / "arm6.urdf").read_text(), [f"joint_{k}" for k in range(1, 7)]
-    )
+    robot = load_robot((CONFIG / "arm6.urdf").read_text(), [f"joint_{k}" for k in range(1, 7)])
     friction = ["viscous", "coulomb", "offset"]
     layout = parameter_layout(robot.joint_types, friction=friction, drive_inertia=True)
     regressor = StandardRegressor(robot, layout)

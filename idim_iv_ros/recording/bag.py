@@ -26,13 +26,13 @@ class Bag:
         As the user named it.
     topics : dict
         Type of each topic; complete once the bag was read.
-    truncated : list of str
-        Files that end before their end.
+    losses : list of (str, str, int)
+        File, what is missing from it, how many.
     """
 
     path: Path
     topics: dict[str, str] = field(default_factory=dict)
-    truncated: list[str] = field(default_factory=list)
+    losses: list[tuple[str, str, int]] = field(default_factory=list)
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Raw messages of the wanted topics, file by file.
@@ -54,7 +54,10 @@ class Bag:
                     yield topic, batch
                 self.topics.update(file.topics)
                 if file.truncated:
-                    self.truncated.append(path.name)
+                    what = "the file ends in the middle: what is whole before that was read"
+                    self.losses.append((path.name, what, 1))
+                if file.damaged:
+                    self.losses.append((path.name, "damaged chunks were left out", file.damaged))
 
 
 def bag_files(path: Path) -> list[Path]:

@@ -67,10 +67,10 @@ def on_grid(grid: Grid, time: IntArray, values: FloatArray, origin: str) -> Sign
     Stamps that lie on the grid give their values bit for bit. A sample is invented when the stamps
     around it are further apart than a gap, or where its value is not finite.
     """
-    seconds = (time - grid.start) * 1e-9
+    seconds: FloatArray = (time - grid.start).astype(np.float64) * 1e-9
     median = float(np.median(np.diff(time))) * 1e-9 if len(time) > 1 else 1.0 / grid.rate
     if _lies_on(grid, seconds):
-        first = int(round(float(seconds[0]) * grid.rate))
+        first = round(float(seconds[0]) * grid.rate)
         direct = values[-first : grid.samples - first] if first <= 0 else None
         if direct is not None and len(direct) == grid.samples:
             invented = ~np.isfinite(direct)

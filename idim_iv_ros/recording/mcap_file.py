@@ -6,6 +6,7 @@ is read as far as it goes. Format: https://mcap.dev/spec.
 
 import mmap
 import struct
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -37,11 +38,14 @@ class McapFile:
         Type of each topic that was met so far.
     truncated : bool
         Whether the file ended before its end record; known once it was read.
+    damaged : int
+        Chunks that could not be decompressed or whose checksum is wrong; they are left out.
     """
 
     path: Path
     topics: dict[str, str] = field(default_factory=dict)
     truncated: bool = False
+    damaged: int = 0
     _schemas: dict[int, str] = field(default_factory=dict)
     _channels: dict[int, str] = field(default_factory=dict)
 
@@ -51,7 +55,7 @@ class McapFile:
         Raises
         ------
         DataError
-            Not an MCAP file, or a chunk that cannot be decompressed.
+            Not an MCAP file.
         """
         if self.path.stat().st_size == 0:
             raise DataError(f"{self.path}: the file is empty")
@@ -110,24 +114,32 @@ class McapFile:
             self._channels[number] = topic
             self.topics[topic] = self._schemas.get(schema, "")
 
-    def _decompress(self, record: bytes) -> bytes:
+    def _decompress(self, record: bytes) -> bytes | None:
+        """Content of a chunk, None (and counted) where it is damaged."""
         try:
-            (size,) = struct.unpack_from("<Q", record, 16)
+            size, checksum = struct.unpack_from("<QI", record, 16)
             compression, place = _text(record, 28)
+            payload = record[place + 8 :]
             if size > _LARGEST_CHUNK:
                 raise ValueError("the chunk is too large")
-            payload = record[place + 8 :]
             if compression == "zstd":
-                return zstandard.ZstdDecompressor().decompress(payload, max_output_size=size)
-            if compression == "lz4":
-                return bytes(lz4.frame.decompress(payload))
-        except (struct.error, ValueError, UnicodeDecodeError, RuntimeError) as error:
-            raise DataError(f"{self.path}: a chunk is damaged ({error})") from error
-        except (zstandard.ZstdError, MemoryError) as error:
-            raise DataError(f"{self.path}: a chunk cannot be decompressed ({error})") from error
-        if compression:
-            raise DataError(f"{self.path}: unknown compression {compression}")
-        return payload
+                content = zstandard.ZstdDecompressor().decompress(payload, max_output_size=size)
+            elif compression == "lz4":
+                content = bytes(lz4.frame.decompress(payload))
+            else:
+                content = payload
+            if checksum not in (0, zlib.crc32(content)):
+                raise ValueError("wrong checksum")
+        except (
+            struct.error,
+            ValueError,
+            RuntimeError,
+            MemoryError,
+            zstandard.ZstdError,
+        ):
+            self.damaged += 1
+            return None
+        return content
 
     def _index(self, record: bytes, indices: dict[int, NDArray[np.int64]]) -> None:
         if len(record) < 6 or (len(record) - 6) % 16:
@@ -210,7 +222,7 @@ def _batch(buffer: NDArray[np.uint8], offsets: NDArray[np.int64]) -> MessageBatc
 def _integers(buffer: NDArray[np.uint8], offsets: NDArray[np.int64]) -> NDArray[np.int64]:
     """Little-endian 64-bit integers at unaligned places."""
     raw = buffer[offsets[:, None] + np.arange(8)]
-    return raw.view("<i8")[:, 0].astype(np.int64)
+    return np.asarray(raw.view("<i8")[:, 0], dtype=np.int64)
 
 
 def _text(record: bytes, place: int) -> tuple[str, int]:

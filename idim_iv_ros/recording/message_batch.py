@@ -34,4 +34,4 @@ class MessageBatch:
 
     def gather(self, numbers: NDArray[np.int64], size: int) -> NDArray[np.uint8]:
         """Messages `numbers`, all of `size` bytes, as rows (k, size)."""
-        return self.buffer[self.offsets[numbers][:, None] + np.arange(size)]
+        return np.asarray(self.buffer[self.offsets[numbers][:, None] + np.arange(size)])

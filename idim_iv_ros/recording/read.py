@@ -80,10 +80,7 @@ def _read(
         if topic not in readers:
             raise DataError(_missing(path, bag, topic))
     stamped = {topic: stamp_messages(_checked(path, readers[topic]), str(path)) for topic in fields}
-    notes = [
-        Note(name, "the file ends in the middle: its whole chunks were read", 1)
-        for name in bag.truncated
-    ]
+    notes = [Note(*loss) for loss in bag.losses]
     return _assemble(path, joints, stamped, (joint_states, effort, reference), description, notes)
 
 
@@ -192,7 +189,8 @@ def _require_type(path: Path, topic: str, message_type: str) -> None:
 
 def _missing(path: Path, bag: Bag, topic: str) -> str:
     if not bag.topics:
-        return f"{path}: the bag is empty"
+        reason = "".join(f" ({what})" for _, what, _ in bag.losses)
+        return f"{path}: the bag is empty{reason}"
     usable = [name for name, kind in bag.topics.items() if readable(kind)]
     if topic in bag.topics:
         return f"{path}: no message on {topic}"

@@ -25,11 +25,14 @@ class SqliteFile:
         Type of each topic, known once it was read.
     truncated : bool
         Whether reading stopped at a damaged page.
+    damaged : int
+        Always zero: a damaged page ends the file.
     """
 
     path: Path
     topics: dict[str, str] = field(default_factory=dict)
     truncated: bool = False
+    damaged: int = 0
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Raw messages of the wanted topics in the order of their arrival.

@@ -69,7 +69,7 @@ def write_bag(
                 channel, int(start), _string(robot_description), int(start), sequence=0
             )
         _write_topics(writer, topics)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
 
 
 def _write_topics(writer: Writer, topics: Sequence[JointTopic]) -> None:

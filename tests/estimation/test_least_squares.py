@@ -82,9 +82,7 @@ def test_instruments_remove_the_bias_of_noisy_regressors() -> None:
     noisy = clean + 0.5 * random.normal(size=(samples, 2))
     torque = clean @ TRUTH[:2] + 0.1 * random.normal(size=samples)
     found = [
-        ObservationRows(
-            0, np.arange(2), noisy, torque, (slice(0, samples),), np.arange(samples)
-        )
+        ObservationRows(0, np.arange(2), noisy, torque, (slice(0, samples),), np.arange(samples))
     ]
     biased = solve_least_squares(found, 2).values
     estimate = solve_instrumental_variables(found, [clean], 2, np.ones(1))

@@ -123,9 +123,7 @@ def test_57_of_60_parameters_lie_within_one_sigma_of_the_table(result, table) ->
     values = {parameter.name: parameter.ordinary_ls_value for parameter in result.parameters}
     values["Iam6"] = values["Ia6"]
     outside = [
-        name
-        for name, (_, value, sigma) in table.items()
-        if abs(values[name] - value) > sigma
+        name for name, (_, value, sigma) in table.items() if abs(values[name] - value) > sigma
     ]
     assert len(table) == 60
     assert len(outside) <= 3, outside
@@ -143,7 +141,9 @@ def test_residual_of_each_joint_is_four_to_ten_percent_of_its_torque(result) -> 
         assert 3.0 < residual.relative_percent < 11.0, residual.joint
 
 
-def test_without_references_the_fallback_is_named_and_nothing_is_claimed(bag, configuration) -> None:
+def test_without_references_the_fallback_is_named_and_nothing_is_claimed(
+    bag, configuration
+) -> None:
     result = identify([bag], configuration)
     assert "smoothed" in result.instruments.source
     assert any("no reference" in sentence for sentence in result.controller)

@@ -1,0 +1,258 @@
+"""Recordings as drivers leave them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin
+
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.recording import JointTopic, Recording, read_recordings, write_bag
+from tests.recording.bag_writer import float_array, joint_state, steady, write
+
+
+def read(bag: Path, joints=("a", "b"), **keywords) -> Recording:
+    return read_recordings([bag], joints=joints, **keywords)[0]
+
+
+def notes(recording: Recording) -> str:
+    return "; ".join(f"{note.topic} {note.what} {note.count}" for note in recording.notes)
+
+
+def assert_values_tell_joint_and_time(recording: Recording) -> None:
+    time = recording.start + np.arange(recording.samples) / recording.rate
+    good = ~recording.position.invented
+    expected = time[:, None] + 10.0 * np.arange(recording.position.values.shape[1])
+    np.testing.assert_allclose(recording.position.values[good], expected[good], atol=1e-8)
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_folder_and_lone_file_hold_the_same(tmp_path: Path, storage) -> None:
+    folder = write(tmp_path / "bag", steady(), storage)
+    (file,) = [f for f in folder.iterdir() if f.suffix in (".mcap", ".db3")]
+    (folder / "metadata.yaml").rename(tmp_path / "metadata.yaml")
+    lone = read(file)
+    (tmp_path / "metadata.yaml").rename(folder / "metadata.yaml")
+    whole = read(folder)
+    np.testing.assert_array_equal(lone.position.values, whole.position.values)
+    assert whole.rate == 100.0
+    assert whole.samples == 200
+    assert_values_tell_joint_and_time(whole)
+
+
+def test_joint_order_may_change_between_messages(tmp_path: Path) -> None:
+    messages = steady(100)
+    messages += [
+        ("/joint_states", 6.0 + k / 100, joint_state(2.0 + k / 100, names=("b", "c", "a")))
+        for k in range(100)
+    ]
+    recording = read(write(tmp_path / "bag", messages))
+    assert_values_tell_joint_and_time(recording)
+    assert "layouts" in notes(recording)
+    assert not recording.position.invented.any()
+
+
+def test_joints_that_are_not_asked_for_are_left_out(tmp_path: Path) -> None:
+    bag = write(tmp_path / "bag", steady(names=("c", "b", "a")))
+    recording = read(bag, joints=("b",))
+    np.testing.assert_allclose(recording.position.values[0, 0], 11.0)
+
+
+def test_missing_velocity_is_none_not_zero(tmp_path: Path) -> None:
+    assert read(write(tmp_path / "bag", steady())).velocity is None
+
+
+def test_velocity_is_kept_where_it_is_published(tmp_path: Path) -> None:
+    recording = read(write(tmp_path / "bag", steady(velocity=(0.5, -0.5))))
+    np.testing.assert_array_equal(recording.velocity.values[3], [0.5, -0.5])
+
+
+def test_nan_effort_is_marked_and_bridged(tmp_path: Path) -> None:
+    messages = steady()
+    messages[50] = ("/joint_states", 6.5, joint_state(1.5, effort=[np.nan, 3.0]))
+    recording = read(write(tmp_path / "bag", messages))
+    assert np.isfinite(recording.effort.values).all()
+    assert recording.effort.values[50, 0] == pytest.approx(2.5)
+    assert "missing or NaN 1" in notes(recording)
+
+
+def test_effort_missing_for_a_second_is_invented(tmp_path: Path) -> None:
+    messages = steady()
+    for k in range(60, 160):
+        stamp = 1.0 + k / 100
+        messages[k] = ("/joint_states", 5.0 + stamp, joint_state(stamp, effort=[]))
+    recording = read(write(tmp_path / "bag", messages))
+    assert recording.effort.invented[60:160].all()
+    assert not recording.effort.invented[:60].any()
+    assert not recording.position.invented.any()
+
+
+def test_effort_on_a_topic_without_header_uses_arrival_and_says_so(tmp_path: Path) -> None:
+    messages = steady()
+    messages += [("/effort", 1.0 + k / 50, float_array([k, 2.0 * k])) for k in range(100)]
+    messages.sort(key=lambda message: message[1])
+    recording = read(write(tmp_path / "bag", messages), effort="/effort")
+    clocks = {clock.topic: clock.source for clock in recording.clocks}
+    assert clocks == {"/joint_states": "header", "/effort": "arrival"}
+    assert "different clocks" in notes(recording)
+    np.testing.assert_allclose(recording.effort.values[10], [5.0, 10.0], atol=1e-6)
+
+
+def test_array_of_another_length_is_refused(tmp_path: Path) -> None:
+    messages = steady() + [("/effort", 1.0 + k / 50, float_array([1.0])) for k in range(100)]
+    with pytest.raises(DataError, match="1 numbers in a message for 2 joints"):
+        read(write(tmp_path / "bag", messages), effort="/effort")
+
+
+def test_stamps_that_are_all_zero_fall_back_to_arrival(tmp_path: Path) -> None:
+    messages = [
+        ("/joint_states", 1.0 + k / 100, joint_state(0.0, position=[1.0 + k / 100, 11 + k / 100]))
+        for k in range(200)
+    ]
+    recording = read(write(tmp_path / "bag", messages))
+    assert recording.clocks[0].source == "arrival"
+    assert_values_tell_joint_and_time(recording)
+
+
+def test_repeated_and_late_messages_are_put_in_order(tmp_path: Path) -> None:
+    messages = steady()
+    messages[20], messages[21] = messages[21], messages[20]
+    messages.insert(40, messages[39])
+    recording = read(write(tmp_path / "bag", messages))
+    assert_values_tell_joint_and_time(recording)
+    assert recording.clocks[0].repeated == 1
+    assert recording.clocks[0].backward == 1
+    assert "out of order" in notes(recording)
+
+
+def test_clock_set_back_keeps_the_longest_stretch(tmp_path: Path) -> None:
+    messages = steady(300)
+    messages += [("/joint_states", 9.0 + k / 100, joint_state(0.2 + k / 100)) for k in range(50)]
+    recording = read(write(tmp_path / "bag", messages))
+    assert recording.samples == 300
+    assert "set back" in notes(recording)
+    assert_values_tell_joint_and_time(recording)
+
+
+def test_time_that_runs_backward_is_refused(tmp_path: Path) -> None:
+    stamps = [3.0 - k / 100 for k in range(150)] + [3.0 + k / 100 for k in range(150)]
+    messages = [("/joint_states", 1.0 + k / 100, joint_state(s)) for k, s in enumerate(stamps)]
+    with pytest.raises(DataError, match="time goes backward"):
+        read(write(tmp_path / "bag", messages))
+
+
+def test_gap_is_bridged_and_marked(tmp_path: Path) -> None:
+    messages = steady(300)
+    del messages[100:150]
+    recording = read(write(tmp_path / "bag", messages))
+    assert recording.samples == 300
+    assert recording.position.invented[100:150].all()
+    assert recording.position.invented.sum() == 2 * 50
+    assert recording.clocks[0].gaps == 1
+
+
+def test_jittered_stamps_are_interpolated_on_the_grid(tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    stamps = 1.0 + np.arange(500) / 100 + random.uniform(-2e-3, 2e-3, 500)
+    messages = [("/joint_states", float(s), joint_state(float(s))) for s in stamps]
+    recording = read(write(tmp_path / "bag", messages))
+    assert_values_tell_joint_and_time(recording)
+    assert recording.clocks[0].jitter == pytest.approx(0.0016, rel=0.2)
+    drift = recording.start + (recording.samples - 1) / recording.rate - stamps[-1]
+    assert abs(drift) < 0.011
+
+
+def test_rate_that_is_no_whole_number_does_not_drift(tmp_path: Path) -> None:
+    rate = 299.8
+    messages = [("/joint_states", 1.0 + k / rate, joint_state(1.0 + k / rate)) for k in range(3000)]
+    recording = read(write(tmp_path / "bag", messages))
+    assert recording.rate == pytest.approx(rate, rel=1e-6)
+    assert_values_tell_joint_and_time(recording)
+
+
+def test_slower_reference_is_interpolated(tmp_path: Path) -> None:
+    messages = steady(400)
+    messages += [("/joint_reference", 2.0, joint_state(0.5 + k / 10, effort=[])) for k in range(60)]
+    recording = read(write(tmp_path / "bag", messages), reference="/joint_reference")
+    reference = recording.position_reference
+    np.testing.assert_allclose(reference.values, recording.position.values, atol=1e-6)
+    assert recording.velocity_reference is None
+
+
+def test_several_bags_are_several_recordings(tmp_path: Path) -> None:
+    bags = [write(tmp_path / name, steady(100 * k)) for k, name in ((1, "x"), (2, "y"))]
+    recordings = read_recordings(bags, joints=["a"])
+    assert [recording.samples for recording in recordings] == [100, 200]
+
+
+def test_written_bag_is_read_bit_for_bit(tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    time = 3.0 + np.arange(1000) / 1000.0
+    values = random.normal(size=(1000, 2))
+    topics = [
+        JointTopic("/joint_states", ["a", "b"], time, values, 2 * values, 3 * values),
+        JointTopic("/joint_reference", ["a", "b"], time, 4 * values),
+    ]
+    write_bag(tmp_path / "bag.mcap", topics, robot_description="<robot/>")
+    recording = read(tmp_path / "bag.mcap", reference="/joint_reference")
+    np.testing.assert_array_equal(recording.position.values, values)
+    np.testing.assert_array_equal(recording.velocity.values, 2 * values)
+    np.testing.assert_array_equal(recording.effort.values, 3 * values)
+    np.testing.assert_array_equal(recording.position_reference.values, 4 * values)
+    assert recording.robot_description == "<robot/>"
+    assert not recording.position.values.flags.writeable
+
+
+def test_written_bag_is_read_by_rosbags(tmp_path: Path) -> None:
+    from rosbags.highlevel import AnyReader
+
+    values = np.random.default_rng(0).normal(size=(30, 2))
+    topic = JointTopic("/joint_states", ["a", "b"], np.arange(30) / 10, values, None, -values)
+    write_bag(tmp_path / "bag.mcap", [topic], robot_description="<robot/>")
+    with AnyReader([tmp_path / "bag.mcap"]) as reader:
+        read_back = [
+            (c.topic, reader.deserialize(raw, c.msgtype)) for c, _, raw in reader.messages()
+        ]
+    assert read_back[0][1].data == "<robot/>"
+    np.testing.assert_array_equal([m.position for t, m in read_back[1:]], values)
+    np.testing.assert_array_equal([m.effort for t, m in read_back[1:]], -values)
+    assert len(read_back[5][1].velocity) == 0
+
+
+@pytest.mark.parametrize(
+    ("make", "keywords", "words"),
+    [
+        (lambda: [], {}, "empty"),
+        (steady, {"joint_states": "/states"}, "no topic /states; joint states are on /joint_s"),
+        (steady, {"reference": "/joint_reference"}, "no topic /joint_reference"),
+        (steady, {"joints": ("a", "elbow")}, "never holds joint elbow; it holds a, b"),
+        (lambda: steady(effort=[]), {}, "effort of a on /joint_states is empty or NaN"),
+        (lambda: steady(effort=[np.nan] * 2), {}, "effort of a on /joint_states is empty or NaN"),
+        (lambda: steady(effort=[1.0, 0.0]), {}, "effort of b .* is zero throughout"),
+        (lambda: steady(10), {}, "10 samples are too few"),
+        (lambda: steady(1), {}, "1 messages"),
+    ],
+)
+def test_unusable_recording_is_one_line_with_the_file(tmp_path, make, keywords, words) -> None:
+    bag = write(tmp_path / "bag", make())
+    with pytest.raises(DataError, match=words) as caught:
+        read(bag, **keywords)
+    assert str(caught.value).startswith(str(bag))
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_file_and_foreign_file_are_named(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no such file"):
+        read(tmp_path / "none.mcap")
+    (tmp_path / "table.csv").write_text("1,2")
+    with pytest.raises(DataError, match="idim-iv import"):
+        read(tmp_path / "table.csv")
+    (tmp_path / "text.mcap").write_text("not a bag")
+    with pytest.raises(DataError, match="not an MCAP file"):
+        read(tmp_path / "text.mcap")
+    (tmp_path / "text.db3").write_text("not a bag")
+    with pytest.raises(DataError, match="not a rosbag2 database"):
+        read(tmp_path / "text.db3")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(DataError, match="no .mcap or .db3"):
+        read(tmp_path / "empty")
