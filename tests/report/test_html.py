@@ -102,6 +102,18 @@ def test_the_verdict_comes_first_and_rejected_joints_carry_a_warning() -> None:
     assert "Do not rely" not in Page(report_html(sample_result(3, "white"))).text
 
 
+def test_estimates_that_whitening_moves_beyond_noise_are_named() -> None:
+    result = sample_result(2, "coloured")
+    assert result.refined is not None
+    assert "Whitening moves" not in Page(report_html(result)).text
+    far = [
+        replace(p, value=p.value + 9.0 * p.std) if p.name == "Fv2" else p
+        for p in result.refined.parameters
+    ]
+    result = replace(result, refined=replace(result.refined, parameters=tuple(far)))
+    assert "Fv2: refined and unrefined estimate differ" in Page(report_html(result)).text
+
+
 def test_a_test_that_was_not_run_is_shown_with_its_reason() -> None:
     text = Page(report_html(sample_result(2, "untested"))).text
     assert "not tested because IDIM-LS uses no instruments" in text

@@ -1,5 +1,7 @@
 """The parameters: value, interval, and what least squares and the given model say."""
 
+import math
+import re
 from dataclasses import dataclass
 
 from idim_iv_ros.report.markup import Html, join, section, tag
@@ -17,6 +19,7 @@ from idim_iv_ros.result import IdentificationResult, ParameterEstimate, RefinedE
 
 POORLY_KNOWN_PERCENT = 30.0
 _LONG_TABLE = 20
+_FAR_APART = 3.0
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ def parameters_section(result: IdentificationResult) -> Html:
     return section(
         "Parameters",
         "parameters",
-        _warning(result),
+        _warnings(result),
         _explanation(result, columns),
         tag(
             "input",
@@ -69,7 +72,36 @@ def parameters_section(result: IdentificationResult) -> Html:
     )
 
 
-def _warning(result: IdentificationResult) -> Html | None:
+def _warnings(result: IdentificationResult) -> list[Html]:
+    return [each for each in (_wrong_model(result), _disagreement(result)) if each is not None]
+
+
+def _disagreement(result: IdentificationResult) -> Html | None:
+    """Warn where whitening moves an estimate further than noise can (a specification test)."""
+    if result.refined is None:
+        return None
+    refined = {parameter.name: parameter for parameter in result.refined.parameters}
+    moved = [
+        p.name
+        for p in result.parameters
+        if p.essential
+        and p.name in refined
+        and abs(refined[p.name].value - p.value)
+        > _FAR_APART * math.hypot(p.std, refined[p.name].std)
+    ]
+    if not moved:
+        return None
+    return tag(
+        "p",
+        tag("b", "Whitening moves some estimates further than noise can. "),
+        f"{', '.join(moved)}: refined and unrefined estimate differ by more than "
+        f"{_FAR_APART:.0f} of their σ. A model error that lives at some frequencies only, often "
+        "friction at the reversals, does this; σ does not cover it.",
+        css="warning",
+    )
+
+
+def _wrong_model(result: IdentificationResult) -> Html | None:
     wrong = [each.joint for each in result.verdicts if each.verdict == "model error here"]
     if not wrong:
         return None
@@ -91,8 +123,8 @@ def _explanation(result: IdentificationResult, columns: _Columns) -> Html:
     ]
     if columns.essential:
         sentences.append(
-            "“Estimate” has all base parameters in the model, “essential only” just the essential "
-            "ones; take a column as a whole. "
+            "“Estimate” has all base parameters in the model; “essential only” just the essential "
+            "ones, on whitened rows. Take a column as a whole. "
         )
         if known(fit.essential_p_value):
             sentences.append(
@@ -139,6 +171,13 @@ def _header(columns: _Columns) -> Html:
     return tag("thead", tag("tr", cells))
 
 
+def _typeset(expression: str) -> str:
+    """Keep each term on one line: its sign, its factor and its parameter."""
+    text = expression.replace(" - ", " − ").replace("− ", "−\N{NO-BREAK SPACE}")
+    text = text.replace("+ ", "+\N{NO-BREAK SPACE}")
+    return re.sub(r"(?<=[0-9.]) (?=[A-Za-z])", "\N{NO-BREAK SPACE}", text)
+
+
 def _row(parameter: ParameterEstimate, refined: RefinedEstimate | None, columns: _Columns) -> Html:
     relative = parameter.relative_std_percent
     poor = not known(relative) or (relative is not None and relative > POORLY_KNOWN_PERCENT)
@@ -149,7 +188,7 @@ def _row(parameter: ParameterEstimate, refined: RefinedEstimate | None, columns:
     given = parameter.given_value
     cells = [
         tag("th", parameter.name, scope="row"),
-        tag("td", parameter.expression, css="expression"),
+        tag("td", _typeset(parameter.expression), css="expression"),
         tag("td", parameter.unit, css="unit"),
         measured_cells(parameter.value, parameter.std),
         cell(percent(relative), relative),

@@ -42,7 +42,7 @@ def _filters(result: IdentificationResult) -> Html:
         (
             "Decimation",
             f"1 of {used.decimation_factor}" if used.decimation_factor > 1 else "none",
-            f"leaves {exact(used.row_rate, 'rows')} per second",
+            f"leaves {exact(round(used.row_rate, 2), 'rows')} per second",
         ),
     ]
     body = [

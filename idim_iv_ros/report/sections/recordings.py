@@ -4,7 +4,7 @@ from pathlib import Path
 
 from idim_iv_ros.recording import ClockQuality
 from idim_iv_ros.report.markup import Html, bullets, join, tag
-from idim_iv_ros.report.numerals import cell, count, exact, number, with_unit
+from idim_iv_ros.report.numerals import cell, count, exact, with_unit
 from idim_iv_ros.result import BagSummary
 
 
@@ -68,6 +68,9 @@ def _clocks(clocks: tuple[ClockQuality, ...]) -> Html:
 
 
 def _seconds(value: float) -> str:
+    # Less than a nanosecond is rounding: ROS stamps hold no more.
+    if value < 1e-9:
+        return "0"
     if value < 1e-3:
-        return with_unit(1e6 * value, "µs") if value > 0.0 else number(0.0)
+        return with_unit(1e6 * value, "µs")
     return with_unit(1e3 * value, "ms") if value < 1.0 else with_unit(value, "s")

@@ -33,6 +33,7 @@ def _key_numbers(result: IdentificationResult) -> Html:
     rates = sorted({bag.rate for bag in result.bags})
     bags = f"{len(result.bags)} recording{'s' if len(result.bags) != 1 else ''}"
     recorded = f"{bags}, {' and '.join(exact(rate, 'Hz') for rate in rates)}"
+    row_rate = exact(round(result.processing.row_rate, 2), "Hz")
     tiles = [
         ("Relative error", percent(fit.relative_error_percent, 3), ls_error),
         (
@@ -45,7 +46,7 @@ def _key_numbers(result: IdentificationResult) -> Html:
         (
             "Used",
             count(fit.samples),
-            f"samples of all joints, decimated to {exact(result.processing.row_rate, 'Hz')}",
+            f"samples of all joints, decimated to {row_rate}",
         ),
         ("Condition number", number(fit.condition_number, 3), "of the observation matrix"),
     ]
