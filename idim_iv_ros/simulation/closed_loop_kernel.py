@@ -1,0 +1,183 @@
+"""Sampled control law and plant in one loop over time (compiled).
+
+Control, the arrival of its delayed command at the plant, and the recording each have their own
+instants; the plant advances from one instant to the next in equal steps, so that the torque is
+constant within every step whatever the three rates are.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.simulation import dry_friction, plant_step, rigid_body
+from idim_iv_ros.simulation.compilation import entry, kernel, source_digest
+from idim_iv_ros.simulation.dry_friction import accelerate, slip
+from idim_iv_ros.simulation.plant import FloatArray, IntArray, Plant, Workspace
+from idim_iv_ros.simulation.plant_step import advance, prepare
+
+COMPLETED, NOT_POSITIVE_DEFINITE, TOO_FAST = 0, 1, 2
+
+# Speed (rad/s or m/s) above which a simulation has diverged.
+SPEED_LIMIT = 1e3
+
+
+class Loop(NamedTuple):
+    """Control law as one PID with feedforward, and the instants of the loop.
+
+    kp, kd, ki, limit : (n,); position, velocity, feedforward : (n_samples, n) at `rate` (Hz);
+    period, delay, plant_step : s. Joints in tree order.
+    """
+
+    kp: FloatArray
+    kd: FloatArray
+    ki: FloatArray
+    limit: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    feedforward: FloatArray
+    rate: float
+    period: float
+    delay: float
+    plant_step: float
+
+
+class Trace(NamedTuple):
+    """What the loop records, (n_samples, n) each."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    commanded: FloatArray
+    applied: FloatArray
+
+
+@kernel
+def command(
+    loop: Loop, time: float, q: FloatArray, dq: FloatArray, integral: FloatArray, out: FloatArray
+) -> None:
+    """Torque command at one control instant; references are interpolated linearly.
+
+    The integral of a joint stands still while its torque is saturated and it would drive it
+    further.
+    """
+    last = loop.position.shape[0] - 1
+    place = min(max(time * loop.rate, 0.0), float(last))
+    nearest = math.floor(place + 0.5)
+    if abs(place - nearest) < 1e-6:
+        place = nearest
+    k = min(int(place), max(last - 1, 0))
+    after = min(k + 1, last)
+    w = place - k
+    for i in range(q.shape[0]):
+        error = (1.0 - w) * loop.position[k, i] + w * loop.position[after, i] - q[i]
+        rate = (1.0 - w) * loop.velocity[k, i] + w * loop.velocity[after, i] - dq[i]
+        feedforward = (1.0 - w) * loop.feedforward[k, i] + w * loop.feedforward[after, i]
+        step = loop.period * error
+        torque = loop.kp[i] * error + loop.kd[i] * rate + feedforward
+        torque += loop.ki[i] * (integral[i] + step)
+        if abs(torque) <= loop.limit[i] or torque * error < 0.0:
+            integral[i] += step
+        out[i] = min(max(torque, -loop.limit[i]), loop.limit[i])
+
+
+@kernel
+def too_fast(dq: FloatArray) -> int:
+    """Joint whose speed is not below the limit, or -1."""
+    for i in range(dq.shape[0]):
+        if not abs(dq[i]) < SPEED_LIMIT:
+            return i
+    return -1
+
+
+def _entry(digest: str) -> Callable[..., Any]:
+    """Compile the function that Python calls; `digest` is part of its key in numba's cache."""
+
+    @entry
+    def run(
+        plant: Plant, loop: Loop, q: FloatArray, dq: FloatArray, trace: Trace, work: Workspace
+    ) -> tuple[int, int, int, float]:
+        """Simulate; q and dq are the initial state and are overwritten.
+
+        Returns
+        -------
+        outcome, joint, samples, time
+            Samples are those that were recorded before the time at which it ended.
+        """
+        _ = digest
+        n = q.shape[0]
+        samples = trace.position.shape[0]
+        tolerance = 1e-9 * min(loop.period, 1.0 / loop.rate)
+        whole = math.floor(loop.delay / loop.period + 1e-6)
+        fraction = max(loop.delay - whole * loop.period, 0.0)
+        if fraction < 1e-6 * loop.period:
+            fraction = 0.0
+        pending = np.zeros((whole + 2, n))
+        resting, mode, spare_mode = first_modes(plant, dq)
+        integral, applied, before, mean = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+        ddq, spare, rest = np.zeros(n), np.zeros(n), np.zeros(n)
+        middle, predicted = np.zeros(n), np.zeros(n)
+        controls = arrivals = recorded = 0
+        time = 0.0
+        while True:
+            before[:] = applied
+            if controls * loop.period <= time + tolerance:
+                command(loop, time, q, dq, integral, pending[controls % (whole + 2)])
+                if controls == 0:
+                    before[:] = pending[0]
+                    applied[:] = pending[0]
+                controls += 1
+            if arrivals * loop.period + fraction <= time + tolerance:
+                applied[:] = pending[max(arrivals - whole, 0) % (whole + 2)]
+                arrivals += 1
+            if recorded / loop.rate <= time + tolerance:
+                for i in range(n):
+                    mean[i] = 0.5 * (before[i] + applied[i])
+                spare_mode[:] = mode
+                if not prepare(plant, q, dq, dq, rest, mean, 0.0, work):
+                    return NOT_POSITIVE_DEFINITE, 0, recorded, time
+                accelerate(plant, resting, spare_mode, work, spare)
+                if recorded == 0:
+                    ddq[:] = spare
+                trace.position[recorded] = q
+                trace.velocity[recorded] = dq
+                trace.acceleration[recorded] = spare
+                trace.commanded[recorded] = pending[(controls - 1) % (whole + 2)]
+                trace.applied[recorded] = mean
+                recorded += 1
+                if recorded == samples:
+                    return COMPLETED, 0, recorded, time
+            until = min(controls * loop.period, arrivals * loop.period + fraction)
+            until = min(until, recorded / loop.rate)
+            steps = max(math.ceil((until - time) / loop.plant_step - 1e-6), 1)
+            for k in range(steps):
+                if not advance(
+                    plant, q, dq, ddq, applied, (until - time) / steps,
+                    resting, mode, middle, predicted, rest, work,
+                ):  # fmt: skip
+                    return NOT_POSITIVE_DEFINITE, 0, recorded, time
+                joint = too_fast(dq)
+                if joint >= 0:
+                    return TOO_FAST, joint, recorded, time + (k + 1) * (until - time) / steps
+            time = until
+
+    compiled: Callable[..., Any] = run
+    return compiled
+
+
+@kernel
+def first_modes(plant: Plant, dq: FloatArray) -> tuple[NDArray[np.bool_], IntArray, IntArray]:
+    """Which contacts are at rest at the start, and the sign of the slip of the others."""
+    contacts = plant.level.shape[0]
+    resting = np.zeros(contacts, np.bool_)
+    mode = np.zeros(contacts, np.int64)
+    for c in range(contacts):
+        speed = slip(plant, c, dq)
+        resting[c] = speed == 0.0 and plant.level[c] > 0.0
+        mode[c] = 1 if speed > 0.0 else -1 if speed < 0.0 else 0
+    return resting, mode, mode.copy()
+
+
+run_closed_loop = _entry(source_digest(rigid_body, dry_friction, plant_step))

@@ -1,0 +1,25 @@
+"""How the simulation is compiled, and how numba's cache stays true over several files."""
+
+import hashlib
+from pathlib import Path
+from types import ModuleType
+
+from numba import njit
+
+# Divisions in the kernels are guarded where they need to be: no check for zero in each.
+kernel = njit(error_model="numpy")
+entry = njit(error_model="numpy", cache=True)
+
+
+def source_digest(*modules: ModuleType) -> str:
+    """Digest of the modules' source text.
+
+    numba's cache watches only the file of the function that Python calls; after an edit in
+    another file it would run stale machine code. Closed over by that function, the digest
+    becomes part of the cache's key. Only the functions that Python calls are cached (`entry`);
+    those that they call are not (`kernel`).
+    """
+    digest = hashlib.sha256()
+    for module in modules:
+        digest.update(Path(str(module.__file__)).read_bytes())
+    return digest.hexdigest()

@@ -1,0 +1,181 @@
+"""A robot's tree, dynamic parameters and friction as the arrays that compiled code works on."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from idim_iv_ros.model.parameters import DynamicParameters
+from idim_iv_ros.model.robot import RobotModel
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class Plant(NamedTuple):
+    """Kinematic tree with linear dynamic parameters and friction, joints in tree order.
+
+    Attributes
+    ----------
+    parent, revolute : (n + 1,)
+        Row 0 is the base.
+    rotation, translation : (n + 1, 3, 3), (n + 1, 3)
+        Constant placement of each joint frame in its parent's; its z is the joint's axis.
+    inertial : (n + 1, 10)
+        M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ in that frame.
+    gravity : (3,)
+    drive_inertia, damping : (n, n)
+        With the couplings off the diagonal.
+    offset : (n,)
+    level : (n_contacts,)
+        Dry friction of each contact, N m or N.
+    first, second : (n_contacts,)
+        Joints from 0 whose speeds are added; second is -1 for the friction of one joint.
+    """
+
+    parent: IntArray
+    revolute: NDArray[np.bool_]
+    rotation: FloatArray
+    translation: FloatArray
+    inertial: FloatArray
+    gravity: FloatArray
+    drive_inertia: FloatArray
+    damping: FloatArray
+    offset: FloatArray
+    level: FloatArray
+    first: IntArray
+    second: IntArray
+
+
+class Workspace(NamedTuple):
+    """Arrays that compiled code writes to, so that its loops allocate nothing."""
+
+    rotation: FloatArray
+    translation: FloatArray
+    spin: FloatArray
+    spin_rate: FloatArray
+    gradient: FloatArray
+    acceleration: FloatArray
+    wrench: FloatArray
+    composite: FloatArray
+    bias: FloatArray
+    mass: FloatArray
+    factor: FloatArray
+    load: FloatArray
+    response: FloatArray
+    schur: FloatArray
+    holding: FloatArray
+    independent: IntArray
+
+
+def workspace(plant: Plant) -> Workspace:
+    """Allocate the arrays for one plant."""
+    n, contacts = len(plant.offset), len(plant.level)
+    return Workspace(
+        rotation=np.zeros((n + 1, 3, 3)),
+        translation=np.zeros((n + 1, 3)),
+        spin=np.zeros((n + 1, 3)),
+        spin_rate=np.zeros((n + 1, 3)),
+        gradient=np.zeros((n + 1, 3, 3)),
+        acceleration=np.zeros((n + 1, 3)),
+        wrench=np.zeros((n + 1, 6)),
+        composite=np.zeros((n + 1, 10)),
+        bias=np.zeros(n),
+        mass=np.zeros((n, n)),
+        factor=np.zeros((n, n)),
+        load=np.zeros(n),
+        response=np.zeros((contacts, n)),
+        schur=np.zeros((contacts, contacts)),
+        holding=np.zeros(contacts),
+        independent=np.zeros(contacts, dtype=np.int64),
+    )
+
+
+def plant(robot: RobotModel, parameters: DynamicParameters, *, dissipative: bool = True) -> Plant:
+    """Shape a robot and its parameters for simulation.
+
+    Parameters
+    ----------
+    robot
+        Kinematics and gravity.
+    parameters
+        In the order of the robot's joints; they need not be physical.
+    dissipative
+        Clip friction at what dissipates: Fv, Fc and Fcm at zero, |Fvm| at √(Fv_a Fv_b). Estimates
+        near zero are negative by their noise, and a joint that friction drives runs away.
+    """
+    model, order = robot.pinocchio, robot.order
+    n = len(order)
+    turned = _turned_frames(model)
+    rotation, translation = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3))
+    inertial = np.zeros((n + 1, 10))
+    for joint in range(1, n + 1):
+        parent, placement = turned[model.parents[joint]], model.jointPlacements[joint]
+        rotation[joint] = parent.T @ placement.rotation @ turned[joint]
+        translation[joint] = parent.T @ placement.translation
+        inertial[joint] = _in_frame(parameters.inertial[order[joint - 1]], turned[joint])
+    first, second, level = _contacts(parameters, order)
+    drive_inertia = np.diag(parameters.drive_inertia[order])
+    viscous = parameters.viscous[order]
+    damping = np.diag(np.maximum(viscous, 0.0) if dissipative else viscous)
+    for pair, (a, b) in enumerate(zip(first[n:], second[n:], strict=True)):
+        bound = np.sqrt(max(viscous[a], 0.0) * max(viscous[b], 0.0)) if dissipative else np.inf
+        coupling = np.clip(parameters.coupling_viscous[pair], -bound, bound)
+        damping[a, b] = damping[b, a] = coupling
+        drive_inertia[a, b] = drive_inertia[b, a] = parameters.coupling_inertia[pair]
+    types = [robot.joint_types[joint] for joint in order]
+    return Plant(
+        parent=np.array(list(model.parents), dtype=np.int64),
+        revolute=np.array([False, *(joint_type == "revolute" for joint_type in types)]),
+        rotation=rotation,
+        translation=translation,
+        inertial=inertial,
+        gravity=np.array(model.gravity.linear, dtype=float),
+        drive_inertia=drive_inertia,
+        damping=damping,
+        offset=np.ascontiguousarray(parameters.offset[order], dtype=float),
+        level=np.maximum(level, 0.0) if dissipative else level,
+        first=first,
+        second=second,
+    )
+
+
+def _turned_frames(model: pin.Model) -> list[FloatArray]:
+    """Rotation that takes z to the joint's axis, for the base and each joint."""
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    turned = [np.eye(3)]
+    for joint in range(1, model.njoints):
+        jacobian = pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL)
+        motion = jacobian.reshape(6, -1)[:, model.joints[joint].idx_v]
+        axis = motion[3:] if np.linalg.norm(motion[3:]) > 0.5 else motion[:3]
+        if axis[2] == 1.0:
+            turned.append(np.eye(3))
+            continue
+        helper = np.eye(3)[np.argmin(np.abs(axis))]
+        x = np.cross(helper, axis)
+        x /= np.linalg.norm(x)
+        turned.append(np.column_stack([x, np.cross(axis, x), axis]))
+    return turned
+
+
+def _in_frame(inertial: FloatArray, frame: FloatArray) -> FloatArray:
+    """Inertial parameters (10,) expressed in a frame turned by a rotation matrix."""
+    xx, xy, yy, xz, yz, zz = inertial[4:]
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    inertia = frame.T @ inertia @ frame
+    moments = frame.T @ inertial[1:4]
+    upper = [inertia[0, 0], inertia[0, 1], inertia[1, 1], inertia[0, 2], inertia[1, 2]]
+    return np.array([inertial[0], *moments, *upper, inertia[2, 2]])
+
+
+def _contacts(
+    parameters: DynamicParameters, order: IntArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    n = len(order)
+    place = np.argsort(order)
+    pairs = place[parameters.coupling_joints.reshape(-1, 2)]
+    first = np.concatenate([np.arange(n), pairs[:, 0]]).astype(np.int64)
+    second = np.concatenate([np.full(n, -1), pairs[:, 1]]).astype(np.int64)
+    return first, second, np.concatenate([parameters.coulomb[order], parameters.coupling_coulomb])

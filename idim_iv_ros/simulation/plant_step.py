@@ -1,0 +1,137 @@
+"""One time step of the plant: second order, with joints that stop, stick and break away (compiled).
+
+The step is a midpoint rule with one evaluation: positions drift half a step, velocities are
+predicted there from the previous acceleration, viscous friction is implicit (trapezoidal). A slip
+speed that would change its sign ends the step where it crosses zero; the contact is then at rest,
+and the remainder of the step is integrated anew.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.simulation.compilation import kernel
+from idim_iv_ros.simulation.dry_friction import accelerate, factorise, slip
+from idim_iv_ros.simulation.plant import FloatArray, IntArray, Plant, Workspace
+from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler, place_links
+
+# Slip speeds that cross zero within this fraction of a step cross together.
+TOGETHER = 1e-9
+
+
+@kernel
+def prepare(
+    plant: Plant,
+    q: FloatArray,
+    predicted: FloatArray,
+    dq: FloatArray,
+    rest: FloatArray,
+    torque: FloatArray,
+    step: float,
+    work: Workspace,
+) -> bool:
+    """Factor of M + step/2 D, and torques without dry friction; False if M is not positive.
+
+    `q` and `predicted` are the position and velocity at which the rigid bodies are evaluated,
+    `dq` the velocity at the start of the step, `rest` (n,) zeros.
+    """
+    n = q.shape[0]
+    place_links(plant, q, work)
+    newton_euler(plant, predicted, rest, work, work.bias)
+    composite_rigid_body(plant, work, work.mass)
+    for i in range(n):
+        load = torque[i] - work.bias[i] - plant.offset[i]
+        for j in range(n):
+            load -= plant.damping[i, j] * dq[j]
+            work.mass[i, j] += plant.drive_inertia[i, j] + 0.5 * step * plant.damping[i, j]
+        work.load[i] = load
+    return factorise(work.mass, work.factor)
+
+
+@kernel
+def advance(
+    plant: Plant,
+    q: FloatArray,
+    dq: FloatArray,
+    ddq: FloatArray,
+    torque: FloatArray,
+    step: float,
+    resting: NDArray[np.bool_],
+    mode: IntArray,
+    middle: FloatArray,
+    predicted: FloatArray,
+    rest: FloatArray,
+    work: Workspace,
+) -> bool:
+    """Advance q, dq in place by one step under a constant torque; False if M is not positive.
+
+    `ddq` (n,) is the acceleration of the previous step on entry and of this one on return.
+    """
+    n, contacts = q.shape[0], mode.shape[0]
+    left = step
+    attempts = contacts + 4
+    for attempt in range(attempts):
+        for i in range(n):
+            middle[i] = q[i] + 0.5 * left * dq[i]
+            predicted[i] = dq[i] + 0.5 * left * ddq[i]
+        if not prepare(plant, middle, predicted, dq, rest, torque, left, work):
+            return False
+        accelerate(plant, resting, mode, work, ddq)
+        fraction = 1.0
+        if attempt < attempts - 1:
+            for c in range(contacts):
+                fraction = min(fraction, _crossing(plant, c, resting, mode, dq, ddq, left))
+        for c in range(contacts):
+            if resting[c]:
+                resting[c] = mode[c] == 0 or slip(plant, c, ddq) == 0.0
+            else:
+                crossing = _crossing(plant, c, resting, mode, dq, ddq, left)
+                resting[c] = crossing <= fraction + TOGETHER
+        time = fraction * left
+        for i in range(n):
+            q[i] += time * (dq[i] + 0.5 * time * ddq[i])
+            dq[i] += time * ddq[i]
+        _stop(plant, resting, dq)
+        left -= time
+        if left <= TOGETHER * step:
+            break
+    return True
+
+
+@kernel
+def _crossing(
+    plant: Plant,
+    contact: int,
+    resting: NDArray[np.bool_],
+    mode: IntArray,
+    dq: FloatArray,
+    ddq: FloatArray,
+    step: float,
+) -> float:
+    """Fraction of the step at which a slipping contact comes to rest; 2 if it does not."""
+    if resting[contact] or plant.level[contact] <= 0.0:
+        return 2.0
+    start = mode[contact] * slip(plant, contact, dq)
+    if start <= 0.0:
+        return 0.0
+    end = start + step * mode[contact] * slip(plant, contact, ddq)
+    return 2.0 if end > 0.0 else start / (start - end)
+
+
+@kernel
+def _stop(plant: Plant, resting: NDArray[np.bool_], dq: FloatArray) -> None:
+    """Make the slip speeds at rest exactly zero."""
+    n = dq.shape[0]
+    for c in range(n):
+        if resting[c]:
+            dq[c] = 0.0
+    for c in range(n, resting.shape[0]):
+        if not resting[c]:
+            continue
+        a, b = plant.first[c], plant.second[c]
+        if resting[a]:
+            dq[b] = 0.0
+        elif resting[b]:
+            dq[a] = 0.0
+        else:
+            dq[b] = 0.5 * (dq[b] - dq[a])
+            dq[a] = -dq[b]

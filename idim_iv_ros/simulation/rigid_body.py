@@ -1,0 +1,189 @@
+"""Rigid-body dynamics, linear in the inertial parameters: compiled recursive algorithms.
+
+Base parameters are not physical: a link may have first moments and no mass. pinocchio's own
+inertias (mass, centre of mass) cannot hold such values, so that its forward dynamics cannot
+simulate an estimate; these algorithms take M, MX … ZZ about the joint frame as they are.
+
+Conventions: joints are numbered from 1 in the order of the tree, as in pinocchio, and row 0 is
+the base. Every link frame is turned so that its joint moves along or about z (see `plant`).
+
+Source: Khalil and Dombre, Modeling, Identification and Control of Robots, chapter 9 (recursive
+Newton-Euler linear in the parameters); Featherstone, Rigid Body Dynamics Algorithms, chapter 6
+(composite rigid bodies).
+"""
+
+import math
+
+from idim_iv_ros.simulation.compilation import kernel
+from idim_iv_ros.simulation.plant import FloatArray, Plant, Workspace
+
+
+@kernel
+def place_links(plant: Plant, q: FloatArray, work: Workspace) -> None:
+    """Placement of each link frame in its parent's."""
+    for i in range(1, q.shape[0] + 1):
+        angle = q[i - 1] if plant.revolute[i] else 0.0
+        shift = 0.0 if plant.revolute[i] else q[i - 1]
+        c, s = math.cos(angle), math.sin(angle)
+        for r in range(3):
+            x, y, z = plant.rotation[i, r, 0], plant.rotation[i, r, 1], plant.rotation[i, r, 2]
+            work.rotation[i, r, 0] = c * x + s * y
+            work.rotation[i, r, 1] = c * y - s * x
+            work.rotation[i, r, 2] = z
+            work.translation[i, r] = plant.translation[i, r] + shift * z
+
+
+@kernel
+def newton_euler(
+    plant: Plant, dq: FloatArray, ddq: FloatArray, work: Workspace, torque: FloatArray
+) -> None:
+    """Torques of the rigid bodies by recursive Newton-Euler, moments about the link origins.
+
+    Links must have been placed. `gradient` is [ω̇]× + [ω]×², so that a point r of a link
+    accelerates by a + gradient r.
+    """
+    n = dq.shape[0]
+    for k in range(3):
+        work.acceleration[0, k] = -plant.gravity[k]
+    for i in range(1, n + 1):
+        u = plant.parent[i]
+        rot, p, grad = work.rotation[i], work.translation[i], work.gradient[u]
+        b0 = work.acceleration[u, 0] + grad[0, 0] * p[0] + grad[0, 1] * p[1] + grad[0, 2] * p[2]
+        b1 = work.acceleration[u, 1] + grad[1, 0] * p[0] + grad[1, 1] * p[1] + grad[1, 2] * p[2]
+        b2 = work.acceleration[u, 2] + grad[2, 0] * p[0] + grad[2, 1] * p[1] + grad[2, 2] * p[2]
+        a0 = rot[0, 0] * b0 + rot[1, 0] * b1 + rot[2, 0] * b2
+        a1 = rot[0, 1] * b0 + rot[1, 1] * b1 + rot[2, 1] * b2
+        a2 = rot[0, 2] * b0 + rot[1, 2] * b1 + rot[2, 2] * b2
+        b0, b1, b2 = work.spin[u, 0], work.spin[u, 1], work.spin[u, 2]
+        w0 = rot[0, 0] * b0 + rot[1, 0] * b1 + rot[2, 0] * b2
+        w1 = rot[0, 1] * b0 + rot[1, 1] * b1 + rot[2, 1] * b2
+        w2 = rot[0, 2] * b0 + rot[1, 2] * b1 + rot[2, 2] * b2
+        b0, b1, b2 = work.spin_rate[u, 0], work.spin_rate[u, 1], work.spin_rate[u, 2]
+        d0 = rot[0, 0] * b0 + rot[1, 0] * b1 + rot[2, 0] * b2
+        d1 = rot[0, 1] * b0 + rot[1, 1] * b1 + rot[2, 1] * b2
+        d2 = rot[0, 2] * b0 + rot[1, 2] * b1 + rot[2, 2] * b2
+        speed = dq[i - 1]
+        if plant.revolute[i]:
+            d0 += w1 * speed
+            d1 -= w0 * speed
+            d2 += ddq[i - 1]
+            w2 += speed
+        else:
+            a0 += 2.0 * w1 * speed
+            a1 -= 2.0 * w0 * speed
+            a2 += ddq[i - 1]
+        work.acceleration[i, 0], work.acceleration[i, 1], work.acceleration[i, 2] = a0, a1, a2
+        work.spin[i, 0], work.spin[i, 1], work.spin[i, 2] = w0, w1, w2
+        work.spin_rate[i, 0], work.spin_rate[i, 1], work.spin_rate[i, 2] = d0, d1, d2
+        g = work.gradient[i]
+        g[0, 0] = -w1 * w1 - w2 * w2
+        g[1, 1] = -w0 * w0 - w2 * w2
+        g[2, 2] = -w0 * w0 - w1 * w1
+        g[0, 1], g[1, 0] = w0 * w1 - d2, w0 * w1 + d2
+        g[0, 2], g[2, 0] = w0 * w2 + d1, w0 * w2 - d1
+        g[1, 2], g[2, 1] = w1 * w2 - d0, w1 * w2 + d0
+        m, x, y, z = (
+            plant.inertial[i, 0],
+            plant.inertial[i, 1],
+            plant.inertial[i, 2],
+            plant.inertial[i, 3],
+        )
+        xx, xy, yy = plant.inertial[i, 4], plant.inertial[i, 5], plant.inertial[i, 6]
+        xz, yz, zz = plant.inertial[i, 7], plant.inertial[i, 8], plant.inertial[i, 9]
+        f = work.wrench[i]
+        f[0] = m * a0 + g[0, 0] * x + g[0, 1] * y + g[0, 2] * z
+        f[1] = m * a1 + g[1, 0] * x + g[1, 1] * y + g[1, 2] * z
+        f[2] = m * a2 + g[2, 0] * x + g[2, 1] * y + g[2, 2] * z
+        h0 = xx * w0 + xy * w1 + xz * w2
+        h1 = xy * w0 + yy * w1 + yz * w2
+        h2 = xz * w0 + yz * w1 + zz * w2
+        f[3] = xx * d0 + xy * d1 + xz * d2 + w1 * h2 - w2 * h1 + y * a2 - z * a1
+        f[4] = xy * d0 + yy * d1 + yz * d2 + w2 * h0 - w0 * h2 + z * a0 - x * a2
+        f[5] = xz * d0 + yz * d1 + zz * d2 + w0 * h1 - w1 * h0 + x * a1 - y * a0
+    for i in range(n, 0, -1):
+        f, u = work.wrench[i], plant.parent[i]
+        torque[i - 1] = f[5] if plant.revolute[i] else f[2]
+        if u > 0:
+            _carry(work.rotation[i], work.translation[i], f, work.wrench[u])
+
+
+@kernel
+def _carry(rot: FloatArray, p: FloatArray, f: FloatArray, total: FloatArray) -> None:
+    """Add the wrench f of a link to that of its parent, in the parent's frame."""
+    f0 = rot[0, 0] * f[0] + rot[0, 1] * f[1] + rot[0, 2] * f[2]
+    f1 = rot[1, 0] * f[0] + rot[1, 1] * f[1] + rot[1, 2] * f[2]
+    f2 = rot[2, 0] * f[0] + rot[2, 1] * f[1] + rot[2, 2] * f[2]
+    total[0] += f0
+    total[1] += f1
+    total[2] += f2
+    total[3] += rot[0, 0] * f[3] + rot[0, 1] * f[4] + rot[0, 2] * f[5] + p[1] * f2 - p[2] * f1
+    total[4] += rot[1, 0] * f[3] + rot[1, 1] * f[4] + rot[1, 2] * f[5] + p[2] * f0 - p[0] * f2
+    total[5] += rot[2, 0] * f[3] + rot[2, 1] * f[4] + rot[2, 2] * f[5] + p[0] * f1 - p[1] * f0
+
+
+@kernel
+def composite_rigid_body(plant: Plant, work: Workspace, mass: FloatArray) -> None:
+    """Mass matrix (n, n) of the rigid bodies; links must have been placed."""
+    n = mass.shape[0]
+    for i in range(n + 1):
+        for k in range(10):
+            work.composite[i, k] = plant.inertial[i, k]
+    for i in range(n):
+        for j in range(n):
+            mass[i, j] = 0.0
+    for i in range(n, 0, -1):
+        c, u = work.composite[i], plant.parent[i]
+        if plant.revolute[i]:
+            f0, f1, f2, t0, t1, t2 = -c[2], c[1], 0.0, c[7], c[8], c[9]
+            mass[i - 1, i - 1] = t2
+        else:
+            f0, f1, f2, t0, t1, t2 = 0.0, 0.0, c[0], c[2], -c[1], 0.0
+            mass[i - 1, i - 1] = f2
+        j = i
+        while plant.parent[j] > 0:
+            rot, p = work.rotation[j], work.translation[j]
+            e0 = rot[0, 0] * f0 + rot[0, 1] * f1 + rot[0, 2] * f2
+            e1 = rot[1, 0] * f0 + rot[1, 1] * f1 + rot[1, 2] * f2
+            e2 = rot[2, 0] * f0 + rot[2, 1] * f1 + rot[2, 2] * f2
+            s0 = rot[0, 0] * t0 + rot[0, 1] * t1 + rot[0, 2] * t2 + p[1] * e2 - p[2] * e1
+            s1 = rot[1, 0] * t0 + rot[1, 1] * t1 + rot[1, 2] * t2 + p[2] * e0 - p[0] * e2
+            s2 = rot[2, 0] * t0 + rot[2, 1] * t1 + rot[2, 2] * t2 + p[0] * e1 - p[1] * e0
+            f0, f1, f2, t0, t1, t2 = e0, e1, e2, s0, s1, s2
+            j = plant.parent[j]
+            entry = t2 if plant.revolute[j] else f2
+            mass[i - 1, j - 1] = entry
+            mass[j - 1, i - 1] = entry
+        if u > 0:
+            _join(work.rotation[i], work.translation[i], c, work.composite[u])
+
+
+@kernel
+def _join(rot: FloatArray, p: FloatArray, link: FloatArray, total: FloatArray) -> None:
+    """Add the inertial parameters of a link to those of its parent, in the parent's frame."""
+    m = link[0]
+    h0 = rot[0, 0] * link[1] + rot[0, 1] * link[2] + rot[0, 2] * link[3]
+    h1 = rot[1, 0] * link[1] + rot[1, 1] * link[2] + rot[1, 2] * link[3]
+    h2 = rot[2, 0] * link[1] + rot[2, 1] * link[2] + rot[2, 2] * link[3]
+    p0, p1, p2 = p[0], p[1], p[2]
+    total[0] += m
+    total[1] += h0 + m * p0
+    total[2] += h1 + m * p1
+    total[3] += h2 + m * p2
+    xx, xy, yy, xz, yz, zz = link[4], link[5], link[6], link[7], link[8], link[9]
+    a0 = rot[0, 0] * xx + rot[0, 1] * xy + rot[0, 2] * xz
+    a1 = rot[0, 0] * xy + rot[0, 1] * yy + rot[0, 2] * yz
+    a2 = rot[0, 0] * xz + rot[0, 1] * yz + rot[0, 2] * zz
+    b0 = rot[1, 0] * xx + rot[1, 1] * xy + rot[1, 2] * xz
+    b1 = rot[1, 0] * xy + rot[1, 1] * yy + rot[1, 2] * yz
+    b2 = rot[1, 0] * xz + rot[1, 1] * yz + rot[1, 2] * zz
+    c0 = rot[2, 0] * xx + rot[2, 1] * xy + rot[2, 2] * xz
+    c1 = rot[2, 0] * xy + rot[2, 1] * yy + rot[2, 2] * yz
+    c2 = rot[2, 0] * xz + rot[2, 1] * yz + rot[2, 2] * zz
+    s0, s1, s2 = m * p0 * p0 + 2.0 * p0 * h0, m * p1 * p1 + 2.0 * p1 * h1, 0.0
+    s2 = m * p2 * p2 + 2.0 * p2 * h2
+    total[4] += a0 * rot[0, 0] + a1 * rot[0, 1] + a2 * rot[0, 2] + s1 + s2
+    total[5] += a0 * rot[1, 0] + a1 * rot[1, 1] + a2 * rot[1, 2] - m * p0 * p1 - p0 * h1 - p1 * h0
+    total[6] += b0 * rot[1, 0] + b1 * rot[1, 1] + b2 * rot[1, 2] + s0 + s2
+    total[7] += a0 * rot[2, 0] + a1 * rot[2, 1] + a2 * rot[2, 2] - m * p0 * p2 - p0 * h2 - p2 * h0
+    total[8] += b0 * rot[2, 0] + b1 * rot[2, 1] + b2 * rot[2, 2] - m * p1 * p2 - p1 * h2 - p2 * h1
+    total[9] += c0 * rot[2, 0] + c1 * rot[2, 1] + c2 * rot[2, 2] + s0 + s1
