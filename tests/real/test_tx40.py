@@ -130,7 +130,7 @@ def test_57_of_60_parameters_lie_within_one_sigma_of_the_table(result, table) ->
 
 
 def test_inertia_of_the_coupled_drive_of_joint_six_is_right(result) -> None:
-    """About 0.0104 kg m² with the acceleration of joint 6 (shared/data/README.md), 0.01 in Table 1."""
+    """About 0.0104 kg m² (shared/data/README.md), 0.01 in the paper's Table 1."""
     drive = next(parameter for parameter in result.parameters if parameter.name == "Ia6")
     assert drive.value == pytest.approx(0.0104, abs=2.0 * drive.std)
     assert drive.value == pytest.approx(0.0104, rel=0.1)
