@@ -135,8 +135,8 @@ def _explanation(result: IdentificationResult, columns: _Columns) -> Html:
             sentences.append(f"(F-test, p = {p_value(fit.essential_p_value)}). ")
     if columns.refined:
         sentences.append(
-            "“Refined” was estimated on rows that the autoregressive filters made white: these "
-            "are the deviations to use. "
+            "“Refined” was estimated on rows that the autoregressive filters made white: where "
+            "the instruments are valid, these are the deviations to use. "
         )
     if columns.given:
         sentences.append("“Given” is what the URDF and the configuration hold (CAD).")
