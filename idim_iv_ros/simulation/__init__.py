@@ -1,13 +1,19 @@
-"""Closed-loop simulation of a robot with any dynamic parameters."""
+"""Closed-loop simulation of a robot with any dynamic parameters, and its control law."""
 
 from idim_iv_ros.simulation.closed_loop import ClosedLoopResult, simulate_closed_loop
 from idim_iv_ros.simulation.controller import ControlLaw, control_law
+from idim_iv_ros.simulation.controller_fit import ControllerFit, fit_controller
 from idim_iv_ros.simulation.inverse_dynamics import inverse_dynamics, mass_matrix
+from idim_iv_ros.simulation.reference_filter import ReferenceFilter, filter_reference
 
 __all__ = [
     "ClosedLoopResult",
     "ControlLaw",
+    "ControllerFit",
+    "ReferenceFilter",
     "control_law",
+    "filter_reference",
+    "fit_controller",
     "inverse_dynamics",
     "mass_matrix",
     "simulate_closed_loop",
