@@ -23,7 +23,9 @@ from idim_iv_ros.estimation import (
     WhiteCovariance,
     condition_number,
     essential_parameters,
+    keep_parameters,
     residual_models,
+    solve_instrumental_variables,
     solve_least_squares,
     triangles_of_rows,
 )
@@ -31,6 +33,7 @@ from idim_iv_ros.preparation import PreparedRegression
 from idim_iv_ros.result import (
     BagSummary,
     Fit,
+    FittedGain,
     IdentificationResult,
     InstrumentReport,
     JointSeries,
@@ -101,6 +104,7 @@ def assemble_result(
     return IdentificationResult(
         robot=prepared.model.robot.name,
         joints=tuple(configuration.robot.joints),
+        joint_types=prepared.model.robot.joint_types,
         effort_unit=configuration.signals.effort_unit,
         bags=_bags(prepared),
         software=_software(),
@@ -113,7 +117,7 @@ def assemble_result(
         instruments=_instruments(estimate, validation, configuration),
         residuals=validation.residuals,
         verdicts=verdicts,
-        verdict=judge_all(verdicts),
+        verdict=judge_all(verdicts, validation.tests[0]),
         fit=Fit(
             relative_error_percent=_relative_error(rows, linear),
             ls_relative_error_percent=_relative_error(rows, estimates.weighted),
@@ -133,6 +137,7 @@ def assemble_result(
             reasons=prepared.reasons,
         ),
         controller=() if sources is None else sources.controller,
+        fitted_gains=() if sources is None else _fitted_gains(sources, configuration),
         refined=_refined(prepared, refined, essential.columns) if coloured else None,
         series=_series(prepared, rows, linear),
     )
@@ -173,6 +178,7 @@ def _parameters(
     ordinary = solve_least_squares(rows, len(base.columns))
     given = prepared.model.given if prepared.model.robot.has_inertials else None
     places = {int(column): place for place, column in enumerate(essential.columns)}
+    reduced, reduced_std = _essential_estimate(estimates, validation, essential.columns)
     return tuple(
         ParameterEstimate(
             name=base.names[k],
@@ -182,8 +188,8 @@ def _parameters(
             std=float(std[k]),
             white_std=float(white_std[k]),
             essential=k in places,
-            essential_value=float(essential.values[places[k]]) if k in places else None,
-            essential_std=float(essential.std[places[k]]) if k in places else None,
+            essential_value=float(reduced[places[k]]) if k in places else None,
+            essential_std=float(reduced_std[places[k]]) if k in places else None,
             ls_value=float(weighted.values[k]),
             ls_std=float(ls_std[k]),
             ordinary_ls_value=float(ordinary.values[k]),
@@ -191,6 +197,16 @@ def _parameters(
         )
         for k in range(len(base.columns))
     )
+
+
+def _essential_estimate(
+    estimates: Estimates, validation: Validation, kept: NDArray[np.int64]
+) -> tuple[FloatArray, FloatArray]:
+    """Estimate again with the essential parameters only: values and deviations (b_e,)."""
+    rows, matrices = keep_parameters(estimates.rows, estimates.matrices, kept)
+    linear = solve_instrumental_variables(rows, matrices, len(kept), estimates.linear.sigma)
+    std, _ = _deviations(rows, linear, matrices, validation.models)
+    return linear.values, std
 
 
 def _refined(
@@ -217,8 +233,8 @@ def _refined(
 def _instruments(
     estimate: IdimIvEstimate | None, validation: Validation, configuration: Configuration
 ) -> InstrumentReport:
-    joints = [test.accepted for test in validation.tests[1:]]
-    accepted = None if None in joints else all(joints)
+    outcomes = [test.accepted for test in validation.tests]
+    accepted = False if False in outcomes else None if None in outcomes else True
     note = "" if estimate is None else estimate.instruments.note
     return InstrumentReport(
         source="none: least squares" if estimate is None else estimate.source.name,
@@ -250,6 +266,24 @@ def _relative_error(rows: Sequence[ObservationRows], linear: LinearEstimate) -> 
     error = sum(float(residual @ residual) for residual in linear.residuals)
     torque = sum(float(joint.torque @ joint.torque) for joint in rows)
     return 100.0 * float(np.sqrt(error / torque)) if torque > 0.0 else float("nan")
+
+
+def _fitted_gains(
+    sources: InstrumentSources, configuration: Configuration
+) -> tuple[FittedGain, ...]:
+    return tuple(
+        FittedGain(
+            joint,
+            term,
+            float(fit.gains[row, column]),
+            float(fit.std[row, column]),
+            float(fit.r_squared[row]),
+        )
+        for fit in sources.fits
+        for row, joint in enumerate(configuration.robot.joints)
+        for column, term in enumerate(fit.terms)
+        if fit.included[row, column]
+    )
 
 
 def _bags(prepared: PreparedRegression) -> tuple[BagSummary, ...]:

@@ -194,7 +194,7 @@ def load_configuration(path: Path) -> Configuration:
         raise UsageError(f"{path}: {_first_problem(error)}") from error
     urdf = configuration.robot.urdf
     if urdf is not None:
-        urdf = urdf if urdf.is_absolute() else path.parent / urdf
+        urdf = (path.parent / urdf).resolve()
         if not urdf.is_file():
             raise UsageError(f"{path}: robot.urdf: no file {urdf}")
     robot = configuration.robot.model_copy(update={"urdf": urdf})

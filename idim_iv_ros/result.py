@@ -115,6 +115,17 @@ class InstrumentReport:
 
 
 @dataclass(frozen=True)
+class FittedGain:
+    """One gain of a control law that was fitted to the recording."""
+
+    joint: str
+    term: str
+    value: float
+    std: float
+    r_squared: float
+
+
+@dataclass(frozen=True)
 class Fit:
     """How well the model describes the torque.
 
@@ -204,6 +215,7 @@ class IdentificationResult:
 
     robot: str
     joints: tuple[str, ...]
+    joint_types: tuple[str, ...]
     effort_unit: str
     bags: tuple[BagSummary, ...]
     software: dict[str, str]
@@ -220,6 +232,7 @@ class IdentificationResult:
     fit: Fit
     processing: ProcessingSummary
     controller: tuple[str, ...]
+    fitted_gains: tuple[FittedGain, ...]
     refined: Refined | None
     series: tuple[JointSeries, ...]
     timing: dict[str, float] = field(default_factory=dict)

@@ -1,7 +1,7 @@
 """Tests and residual analysis of one estimate."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,8 +71,21 @@ def validate(
     tests = wald_test_of_instruments(rows, linear.values, alpha=alpha, not_simulated=reason)
     exogeneity = exogeneity_test(rows, linear.values, alpha=alpha, not_simulated=reason)
     return Validation(
-        tests=tests,
-        exogeneity=exogeneity,
+        tests=_together(tests),
+        exogeneity=_together(exogeneity),
         residuals=tuple(diagnose_residual(joint, linear.values, alpha=alpha) for joint in rows),
         models=residual_models(observed, linear.residuals),
+    )
+
+
+def _together(tests: tuple[HypothesisTest, ...]) -> tuple[HypothesisTest, ...]:
+    """Share α: half for all rows, half among the n joints (Bonferroni).
+
+    A right model is then accused anywhere with probability α at most.
+    """
+    joints = max(len(tests) - 1, 1)
+    first, others = tests[0], tests[1:]
+    return (
+        replace(first, alpha=first.alpha / 2.0),
+        *(replace(test, alpha=test.alpha / (2.0 * joints)) for test in others),
     )

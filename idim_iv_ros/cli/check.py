@@ -28,7 +28,8 @@ def check_command(bags: Bags, config: Config) -> None:
         console.print("[red]Not usable[/] for an identification.")
         raise typer.Exit(1)
     limits = sum(finding.level == "limited" for finding in report.findings)
-    console.print("Usable." if limits == 0 else f"Usable, with {limits} limits named above.")
+    plural = "s" if limits > 1 else ""
+    console.print(f"Usable, with {limits} limit{plural} named above." if limits else "Usable.")
 
 
 def _print_findings(console: Console, report: CheckReport) -> None:
@@ -47,26 +48,23 @@ def _print_findings(console: Console, report: CheckReport) -> None:
 def _print_parameters(console: Console, report: CheckReport) -> None:
     if report.condition_number is None:
         return
-    table = Table(
-        title=f"What the excitation shows (condition number {report.condition_number:.3g})",
-        title_justify="left",
-    )
-    table.add_column("parameter")
-    table.add_column("seen")
-    table.add_column("%σ", justify="right")
-    table.add_column("smallest visible", justify="right")
-    table.add_column("unit")
-    for parameter in report.parameters:
-        relative = parameter.relative_percent
-        table.add_row(
-            parameter.name,
-            parameter.seen,
-            "" if relative is None else f"{relative:.2g}" if relative < 1000 else "> 1000",
-            "" if parameter.smallest is None else f"{parameter.smallest:.2g}",
-            parameter.unit,
-        )
-    console.print(table)
     console.print(
-        "%σ and smallest visible value take the least-squares residual as white: lower bounds.",
+        f"\nWhat the excitation shows (condition number {report.condition_number:.3g}; the "
+        "residual of least squares is taken as white, so that these are lower bounds):",
         highlight=False,
     )
+    for seen, words in (("well", "well, σ ≤ 10 %"), ("yes", "σ ≤ 30 %")):
+        names = [parameter.name for parameter in report.parameters if parameter.seen == seen]
+        if names:
+            console.print(f"  {words}: {' '.join(names)}", highlight=False)
+    poorly = [parameter for parameter in report.parameters if parameter.seen == "poorly"]
+    if not poorly:
+        return
+    table = Table(title="Seen poorly, or small", title_justify="left", box=None)
+    table.add_column("parameter")
+    table.add_column("visible from (2σ)", justify="right")
+    table.add_column("unit")
+    for parameter in poorly:
+        smallest = "" if parameter.smallest is None else f"{parameter.smallest:.2g}"
+        table.add_row(parameter.name, smallest, parameter.unit)
+    console.print(table)

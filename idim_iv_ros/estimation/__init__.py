@@ -25,7 +25,12 @@ from idim_iv_ros.estimation.least_squares import (
     solve_weighted_least_squares,
 )
 from idim_iv_ros.estimation.refined import RefinedIdimIv, refined_idim_iv, residual_models
-from idim_iv_ros.estimation.rows import ObservationRows, instrument_rows, observation_rows
+from idim_iv_ros.estimation.rows import (
+    ObservationRows,
+    instrument_rows,
+    keep_parameters,
+    observation_rows,
+)
 from idim_iv_ros.estimation.sources import InstrumentSources, instrument_sources
 from idim_iv_ros.estimation.triangles import (
     JointTriangle,
@@ -60,6 +65,7 @@ __all__ = [
     "idim_iv",
     "instrument_rows",
     "instrument_sources",
+    "keep_parameters",
     "observation_rows",
     "refined_idim_iv",
     "residual_models",

@@ -17,15 +17,11 @@ class EssentialParameters:
     ----------
     columns : (b_e,) int
         Base parameters that stay.
-    values, std : (b_e,)
-        Their estimates once the others are left out, and standard deviations.
     statistic, p_value : float
         F-test of the null hypothesis that all the others are zero.
     """
 
     columns: NDArray[np.int64]
-    values: FloatArray
-    std: FloatArray
     statistic: float
     p_value: float
 
@@ -51,7 +47,6 @@ def essential_parameters(
     """
     parameters = len(values)
     kept = list(range(parameters))
-    accepted = restrict(values, covariance, kept)
     statistic, p_value = 0.0, 1.0
     for _ in range(parameters - 1):
         estimate, std = restrict(values, covariance, kept)
@@ -65,8 +60,7 @@ def essential_parameters(
         if trial_p < alpha:
             break
         kept, statistic, p_value = trial, trial_statistic, trial_p
-        accepted = restrict(values, covariance, kept)
-    return EssentialParameters(np.array(kept), *accepted, statistic, p_value)
+    return EssentialParameters(np.array(kept), statistic, p_value)
 
 
 def restrict(

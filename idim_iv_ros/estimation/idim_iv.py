@@ -1,4 +1,4 @@
-"""IDIM-IV: instruments from a simulation at the last estimate, until nothing moves (section III)."""
+"""IDIM-IV: instruments simulated at the last estimate, until nothing moves (section III)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace

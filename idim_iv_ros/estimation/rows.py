@@ -1,7 +1,7 @@
 """Decimated rows of the regression, joint by joint (paper, equation 5)."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,3 +147,22 @@ def _runs(position: IntArray) -> tuple[slice, ...]:
     starts = np.concatenate([[0], np.flatnonzero(np.diff(position) != 1) + 1])
     stops = np.concatenate([starts[1:], [len(position)]])
     return tuple(slice(int(a), int(b)) for a, b in zip(starts, stops, strict=True))
+
+
+def keep_parameters(
+    rows: Sequence[ObservationRows], instruments: Sequence[FloatArray], kept: IntArray
+) -> tuple[tuple[ObservationRows, ...], tuple[FloatArray, ...]]:
+    """Rows and instruments with only the base parameters `kept`, renumbered in their order."""
+    chosen = [np.isin(joint.columns, kept) for joint in rows]
+    reduced = tuple(
+        replace(
+            joint,
+            columns=np.searchsorted(kept, joint.columns[inside]),
+            matrix=joint.matrix[:, inside],
+        )
+        for joint, inside in zip(rows, chosen, strict=True)
+    )
+    matrices = tuple(
+        matrix[:, inside] for matrix, inside in zip(instruments, chosen, strict=True)
+    )
+    return reduced, matrices

@@ -19,6 +19,7 @@ from idim_iv_ros.simulation import (
     ControlLaw,
     ControllerFit,
     control_law,
+    filter_reference,
 )
 
 FloatArray = NDArray[np.float64]
@@ -37,11 +38,14 @@ class InstrumentSources:
     starts : tuple of (name, (b,) base parameters)
     controller : tuple of str
         What is known of the control law, one sentence each.
+    fits : tuple of ControllerFit
+        One for each motion where the law is unknown.
     """
 
     sources: tuple[InstrumentSource, ...]
     starts: tuple[tuple[str, FloatArray], ...]
     controller: tuple[str, ...]
+    fits: tuple[ControllerFit, ...] = ()
 
 
 def instrument_sources(
@@ -52,9 +56,10 @@ def instrument_sources(
 ) -> InstrumentSources:
     """List the sources of instruments that the configuration and the recordings allow."""
     sources: list[InstrumentSource] = []
+    fits: tuple[ControllerFit, ...] = ()
     sentences: list[str] = []
     if all(motion.signals.position_reference is not None for motion in motions):
-        law, said = _laws(configuration, motions)
+        law, fits, said = _laws(configuration, motions)
         sentences += said
         if law is not None:
             known = configuration.controller.type != "unknown"
@@ -70,7 +75,9 @@ def instrument_sources(
             "smoothing frequency is not averaged out, and the instruments cannot be tested"
         )
     sources.append(SmoothedMeasurement(model, tuple(motions), cutoffs.decimation / 2.0))
-    return InstrumentSources(tuple(sources), _starts(configuration, model), tuple(sentences))
+    return InstrumentSources(
+        tuple(sources), _starts(configuration, model), tuple(sentences), fits
+    )
 
 
 def _starts(
@@ -85,30 +92,63 @@ def _starts(
 
 def _laws(
     configuration: Configuration, motions: Sequence[Motion]
-) -> tuple[tuple[ControlLaw, ...] | None, list[str]]:
+) -> tuple[tuple[ControlLaw, ...] | None, tuple[ControllerFit, ...], list[str]]:
     section = configuration.controller
-    joints = len(configuration.robot.joints)
+    joints = configuration.robot.joints
     if section.type != "unknown":
-        law = control_law(section, joints)
-        return tuple(law for _ in motions), [f"control law {section.type} as configured"]
-    fits = [_fit(motion) for motion in motions]
-    sentences = []
-    for name, index in ((name, k) for k, name in enumerate(configuration.robot.joints)):
-        sentences.append(f"{name}: {fits[0].describe(index)}")
+        law = control_law(section, len(joints))
+        return tuple(law for _ in motions), (), [f"control law {section.type} as configured"]
+    fits = tuple(_fit(motion, section.torque_limit) for motion in motions)
+    sentences = [
+        f"{name}{f' in {motion.signals.name}' if len(motions) > 1 else ''}: {fit.describe(joint)}"
+        for fit, motion in zip(fits, motions, strict=True)
+        for joint, name in enumerate(joints)
+    ]
     worst = min(float(fit.r_squared.min()) for fit in fits)
     if worst < LEAST_R_SQUARED:
         sentences.append(
             f"the fitted control law explains only R² = {worst:.2f} of a joint's torque, less than "
             f"{LEAST_R_SQUARED:g}: the loop is not simulated with it"
         )
-        return None, sentences
-    laws = [fit.law(motion) for fit, motion in zip(fits, motions, strict=True)]
-    return tuple(laws), sentences
+        return None, fits, sentences
+    try:
+        laws = tuple(
+            fit.law(
+                _reference(motion),
+                motion.signals.velocity_reference,
+                torque_limit=section.torque_limit,
+            )
+            for fit, motion in zip(fits, motions, strict=True)
+        )
+    except ValueError as error:
+        sentences.append(f"the loop is not simulated with the fitted control law: {error}")
+        return None, fits, sentences
+    return laws, fits, sentences
 
 
-def _fit(motion: Motion) -> ControllerFit:
-    raise NotImplementedError
+def _fit(motion: Motion, torque_limit: Sequence[float] | None) -> ControllerFit:
+    signals = motion.signals
+    return fit_controller(
+        signals.rate,
+        signals.position,
+        None,
+        signals.torque,
+        _reference(motion),
+        signals.velocity_reference,
+        torque_limit=torque_limit,
+    )
 
 
 def _filtered_reference(model: InverseModel, motions: Sequence[Motion]) -> FilteredReference:
-    raise NotImplementedError
+    filters = [
+        filter_reference(motion.signals.rate, motion.position, _reference(motion))
+        for motion in motions
+    ]
+    fit = np.min([found.fit_percent for found in filters], axis=0)
+    return FilteredReference(model, tuple(motions), tuple(found.position for found in filters), fit)
+
+
+def _reference(motion: Motion) -> FloatArray:
+    if motion.signals.position_reference is None:
+        raise ValueError(f"{motion.signals.name} has no reference")
+    return motion.signals.position_reference

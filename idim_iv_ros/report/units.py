@@ -1,4 +1,4 @@
-"""Unit of each joint's torque."""
+"""Units of each joint's torque and speed."""
 
 from idim_iv_ros.result import IdentificationResult
 
@@ -11,11 +11,14 @@ def torque_unit(result: IdentificationResult, joint: int) -> str:
     joint : int
         Index of the joint from 0.
     """
-    for name in (f"Fc{joint + 1}", f"off{joint + 1}"):
-        for parameter in result.parameters:
-            if parameter.name == name:
-                return parameter.unit
+    if result.effort_unit == "N m" and result.joint_types[joint] == "prismatic":
+        return "N"
     return result.effort_unit
+
+
+def speed_unit(result: IdentificationResult, joint: int) -> str:
+    """Return the unit of the speed of a joint (index from 0)."""
+    return "m/s" if result.joint_types[joint] == "prismatic" else "rad/s"
 
 
 def torque_word(unit: str) -> str:

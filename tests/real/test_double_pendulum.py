@@ -33,11 +33,11 @@ def result(data: Path, config: Path, tmp_path_factory) -> IdentificationResult:
 def test_control_law_is_recovered(result: IdentificationResult) -> None:
     """Kp about 20 N m/rad and Kd about 0.5 N m s/rad on both joints (shared/data/README.md)."""
     assert "fitted control law" in result.instruments.source
-    assert len(result.controller_fit) == 2
-    for fit in result.controller_fit:
-        assert fit.r_squared > 0.95
-        assert fit.kp == pytest.approx(20.0, rel=0.1)
-        assert fit.kd == pytest.approx(0.5, rel=0.25)
+    gains = {(gain.joint, gain.term): gain for gain in result.fitted_gains}
+    for joint in ("shoulder", "elbow"):
+        assert gains[joint, "kp"].r_squared > 0.95
+        assert gains[joint, "kp"].value == pytest.approx(20.0, rel=0.1)
+        assert gains[joint, "kd"].value == pytest.approx(0.5, rel=0.25)
 
 
 @pytest.mark.parametrize("name", ["MX1", "MX2"])

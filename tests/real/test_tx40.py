@@ -36,7 +36,7 @@ processing:
   trim: [0.0, 0.0]
 """
 # Names of the table that stand for the same column.
-KINDS = {"fv": "Fv", "fs": "Fc", "fvm": "Fvm", "fsm": "Fcm", "off": "off", "Ia": "Ia"}
+KINDS = {"Iam": "Iam", "fv": "Fv", "fs": "Fc", "fvm": "Fvm", "fsm": "Fcm", "off": "off", "Ia": "Ia"}
 
 
 def table_name(expression: str) -> str:

@@ -65,6 +65,7 @@ def sample_result(joints: int = 6, case: Case = "coloured", seed: int = 1) -> Id
     return IdentificationResult(
         robot="staubli_tx40",
         joints=names,
+        joint_types=("revolute",) * joints,
         effort_unit="N m",
         bags=(_bag(joints),),
         software={"python": "3.11.2", "idim-iv-ros": "0.1.0", "numpy": "2.1.3", "pin": "3.8.0"},
@@ -121,6 +122,7 @@ def sample_result(joints: int = 6, case: Case = "coloured", seed: int = 1) -> Id
             ),
         ),
         controller=("joint_1: kp 5987 ± 12, kd 249 ± 2, R² = 0.998",),
+        fitted_gains=(),
         refined=_refined(parameters, residuals) if case == "coloured" else None,
         series=tuple(series),
         timing={"reading": 0.4123, "model": 0.21, "filtering": 0.05, "estimation": 3.217},

@@ -5,7 +5,7 @@ from collections import Counter
 from idim_iv_ros.report.markup import Html, bullets, section, sentence, tag
 from idim_iv_ros.report.numerals import cell, count, exact, percent, with_unit
 from idim_iv_ros.report.sections.recordings import recording_block
-from idim_iv_ros.report.units import torque_unit
+from idim_iv_ros.report.units import speed_unit
 from idim_iv_ros.result import IdentificationResult
 
 
@@ -58,17 +58,13 @@ def _speeds(result: IdentificationResult) -> Html:
         tag(
             "tr",
             tag("th", joint, scope="row"),
-            cell(with_unit(speed, _speed_unit(torque_unit(result, index)), 2)),
+            cell(with_unit(speed, speed_unit(result, index), 2)),
         )
         for index, (joint, speed) in enumerate(pairs)
     ]
     why = tag("small", " slower samples do not count: the sign of the speed is unsure there")
     caption = tag("caption", "Reversal speed", why)
     return tag("table", caption, tag("tbody", body), css="speeds")
-
-
-def _speed_unit(unit: str) -> str:
-    return "m/s" if unit == "N" else "rad/s"
 
 
 def _dropped(result: IdentificationResult) -> Html:
