@@ -20,6 +20,7 @@ from idim_iv_ros.simulation import (
     ControllerFit,
     control_law,
     filter_reference,
+    fit_controller,
 )
 
 FloatArray = NDArray[np.float64]
@@ -131,7 +132,7 @@ def _fit(motion: Motion, torque_limit: Sequence[float] | None) -> ControllerFit:
     return fit_controller(
         signals.rate,
         signals.position,
-        None,
+        signals.velocity,
         signals.torque,
         _reference(motion),
         signals.velocity_reference,

@@ -29,6 +29,8 @@ class JointSignals:
         N m or N (or the unit of the effort where that is no torque).
     valid : (n_samples, n_joints) bool
         Whether the joint's position and torque rest on measurements.
+    velocity : (n_samples, n_joints) or None
+        As the driver publishes it, rad/s or m/s; the control law is fitted with it.
     position_reference, velocity_reference : (n_samples, n_joints) or None
     """
 
@@ -37,6 +39,7 @@ class JointSignals:
     position: FloatArray
     torque: FloatArray
     valid: BoolArray
+    velocity: FloatArray | None
     position_reference: FloatArray | None
     velocity_reference: FloatArray | None
 
@@ -68,7 +71,9 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     torque = (recording.effort.values * scale) @ to_torque.T
     invented = _touched(recording.position.invented, to_joint)
     invented |= _touched(recording.effort.invented, to_torque)
-    reference = velocity = None
+    measured = reference = velocity = None
+    if recording.velocity is not None:
+        measured = recording.velocity.values @ to_joint.T
     if recording.position_reference is not None:
         reference = recording.position_reference.values @ to_joint.T + offset
         invented |= _touched(recording.position_reference.invented, to_joint)
@@ -80,6 +85,7 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
         position=position,
         torque=torque,
         valid=~invented,
+        velocity=measured,
         position_reference=reference,
         velocity_reference=velocity,
     )
