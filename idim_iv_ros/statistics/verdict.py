@@ -74,18 +74,19 @@ def _rejected(instruments: HypothesisTest, joint: str) -> str:
         "motion differs from the measured one by more than noise"
     )
     if percent is None:
-        return f"{sentence}. The model or the control law is wrong here: run diagnose."
+        return f"{sentence}. The model or the control law is wrong here."
     if percent < SMALL_TORQUE_PERCENT:
         # A pendulum without its gravity, 20 of 60 N m, moves the predicted torque by 0.4 %:
         # the loop holds the simulated motion to the reference whatever the model is.
         return (
             f"{sentence}, though only by {percent:.2g} % of the torque. A stiff loop hides most of "
             "a model error from this figure, so it does not say that the estimates are right: "
-            "run diagnose to see how large the error is."
+            "compare the estimates with another model of this joint to see how large the error is."
         )
     return (
         f"{sentence}, {percent:.2g} % of the torque. The model or the control law is wrong "
-        "here and the estimates are biased: run diagnose."
+        "here and the estimates are biased: look for a missing effect "
+        "(shape of the friction, flexibility, payload)."
     )
 
 
@@ -126,7 +127,7 @@ def judge_all(
         for kind in ("model error here", "cannot be told", "oversampled, refined")
     )
     if wrong:
-        sentence = f"The model is wrong at {_names(wrong)}: run diagnose."
+        sentence = f"The model is wrong at {_names(wrong)}: a physical effect is missing there, or the control law is another."
         if len(wrong) + len(untold) < len(joints):
             sentence += " The instruments of the other joints are valid."
         if untold:
@@ -137,7 +138,7 @@ def judge_all(
             "model error here",
             "No joint alone rejects its instruments, but all rows together do "
             f"(p = {instruments.p_value:.2g}): a small model error is shared by several joints, "
-            "run diagnose.",
+            "look for a physical effect that is missing.",
         )
     if untold:
         sentence = f"Whether the estimates are right cannot be told at {_names(untold)}"

@@ -44,14 +44,14 @@ def test_rejected_is_a_model_error_whatever_the_residual(white, coloured):
         judged = judge_joint(rejected(12.0), residual)
         assert judged.verdict == "model error here"
         assert "12 % of the torque" in judged.sentence
-        assert "diagnose" in judged.sentence
+        assert "missing effect" in judged.sentence
 
 
 def test_a_tiny_deviation_is_still_a_model_error_and_is_not_called_harmless(white):
     judged = judge_joint(rejected(0.25), white)
     assert judged.verdict == "model error here"
     assert "only by 0.25 %" in judged.sentence
-    assert "diagnose" in judged.sentence
+    assert "does not say that the estimates are right" in judged.sentence
 
 
 def test_untested_instruments_tell_nothing_and_say_why(white):

@@ -41,9 +41,10 @@ def instruments_section(result: IdentificationResult) -> Html:
         _table(report.exogeneity, effects=False),
         tag(
             "p",
-            f"Each test at a significance level of {exact(100.0 * report.alpha, '%')}, on rows "
-            "whitened by an autoregressive model of their own. F(a, b) has a and b degrees of "
-            "freedom.",
+            f"A right model is rejected anywhere with a probability of at most "
+            f"{exact(100.0 * report.alpha, '%')}: half of it goes to the test of all rows, half is "
+            "shared among the joints. The rows of each test are whitened by an autoregressive "
+            "model of their own. F(a, b) has a and b degrees of freedom.",
             css="explanation",
         ),
     )

@@ -124,7 +124,7 @@ def _explanation(result: IdentificationResult, columns: _Columns) -> Html:
     if columns.essential:
         sentences.append(
             "“Estimate” has all base parameters in the model; “essential only” just the essential "
-            "ones, on whitened rows. Take a column as a whole. "
+            "ones (chosen by an F-test on whitened rows). Take a column as a whole. "
         )
         if known(fit.essential_p_value):
             sentences.append(
