@@ -4,6 +4,10 @@ from idim_iv_ros.simulation.closed_loop import ClosedLoopResult, simulate_closed
 from idim_iv_ros.simulation.controller import ControlLaw, control_law
 from idim_iv_ros.simulation.controller_fit import ControllerFit, fit_controller
 from idim_iv_ros.simulation.inverse_dynamics import inverse_dynamics, mass_matrix
+from idim_iv_ros.simulation.recorded_robot import (
+    SimulatedRecording,
+    record_simulated_robot,
+)
 from idim_iv_ros.simulation.reference_filter import ReferenceFilter, filter_reference
 
 __all__ = [
@@ -11,10 +15,12 @@ __all__ = [
     "ControlLaw",
     "ControllerFit",
     "ReferenceFilter",
+    "SimulatedRecording",
     "control_law",
     "filter_reference",
     "fit_controller",
     "inverse_dynamics",
     "mass_matrix",
+    "record_simulated_robot",
     "simulate_closed_loop",
 ]

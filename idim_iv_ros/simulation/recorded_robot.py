@@ -1,0 +1,155 @@
+"""What a recorder on a simulated robot would write down."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.model.parameters import DynamicParameters
+from idim_iv_ros.model.robot import RobotModel
+from idim_iv_ros.simulation.closed_loop import PLANT_STEP, ClosedLoopResult, simulate_closed_loop
+from idim_iv_ros.simulation.controller import ControlLaw
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SimulatedRecording:
+    """Signals (n_samples, n_joints) as recorded, and the noise-free truth beside them.
+
+    Attributes
+    ----------
+    rate : float
+        Hz.
+    time : (n_samples,)
+        s, from 0.
+    position : rad or m, with encoder resolution and noise
+    effort : N m or N, with noise: mean of the torque command over the sample period centred on
+        the stamp. A command held from a stamp to the next, taken as the torque *at* the stamp,
+        would lead the motion by half a period.
+    position_reference, velocity_reference : rad, rad/s
+    truth : ClosedLoopResult
+        At the instants of the control, `control_ratio` for each sample.
+    control_ratio : int
+    """
+
+    rate: float
+    time: FloatArray
+    position: FloatArray
+    effort: FloatArray
+    position_reference: FloatArray
+    velocity_reference: FloatArray | None
+    truth: ClosedLoopResult
+    control_ratio: int
+
+
+def record_simulated_robot(
+    robot: RobotModel,
+    parameters: DynamicParameters,
+    law: ControlLaw,
+    position_reference: FloatArray,
+    velocity_reference: FloatArray | None = None,
+    *,
+    rate: float,
+    seed: int,
+    position_noise: float | FloatArray = 0.0,
+    torque_noise: float | FloatArray = 0.0,
+    encoder_resolution: float | FloatArray = 0.0,
+    plant_oversampling: int = 4,
+) -> SimulatedRecording:
+    """Simulate a robot from rest on its reference, and record it.
+
+    Parameters
+    ----------
+    robot, parameters, law
+        The robot as it really is. The control sees the true motion; noise and quantisation are
+        those of the recorder.
+    position_reference, velocity_reference
+        (n_samples, n_joints) at `rate`, rad, rad/s.
+    rate
+        Of the recording, Hz. The law's period must be a whole fraction of 1/rate.
+    seed
+        Of the noise.
+    position_noise, torque_noise
+        Standard deviation, one value or (n_joints,), rad (m), N m (N).
+    encoder_resolution
+        Step of the recorded position, one value or (n_joints,), rad (m); 0 for none.
+    plant_oversampling
+        Plant steps in a control period (more where they would exceed 0.5 ms).
+
+    Raises
+    ------
+    ValueError
+        The control period does not divide the sample period.
+    """
+    period = 1.0 / rate if law.period is None else law.period
+    ratio = round(1.0 / (rate * period))
+    if ratio < 1 or abs(ratio * period * rate - 1.0) > 1e-9:
+        raise ValueError(f"a control period of {period:g} s does not divide 1/{rate:g} s")
+    fine_position = _refined(position_reference, ratio)
+    fine_velocity = None if velocity_reference is None else _refined(velocity_reference, ratio)
+    fine_law = law
+    if law.feedforward is not None and ratio > 1:
+        fine_law = replace(law, feedforward=_refined(law.feedforward, ratio))
+    start_velocity = np.zeros(position_reference.shape[1])
+    if velocity_reference is not None:
+        start_velocity = velocity_reference[0]
+    steps = max(plant_oversampling, math.ceil(period / PLANT_STEP - 1e-6))
+    truth = simulate_closed_loop(
+        robot,
+        parameters,
+        fine_law,
+        rate=rate * ratio,
+        position_reference=fine_position,
+        velocity_reference=fine_velocity,
+        initial_position=position_reference[0],
+        initial_velocity=start_velocity,
+        plant_step=period / steps,
+    )
+    rng = np.random.default_rng(seed)
+    position = truth.position[::ratio].copy()
+    samples = len(position)
+    position += rng.normal(size=position.shape) * position_noise
+    step = np.broadcast_to(np.asarray(encoder_resolution, dtype=float), position.shape)
+    coarse = step > 0.0
+    position[coarse] = np.round(position[coarse] / step[coarse]) * step[coarse]
+    effort = _centred_mean(truth.torque, ratio)[:samples]
+    effort = effort + rng.normal(size=effort.shape) * torque_noise
+    return SimulatedRecording(
+        rate=rate,
+        time=np.arange(samples) / rate,
+        position=position,
+        effort=effort,
+        position_reference=position_reference[:samples],
+        velocity_reference=None if velocity_reference is None else velocity_reference[:samples],
+        truth=truth,
+        control_ratio=ratio,
+    )
+
+
+def _refined(signal: FloatArray, ratio: int) -> FloatArray:
+    """Linear interpolation at `ratio` points for each sample, (ratio (n - 1) + 1, n_joints)."""
+    place = np.arange(ratio * (len(signal) - 1) + 1) / ratio
+    before = np.minimum(place.astype(int), max(len(signal) - 2, 0))
+    after = np.minimum(before + 1, len(signal) - 1)
+    weight = (place - before)[:, None]
+    return np.asarray((1.0 - weight) * signal[before] + weight * signal[after])
+
+
+def _centred_mean(held: FloatArray, ratio: int) -> FloatArray:
+    """Mean of a held command over the sample period centred on each sample.
+
+    `held[i]` acts from control instant i to the next; before the first, it is taken to have been
+    held. Half a period is ratio/2 control periods on either side.
+    """
+    whole, half = ratio // 2, ratio % 2
+    padded = np.concatenate([np.repeat(held[:1], whole + 1, axis=0), held])
+    padded = np.concatenate([padded, np.repeat(held[-1:], whole + 1, axis=0)])
+    centres = np.arange(0, len(held), ratio) + whole + 1
+    total = np.zeros((len(centres), held.shape[1]))
+    for offset in range(-whole, whole):
+        total += padded[centres + offset]
+    if half:
+        total += 0.5 * (padded[centres - whole - 1] + padded[centres + whole])
+    return np.asarray(total / ratio)
