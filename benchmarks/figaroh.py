@@ -17,19 +17,23 @@ from benchmarks.measurement import report_case
 CONFIG = Path(__file__).parent.parent / "config"
 SAMPLES = 100_000
 IV_SAMPLES = 45_000
+CHUNK = 2000
 RATE = 5000.0
 
 
 def motion(samples: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Six joints, five sines each, as in an exciting trajectory; analytic derivatives."""
     random = np.random.default_rng(7)
-    time_axis = np.arange(samples)[:, None, None] / RATE
-    frequency = 2 * np.pi * random.uniform(0.1, 1.5, (1, 6, 5))
-    amplitude, phase = random.uniform(0.1, 0.3, (1, 6, 5)), random.uniform(0, 6, (1, 6, 5))
-    angle = frequency * time_axis + phase
-    q = (amplitude * np.sin(angle)).sum(axis=2)
-    dq = (amplitude * frequency * np.cos(angle)).sum(axis=2)
-    return q, dq, -(amplitude * frequency**2 * np.sin(angle)).sum(axis=2)
+    clock = np.arange(samples)[:, None] / RATE
+    q, dq, ddq = (np.zeros((samples, 6)) for _ in range(3))
+    for _ in range(5):
+        frequency = 2 * np.pi * random.uniform(0.1, 1.5, 6)
+        amplitude, phase = random.uniform(0.1, 0.3, 6), random.uniform(0, 6, 6)
+        angle = frequency * clock + phase
+        q += amplitude * np.sin(angle)
+        dq += amplitude * frequency * np.cos(angle)
+        ddq -= amplitude * frequency**2 * np.sin(angle)
+    return q, dq, ddq
 
 
 def torque(samples: int) -> np.ndarray:
@@ -59,6 +63,7 @@ def peer(samples: int) -> None:
         "has_joint_offset": True,
         "is_joint_torques": True,
         "is_external_wrench": False,
+        "act_idxv": list(range(6)),
     }
     q, dq, ddq = motion(samples)
     tau = torque(samples).T.ravel()
@@ -72,13 +77,15 @@ def peer(samples: int) -> None:
 
 
 def ours(samples: int) -> None:
+    from idim_iv_ros.estimation.least_squares import solve_triangles
+    from idim_iv_ros.estimation.triangles import JointTriangle, fold
     from idim_iv_ros.model import (
+        InverseModel,
         StandardRegressor,
         find_base_parameters,
         load_robot,
         parameter_layout,
     )
-    from idim_iv_ros.model.inverse_model import InverseModel
 
     q, dq, ddq = motion(samples)
     tau = torque(samples)
@@ -88,21 +95,43 @@ def ours(samples: int) -> None:
     layout = parameter_layout(robot.joint_types, friction=friction, drive_inertia=True)
     regressor = StandardRegressor(robot, layout)
     model = InverseModel(robot, regressor, find_base_parameters(regressor))
-    count = len(model.base.columns)
-    triangles: list[np.ndarray | None] = [None] * 6
-    for start in range(0, samples, 2000):
-        block = slice(start, start + 2000)
+    columns = [np.flatnonzero(active) for active in model.base.active]
+    triangles = [np.zeros((0, len(active) + 1)) for active in columns]
+    for start in range(0, samples, CHUNK):
+        block = slice(start, start + CHUNK)
         matrices = model.joint_matrices(q[block], dq[block], ddq[block])
         for joint, matrix in enumerate(matrices):
-            rows = np.column_stack([matrix, tau[block, joint]])
-            before = triangles[joint]
-            stack = rows if before is None else np.vstack([before, rows])
-            triangles[joint] = np.linalg.qr(stack, mode="r")
-    spread = []
-    for joint, triangle in enumerate(triangles):
-        full = np.zeros((len(triangle), count + 1))
-        full[:, np.append(np.flatnonzero(model.base.active[joint]), count)] = triangle
-        spread.append(full)
-    final = np.linalg.qr(np.vstack(spread), mode="r")
-    np.linalg.solve(final[:count, :count], final[:count, -1])
-    report_case(time.perf_counter() - started, base=count)
+            triangles[joint] = fold(triangles[joint], matrix, tau[block, joint])
+    folded = [
+        JointTriangle(active, triangle, samples)
+        for active, triangle in zip(columns, triangles, strict=True)
+    ]
+    solve_triangles(folded, len(model.base.columns), weighted=False)
+    report_case(time.perf_counter() - started, base=len(model.base.columns))
+
+
+def main() -> None:
+    mine = measure("benchmarks.figaroh", "ours", 3)
+    theirs = measure("benchmarks.figaroh", "peer", 3)
+    lines = [
+        f"Least squares, 6 joints, {SAMPLES:,} samples (regressor, base parameters, solution):",
+        "",
+        "| | seconds | peak memory | base parameters |",
+        "|---|---|---|---|",
+        f"| figaroh 1.0.2 | {theirs.seconds:.2f} | {theirs.peak / 1e6:.0f} MB | "
+        f"{theirs.detail['base']:.0f} |",
+        f"| idim_iv_ros | {mine.seconds:.2f} | {mine.peak / 1e6:.0f} MB | "
+        f"{mine.detail['base']:.0f} |",
+        "",
+        f"Ratios: {theirs.seconds / mine.seconds:.1f} times faster (target: 8), "
+        f"1/{theirs.peak / mine.peak:.1f} of the memory (target: 1/10).",
+    ]
+    write_page("figaroh", "Against figaroh 1.0.2", lines)
+
+
+if __name__ == "__main__":
+    cases = {
+        "ours": lambda: ours(SAMPLES),
+        "peer": lambda: peer(SAMPLES),
+    }
+    cases.get(sys.argv[1] if len(sys.argv) > 1 else "", main)()

@@ -1,12 +1,20 @@
-"""Identification of robot dynamics from ROS 2 recordings by IDIM-IV, with its tests."""
+"""Identification of robot dynamics from ROS 2 recordings by IDIM-IV, with its tests.
 
-from idim_iv_ros.check import CheckReport, check
-from idim_iv_ros.configuration import Configuration, load_configuration
-from idim_iv_ros.errors import DataError, IdimError, UsageError
-from idim_iv_ros.identify import identify
-from idim_iv_ros.recording import Recording, import_table, read_recordings, write_bag
-from idim_iv_ros.report import write_report
-from idim_iv_ros.result import IdentificationResult
+The names below are the public interface. They are imported when they are first used: reading a
+bag does not load what an identification needs.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from idim_iv_ros.configuration import Configuration, load_configuration
+    from idim_iv_ros.errors import DataError, IdimError, UsageError
+    from idim_iv_ros.identification import identify
+    from idim_iv_ros.recording import Recording, import_table, read_recordings, write_bag
+    from idim_iv_ros.report import write_report
+    from idim_iv_ros.result import IdentificationResult
+    from idim_iv_ros.usability import CheckReport, check
 
 __all__ = [
     "CheckReport",
@@ -24,3 +32,20 @@ __all__ = [
     "write_bag",
     "write_report",
 ]
+
+_MODULES = {
+    "configuration": ("Configuration", "load_configuration"),
+    "errors": ("DataError", "IdimError", "UsageError"),
+    "identification": ("identify",),
+    "recording": ("Recording", "import_table", "read_recordings", "write_bag"),
+    "report": ("write_report",),
+    "result": ("IdentificationResult",),
+    "usability": ("CheckReport", "check"),
+}
+
+
+def __getattr__(name: str) -> object:
+    for module, names in _MODULES.items():
+        if name in names:
+            return getattr(import_module(f"{__name__}.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -4,7 +4,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from idim_iv_ros.check import CheckReport, check
+from idim_iv_ros.usability import CheckReport, check
 from idim_iv_ros.cli.arguments import Bags, Config, progress_bar
 from idim_iv_ros.configuration import load_configuration
 

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from idim_iv_ros.cli.arguments import Bags, Config, Out, progress_bar
 from idim_iv_ros.configuration import load_configuration
-from idim_iv_ros.identify import identify
+from idim_iv_ros.identification import identify
 from idim_iv_ros.report import require_writable, write_report
 from idim_iv_ros.result import IdentificationResult
 
