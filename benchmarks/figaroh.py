@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measurement import report_case
+from benchmarks.measurement import measure, report_case, write_page
 
 CONFIG = Path(__file__).parent.parent / "config"
 SAMPLES = 100_000

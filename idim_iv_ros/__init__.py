@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from idim_iv_ros.configuration import Configuration, load_configuration
     from idim_iv_ros.errors import DataError, IdimError, UsageError
-    from idim_iv_ros.identification import identify
+    from idim_iv_ros.identification import identify, identify_recordings
     from idim_iv_ros.recording import Recording, import_table, read_recordings, write_bag
     from idim_iv_ros.report import write_report
     from idim_iv_ros.result import IdentificationResult
@@ -26,6 +26,7 @@ __all__ = [
     "UsageError",
     "check",
     "identify",
+    "identify_recordings",
     "import_table",
     "load_configuration",
     "read_recordings",
@@ -36,7 +37,7 @@ __all__ = [
 _MODULES = {
     "configuration": ("Configuration", "load_configuration"),
     "errors": ("DataError", "IdimError", "UsageError"),
-    "identification": ("identify",),
+    "identification": ("identify", "identify_recordings"),
     "recording": ("Recording", "import_table", "read_recordings", "write_bag"),
     "report": ("write_report",),
     "result": ("IdentificationResult",),

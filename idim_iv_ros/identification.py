@@ -1,10 +1,12 @@
 """From recordings to validated parameters: the whole of `idim-iv identify` without its files."""
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from idim_iv_ros.assembly import Estimates, Estimator, assemble_result
 from idim_iv_ros.configuration import Configuration
@@ -16,7 +18,8 @@ from idim_iv_ros.estimation import (
     solve_weighted_least_squares,
     triangles_of_rows,
 )
-from idim_iv_ros.preparation import PreparedRegression, prepare, require_excitation
+from idim_iv_ros.preparation import prepare, read_configured, require_excitation
+from idim_iv_ros.recording import Recording
 from idim_iv_ros.result import IdentificationResult
 from idim_iv_ros.stopwatch import Progress, Stopwatch
 from idim_iv_ros.validation import validate
@@ -31,7 +34,7 @@ def identify(
     estimator: Estimator = "idim-iv",
     progress: Progress | None = None,
 ) -> IdentificationResult:
-    """Identify a robot from its recordings and test whether the answer may be believed.
+    """Identify a robot from its bags and test whether the answer may be believed.
 
     Parameters
     ----------
@@ -51,17 +54,45 @@ def identify(
     DataError
         The recordings cannot support the answer.
     """
-    prepared, timing = prepare(bags, configuration, progress)
-    with Stopwatch(progress, timing) as watch:
-        result = _identify(prepared, estimator, watch)
-    result.timing.update(timing)
+    with _one_thread(), Stopwatch(progress) as watch:
+        watch.stage("reading", 0.0)
+        recordings = read_configured(bags, configuration, progress)
+        result = _identify(recordings, configuration, estimator, watch)
+    result.timing.update(watch.timing)
     return result
 
 
-def _identify(
-    prepared: PreparedRegression, estimator: Estimator, watch: Stopwatch
+def identify_recordings(
+    recordings: Sequence[Recording],
+    configuration: Configuration,
+    *,
+    estimator: Estimator = "idim-iv",
+    progress: Progress | None = None,
 ) -> IdentificationResult:
-    configuration = prepared.configuration
+    """Identify from recordings that were read before; otherwise as `identify`."""
+    with _one_thread(), Stopwatch(progress) as watch:
+        result = _identify(recordings, configuration, estimator, watch)
+    result.timing.update(watch.timing)
+    return result
+
+
+def _one_thread() -> AbstractContextManager[object]:
+    """One thread for linear algebra: its matrices are small, and waiting for threads is not.
+
+    Results then do not depend on the number of cores either.
+    """
+    limits: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
+    return limits
+
+
+def _identify(
+    recordings: Sequence[Recording],
+    configuration: Configuration,
+    estimator: Estimator,
+    watch: Stopwatch,
+) -> IdentificationResult:
+    watch.stage("filtering", 0.3)
+    prepared = prepare(recordings, configuration)
     watch.stage("regressor", 0.4)
     rows = observation_rows(prepared.model, prepared.motions)
     require_excitation(prepared, triangles_of_rows(rows))

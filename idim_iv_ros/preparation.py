@@ -13,7 +13,7 @@ from idim_iv_ros.estimation import JointTriangle, unseen_parameters
 from idim_iv_ros.model import InverseModel, build_inverse_model
 from idim_iv_ros.recording import Recording, read_recordings
 from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
-from idim_iv_ros.stopwatch import Progress, Stopwatch
+from idim_iv_ros.stopwatch import Progress
 
 FloatArray = NDArray[np.float64]
 
@@ -43,48 +43,22 @@ class PreparedRegression:
     reasons: tuple[str, ...]
 
 
-def prepare(
-    bags: Sequence[Path], configuration: Configuration, progress: Progress | None = None
-) -> tuple[PreparedRegression, dict[str, float]]:
-    """Read, filter and decimate: everything that precedes an estimate.
-
-    Returns
-    -------
-    the regression, and seconds by stage
+def prepare(recordings: Sequence[Recording], configuration: Configuration) -> PreparedRegression:
+    """Build the model and filter the motion: everything that precedes an estimate.
 
     Raises
     ------
     UsageError, DataError
-        See `read_recordings`, `build_inverse_model`, `choose_cutoffs`, `filter_motion`.
+        See `build_inverse_model`, `choose_cutoffs`, `filter_motion`.
     """
-    with Stopwatch(progress) as watch:
-        return _prepare(bags, configuration, watch), watch.timing
-
-
-def _prepare(
-    bags: Sequence[Path], configuration: Configuration, watch: Stopwatch
-) -> PreparedRegression:
-    watch.stage("reading", 0.0)
-    signals = configuration.signals
-    recordings = read_recordings(
-        bags,
-        joints=configuration.robot.joints,
-        joint_states=signals.joint_states,
-        effort=signals.effort,
-        reference=signals.reference,
-        progress=watch.progress,
-    )
-    watch.stage("model", 0.3)
     urdf, source = _urdf(configuration, recordings)
     model = build_inverse_model(configuration, urdf, source)
-    watch.stage("filtering", 0.35)
     records = [joint_side(recording, configuration) for recording in recordings]
-    origin = str(configuration.source or "configuration")
     cutoffs = choose_cutoffs(
         configuration.processing,
         [record.position for record in records],
         records[0].rate,
-        origin,
+        str(configuration.source or "configuration"),
     )
     couplings = model.regressor.layout.coupling_joints
     motions, minimum_speed, reasons = filter_motion(
@@ -98,6 +72,21 @@ def _prepare(
         minimum_speed=minimum_speed,
         motions=motions,
         reasons=cutoffs.reasons + reasons,
+    )
+
+
+def read_configured(
+    bags: Sequence[Path], configuration: Configuration, progress: Progress | None = None
+) -> tuple[Recording, ...]:
+    """Read the topics and joints of a configuration; see `read_recordings`."""
+    signals = configuration.signals
+    return read_recordings(
+        bags,
+        joints=configuration.robot.joints,
+        joint_states=signals.joint_states,
+        effort=signals.effort,
+        reference=signals.reference,
+        progress=progress,
     )
 
 

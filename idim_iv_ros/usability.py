@@ -18,7 +18,7 @@ from idim_iv_ros.estimation import (
     white_covariance,
 )
 from idim_iv_ros.model import BaseParameters
-from idim_iv_ros.preparation import PreparedRegression, prepare
+from idim_iv_ros.preparation import PreparedRegression, prepare, read_configured
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.stopwatch import Progress
@@ -93,7 +93,7 @@ def check(
     UsageError, DataError
         The recordings cannot be read or filtered at all; see `prepare`.
     """
-    prepared, _ = prepare(bags, configuration, progress)
+    prepared = prepare(read_configured(bags, configuration, progress), configuration)
     triangles = stream_triangles(prepared.model, prepared.motions)
     findings: list[Finding] = []
     for recording, motion in zip(prepared.recordings, prepared.motions, strict=True):

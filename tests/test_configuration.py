@@ -70,8 +70,8 @@ def test_wrong_file_names_the_key(tmp_path: Path, text: str, words: str) -> None
 
 
 def test_missing_and_binary_files_are_named(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="none.yaml: cannot read"):
+    with pytest.raises(UsageError, match=r"none\.yaml: cannot read"):
         load_configuration(tmp_path / "none.yaml")
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00\x80")
-    with pytest.raises(UsageError, match="binary.yaml"):
+    with pytest.raises(UsageError, match=r"binary\.yaml"):
         load_configuration(tmp_path / "binary.yaml")

@@ -4,9 +4,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from idim_iv_ros.usability import CheckReport, check
 from idim_iv_ros.cli.arguments import Bags, Config, progress_bar
 from idim_iv_ros.configuration import load_configuration
+from idim_iv_ros.usability import CheckReport, check
 
 _COLOUR = {"good": "green", "limited": "yellow", "unusable": "red"}
 

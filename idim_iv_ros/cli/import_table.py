@@ -28,15 +28,13 @@ def import_command(
         str | None,
         typer.Option(metavar="FILE[:KEY]", help="Stamps of the references, if they differ."),
     ] = None,
-    urdf: Annotated[
-        Path | None, typer.Option(help="URDF to put on /robot_description.")
-    ] = None,
+    urdf: Annotated[Path | None, typer.Option(help="URDF to put on /robot_description.")] = None,
 ) -> None:
     """Turn tables (.csv .npy .npz .mat) into a bag.
 
     KEY is a variable, or comma-separated columns.
 
-    Example: idim-iv import run.mcap --rate 1000 --position d.mat:qm --effort d.mat:vir --joints axis
+    Example: idim-iv import r.mcap --rate 1000 --position d.mat:q --effort d.mat:tau --joints a,b
     """
     names = [name.strip() for name in joints.split(",")]
     if not all(names) or len(set(names)) != len(names):

@@ -60,7 +60,8 @@ def solve_triangles(
     weights: FloatArray | None = None
     for _ in range(3 if weighted else 1):
         triangle = stacked(triangles, parameters, weights)
-        values = np.linalg.solve(triangle[:parameters, :parameters], triangle[:parameters, -1])
+        square, right = triangle[:parameters, :parameters], triangle[:parameters, -1]
+        values = np.asarray(np.linalg.solve(square, right), dtype=np.float64)
         sigma = _floor(residual_sigma(triangles, values), largest)
         weights = 1.0 / sigma
     return values, sigma
@@ -99,14 +100,13 @@ def solve_instrumental_variables(
     _require_rows(total, parameters)
     parts = []
     for joint, matrix, deviation in zip(rows, instruments, sigma, strict=True):
-        small = np.linalg.qr(
-            np.column_stack([matrix, joint.matrix, joint.torque]) / deviation, mode="r"
-        )
+        block = np.column_stack([matrix, joint.matrix, joint.torque]) / deviation
+        small = np.linalg.qr(block, mode="r")
         spread = np.zeros((len(small), 2 * parameters + 1))
-        places = [joint.columns, joint.columns + parameters, [2 * parameters]]
-        spread[:, np.concatenate(places)] = small
+        places = np.concatenate([joint.columns, joint.columns + parameters])
+        spread[:, np.append(places, 2 * parameters)] = small
         parts.append(spread)
-    triangle = np.linalg.qr(np.vstack(parts), mode="r")
+    triangle = np.asarray(np.linalg.qr(np.vstack(parts), mode="r"))
     projected = triangle[:parameters, parameters : 2 * parameters]
     scale = np.linalg.norm(projected, axis=0)
     if np.any(scale == 0.0) or np.linalg.cond(projected / scale) > _LARGEST_CONDITION:

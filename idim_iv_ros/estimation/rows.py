@@ -162,7 +162,5 @@ def keep_parameters(
         )
         for joint, inside in zip(rows, chosen, strict=True)
     )
-    matrices = tuple(
-        matrix[:, inside] for matrix, inside in zip(instruments, chosen, strict=True)
-    )
+    matrices = tuple(matrix[:, inside] for matrix, inside in zip(instruments, chosen, strict=True))
     return reduced, matrices

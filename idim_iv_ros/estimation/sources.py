@@ -76,9 +76,7 @@ def instrument_sources(
             "smoothing frequency is not averaged out, and the instruments cannot be tested"
         )
     sources.append(SmoothedMeasurement(model, tuple(motions), cutoffs.decimation / 2.0))
-    return InstrumentSources(
-        tuple(sources), _starts(configuration, model), tuple(sentences), fits
-    )
+    return InstrumentSources(tuple(sources), _starts(configuration, model), tuple(sentences), fits)
 
 
 def _starts(

@@ -76,7 +76,7 @@ def fold(triangle: FloatArray, matrix: FloatArray, torque: FloatArray) -> FloatA
     for start in range(0, len(matrix), _FOLD):
         block = slice(start, start + _FOLD)
         rows = np.column_stack([matrix[block], torque[block]])
-        triangle = np.linalg.qr(np.vstack([triangle, rows]), mode="r")
+        triangle = np.asarray(np.linalg.qr(np.vstack([triangle, rows]), mode="r"))
     return triangle
 
 

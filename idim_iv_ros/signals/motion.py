@@ -60,12 +60,12 @@ class Motion:
     @property
     def torque(self) -> FloatArray:
         """Measured torque of the span, (n_samples, n_joints) N m."""
-        return self.signals.torque[self.span]
+        return np.asarray(self.signals.torque[self.span])
 
     @property
     def time(self) -> FloatArray:
         """Time of the decimated samples from the start of the recording, (n_kept,) s."""
-        return (self.span.start + self.decimation.kept) / self.signals.rate
+        return np.asarray((self.span.start + self.decimation.kept) / self.signals.rate)
 
 
 def filter_motion(

@@ -127,7 +127,10 @@ def judge_all(
         for kind in ("model error here", "cannot be told", "oversampled, refined")
     )
     if wrong:
-        sentence = f"The model is wrong at {_names(wrong)}: a physical effect is missing there, or the control law is another."
+        sentence = (
+            f"The model is wrong at {_names(wrong)}: a physical effect is missing there, or the "
+            "control law is another."
+        )
         if len(wrong) + len(untold) < len(joints):
             sentence += " The instruments of the other joints are valid."
         if untold:
