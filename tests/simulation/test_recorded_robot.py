@@ -1,0 +1,89 @@
+"""A simulated robot's recording: what is in it, and that its torque fits its motion."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.simulation import inverse_dynamics
+from tests.simulated_arms import arm2, arm6, arm7, record
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return arm2(seconds=4.0)
+
+
+def test_same_seed_gives_the_same_recording(arm):
+    first, second, other = record(arm, 7), record(arm, 7), record(arm, 8)
+    np.testing.assert_array_equal(first.position, second.position)
+    np.testing.assert_array_equal(first.effort, second.effort)
+    assert np.all(first.position[0] != other.position[0])
+    np.testing.assert_array_equal(first.truth.position, other.truth.position)
+
+
+def test_noise_has_the_size_that_was_asked_for(arm):
+    recording = record(arm, 1, position_noise=3e-4, torque_noise=[0.5, 0.2])
+    quiet = record(arm, 1, position_noise=0.0, torque_noise=0.0)
+    assert np.std(recording.position - quiet.position) == pytest.approx(3e-4, rel=0.03)
+    noise = recording.effort - quiet.effort
+    np.testing.assert_allclose(noise.std(axis=0), [0.5, 0.2], rtol=0.05)
+
+
+def test_encoder_shows_whole_steps(arm):
+    recording = record(arm, 1, position_noise=0.0, encoder_resolution=1e-3)
+    steps = recording.position / 1e-3
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
+    assert np.abs(recording.position - recording.truth.position).max() <= 0.5001e-3
+
+
+@pytest.mark.parametrize("ratio", [1, 2, 3, 4])
+def test_effort_is_in_phase_with_the_motion_whatever_the_control_rate(arm, ratio):
+    law = dataclasses.replace(arm.law, period=1.0 / (arm.rate * ratio))
+    smooth = dataclasses.replace(arm.truth, coulomb=np.zeros(2))
+    recording = record(
+        dataclasses.replace(arm, law=law, truth=smooth), 0, position_noise=0.0, torque_noise=0.0
+    )
+    truth = recording.truth
+    needed = inverse_dynamics(
+        arm.robot, smooth, truth.position, truth.velocity, truth.acceleration
+    )[::ratio]
+    middle = slice(1000, -10)
+    error = recording.effort[middle] - needed[middle]
+    assert np.abs(error).max() < 2e-3 * np.abs(needed).max()
+    slope = np.gradient(needed, axis=0)[middle]
+    shift = np.sum(error * slope, axis=0) / np.sum(slope * slope, axis=0)
+    assert np.all(np.abs(shift) < 0.02), "samples of delay"
+
+
+@pytest.mark.parametrize("build", [arm2, arm6, arm7])
+def test_arms_move_within_their_limits_and_start_from_rest(build):
+    arm = build()
+    limits = arm.robot.limits
+    assert np.all(arm.position_reference < limits.upper)
+    assert np.all(arm.position_reference > limits.lower)
+    assert np.all(np.abs(arm.velocity_reference) <= limits.velocity)
+    assert np.all(arm.velocity_reference[0] == 0.0)
+    slope = np.gradient(arm.position_reference, 1.0 / arm.rate, axis=0)
+    np.testing.assert_allclose(slope[1:-1], arm.velocity_reference[1:-1], atol=1e-3)
+    recording = record(arm, 0)
+    assert recording.truth.diverged is None
+    assert np.abs(recording.truth.torque).max() < np.max(arm.law.torque_limit)
+    assert np.abs(recording.truth.position - arm.position_reference).max() < 0.03
+
+
+@pytest.mark.parametrize("build", [arm2, arm6, arm7])
+def test_truth_differs_from_the_given_values_by_10_to_30_percent(build):
+    arm = build(seconds=1.0)
+    given, truth = arm.robot.given, arm.truth
+    for name in ("drive_inertia", "viscous", "coulomb"):
+        change = np.abs(getattr(truth, name) / getattr(given, name) - 1.0)
+        assert np.all((change > 0.099) & (change < 0.301))
+    change = np.abs(truth.inertial[:, 0] / given.inertial[:, 0] - 1.0)
+    assert np.all((change > 0.099) & (change < 0.301))
+
+
+def test_control_period_must_divide_the_sample_period(arm):
+    law = dataclasses.replace(arm.law, period=0.0007)
+    with pytest.raises(ValueError, match="does not divide"):
+        record(dataclasses.replace(arm, law=law), 0)
