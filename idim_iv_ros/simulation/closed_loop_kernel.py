@@ -174,7 +174,7 @@ def first_modes(plant: Plant, dq: FloatArray) -> tuple[NDArray[np.bool_], IntArr
     resting = np.zeros(contacts, np.bool_)
     mode = np.zeros(contacts, np.int64)
     for c in range(contacts):
-        speed = slip(plant, c, dq)
+        speed = slip(plant.first, plant.second, c, dq)
         resting[c] = speed == 0.0 and plant.level[c] > 0.0
         mode[c] = 1 if speed > 0.0 else -1 if speed < 0.0 else 0
     return resting, mode, mode.copy()

@@ -52,20 +52,22 @@ def solve(factor: FloatArray, vector: FloatArray) -> None:
 
 
 @kernel
-def slip(plant: Plant, contact: int, speed: FloatArray) -> float:
-    """Slip speed of a contact (or what `speed` holds: slip acceleration)."""
-    second = plant.second[contact]
-    one: float = speed[plant.first[contact]]
-    other: float = speed[second] if second >= 0 else 0.0
+def slip(first: IntArray, second: IntArray, contact: int, speed: FloatArray) -> float:
+    """Slip speed of a contact (or what `speed` holds: slip acceleration).
+
+    The arrays come one by one: a whole plant is costly to pass in the innermost loop.
+    """
+    one: float = speed[first[contact]]
+    other: float = speed[second[contact]] if second[contact] >= 0 else 0.0
     return one + other
 
 
 @kernel
-def push(plant: Plant, contact: int, amount: float, load: FloatArray) -> None:
+def push(first: IntArray, second: IntArray, contact: int, amount: float, load: FloatArray) -> None:
     """Add a torque along a contact to the joint torques."""
-    load[plant.first[contact]] += amount
-    if plant.second[contact] >= 0:
-        load[plant.second[contact]] += amount
+    load[first[contact]] += amount
+    if second[contact] >= 0:
+        load[second[contact]] += amount
 
 
 @kernel
@@ -82,14 +84,14 @@ def _hold(plant: Plant, mode: IntArray, work: Workspace, ddq: FloatArray) -> Non
             continue
         row = work.response[count]
         row[:] = 0.0
-        push(plant, c, 1.0, row)
+        push(plant.first, plant.second, c, 1.0, row)
         solve(work.factor, row)
         for k in range(count):
-            entry = slip(plant, work.independent[k], row)
+            entry = slip(plant.first, plant.second, work.independent[k], row)
             for j in range(k):
                 entry -= work.schur[count, j] * work.schur[k, j]
             work.schur[count, k] = entry / work.schur[k, k]
-        whole = slip(plant, c, row)
+        whole = slip(plant.first, plant.second, c, row)
         pivot = whole
         for j in range(count):
             pivot -= work.schur[count, j] ** 2
@@ -99,7 +101,7 @@ def _hold(plant: Plant, mode: IntArray, work: Workspace, ddq: FloatArray) -> Non
         work.independent[count] = c
         count += 1
     for k in range(count):
-        total = slip(plant, work.independent[k], ddq)
+        total = slip(plant.first, plant.second, work.independent[k], ddq)
         for j in range(k):
             total -= work.schur[k, j] * work.holding[work.independent[j]]
         work.holding[work.independent[k]] = total / work.schur[k, k]
@@ -165,7 +167,7 @@ def accelerate(
         for c in range(contacts):
             if plant.level[c] > 0.0:
                 if mode[c] != 0:
-                    push(plant, c, -mode[c] * plant.level[c], ddq)
+                    push(plant.first, plant.second, c, -mode[c] * plant.level[c], ddq)
                 else:
                     stuck = True
         solve(work.factor, ddq)
@@ -179,7 +181,7 @@ def accelerate(
                 over = abs(work.holding[c]) / plant.level[c] - 1.0
                 candidate = 1 if work.holding[c] > 0.0 else -1
             else:
-                back = -mode[c] * slip(plant, c, ddq)
+                back = -mode[c] * slip(plant.first, plant.second, c, ddq)
                 over, candidate = (0.0, 0) if back <= 0.0 else (1e-6, 0)
             if over > max(excess, 1e-12):
                 worst, change, excess = c, candidate, over

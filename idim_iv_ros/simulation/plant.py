@@ -67,6 +67,7 @@ class Workspace(NamedTuple):
     schur: FloatArray
     holding: FloatArray
     independent: IntArray
+    crossing: FloatArray
 
 
 def workspace(plant: Plant) -> Workspace:
@@ -89,6 +90,7 @@ def workspace(plant: Plant) -> Workspace:
         schur=np.zeros((contacts, contacts)),
         holding=np.zeros(contacts),
         independent=np.zeros(contacts, dtype=np.int64),
+        crossing=np.zeros(contacts),
     )
 
 

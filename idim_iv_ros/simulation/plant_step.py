@@ -76,16 +76,16 @@ def advance(
         if not prepare(plant, middle, predicted, dq, rest, torque, left, work):
             return False
         accelerate(plant, resting, mode, work, ddq)
+        _crossings(plant, resting, mode, dq, ddq, left, work.crossing)
         fraction = 1.0
         if attempt < attempts - 1:
             for c in range(contacts):
-                fraction = min(fraction, _crossing(plant, c, resting, mode, dq, ddq, left))
+                fraction = min(fraction, work.crossing[c])
         for c in range(contacts):
             if resting[c]:
-                resting[c] = mode[c] == 0 or slip(plant, c, ddq) == 0.0
+                resting[c] = mode[c] == 0 or slip(plant.first, plant.second, c, ddq) == 0.0
             else:
-                crossing = _crossing(plant, c, resting, mode, dq, ddq, left)
-                resting[c] = crossing <= fraction + TOGETHER
+                resting[c] = work.crossing[c] <= fraction + TOGETHER
         time = fraction * left
         for i in range(n):
             q[i] += time * (dq[i] + 0.5 * time * ddq[i])
@@ -98,23 +98,26 @@ def advance(
 
 
 @kernel
-def _crossing(
+def _crossings(
     plant: Plant,
-    contact: int,
     resting: NDArray[np.bool_],
     mode: IntArray,
     dq: FloatArray,
     ddq: FloatArray,
     step: float,
-) -> float:
-    """Fraction of the step at which a slipping contact comes to rest; 2 if it does not."""
-    if resting[contact] or plant.level[contact] <= 0.0:
-        return 2.0
-    start = mode[contact] * slip(plant, contact, dq)
-    if start <= 0.0:
-        return 0.0
-    end = start + step * mode[contact] * slip(plant, contact, ddq)
-    return 2.0 if end > 0.0 else start / (start - end)
+    crossing: FloatArray,
+) -> None:
+    """Fraction of the step at which each slipping contact comes to rest; 2 if it does not."""
+    for c in range(mode.shape[0]):
+        crossing[c] = 2.0
+        if resting[c] or plant.level[c] <= 0.0:
+            continue
+        start = mode[c] * slip(plant.first, plant.second, c, dq)
+        end = start + step * mode[c] * slip(plant.first, plant.second, c, ddq)
+        if start <= 0.0:
+            crossing[c] = 0.0
+        elif end <= 0.0:
+            crossing[c] = start / (start - end)
 
 
 @kernel
