@@ -138,6 +138,9 @@ class AutoregressiveModel:
     def _adjoint_of_run(self, grid: FloatArray) -> FloatArray:
         """Solve Lᵀ u = grid, L being the whitening of one run with its exact start."""
         count = min(self.order, len(grid))
+        start = self._start[:count, :count]
+        if len(grid) <= self.order:
+            return np.asarray(solve_triangular(start, grid, lower=True, trans="T"))
         body, state = lfilter(
             [1.0],
             self._predictors[-1],
@@ -146,7 +149,7 @@ class AutoregressiveModel:
             zi=np.zeros((self.order, grid.shape[1])),
         )
         head = grid[:count] + state[:count][::-1]
-        head = solve_triangular(self._start[:count, :count], head, lower=True, trans="T")
+        head = solve_triangular(start, head, lower=True, trans="T")
         return np.vstack([head, body[::-1]])
 
     @cached_property

@@ -137,6 +137,14 @@ def test_adjoint_gives_the_covariance_of_sums_over_rows_with_gaps():
     np.testing.assert_allclose(actual, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("length", [1, 5, 6, 7])
+def test_runs_no_longer_than_the_order_are_coloured_exactly(length):
+    model = AutoregressiveModel(np.array([-0.9, 0.5, 0.3, -0.2, 0.1, 0.4]), 2.0)
+    spread = model.colour_adjoint(np.eye(length), np.arange(length))
+    actual = model.innovation_variance * spread.T @ spread
+    np.testing.assert_allclose(actual, covariance_of(model, length), rtol=1e-10)
+
+
 def test_recordings_far_apart_are_independent_and_cost_no_memory():
     model = AutoregressiveModel(np.array([-0.9]), 1.0)
     rows = np.random.default_rng(12).standard_normal((40, 2))
