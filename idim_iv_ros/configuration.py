@@ -103,7 +103,8 @@ class ProcessingSection(Section):
     """Filters (Hz), reversal speed (rad/s or m/s) and seconds cut from each end.
 
     `decimation_phase` chooses which sample of each group is kept: ``first`` as SciPy does,
-    ``last`` as MATLAB's decimate does.
+    ``last`` as MATLAB's decimate does. `reversal_margin` is the number of decimated samples that
+    are dropped on either side of a slow one, for the decimation filter smears what happens there.
     """
 
     position_cutoff: PositiveFloat | None = None
@@ -111,6 +112,7 @@ class ProcessingSection(Section):
     decimation_cutoff: PositiveFloat | None = None
     decimation_phase: Literal["first", "last"] = "first"
     minimum_speed: Vector | None = None
+    reversal_margin: Annotated[float, Field(ge=0.0, le=20.0)] = 1.0
     trim: Annotated[Vector, Field(min_length=2, max_length=2)] | None = None
 
 

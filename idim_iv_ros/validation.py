@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.estimation import (
+    ColouredBlock,
+    ColouredCovariance,
     IdimIvEstimate,
     LinearEstimate,
     ObservationRows,
@@ -68,14 +70,36 @@ def validate(
         for joint, matrix in zip(observed, matrices, strict=True)
     ]
     reason = NO_INSTRUMENTS if estimate is None else estimate.source.testable
-    tests = wald_test_of_instruments(rows, linear.values, alpha=alpha, not_simulated=reason)
+    models = residual_models(observed, linear.residuals)
+    errors = None
+    if estimate is not None and reason is None:
+        covariance = _covariance(observed, matrices, linear, models)
+        errors = estimate.source.prediction_errors(linear.values, covariance)
+    tests = wald_test_of_instruments(
+        rows, linear.values, alpha=alpha, not_simulated=reason, simulation_errors=errors
+    )
     exogeneity = exogeneity_test(rows, linear.values, alpha=alpha, not_simulated=reason)
     return Validation(
         tests=_together(tests),
         exogeneity=_together(exogeneity),
         residuals=tuple(diagnose_residual(joint, linear.values, alpha=alpha) for joint in rows),
-        models=residual_models(observed, linear.residuals),
+        models=models,
     )
+
+
+def _covariance(
+    observed: Sequence[ObservationRows],
+    matrices: Sequence[FloatArray],
+    linear: LinearEstimate,
+    models: Sequence[AutoregressiveModel],
+) -> FloatArray:
+    blocks = [
+        ColouredBlock(joint.matrix, matrix, joint.columns, float(sigma), model, joint.position)
+        for joint, matrix, sigma, model in zip(
+            observed, matrices, linear.sigma, models, strict=True
+        )
+    ]
+    return ColouredCovariance(blocks, len(linear.values)).matrix
 
 
 def _together(tests: tuple[HypothesisTest, ...]) -> tuple[HypothesisTest, ...]:

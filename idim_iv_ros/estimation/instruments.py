@@ -4,7 +4,6 @@ Equation 8 asks for a simulation with the same references and the same control l
 references or the law are missing, the fallbacks here say what they are and what they cost.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
@@ -15,13 +14,16 @@ from numpy.typing import NDArray
 from idim_iv_ros.estimation.rows import States, instrument_rows
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Motion, central_differences, zero_phase_butterworth
-from idim_iv_ros.simulation import ControlLaw, simulate_closed_loop
+from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, simulate_closed_loop
 
 FloatArray = NDArray[np.float64]
 
 # Gains are rescaled only while the simulated inertia is further than this from the robot's.
 _SAME_INERTIA = 0.25
 _INERTIA_STATES = 50
+# Simulations at perturbed parameters that tell how far their uncertainty moves the instruments.
+_DRAWS = 8
+_SEED = 1948
 
 
 class SourceFailure(Exception):
@@ -52,6 +54,11 @@ class InstrumentSource(Protocol):
     @property
     def name(self) -> str:
         """What it is, in words for the report."""
+
+    def prediction_errors(
+        self, values: FloatArray, covariance: FloatArray
+    ) -> tuple[FloatArray, ...] | None:
+        """Change of Z β̂ with parameters as uncertain as they are; None where it cannot be."""
 
     @property
     def testable(self) -> str | None:
@@ -101,10 +108,72 @@ class SimulatedLoop:
         return True
 
     def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
-        """Simulate every recording at `values`; gains keep the bandwidth of the real loop."""
+        """Simulate every recording at `values`; gains keep the bandwidth of the real loop.
+
+        The simulated positions go through the position filter of the regressor, so that X and Z
+        differ by noise and by the model, not by the filter.
+        """
         scale = self._gain_scale(values, reference_values)
+        states = tuple(
+            partial(_differentiated, position, motion)
+            for position, motion in zip(self._positions(values, scale), self.motions, strict=True)
+        )
+        note = ""
+        if not np.allclose(scale, 1.0):
+            note = "gains scaled by " + ", ".join(f"{factor:.3g}" for factor in scale)
+        return Instruments(instrument_rows(self.model, self.motions, states), states, note)
+
+    def prediction_errors(
+        self, values: FloatArray, covariance: FloatArray
+    ) -> tuple[FloatArray, ...]:
+        """Change of Z β̂ when the simulation runs at parameters as uncertain as `values` are.
+
+        The instruments are simulated with estimated parameters; a difference between X β̂ and
+        Z β̂ of this size says nothing against the model.
+
+        Parameters
+        ----------
+        values, covariance
+            (b,) estimate and (b, b) covariance.
+
+        Returns
+        -------
+        One (r_j, n_draws) array for each joint, N m; diverging draws are left out.
+        """
+        random = np.random.default_rng(_SEED)
+        root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)))
+        no_scale = np.ones(len(self.motions[0].position[0]))
+        nominal = self._predictions(values, values, no_scale)
+        errors = []
+        for _ in range(_DRAWS):
+            drawn = values + root @ random.standard_normal(len(values))
+            try:
+                moved = self._predictions(drawn, values, no_scale)
+            except SourceFailure:
+                continue
+            errors.append([a - b for a, b in zip(moved, nominal, strict=True)])
+        if not errors:
+            return tuple(np.zeros((len(joint), 0)) for joint in nominal)
+        return tuple(np.column_stack(joint) for joint in zip(*errors, strict=True))
+
+    def _predictions(
+        self, values: FloatArray, predicting: FloatArray, scale: FloatArray
+    ) -> list[FloatArray]:
+        """Torque rows of each joint, with `predicting`, on the motion simulated at `values`."""
+        parameters = self.model.dynamic_parameters(predicting)
+        parts = []
+        for position, motion in zip(self._positions(values, scale), self.motions, strict=True):
+            samples = motion.span.stop - motion.span.start
+            states = _differentiated(position, motion, 0, samples)
+            torque = inverse_dynamics(self.model.robot, parameters, *states)
+            decimated = motion.decimation.whole(torque)
+            parts.append([decimated[kept, j] for j, kept in enumerate(motion.kept.T)])
+        return [np.concatenate(joint) for joint in zip(*parts, strict=True)]
+
+    def _positions(self, values: FloatArray, scale: FloatArray) -> list[FloatArray]:
+        """Simulated and filtered positions of every recording."""
         parameters = self.model.dynamic_parameters(values)
-        states: list[States] = []
+        positions = []
         for motion, law in zip(self.motions, self.laws, strict=True):
             signals = motion.signals
             if signals.position_reference is None:
@@ -122,18 +191,8 @@ class SimulatedLoop:
             )
             if result.diverged is not None:
                 raise SourceFailure(f"{signals.name}: {result.diverged}")
-            states.append(
-                partial(
-                    _slice,
-                    result.position[motion.span],
-                    result.velocity[motion.span],
-                    result.acceleration[motion.span],
-                )
-            )
-        note = ""
-        if not np.allclose(scale, 1.0):
-            note = "gains scaled by " + ", ".join(f"{factor:.3g}" for factor in scale)
-        return Instruments(instrument_rows(self.model, self.motions, states), tuple(states), note)
+            positions.append(motion.filtered(result.position))
+        return positions
 
     def _gain_scale(self, values: FloatArray, reference_values: FloatArray) -> FloatArray:
         """J_j(values) / J_j(robot), 1 where they are close (methods: gain update)."""
@@ -181,6 +240,9 @@ class FilteredReference:
         """The filter does not depend on the parameters."""
         return False
 
+    def prediction_errors(self, values: FloatArray, covariance: FloatArray) -> None:
+        """These instruments do not depend on the parameters."""
+
     def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
         """Differentiate the filtered references."""
         states = tuple(
@@ -220,6 +282,9 @@ class SmoothedMeasurement:
         """The measurements do not depend on the parameters."""
         return False
 
+    def prediction_errors(self, values: FloatArray, covariance: FloatArray) -> None:
+        """These instruments do not depend on the parameters."""
+
     def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
         """Smooth and differentiate."""
         states = []
@@ -238,12 +303,6 @@ def _initial(motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
     return motion.position[0], velocity[0], acceleration[0]
 
 
-def _slice(
-    position: FloatArray, velocity: FloatArray, acceleration: FloatArray, first: int, last: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    return position[first:last], velocity[first:last], acceleration[first:last]
-
-
 def _differentiated(
     position: FloatArray, motion: Motion, first: int, last: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -252,10 +311,3 @@ def _differentiated(
         position, rate=motion.signals.rate, start=start + first, stop=start + last
     )
     return position[start + first : start + last], velocity, acceleration
-
-
-def smoothed_measurement(
-    model: InverseModel, motions: Sequence[Motion], decimation_cutoff: float
-) -> SmoothedMeasurement:
-    """Return the fallback of last resort: smoothing at half of the decimation cut-off."""
-    return SmoothedMeasurement(model, tuple(motions), decimation_cutoff / 2.0)

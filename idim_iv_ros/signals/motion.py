@@ -31,6 +31,10 @@ class Motion:
     ----------
     signals : JointSignals
         The unfiltered record.
+    cutoff : float
+        Of the position filter, Hz.
+    order : int
+        Of one pass of the position filter.
     position : (n_samples, n_joints)
         Zero-phase filtered, rad or m, not trimmed.
     span : slice
@@ -43,6 +47,8 @@ class Motion:
     """
 
     signals: JointSignals
+    cutoff: float
+    order: int
     position: FloatArray
     span: slice
     decimation: ParallelDecimation
@@ -56,6 +62,12 @@ class Motion:
             self.position, rate=self.signals.rate, start=start + first, stop=start + last
         )
         return self.position[start + first : start + last], velocity, acceleration
+
+    def filtered(self, position: FloatArray) -> FloatArray:
+        """Another position record (n_samples, n_joints) through the same filter."""
+        return zero_phase_butterworth(
+            position, rate=self.signals.rate, cutoff=self.cutoff, order=self.order
+        )
 
     @property
     def torque(self) -> FloatArray:
@@ -156,14 +168,15 @@ def _motion(
 ) -> Motion:
     factor = decimation_factor(record.rate, cutoffs.decimation)
     decimation = ParallelDecimation(factor, span.stop - span.start, processing.decimation_phase)
-    velocity = np.gradient(position[span], 1.0 / record.rate, axis=0)[decimation.kept]
+    velocity = np.gradient(position[span], 1.0 / record.rate, axis=0)
     fast = np.abs(velocity) >= minimum_speed
     for pair in couplings:
         both = np.abs(velocity[:, list(pair)].sum(axis=1)) >= minimum_speed[list(pair)].min()
         for joint in pair:
             fast[:, joint] &= both
-    measured = _groups_measured(record.valid[span], decimation)
-    inside = np.ones(len(velocity), dtype=bool)
+    fast = _all_around(fast, decimation, round(processing.reversal_margin * factor))
+    measured = _all_around(record.valid[span], decimation, factor)
+    inside = np.ones(len(measured), dtype=bool)
     if processing.trim is None and decimation.factor > 1:
         inside[:_EDGE_GROUPS] = inside[-_EDGE_GROUPS:] = False
     kept = fast & measured & inside[:, None]
@@ -172,15 +185,13 @@ def _motion(
         "not measured": int((inside[:, None] & ~measured).sum()),
         "at the edges": int((~inside).sum() * kept.shape[1]),
     }
-    return Motion(record, position, span, decimation, kept, dropped)
+    cutoff, order = cutoffs.position, processing.position_order
+    return Motion(record, cutoff, order, position, span, decimation, kept, dropped)
 
 
-def _groups_measured(valid: BoolArray, decimation: ParallelDecimation) -> BoolArray:
-    """Whether every sample of a decimated sample's group was measured."""
-    if valid.all():
-        return np.ones((len(decimation.kept), valid.shape[1]), dtype=bool)
-    count = np.concatenate([np.zeros((1, valid.shape[1]), int), np.cumsum(~valid, axis=0)])
-    reach = decimation.factor
+def _all_around(good: BoolArray, decimation: ParallelDecimation, reach: int) -> BoolArray:
+    """Whether every sample within `reach` of a decimated sample is good, (n_kept, n_joints)."""
+    bad = np.concatenate([np.zeros((1, good.shape[1]), int), np.cumsum(~good, axis=0)])
     first = np.maximum(decimation.kept - reach, 0)
-    last = np.minimum(decimation.kept + reach + 1, len(valid))
-    return np.asarray(count[last] - count[first] == 0)
+    last = np.minimum(decimation.kept + reach + 1, len(good))
+    return np.asarray(bad[last] == bad[first])

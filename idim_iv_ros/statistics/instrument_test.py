@@ -8,6 +8,7 @@ that of the residual of the torque.)
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ def wald_test_of_instruments(
     *,
     alpha: float = 0.05,
     not_simulated: str | None = None,
+    simulation_errors: Sequence[FloatArray] | None = None,
 ) -> tuple[HypothesisTest, ...]:
     """Test the instruments for all rows and joint by joint (paper, equation 10).
 
@@ -47,6 +49,10 @@ def wald_test_of_instruments(
         Why the instruments do not come from a simulation of the loop. Such instruments share
         the noise of X by construction, and no test is run.
 
+    simulation_errors : sequence of (r_j, n_draws), optional
+        Draws of the change of Z β̂ that comes from the uncertainty of the parameters with which
+        the instruments were simulated. Without them the parameters are taken as known.
+
     Returns
     -------
     tuple of HypothesisTest
@@ -54,17 +60,20 @@ def wald_test_of_instruments(
         of `largest_deviation`; `torque_deviation_percent` is 100 ‖Z δ̂‖ / ‖X β̂‖ less what
         noise alone would give (for "all": root mean square over the joints).
     """
-    fits: list[tuple[JointRows, ColouredRegression]] = []
+    fits: list[_Fit] = []
     tests: list[HypothesisTest] = []
-    for rows in joints:
+    draws = simulation_errors or [np.zeros((len(rows.torque), 0)) for rows in joints]
+    for rows, errors in zip(joints, draws, strict=True):
         reason = not_simulated or _obstacle(rows, parameters)
         if reason is not None:
             tests.append(HypothesisTest.not_run(NULL, rows.joint, reason, alpha))
             continue
         difference = rows.prediction(parameters) - rows.instruments @ parameters[rows.columns]
         fit = regress_coloured(difference, rows.instruments, rows.runs)
-        fits.append((rows, fit))
-        tests.append(_test_of_joint(rows, fit, parameters, alpha))
+        columns = np.column_stack([rows.instruments, difference, errors])
+        whitened = triangle(fit.errors.whiten(columns, rows.runs))
+        fits.append(_Fit(rows, fit, whitened))
+        tests.append(_test_of_joint(fits[-1], parameters, alpha))
     if fits:
         return (_test_of_all(fits, parameters, alpha), *tests)
     reasons = {test.reason for test in tests if test.reason}
@@ -88,13 +97,13 @@ def _obstacle(rows: JointRows, parameters: FloatArray) -> str | None:
     return None
 
 
-def _test_of_joint(
-    rows: JointRows, fit: ColouredRegression, parameters: FloatArray, alpha: float
-) -> HypothesisTest:
+def _test_of_joint(fitted: "_Fit", parameters: FloatArray, alpha: float) -> HypothesisTest:
+    rows, fit = fitted.rows, fitted.regression
     energy = torque_deviation(fit.coefficients, fit.covariance_root, rows.instruments)
     return _fisher_test(
         rows.joint,
-        fit.whitened,
+        fitted.whitened,
+        rows.instruments.shape[1],
         fit.n_rows,
         largest_deviation(_both(rows), fit.n_rows),
         100.0 * float(np.sqrt(energy) / np.linalg.norm(rows.prediction(parameters))),
@@ -102,30 +111,32 @@ def _test_of_joint(
     )
 
 
-def _test_of_all(
-    fits: Sequence[tuple[JointRows, ColouredRegression]], parameters: FloatArray, alpha: float
-) -> HypothesisTest:
+def _test_of_all(fits: Sequence["_Fit"], parameters: FloatArray, alpha: float) -> HypothesisTest:
     """Stack the whitened joints, each divided by its σ of v, with one δ for all."""
     width = len(parameters)
-    n_rows = sum(fit.n_rows for _, fit in fits)
+    n_rows = sum(fitted.regression.n_rows for fitted in fits)
     whitened, both = [], []
-    for rows, fit in fits:
-        sigma = np.sqrt(fit.variance)
-        places = np.append(rows.columns, width)
-        whitened.append(spread(fit.whitened / sigma, places, width + 1))
+    for fitted in fits:
+        rows = fitted.rows
+        sigma = np.sqrt(fitted.regression.variance)
+        more = fitted.whitened.shape[1] - len(rows.columns)
+        places = np.append(rows.columns, np.arange(width, width + more))
+        whitened.append(spread(fitted.whitened / sigma, places, width + more))
         places = np.concatenate([rows.columns, rows.columns + width])
         both.append(spread(_both(rows) / sigma, places, 2 * width))
     stacked = triangle(np.vstack(whitened))
-    basis = independent_basis(stacked[:, :-1])
-    delta, root = basis.solve(stacked[:, -1], width), basis.inverse_root(width)
+    basis = independent_basis(stacked[:, :width])
+    delta, root = basis.solve(stacked[:, width], width), basis.inverse_root(width)
     shares = []
-    for rows, _ in fits:
+    for fitted in fits:
+        rows = fitted.rows
         energy = torque_deviation(delta[rows.columns], root[rows.columns], rows.instruments)
         prediction = rows.prediction(parameters)
         shares.append(energy / float(prediction @ prediction))
     return _fisher_test(
         "all",
         stacked,
+        width,
         n_rows,
         largest_deviation(triangle(np.vstack(both)), n_rows),
         100.0 * float(np.sqrt(np.mean(shares))),
@@ -137,32 +148,64 @@ def _both(rows: JointRows) -> FloatArray:
     return triangle(np.hstack([rows.instruments, rows.regressor]))
 
 
+@dataclass(frozen=True)
+class _Fit:
+    """One joint: its rows, the coloured regression, and the triangle of [Z, (X − Z) β̂, draws]."""
+
+    rows: JointRows
+    regression: ColouredRegression
+    whitened: FloatArray
+
+
 def _fisher_test(
     scope: str,
     reduced: FloatArray,
+    width: int,
     n_rows: int,
     deviation: float | None,
     torque_percent: float,
     alpha: float,
 ) -> HypothesisTest:
-    """F-test of δ = 0 from the triangle of the whitened [Z, (X − Z) β̂]."""
-    basis = independent_basis(reduced[:, :-1])
-    projection = basis.vectors.T @ reduced[:, -1]
-    rest = basis.remove(reduced[:, -1])
+    """F-test of δ = 0 from the triangle of the whitened [Z, (X − Z) β̂, draws].
+
+    Without draws Q = ‖P_Z (X − Z) β̂‖² is σ² χ²(b) under the null hypothesis. With them its
+    covariance on the span of Z is σ² I + A, A that of the draws; Q is then compared with the
+    scaled χ² of the same mean and variance (Satterthwaite), 2 tr (σ² I + A)².
+    """
+    basis = independent_basis(reduced[:, :width])
+    projection = basis.vectors.T @ reduced[:, width]
+    rest = basis.remove(reduced[:, width])
     rank, dof = basis.rank, n_rows - basis.rank
     unexplained = float(rest @ rest)
     if rank == 0 or dof <= 0 or unexplained <= 0.0:
         return HypothesisTest.not_run(NULL, scope, "no error V is left to judge by", alpha)
-    statistic = float(projection @ projection) / rank / (unexplained / dof)
-    p_value = float(fisher.sf(statistic, rank, dof))
+    variance = unexplained / dof
+    trace, trace_of_square = _draws_energy(basis.vectors.T @ reduced[:, width + 1 :], rank)
+    mean = rank * variance + trace
+    spread_of_energy = rank * variance**2 + 2.0 * variance * trace + trace_of_square
+    freedom = max(1, round(mean**2 / spread_of_energy))
+    statistic = float(projection @ projection) / mean
+    p_value = float(fisher.sf(statistic, freedom, dof))
     return HypothesisTest(
         NULL,
         scope,
         statistic,
-        rank,
+        freedom,
         dof,
         p_value,
         deviation,
         alpha,
         torque_deviation_percent=torque_percent,
     )
+
+
+def _draws_energy(draws: FloatArray, rank: int) -> tuple[float, float]:
+    """Tr A and tr A² of the covariance A of draws (rank, n_draws)."""
+    count = draws.shape[1]
+    if count < 2:
+        return 0.0, 0.0
+    products = draws.T @ draws
+    trace = float(np.trace(products)) / count
+    apart = products[~np.eye(count, dtype=bool)]
+    square = float(np.mean(apart**2))
+    return trace, min(max(square, trace**2 / rank), trace**2)
