@@ -7,15 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.estimation import (
-    ColouredBlock,
-    ColouredCovariance,
     IdimIvEstimate,
     LinearEstimate,
     ObservationRows,
     residual_models,
+    triangles_of_rows,
+    white_covariance,
 )
 from idim_iv_ros.preparation import PreparedRegression
-from idim_iv_ros.signals import AutoregressiveModel
+from idim_iv_ros.signals import AutoregressiveModel, torque_noise
 from idim_iv_ros.statistics import (
     HypothesisTest,
     JointRows,
@@ -73,7 +73,9 @@ def validate(
     models = residual_models(observed, linear.residuals)
     errors = None
     if estimate is not None and reason is None:
-        covariance = _covariance(observed, matrices, linear, models)
+        covariance = white_covariance(
+            triangles_of_rows(observed), len(linear.values), torque_noise(prepared.motions)
+        )
         errors = estimate.source.prediction_errors(linear.values, covariance)
     tests = wald_test_of_instruments(
         rows, linear.values, alpha=alpha, not_simulated=reason, simulation_errors=errors
@@ -85,21 +87,6 @@ def validate(
         residuals=tuple(diagnose_residual(joint, linear.values, alpha=alpha) for joint in rows),
         models=models,
     )
-
-
-def _covariance(
-    observed: Sequence[ObservationRows],
-    matrices: Sequence[FloatArray],
-    linear: LinearEstimate,
-    models: Sequence[AutoregressiveModel],
-) -> FloatArray:
-    blocks = [
-        ColouredBlock(joint.matrix, matrix, joint.columns, float(sigma), model, joint.position)
-        for joint, matrix, sigma, model in zip(
-            observed, matrices, linear.sigma, models, strict=True
-        )
-    ]
-    return ColouredCovariance(blocks, len(linear.values)).matrix
 
 
 def _together(tests: tuple[HypothesisTest, ...]) -> tuple[HypothesisTest, ...]:

@@ -134,7 +134,8 @@ class SimulatedLoop:
         Parameters
         ----------
         values, covariance
-            (b,) estimate and (b, b) covariance.
+            (b,) estimate and (b, b) covariance, that of the measurement noise alone: a model
+            error inflates the residual, and must not excuse itself.
 
         Returns
         -------
@@ -232,8 +233,11 @@ class FilteredReference:
 
     @property
     def testable(self) -> str | None:
-        """The filter is linear and fitted on the measurements, yet the tests apply."""
-        return None
+        """The filter follows the measured motion whatever the dynamic model is."""
+        return (
+            "the instruments come from a filter that was fitted to the measured motion: it follows "
+            "the robot whatever the dynamic model is"
+        )
 
     @property
     def iterative(self) -> bool:

@@ -6,6 +6,7 @@ from idim_iv_ros.signals.decimation import ParallelDecimation, decimation_factor
 from idim_iv_ros.signals.filters import central_differences, zero_phase_butterworth
 from idim_iv_ros.signals.joint_side import JointSignals, joint_side
 from idim_iv_ros.signals.motion import Motion, filter_motion
+from idim_iv_ros.signals.noise import torque_noise
 
 __all__ = [
     "AutoregressiveModel",
@@ -20,5 +21,6 @@ __all__ = [
     "fit_autoregression",
     "joint_side",
     "motion_bandwidth",
+    "torque_noise",
     "zero_phase_butterworth",
 ]

@@ -1,0 +1,33 @@
+"""Measurement noise of the torque, seen where the motion has no power."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from idim_iv_ros.signals.decimation import EDGE
+from idim_iv_ros.signals.motion import Motion
+
+FloatArray = NDArray[np.float64]
+
+_SEGMENT = 2.0  # s
+_ABOVE = 3.0  # times the decimation cut-off, where only noise is left
+
+
+def torque_noise(motions: Sequence[Motion]) -> FloatArray:
+    """Standard deviation that measurement noise gives a decimated torque row, (n_joints,) N m.
+
+    The power spectral density (Welch) at frequencies well above the decimation cut-off is taken
+    for that of white noise, its median over frequency, times the band that the decimation
+    filter lets through. Disturbances that live at low frequencies only are not in it.
+    """
+    variances = []
+    for motion in motions:
+        rate, factor = motion.signals.rate, motion.decimation.factor
+        band = EDGE * rate / (2.0 * factor) if factor > 1 else rate / 2.0
+        segment = min(len(motion.torque), max(64, int(_SEGMENT * rate)))
+        frequency, density = welch(motion.torque, fs=rate, nperseg=segment, axis=0)
+        lowest = min(_ABOVE * band, 0.375 * rate)
+        variances.append(np.median(density[frequency >= lowest], axis=0) * band)
+    return np.asarray(np.sqrt(np.mean(variances, axis=0)))
