@@ -27,6 +27,10 @@ from idim_iv_ros.statistics import (
 
 FloatArray = NDArray[np.float64]
 
+# A residual of up to this many times the measurement noise passes for noise when the uncertainty
+# of the simulation's parameters is judged; what is beyond that is the model's own error.
+_LARGEST_NOISE = 3.0
+
 NO_INSTRUMENTS = "IDIM-LS uses no instruments"
 
 
@@ -73,9 +77,8 @@ def validate(
     models = residual_models(observed, linear.residuals)
     errors = None
     if estimate is not None and reason is None:
-        covariance = white_covariance(
-            triangles_of_rows(observed), len(linear.values), torque_noise(prepared.motions)
-        )
+        noise = np.minimum(linear.sigma, _LARGEST_NOISE * torque_noise(prepared.motions))
+        covariance = white_covariance(triangles_of_rows(observed), len(linear.values), noise)
         errors = estimate.source.prediction_errors(linear.values, covariance)
     tests = wald_test_of_instruments(
         rows, linear.values, alpha=alpha, not_simulated=reason, simulation_errors=errors
