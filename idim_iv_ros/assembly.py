@@ -91,7 +91,7 @@ def assemble_result(
     count = len(base.columns)
     total = sum(len(joint) for joint in rows)
     essential = essential_parameters(
-        refined.linear.values,
+        refined.values,
         refined.covariance,
         total,
         alpha=configuration.identification.significance,
@@ -221,7 +221,7 @@ def _refined(
                 base.names[k],
                 base.expressions[k],
                 base.units[k],
-                float(refined.linear.values[k]),
+                float(refined.values[k]),
                 float(std[k]),
                 k in essential,
             )

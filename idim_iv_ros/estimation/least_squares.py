@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.estimation.rows import ObservationRows
 from idim_iv_ros.estimation.triangles import (
+    InstrumentTriangle,
     JointTriangle,
     residual_sigma,
     stacked,
@@ -96,27 +97,57 @@ def solve_instrumental_variables(
     DataError
         Fewer rows than parameters, or the instruments do not determine the parameters.
     """
-    total = sum(len(joint) for joint in rows)
+    triangles = [
+        InstrumentTriangle(
+            joint.columns,
+            np.asarray(
+                np.linalg.qr(np.column_stack([matrix, joint.matrix, joint.torque]), mode="r")
+            ),
+            len(joint),
+        )
+        for joint, matrix in zip(rows, instruments, strict=True)
+    ]
+    values, deviations = solve_instrument_triangles(triangles, parameters, sigma)
+    return LinearEstimate(values, _residuals(rows, values), deviations)
+
+
+def solve_instrument_triangles(
+    triangles: Sequence[InstrumentTriangle], parameters: int, sigma: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Solve equation 9 on the triangles of [Z_j X_j y_j], joint j weighted by 1/`sigma[j]`.
+
+    Returns
+    -------
+    values : (b,)
+    sigma : (n_joints,)
+        Standard deviation of each joint's residual.
+
+    Raises
+    ------
+    DataError
+        See `solve_instrumental_variables`.
+    """
+    total = sum(joint.rows for joint in triangles)
     _require_rows(total, parameters)
     parts = []
-    for joint, matrix, deviation in zip(rows, instruments, sigma, strict=True):
-        block = np.column_stack([matrix, joint.matrix, joint.torque]) / deviation
-        small = np.linalg.qr(block, mode="r")
-        spread = np.zeros((len(small), 2 * parameters + 1))
+    for joint, deviation in zip(triangles, sigma, strict=True):
+        spread = np.zeros((len(joint.triangle), 2 * parameters + 1))
         places = np.concatenate([joint.columns, joint.columns + parameters])
-        spread[:, np.append(places, 2 * parameters)] = small
+        spread[:, np.append(places, 2 * parameters)] = joint.triangle / deviation
         parts.append(spread)
     triangle = np.asarray(np.linalg.qr(np.vstack(parts), mode="r"))
     projected = triangle[:parameters, parameters : 2 * parameters]
     scale = np.linalg.norm(projected, axis=0)
     if np.any(scale == 0.0) or np.linalg.cond(projected / scale) > _LARGEST_CONDITION:
         raise DataError("the instruments do not determine all parameters")
-    values = np.linalg.solve(projected, triangle[:parameters, -1])
-    residuals = _residuals(rows, values)
+    values = np.asarray(np.linalg.solve(projected, triangle[:parameters, -1]), dtype=np.float64)
     share = 1.0 - parameters / total
-    deviations = np.array([np.sqrt(float(e @ e) / max(len(e) * share, 1.0)) for e in residuals])
-    largest = max(float(np.linalg.norm(joint.torque)) for joint in rows)
-    return LinearEstimate(values, residuals, _floor(deviations, largest / np.sqrt(total)))
+    deviations = np.empty(len(triangles))
+    for number, joint in enumerate(triangles):
+        residual = joint.torque - joint.regressor @ values[joint.columns]
+        deviations[number] = np.sqrt(float(residual @ residual) / max(joint.rows * share, 1.0))
+    largest = max(float(np.linalg.norm(joint.torque)) for joint in triangles)
+    return values, _floor(deviations, largest / np.sqrt(total))
 
 
 def _residuals(rows: Sequence[ObservationRows], values: FloatArray) -> tuple[FloatArray, ...]:

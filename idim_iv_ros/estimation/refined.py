@@ -1,14 +1,15 @@
 """Refined IDIM-IV: y, X and Z filtered by the inverse of the residual's colour (equation 12)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.estimation.covariance import JointBlock, RefinedCovariance
-from idim_iv_ros.estimation.least_squares import LinearEstimate, solve_instrumental_variables
+from idim_iv_ros.estimation.least_squares import solve_instrument_triangles
 from idim_iv_ros.estimation.rows import ObservationRows
+from idim_iv_ros.estimation.triangles import InstrumentTriangle
 from idim_iv_ros.signals import AutoregressiveModel, fit_autoregression
 
 FloatArray = NDArray[np.float64]
@@ -20,14 +21,13 @@ class RefinedIdimIv:
 
     Attributes
     ----------
-    linear : LinearEstimate
-        Estimate and whitened residuals.
+    values : (b,)
     covariance : (b, b)
     models : one AutoregressiveModel for each joint
         Ĉ(z⁻¹), fitted on the unfiltered IV residual.
     """
 
-    linear: LinearEstimate
+    values: FloatArray
     covariance: FloatArray
     models: tuple[AutoregressiveModel, ...]
 
@@ -50,22 +50,23 @@ def refined_idim_iv(
 ) -> RefinedIdimIv:
     """β̂ᶠ = (ZfᵀXf)⁻¹ Zfᵀyf and Σ = σ̂²(ZfᵀZf)⁻¹, each joint with its own filter and σ.
 
-    With the observation matrices as instruments it is the refined IDIM-LS.
+    With the observation matrices as instruments it is the refined IDIM-LS. The filtered rows of
+    a joint are reduced to a triangle and forgotten.
     """
-    filtered, filtered_instruments = [], []
+    triangles = []
     for joint, matrix, model in zip(rows, instruments, models, strict=True):
-        white = model.whiten(np.column_stack([joint.torque, joint.matrix, matrix]), joint.runs)
-        width = len(joint.columns)
-        filtered.append(replace(joint, torque=white[:, 0], matrix=white[:, 1 : width + 1]))
-        filtered_instruments.append(white[:, width + 1 :])
+        same = matrix is joint.matrix
+        columns = [joint.matrix, joint.torque] if same else [matrix, joint.matrix, joint.torque]
+        filtered = model.whiten(np.column_stack(columns), joint.runs)
+        white = np.asarray(np.linalg.qr(filtered, mode="r"))
+        if same:
+            white = np.column_stack([white[:, :-1], white])
+        triangles.append(InstrumentTriangle(joint.columns, white, len(joint)))
     sigma = np.sqrt([max(model.innovation_variance, 1e-300) for model in models])
-    linear = solve_instrumental_variables(filtered, filtered_instruments, parameters, sigma)
-    linear = solve_instrumental_variables(filtered, filtered_instruments, parameters, linear.sigma)
+    for _ in range(2):
+        values, sigma = solve_instrument_triangles(triangles, parameters, sigma)
     blocks = [
-        JointBlock(joint.matrix, matrix, joint.columns, float(deviation))
-        for joint, matrix, deviation in zip(
-            filtered, filtered_instruments, linear.sigma, strict=True
-        )
+        JointBlock(joint.regressor, joint.instruments, joint.columns, float(deviation))
+        for joint, deviation in zip(triangles, sigma, strict=True)
     ]
-    covariance = RefinedCovariance(blocks, parameters).matrix
-    return RefinedIdimIv(linear, covariance, tuple(models))
+    return RefinedIdimIv(values, RefinedCovariance(blocks, parameters).matrix, tuple(models))

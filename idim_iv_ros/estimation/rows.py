@@ -86,8 +86,10 @@ def row_blocks(model: InverseModel, motion: Motion, states: States) -> Iterator[
 
 def torque_rows(motion: Motion) -> list[FloatArray]:
     """Decimated torque of the samples that count, one (r_j,) array for each joint."""
-    torque = motion.decimation.whole(motion.torque)
-    return [torque[motion.kept[:, joint], joint] for joint in range(torque.shape[1])]
+    return [
+        motion.decimation.whole(torque)[kept]
+        for torque, kept in zip(motion.torque.T, motion.kept.T, strict=True)
+    ]
 
 
 def observation_rows(model: InverseModel, motions: Sequence[Motion]) -> tuple[ObservationRows, ...]:
@@ -124,12 +126,19 @@ def instrument_rows(
     -------
     One (r, c) array for each joint, as `ObservationRows.matrix`.
     """
-    blocks = [
-        block.matrices
-        for motion, simulated in zip(motions, states, strict=True)
-        for block in row_blocks(model, motion, simulated)
-    ]
-    return tuple(np.concatenate(parts) for parts in zip(*blocks, strict=True))
+    joints = range(len(model.robot.joints))
+    counts = [sum(int(motion.kept[:, joint].sum()) for motion in motions) for joint in joints]
+    matrices = tuple(
+        np.empty((count, int(active.sum())))
+        for count, active in zip(counts, model.base.active, strict=True)
+    )
+    done = [0] * len(counts)
+    for motion, simulated in zip(motions, states, strict=True):
+        for block in row_blocks(model, motion, simulated):
+            for joint, part in enumerate(block.matrices):
+                matrices[joint][done[joint] : done[joint] + len(part)] = part
+                done[joint] += len(part)
+    return matrices
 
 
 def _grid(kept: Sequence[NDArray[np.bool_]]) -> IntArray:
@@ -153,14 +162,11 @@ def keep_parameters(
     rows: Sequence[ObservationRows], instruments: Sequence[FloatArray], kept: IntArray
 ) -> tuple[tuple[ObservationRows, ...], tuple[FloatArray, ...]]:
     """Rows and instruments with only the base parameters `kept`, renumbered in their order."""
-    chosen = [np.isin(joint.columns, kept) for joint in rows]
-    reduced = tuple(
-        replace(
-            joint,
-            columns=np.searchsorted(kept, joint.columns[inside]),
-            matrix=joint.matrix[:, inside],
-        )
-        for joint, inside in zip(rows, chosen, strict=True)
-    )
-    matrices = tuple(matrix[:, inside] for matrix, inside in zip(instruments, chosen, strict=True))
-    return reduced, matrices
+    reduced, matrices = [], []
+    for joint, matrix in zip(rows, instruments, strict=True):
+        inside = np.isin(joint.columns, kept)
+        columns = np.searchsorted(kept, joint.columns[inside])
+        reduced.append(replace(joint, columns=columns, matrix=joint.matrix[:, inside]))
+        same = matrix is joint.matrix
+        matrices.append(reduced[-1].matrix if same else matrix[:, inside])
+    return tuple(reduced), tuple(matrices)

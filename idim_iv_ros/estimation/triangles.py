@@ -39,6 +39,39 @@ class JointTriangle:
     rows: int
 
 
+@dataclass(frozen=True)
+class InstrumentTriangle:
+    """R factor of [Z_j X_j y_j].
+
+    Attributes
+    ----------
+    columns : (c,) int
+        Base parameters of the columns of Z_j and of X_j.
+    triangle : (≤ 2 c + 1, 2 c + 1)
+    rows : int
+        How many rows it stands for.
+    """
+
+    columns: IntArray
+    triangle: FloatArray
+    rows: int
+
+    @property
+    def instruments(self) -> FloatArray:
+        """Rows that stand for Z_j."""
+        return self.triangle[:, : len(self.columns)]
+
+    @property
+    def regressor(self) -> FloatArray:
+        """Rows that stand for X_j."""
+        return self.triangle[:, len(self.columns) : -1]
+
+    @property
+    def torque(self) -> FloatArray:
+        """Rows that stand for y_j."""
+        return self.triangle[:, -1]
+
+
 def triangles_of_rows(rows: Sequence[ObservationRows]) -> tuple[JointTriangle, ...]:
     """Reduce rows that are already there."""
     return tuple(

@@ -70,7 +70,9 @@ class JointMessageReader:
     def add(self, batch: MessageBatch) -> None:
         """Read a batch: all messages of a known layout at once, new layouts as they come."""
         stamps = np.zeros(len(batch), dtype=np.int64)
-        values = {name: np.full((len(batch), len(self.joints)), np.nan) for name in self.fields}
+        width = len(self.joints)
+        missing = np.broadcast_to(np.nan, (len(batch), width))
+        values: dict[str, FloatArray] = dict.fromkeys(self.fields, missing)
         read = np.zeros(len(batch), dtype=bool)
         left = np.arange(len(batch))
         for layout in self._layouts:
@@ -86,7 +88,11 @@ class JointMessageReader:
             self._layouts.append(layout)
             left = self._read(layout, batch, left, stamps, values, read)
         self._parts.append(
-            (stamps[read], batch.arrival[read], {name: v[read] for name, v in values.items()})
+            (
+                stamps[read],
+                batch.arrival[read],
+                {name: v[read] for name, v in values.items() if v.flags.writeable},
+            )
         )
 
     def _read(
@@ -113,6 +119,8 @@ class JointMessageReader:
             if source not in layout.fields or layout.fields[source][1] == 0:
                 continue
             numbers = layout.numbers(messages, source)
+            if not values[name].flags.writeable:
+                values[name] = np.full(values[name].shape, np.nan)
             for column, place in enumerate(places):
                 if place is not None and place < numbers.shape[1]:
                     values[name][sized, column] = numbers[:, place]
@@ -137,8 +145,15 @@ class JointMessageReader:
         arrival = np.concatenate([part[1] for part in self._parts] or [np.zeros(0, np.int64)])
         values = {}
         for name in self.fields:
-            pieces = [part[2].pop(name) for part in self._parts] or [np.zeros((0, width))]
-            values[name] = np.concatenate(pieces)
+            if not any(name in part[2] for part in self._parts):
+                values[name] = np.broadcast_to(np.nan, (len(stamps), width))
+                continue
+            absent = np.full((0, width), np.nan)
+            pieces = [
+                part[2].pop(name, np.broadcast_to(np.nan, (len(part[0]), width)))
+                for part in self._parts
+            ]
+            values[name] = np.concatenate([absent, *pieces])
         self._parts.clear()
         names: dict[str, None] = {}
         for layout in self._layouts:

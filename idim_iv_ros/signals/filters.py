@@ -37,7 +37,10 @@ def zero_phase_butterworth(
     padding = 3 * order
     if len(signal) <= padding:
         raise ValueError(f"{len(signal)} samples are too few for a filter of order {order}")
-    return np.asarray(sosfiltfilt(sections, signal, axis=0, padlen=padding))
+    filtered = np.empty(signal.shape)
+    for joint in range(signal.shape[1]):  # one at a time: an hour of all would fill the memory
+        filtered[:, joint] = sosfiltfilt(sections, signal[:, joint], padlen=padding)
+    return filtered
 
 
 def central_differences(

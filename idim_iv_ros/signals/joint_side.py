@@ -67,18 +67,19 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
         to_torque = np.array(robot.motor_to_joint_torque)
     offset = np.array(robot.position_offset or [0.0] * joints)
     scale = np.array(configuration.signals.effort_scale or [1.0] * joints)
-    position = recording.position.values @ to_joint.T + offset
-    torque = (recording.effort.values * scale) @ to_torque.T
+    position = _transformed(recording.position.values, to_joint, offset)
+    torque = _transformed(recording.effort.values, to_torque * scale, np.zeros(joints))
     invented = _touched(recording.position.invented, to_joint)
     invented |= _touched(recording.effort.invented, to_torque)
     measured = reference = velocity = None
     if recording.velocity is not None:
-        measured = recording.velocity.values @ to_joint.T
+        measured = _transformed(recording.velocity.values, to_joint, np.zeros(joints))
     if recording.position_reference is not None:
-        reference = recording.position_reference.values @ to_joint.T + offset
+        reference = _transformed(recording.position_reference.values, to_joint, offset)
         invented |= _touched(recording.position_reference.invented, to_joint)
     if recording.velocity_reference is not None:
-        velocity = recording.velocity_reference.values @ to_joint.T
+        values = recording.velocity_reference.values
+        velocity = _transformed(values, to_joint, np.zeros(joints))
     return JointSignals(
         name=recording.path.name,
         rate=recording.rate,
@@ -89,6 +90,13 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
         position_reference=reference,
         velocity_reference=velocity,
     )
+
+
+def _transformed(values: FloatArray, matrix: FloatArray, offset: FloatArray) -> FloatArray:
+    """Matrix · values + offset for each sample; the values themselves where nothing changes."""
+    if np.array_equal(matrix, np.eye(len(matrix))) and not offset.any():
+        return values
+    return np.asarray(values @ matrix.T + offset)
 
 
 def _touched(invented: BoolArray, matrix: FloatArray) -> BoolArray:

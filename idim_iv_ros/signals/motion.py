@@ -126,8 +126,9 @@ def filter_motion(
             position[:, still] = position[:, still].mean(axis=0)
     peaks = np.zeros(len(joints))
     for record, position, span in zip(signals, filtered, spans, strict=True):
-        velocity = np.gradient(position[span], 1.0 / record.rate, axis=0)
-        peaks = np.maximum(peaks, np.abs(velocity).max(axis=0))
+        for joint, motion in enumerate(position[span].T):
+            peak = np.abs(np.gradient(motion, 1.0 / record.rate)).max()
+            peaks[joint] = max(peaks[joint], float(peak))
     minimum_speed, why = choose_minimum_speed(processing, peaks)
     reasons += why
     motions = tuple(
@@ -138,7 +139,7 @@ def filter_motion(
 
 
 def _stands_still(raw: FloatArray, filtered: FloatArray) -> BoolArray:
-    noise = np.std(raw - filtered, axis=0)
+    noise = np.array([np.std(a - b) for a, b in zip(raw.T, filtered.T, strict=True)])
     extent = np.ptp(filtered, axis=0)
     return np.asarray((extent < _STILL_RANGE) | (extent < _STILL_NOISE * noise))
 
@@ -168,12 +169,7 @@ def _motion(
 ) -> Motion:
     factor = decimation_factor(record.rate, cutoffs.decimation)
     decimation = ParallelDecimation(factor, span.stop - span.start, processing.decimation_phase)
-    velocity = np.gradient(position[span], 1.0 / record.rate, axis=0)
-    fast = np.abs(velocity) >= minimum_speed
-    for pair in couplings:
-        both = np.abs(velocity[:, list(pair)].sum(axis=1)) >= minimum_speed[list(pair)].min()
-        for joint in pair:
-            fast[:, joint] &= both
+    fast = _fast_samples(position[span], record.rate, minimum_speed, couplings)
     fast = _all_around(fast, decimation, round(processing.reversal_margin * factor))
     measured = _all_around(record.valid[span], decimation, factor)
     inside = np.ones(len(measured), dtype=bool)
@@ -189,9 +185,28 @@ def _motion(
     return Motion(record, cutoff, order, position, span, decimation, kept, dropped)
 
 
+def _fast_samples(
+    position: FloatArray,
+    rate: float,
+    minimum_speed: FloatArray,
+    couplings: Sequence[tuple[int, int]],
+) -> BoolArray:
+    """Samples faster than the reversal speed; coupled joints must be so together, too."""
+    fast = np.empty(position.shape, dtype=bool)
+    for joint, motion in enumerate(position.T):
+        fast[:, joint] = np.abs(np.gradient(motion, 1.0 / rate)) >= minimum_speed[joint]
+    for pair in couplings:
+        both = np.gradient(position[:, list(pair)].sum(axis=1), 1.0 / rate)
+        fast[:, list(pair)] &= (np.abs(both) >= minimum_speed[list(pair)].min())[:, None]
+    return fast
+
+
 def _all_around(good: BoolArray, decimation: ParallelDecimation, reach: int) -> BoolArray:
     """Whether every sample within `reach` of a decimated sample is good, (n_kept, n_joints)."""
-    bad = np.concatenate([np.zeros((1, good.shape[1]), int), np.cumsum(~good, axis=0)])
     first = np.maximum(decimation.kept - reach, 0)
     last = np.minimum(decimation.kept + reach + 1, len(good))
-    return np.asarray(bad[last] == bad[first])
+    around = np.empty((len(decimation.kept), good.shape[1]), dtype=bool)
+    for joint, samples in enumerate(good.T):
+        bad = np.concatenate([[0], np.cumsum(~samples)])
+        around[:, joint] = bad[last] == bad[first]
+    return around
