@@ -16,16 +16,16 @@ from idim_iv_ros.estimation import (
     EssentialParameters,
     IdimIvEstimate,
     InstrumentSources,
-    JointBlock,
     LinearEstimate,
     ObservationRows,
     RefinedIdimIv,
     WhiteCovariance,
     condition_number,
     essential_parameters,
+    instrument_triangles,
     keep_parameters,
     residual_models,
-    solve_instrumental_variables,
+    solve_instrument_triangles,
     solve_least_squares,
     triangles_of_rows,
 )
@@ -143,24 +143,18 @@ def assemble_result(
     )
 
 
-def _deviations(
+def _coloured(
     rows: Sequence[ObservationRows],
     linear: LinearEstimate,
     matrices: Sequence[FloatArray],
     models: Sequence[AutoregressiveModel],
-) -> tuple[FloatArray, FloatArray]:
-    """Standard deviations (b,) with the colour of the residual, and as if it were white."""
-    count = len(linear.values)
-    white, coloured = [], []
-    for joint, matrix, sigma, model in zip(rows, matrices, linear.sigma, models, strict=True):
-        white.append(JointBlock(joint.matrix, matrix, joint.columns, float(sigma)))
-        coloured.append(
-            ColouredBlock(joint.matrix, matrix, joint.columns, float(sigma), model, joint.position)
-        )
-    return (
-        np.sqrt(np.diag(ColouredCovariance(coloured, count).matrix)),
-        np.sqrt(np.diag(WhiteCovariance(white, count).matrix)),
-    )
+) -> ColouredCovariance:
+    """Covariance of an estimate that knows the colour of each joint's residual."""
+    blocks = [
+        ColouredBlock(joint.matrix, matrix, joint.columns, float(sigma), model, joint.position)
+        for joint, matrix, sigma, model in zip(rows, matrices, linear.sigma, models, strict=True)
+    ]
+    return ColouredCovariance(blocks, len(linear.values))
 
 
 def _parameters(
@@ -171,14 +165,20 @@ def _parameters(
 ) -> tuple[ParameterEstimate, ...]:
     base = prepared.model.base
     rows, weighted, linear = estimates.rows, estimates.weighted, estimates.linear
-    std, white_std = _deviations(rows, linear, estimates.matrices, validation.models)
-    observed = [joint.matrix for joint in rows]
-    models = residual_models(rows, weighted.residuals)
-    ls_std, _ = _deviations(rows, weighted, observed, models)
+    covariance = _coloured(rows, linear, estimates.matrices, validation.models)
+    std = np.sqrt(np.diag(covariance.matrix))
+    white = WhiteCovariance(covariance.blocks, len(linear.values)).matrix
+    white_std = np.sqrt(np.diag(white))
+    ls_std = std
+    if estimates.iteration is not None:
+        models = residual_models(rows, weighted.residuals)
+        observed = [joint.matrix for joint in rows]
+        ls_std = np.sqrt(np.diag(_coloured(rows, weighted, observed, models).matrix))
     ordinary = solve_least_squares(rows, len(base.columns))
     given = prepared.model.given if prepared.model.robot.has_inertials else None
     places = {int(column): place for place, column in enumerate(essential.columns)}
-    reduced, reduced_std = _essential_estimate(estimates, validation, essential.columns)
+    reduced = _essential_values(estimates, essential.columns)
+    reduced_std = np.sqrt(np.diag(covariance.restricted(essential.columns)))
     return tuple(
         ParameterEstimate(
             name=base.names[k],
@@ -199,14 +199,14 @@ def _parameters(
     )
 
 
-def _essential_estimate(
-    estimates: Estimates, validation: Validation, kept: NDArray[np.int64]
-) -> tuple[FloatArray, FloatArray]:
-    """Estimate again with the essential parameters only: values and deviations (b_e,)."""
-    rows, matrices = keep_parameters(estimates.rows, estimates.matrices, kept)
-    linear = solve_instrumental_variables(rows, matrices, len(kept), estimates.linear.sigma)
-    std, _ = _deviations(rows, linear, matrices, validation.models)
-    return linear.values, std
+def _essential_values(estimates: Estimates, kept: NDArray[np.int64]) -> FloatArray:
+    """Estimate again with the essential parameters only, same weights: (b_e,)."""
+    triangles = [
+        keep_parameters(triangle, kept)
+        for triangle in instrument_triangles(estimates.rows, estimates.matrices)
+    ]
+    values, _ = solve_instrument_triangles(triangles, len(kept), estimates.linear.sigma)
+    return values
 
 
 def _refined(

@@ -19,22 +19,20 @@ from idim_iv_ros.estimation.instruments import (
 )
 from idim_iv_ros.estimation.least_squares import (
     LinearEstimate,
+    solve_instrument_triangles,
     solve_instrumental_variables,
     solve_least_squares,
     solve_triangles,
     solve_weighted_least_squares,
 )
 from idim_iv_ros.estimation.refined import RefinedIdimIv, refined_idim_iv, residual_models
-from idim_iv_ros.estimation.rows import (
-    ObservationRows,
-    instrument_rows,
-    keep_parameters,
-    observation_rows,
-)
+from idim_iv_ros.estimation.rows import ObservationRows, instrument_rows, observation_rows
 from idim_iv_ros.estimation.sources import InstrumentSources, instrument_sources
 from idim_iv_ros.estimation.triangles import (
     JointTriangle,
     condition_number,
+    instrument_triangles,
+    keep_parameters,
     stream_triangles,
     triangles_of_rows,
     unseen_parameters,
@@ -65,10 +63,12 @@ __all__ = [
     "idim_iv",
     "instrument_rows",
     "instrument_sources",
+    "instrument_triangles",
     "keep_parameters",
     "observation_rows",
     "refined_idim_iv",
     "residual_models",
+    "solve_instrument_triangles",
     "solve_instrumental_variables",
     "solve_least_squares",
     "solve_triangles",

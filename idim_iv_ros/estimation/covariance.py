@@ -6,6 +6,7 @@ formed, which would square the condition number.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from idim_iv_ros.signals.autoregression import AutoregressiveModel
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.integer[Any]]
+
+_COLUMNS, _ROWS = 8, 20_000
 
 
 @dataclass(frozen=True)
@@ -86,16 +89,30 @@ class ColouredCovariance:
     @property
     def matrix(self) -> FloatArray:
         """(b, b), in the products of the parameters' units."""
-        triangle, projected = _reduce(self.blocks, self.n_parameters)
-        pieces = []
-        for block in self.blocks:
-            coloured = block.autoregression.colour_adjoint(block.instruments, block.positions)
-            scale = np.sqrt(block.autoregression.innovation_variance) / block.sigma**2
-            pieces.append(_spread(_triangle(coloured * scale), block.columns, self.n_parameters))
-        spectrum = _triangle(np.vstack(pieces))
+        return self.restricted(np.arange(self.n_parameters))
+
+    def restricted(self, kept: IntArray) -> FloatArray:
+        """Covariance (b_e, b_e) of the estimate with only the parameters `kept`, same weights."""
+        both = np.concatenate([kept, kept + self.n_parameters])
+        triangle, projected = _split(_triangle(self._stacked[:, both]), len(kept))
+        spectrum = _triangle(self._spectrum[:, kept])
         # A = (Rᵀ QᵀX)⁻¹ = (QᵀX)⁻¹ R⁻ᵀ, so that Σ = BᵀB with B = S^½ R⁻¹ (QᵀX)⁻ᵀ.
         root = np.linalg.solve(projected, np.linalg.solve(triangle.T, spectrum.T)).T
-        return root.T @ root
+        return np.asarray(root.T @ root)
+
+    @cached_property
+    def _stacked(self) -> FloatArray:
+        return _stack(self.blocks, self.n_parameters)
+
+    @cached_property
+    def _spectrum(self) -> FloatArray:
+        """S^½, upper triangular (b, b)."""
+        pieces = []
+        for block in self.blocks:
+            scale = np.sqrt(block.autoregression.innovation_variance) / block.sigma**2
+            small = _coloured_triangle(block) * scale
+            pieces.append(_spread(small, block.columns, self.n_parameters))
+        return _triangle(np.vstack(pieces))
 
 
 @dataclass(frozen=True)
@@ -125,12 +142,24 @@ def _reduce(blocks: Sequence[JointBlock], n_parameters: int) -> tuple[FloatArray
     numpy.linalg.LinAlgError
         If the instruments do not determine all parameters.
     """
+    return _split(_stack(blocks, n_parameters), n_parameters)
+
+
+def _stack(blocks: Sequence[JointBlock], n_parameters: int) -> FloatArray:
+    """R of the stacked, weighted [Z X], with 2 b columns."""
     pieces = []
     for block in blocks:
-        both = _triangle(np.hstack([block.instruments, block.regressor]) / block.sigma)
+        if block.instruments is block.regressor:
+            single = _triangle(block.instruments)
+            small = np.hstack([single, single]) / block.sigma
+        else:
+            small = _triangle(np.hstack([block.instruments, block.regressor])) / block.sigma
         places = np.concatenate([block.columns, block.columns + n_parameters])
-        pieces.append(_spread(both, places, 2 * n_parameters))
-    triangle = _triangle(np.vstack(pieces))
+        pieces.append(_spread(small, places, 2 * n_parameters))
+    return _triangle(np.vstack(pieces))
+
+
+def _split(triangle: FloatArray, n_parameters: int) -> tuple[FloatArray, FloatArray]:
     if len(triangle) < n_parameters:
         raise np.linalg.LinAlgError("fewer rows than parameters")
     square = triangle[:n_parameters, :n_parameters]
@@ -140,6 +169,23 @@ def _reduce(blocks: Sequence[JointBlock], n_parameters: int) -> tuple[FloatArray
     if np.any(pivots <= np.finfo(float).eps * n_parameters * scale):
         raise np.linalg.LinAlgError("the instruments do not determine all parameters")
     return square, projected
+
+
+def _coloured_triangle(block: ColouredBlock) -> FloatArray:
+    """R of H_jᵀ Z_j, a few columns and a few rows at a time for the sake of memory."""
+    width = block.instruments.shape[1]
+    coloured: FloatArray | None = None
+    for start in range(0, width, _COLUMNS):
+        columns = block.instruments[:, start : start + _COLUMNS]
+        part = block.autoregression.colour_adjoint(columns, block.positions)
+        if coloured is None:
+            coloured = np.empty((len(part), width))
+        coloured[:, start : start + _COLUMNS] = part
+    triangle = np.zeros((0, width))
+    for start in range(0, 0 if coloured is None else len(coloured), _ROWS):
+        assert coloured is not None
+        triangle = _triangle(np.vstack([triangle, coloured[start : start + _ROWS]]))
+    return triangle
 
 
 def _triangle(rows: FloatArray) -> FloatArray:

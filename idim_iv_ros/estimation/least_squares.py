@@ -11,6 +11,7 @@ from idim_iv_ros.estimation.rows import ObservationRows
 from idim_iv_ros.estimation.triangles import (
     InstrumentTriangle,
     JointTriangle,
+    instrument_triangles,
     residual_sigma,
     stacked,
     triangles_of_rows,
@@ -97,16 +98,7 @@ def solve_instrumental_variables(
     DataError
         Fewer rows than parameters, or the instruments do not determine the parameters.
     """
-    triangles = [
-        InstrumentTriangle(
-            joint.columns,
-            np.asarray(
-                np.linalg.qr(np.column_stack([matrix, joint.matrix, joint.torque]), mode="r")
-            ),
-            len(joint),
-        )
-        for joint, matrix in zip(rows, instruments, strict=True)
-    ]
+    triangles = instrument_triangles(rows, instruments)
     values, deviations = solve_instrument_triangles(triangles, parameters, sigma)
     return LinearEstimate(values, _residuals(rows, values), deviations)
 

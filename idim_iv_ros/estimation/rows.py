@@ -1,7 +1,7 @@
 """Decimated rows of the regression, joint by joint (paper, equation 5)."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,17 +156,3 @@ def _runs(position: IntArray) -> tuple[slice, ...]:
     starts = np.concatenate([[0], np.flatnonzero(np.diff(position) != 1) + 1])
     stops = np.concatenate([starts[1:], [len(position)]])
     return tuple(slice(int(a), int(b)) for a, b in zip(starts, stops, strict=True))
-
-
-def keep_parameters(
-    rows: Sequence[ObservationRows], instruments: Sequence[FloatArray], kept: IntArray
-) -> tuple[tuple[ObservationRows, ...], tuple[FloatArray, ...]]:
-    """Rows and instruments with only the base parameters `kept`, renumbered in their order."""
-    reduced, matrices = [], []
-    for joint, matrix in zip(rows, instruments, strict=True):
-        inside = np.isin(joint.columns, kept)
-        columns = np.searchsorted(kept, joint.columns[inside])
-        reduced.append(replace(joint, columns=columns, matrix=joint.matrix[:, inside]))
-        same = matrix is joint.matrix
-        matrices.append(reduced[-1].matrix if same else matrix[:, inside])
-    return tuple(reduced), tuple(matrices)

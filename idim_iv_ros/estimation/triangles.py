@@ -72,6 +72,29 @@ class InstrumentTriangle:
         return self.triangle[:, -1]
 
 
+def instrument_triangles(
+    rows: Sequence[ObservationRows], instruments: Sequence[FloatArray]
+) -> list[InstrumentTriangle]:
+    """Reduce [Z_j X_j y_j] of each joint."""
+    triangles = []
+    for joint, matrix in zip(rows, instruments, strict=True):
+        columns = np.column_stack([matrix, joint.matrix, joint.torque])
+        triangle = np.asarray(np.linalg.qr(columns, mode="r"))
+        triangles.append(InstrumentTriangle(joint.columns, triangle, len(joint)))
+    return triangles
+
+
+def keep_parameters(joint: InstrumentTriangle, kept: IntArray) -> InstrumentTriangle:
+    """Return the same rows with only the base parameters `kept`, renumbered in their order."""
+    inside = np.isin(joint.columns, kept)
+    chosen = joint.triangle[:, np.concatenate([inside, inside, [True]])]
+    return InstrumentTriangle(
+        np.searchsorted(kept, joint.columns[inside]),
+        np.asarray(np.linalg.qr(chosen, mode="r")),
+        joint.rows,
+    )
+
+
 def triangles_of_rows(rows: Sequence[ObservationRows]) -> tuple[JointTriangle, ...]:
     """Reduce rows that are already there."""
     return tuple(

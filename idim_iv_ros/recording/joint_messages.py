@@ -13,7 +13,7 @@ from idim_iv_ros.recording.message_batch import MessageBatch
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-FIELDS = ("position", "velocity", "effort")
+_TOGETHER = 200_000  # messages
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,8 @@ class JointMessageReader:
     fields: Sequence[str]
     damaged: int = 0
     _layouts: list[CdrLayout] = field(default_factory=list)
+    _merged: int = 0
+    _waiting: int = 0
     _parts: list[tuple[IntArray, IntArray, dict[str, FloatArray]]] = field(default_factory=list)
 
     def add(self, batch: MessageBatch) -> None:
@@ -94,6 +96,25 @@ class JointMessageReader:
                 {name: v[read] for name, v in values.items() if v.flags.writeable},
             )
         )
+
+        self._waiting += int(read.sum())
+        if self._waiting >= _TOGETHER:
+            self._merge()
+
+    def _merge(self) -> None:
+        """Merge small parts: freed one by one at the end they would leave the memory in shreds."""
+        small = self._parts[self._merged :]
+        fields = {name for part in small for name in part[2]}
+        width = len(self.joints)
+        merged = {
+            name: np.concatenate(
+                [part[2].get(name, np.full((len(part[0]), width), np.nan)) for part in small]
+            )
+            for name in fields
+        }
+        stamps, arrival = (np.concatenate([part[k] for part in small]) for k in (0, 1))
+        self._parts[self._merged :] = [(stamps, arrival, merged)]
+        self._merged, self._waiting = len(self._parts), 0
 
     def _read(
         self,

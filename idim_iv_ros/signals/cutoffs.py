@@ -121,13 +121,14 @@ def motion_bandwidth(position: FloatArray, rate: float) -> float:
     if len(position) < 64:
         raise DataError(f"{len(position)} samples are too few to measure a bandwidth")
     segment = min(len(position), max(64, int(8.0 * rate)))
-    frequency, density = welch(
-        position, fs=rate, nperseg=segment, axis=0, detrend="linear", window="hann"
-    )
-    floor = np.median(density[frequency > rate / 4.0], axis=0)
-    moving = density[1:] > _ABOVE_NOISE * floor
-    ends = np.where(moving.all(axis=0), len(moving), np.argmin(moving, axis=0))
-    return float(max(frequency[1:][max(int(ends.max()) - 1, 0)], 4.0 * frequency[1]))
+    highest = 0.0
+    for joint in position.T:  # one at a time, for the sake of memory
+        frequency, density = welch(joint, fs=rate, nperseg=segment, detrend="linear")
+        floor = float(np.median(density[frequency > rate / 4.0]))
+        moving = density[1:] > _ABOVE_NOISE * floor
+        end = len(moving) if moving.all() else int(np.argmin(moving))
+        highest = max(highest, float(frequency[1:][max(end - 1, 0)]), 4.0 * float(frequency[1]))
+    return highest
 
 
 def choose_minimum_speed(

@@ -27,7 +27,10 @@ def torque_noise(motions: Sequence[Motion]) -> FloatArray:
         rate, factor = motion.signals.rate, motion.decimation.factor
         band = EDGE * rate / (2.0 * factor) if factor > 1 else rate / 2.0
         segment = min(len(motion.torque), max(64, int(_SEGMENT * rate)))
-        frequency, density = welch(motion.torque, fs=rate, nperseg=segment, axis=0)
         lowest = min(_ABOVE * band, 0.375 * rate)
-        variances.append(np.median(density[frequency >= lowest], axis=0) * band)
+        floors = []
+        for joint in motion.torque.T:
+            frequency, density = welch(joint, fs=rate, nperseg=segment)
+            floors.append(float(np.median(density[frequency >= lowest])))
+        variances.append(np.array(floors) * band)
     return np.asarray(np.sqrt(np.mean(variances, axis=0)))
