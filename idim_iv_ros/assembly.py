@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import metadata
 from typing import Literal
 
@@ -43,7 +43,7 @@ from idim_iv_ros.result import (
     RefinedEstimate,
 )
 from idim_iv_ros.signals import AutoregressiveModel
-from idim_iv_ros.statistics import judge_all, judge_joint
+from idim_iv_ros.statistics import OverallVerdict, judge_all, judge_joint
 from idim_iv_ros.validation import Validation
 
 FloatArray = NDArray[np.float64]
@@ -117,7 +117,7 @@ def assemble_result(
         instruments=_instruments(estimate, validation, configuration),
         residuals=validation.residuals,
         verdicts=verdicts,
-        verdict=judge_all(verdicts, validation.tests[0]),
+        verdict=_overall(judge_all(verdicts, validation.tests[0]), estimate),
         fit=Fit(
             relative_error_percent=_relative_error(rows, linear),
             ls_relative_error_percent=_relative_error(rows, estimates.weighted),
@@ -245,6 +245,15 @@ def _instruments(
         tests=validation.tests,
         exogeneity=validation.exogeneity,
     )
+
+
+def _overall(verdict: OverallVerdict, estimate: IdimIvEstimate | None) -> OverallVerdict:
+    """Say so where the loop could not be simulated with the estimates: a wrong model does that."""
+    if estimate is None or not estimate.failures:
+        return verdict
+    failure = estimate.failures[0]
+    sentence = f"{verdict.sentence} Tried first, and failed: {failure}."
+    return replace(verdict, sentence=sentence)
 
 
 def _convergence(

@@ -144,9 +144,10 @@ def judge_all(
             "look for a physical effect that is missing.",
         )
     if untold:
-        sentence = f"Whether the estimates are right cannot be told at {_names(untold)}"
+        where = "any joint" if len(untold) == len(joints) else _names(untold)
+        sentence = f"Whether the estimates are right cannot be told at {where}"
         reason = None if instruments is None else instruments.reason
-        sentence += f" ({reason})." if reason else "."
+        sentence += f": {reason}." if reason else "; the reason is given with each joint."
         return OverallVerdict("cannot be told", sentence)
     if coloured:
         return OverallVerdict(

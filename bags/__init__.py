@@ -1,0 +1,1 @@
+"""Small recordings that the project made itself, and how."""
