@@ -111,9 +111,11 @@ def require_excitation(prepared: PreparedRegression, triangles: Sequence[JointTr
     unseen = unseen_parameters(triangles, len(names))
     if unseen:
         listed = ", ".join(names[column] for column in unseen)
+        still = [reason for reason in prepared.reasons if "stands still" in reason]
+        because = f" ({still[0].split(':')[0]})" if still else ""
         raise DataError(
-            f"{where}: the excitation is rank deficient: {listed} cannot be told from the other "
-            "parameters; record a richer motion of all joints"
+            f"{where}: the excitation is rank deficient{because}: {listed} cannot be told from the "
+            "other parameters; record a richer motion of all joints"
         )
 
 

@@ -78,8 +78,15 @@ def instrument_triangles(
     """Reduce [Z_j X_j y_j] of each joint."""
     triangles = []
     for joint, matrix in zip(rows, instruments, strict=True):
-        columns = np.column_stack([matrix, joint.matrix, joint.torque])
-        triangle = np.asarray(np.linalg.qr(columns, mode="r"))
+        if matrix is joint.matrix:
+            triangle = fold(np.zeros((0, len(joint.columns) + 1)), matrix, joint.torque)
+            triangle = np.column_stack([triangle[:, :-1], triangle])
+        else:
+            triangle = np.zeros((0, 2 * len(joint.columns) + 1))
+            for start in range(0, len(joint), _FOLD):
+                block = slice(start, start + _FOLD)
+                both = np.column_stack([matrix[block], joint.matrix[block]])
+                triangle = fold(triangle, both, joint.torque[block])
         triangles.append(InstrumentTriangle(joint.columns, triangle, len(joint)))
     return triangles
 

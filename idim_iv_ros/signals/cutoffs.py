@@ -15,6 +15,7 @@ FloatArray = NDArray[np.float64]
 
 # The paper filters positions at 50 Hz and decimates at 20 Hz; EMPS is filtered at 100 and 40 Hz.
 DECIMATION_SHARE = 0.4
+_LEAST_CUTOFF = 5.0  # Hz, proposed where the motion is slow or noisy: loops are faster than that
 _ABOVE_NOISE = 10.0  # power over the noise floor that counts as motion
 _SPEED_SHARE = 0.01  # of the peak speed: reversal regime when the user names none
 
@@ -76,7 +77,7 @@ def choose_cutoffs(
     position = given_position
     if position is None:
         bandwidth = max(motion_bandwidth(q, rate) for q in positions)
-        position = min(bandwidth, EDGE * rate / 2.0)
+        position = min(max(bandwidth, _LEAST_CUTOFF), EDGE * rate / 2.0)
         if given_decimation is not None:
             position = max(position, given_decimation / DECIMATION_SHARE)
             position = min(position, EDGE * rate / 2.0)

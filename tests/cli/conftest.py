@@ -1,0 +1,81 @@
+"""Recordings and configurations for the command line."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.cli.main import main
+from idim_iv_ros.recording import JointTopic, write_bag
+from tests import simulated_arms
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+JOINTS = ["joint_1", "joint_2"]
+
+
+class Outcome(NamedTuple):
+    """What a user sees."""
+
+    status: int
+    out: str
+    error: str
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capfd) -> Callable[..., Outcome]:
+    """Run the command line in this process."""
+
+    def call(*arguments: object) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["idim-iv", *map(str, arguments)])
+        monkeypatch.setenv("COLUMNS", "200")
+        with pytest.raises(SystemExit) as stopped:
+            main()
+            raise SystemExit(0)
+        captured = capfd.readouterr()
+        return Outcome(int(stopped.value.code or 0), captured.out, captured.err)
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def record():
+    """Ten seconds of the two-joint arm."""
+    return simulated_arms.record(simulated_arms.arm2(), 1)
+
+
+@pytest.fixture(scope="session")
+def bag(record, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same as a bag."""
+    path = tmp_path_factory.mktemp("bags") / "arm2.mcap"
+    write_arm(path, record.time, record.position, record.effort, record.position_reference)
+    return path
+
+
+def write_arm(path: Path, time, position, effort, reference) -> Path:
+    """Write joint states and references of two joints."""
+    topics = [
+        JointTopic("/joint_states", JOINTS, np.asarray(time), position, None, effort),
+        JointTopic("/joint_reference", JOINTS, np.asarray(time), reference),
+    ]
+    write_bag(path, topics)
+    return path
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Callable[..., Path]:
+    """Write arm2's configuration with replacements."""
+
+    def write(*replacements: tuple[str, str], extra: str = "") -> Path:
+        text = (CONFIG / "arm2.yaml").read_text()
+        text = text.replace("urdf: arm2.urdf", f"urdf: {CONFIG / 'arm2.urdf'}")
+        for old, new in replacements:
+            assert old in text, old
+            text = text.replace(old, new)
+        path = tmp_path / "arm2.yaml"
+        path.write_text(text + extra)
+        return path
+
+    return write

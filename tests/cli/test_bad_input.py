@@ -1,0 +1,207 @@
+"""Bad input: one line with file and place, the right exit status, nothing half-written."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.conftest import write_arm
+from tests.recording import bag_writer
+
+
+def refused(outcome, status: int, *words: str) -> None:
+    """One line on stderr that starts with the program's name and holds all words."""
+    assert outcome.status == status, outcome
+    lines = [line for line in outcome.error.splitlines() if line.strip()]
+    assert len(lines) == 1, outcome.error
+    assert lines[0].startswith("idim-iv: ")
+    for word in words:
+        assert word in lines[0], (word, lines[0])
+    assert "Traceback" not in outcome.error
+
+
+@pytest.fixture
+def identify(run, config, tmp_path: Path):
+    """Identify a bag that must be refused, and look that nothing was left."""
+
+    def call(bag: Path, status: int, *words: str, configuration: Path | None = None) -> None:
+        out = tmp_path / "results"
+        outcome = run("identify", bag, "--config", configuration or config(), "--out", out)
+        refused(outcome, status, *words)
+        assert not out.exists()
+
+    return call
+
+
+def test_empty_bag(identify, tmp_path: Path) -> None:
+    identify(bag_writer.write(tmp_path / "bag", []), 1, "bag", "empty")
+
+
+def test_missing_file(identify, tmp_path: Path) -> None:
+    identify(tmp_path / "none.mcap", 2, "none.mcap", "no such file")
+
+
+def test_table_instead_of_a_bag(identify, tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("1,2\n")
+    identify(tmp_path / "run.csv", 1, "run.csv", "idim-iv import")
+
+
+def test_missing_topic(identify, bag, config) -> None:
+    wrong = config(("joint_states: /joint_states", "joint_states: /states"))
+    identify(bag, 1, "/states", "/joint_states", configuration=wrong)
+
+
+def test_joint_that_the_urdf_does_not_have(identify, bag, config) -> None:
+    wrong = config(("[joint_1, joint_2]", "[joint_1, elbow]"))
+    identify(bag, 1, "elbow", configuration=wrong)
+
+
+def test_joint_of_the_bag_that_the_urdf_does_not_have(identify, config, tmp_path: Path) -> None:
+    bag = bag_writer.write(tmp_path / "bag", bag_writer.steady(3000, 1000.0))
+    wrong = config(
+        ("[joint_1, joint_2]", "[a, b]"), ("reference: /joint_reference", "reference: null")
+    )
+    identify(bag, 2, "arm2.urdf", "no joint a", "joint_1, joint_2", configuration=wrong)
+
+
+@pytest.mark.parametrize(("value", "word"), [(0.0, "zero"), (np.nan, "NaN")])
+def test_effort_that_says_nothing(identify, record, tmp_path: Path, value, word) -> None:
+    effort = np.full_like(record.effort, value)
+    bag = write_arm(
+        tmp_path / "r.mcap", record.time, record.position, effort, record.position_reference
+    )
+    identify(bag, 1, "r.mcap", "effort", "joint_1", word)
+
+
+def test_time_that_goes_backward(identify, config, tmp_path: Path) -> None:
+    stamps = [3.0 - k / 1000 for k in range(1000)] + [3.0 + k / 1000 for k in range(1000)]
+    messages = [
+        ("/joint_states", 1.0 + k / 1000, bag_writer.joint_state(s)) for k, s in enumerate(stamps)
+    ]
+    bag = bag_writer.write(tmp_path / "bag", messages)
+    wrong = config(
+        ("[joint_1, joint_2]", "[a, b]"), ("reference: /joint_reference", "reference: null")
+    )
+    identify(bag, 1, "bag", "backward", configuration=wrong)
+
+
+def test_half_a_second(identify, record, tmp_path: Path) -> None:
+    some = slice(5000, 5500)
+    bag = write_arm(
+        tmp_path / "short.mcap",
+        record.time[some],
+        record.position[some],
+        record.effort[some],
+        record.position_reference[some],
+    )
+    identify(bag, 1, "short.mcap", "record")
+
+
+def test_two_seconds_are_refused_or_named_by_check(run, config, record, tmp_path: Path) -> None:
+    some = slice(4000, 6000)
+    bag = write_arm(
+        tmp_path / "short.mcap",
+        record.time[some],
+        record.position[some],
+        record.effort[some],
+        record.position_reference[some],
+    )
+    checked = run("check", bag, "--config", config())
+    assert "short.mcap" in checked.out + checked.error
+    assert "only 2 s" in checked.out or "record for longer" in checked.error
+    done = run("identify", bag, "--config", config(), "--out", tmp_path / "results")
+    if done.status:
+        refused(done, 1, "short.mcap")
+        assert not (tmp_path / "results").exists()
+
+
+def test_robot_that_never_moves(identify, record, tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    still = 0.3 + 1e-5 * random.normal(size=record.position.shape)
+    effort = 5.0 + random.normal(size=record.effort.shape)
+    bag = write_arm(tmp_path / "still.mcap", record.time, still, effort, still)
+    identify(bag, 1, "still.mcap", "no joint moves")
+
+
+def test_joint_that_stands_still(identify, record, tmp_path: Path) -> None:
+    position = record.position.copy()
+    position[:, 1] = 0.4
+    bag = write_arm(
+        tmp_path / "one.mcap", record.time, position, record.effort, record.position_reference
+    )
+    identify(bag, 1, "one.mcap", "joint_2 stands still", "Ia2, Fv2")
+
+
+def test_rank_deficient_excitation_lists_what_cannot_be_seen(
+    identify, config, record, tmp_path: Path
+) -> None:
+    """Both joints sweep at constant speed: friction and offset cannot be told apart."""
+    position = record.position.copy()
+    position[:, 1] = 0.1 * record.time
+    position[:, 0] = 0.2 * record.time
+    bag = write_arm(
+        tmp_path / "sweep.mcap", record.time, position, record.effort, record.position_reference
+    )
+    wide = config(extra="processing:\n  position_cutoff: 50.0\n  decimation_cutoff: 20.0\n")
+    words = ("sweep.mcap", "rank deficient", "Fc1", "record a richer motion")
+    identify(bag, 1, *words, configuration=wide)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("armature:", "armatur:", ("arm2.yaml", "unknown key simulator.armatur")),
+        ("kd: [52.0, 9.2]", "kd: [52.0]", ("arm2.yaml", "controller.kd has 1 values")),
+        ("robot:", "robot: [", ("arm2.yaml", "line")),
+    ],
+)
+def test_wrong_configuration(identify, bag, config, old, new, words) -> None:
+    identify(bag, 2, *words, configuration=config((old, new)))
+
+
+@pytest.mark.parametrize(
+    ("processing", "words"),
+    [
+        ("position_cutoff: 600.0", ("position_cutoff", "500 Hz")),
+        ("position_cutoff: 10.0\n  decimation_cutoff: 20.0", ("decimation_cutoff", "above")),
+    ],
+)
+def test_contradictory_cutoffs(identify, bag, config, processing, words) -> None:
+    identify(bag, 2, *words, configuration=config(extra=f"processing:\n  {processing}\n"))
+
+
+def test_file_in_the_way_of_the_output_folder(run, config, bag, tmp_path: Path) -> None:
+    (tmp_path / "results").write_text("mine")
+    outcome = run("identify", bag, "--config", config(), "--out", tmp_path / "results")
+    refused(outcome, 2, "results")
+    assert (tmp_path / "results").read_text() == "mine"
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_folder_that_must_not_be_written(run, config, bag, tmp_path: Path) -> None:
+    (tmp_path / "locked").mkdir(mode=0o500)
+    outcome = run("identify", bag, "--config", config(), "--out", tmp_path / "locked" / "results")
+    refused(outcome, 2, "results")
+
+
+def test_truncated_bag_is_read_as_far_as_it_goes_and_the_loss_is_said(
+    run, config, bag, tmp_path: Path
+) -> None:
+    torn = tmp_path / "torn.mcap"
+    content = bag.read_bytes()
+    torn.write_bytes(content[: int(0.8 * len(content))])
+    out = tmp_path / "results"
+    outcome = run("identify", torn, "--config", config(), "--out", out)
+    assert outcome.status == 0, outcome.error
+    document = json.loads((out / "result.json").read_text())
+    assert "ends in the middle" in json.dumps(document["bags"])
+    assert "ends in the middle" in (out / "report.html").read_text()
+
+
+@pytest.mark.parametrize("arguments", [["identfy"], ["identify", "--colour", "red"], ["check"]])
+def test_wrong_use_is_status_two(run, arguments) -> None:
+    outcome = run(*arguments)
+    assert outcome.status == 2
+    assert "Traceback" not in outcome.error

@@ -1,0 +1,66 @@
+"""The commands as a user runs them."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+
+def test_table_becomes_a_bag_is_checked_and_identified(run, config, record, tmp_path: Path) -> None:
+    table, bag, out = tmp_path / "run.npz", tmp_path / "run.mcap", tmp_path / "results"
+    np.savez(table, q=record.position, tau=record.effort, ref=record.position_reference)
+    imported = run(
+        *("import", bag, "--rate", 1000, "--joints", "joint_1,joint_2"),
+        *("--position", f"{table}:q", "--effort", f"{table}:tau", "--reference", f"{table}:ref"),
+    )
+    assert imported.status == 0, imported.error
+    assert "10000 samples of 2 joints" in imported.out
+    checked = run("check", bag, "--config", config())
+    assert checked.status == 0, checked.error
+    assert "Usable" in checked.out
+    identified = run("identify", bag, "--config", config(), "--out", out)
+    assert identified.status == 0, identified.error
+    assert "Verdict" in identified.out
+    assert len(identified.out.splitlines()) < 40
+    assert (out / "report.html").is_file()
+    document = json.loads((out / "result.json").read_text())
+    assert document["format"] == "idim_iv_ros/identification/1"
+    assert document["estimator"] == "idim-iv"
+    assert document["converged"] is True
+    expected = {
+        *("format", "robot", "bags", "software", "estimator", "iterations", "converged"),
+        *("parameters", "instruments", "exogeneity", "residuals", "fit", "refined", "timing"),
+    }
+    assert expected <= set(document)
+
+
+def test_least_squares_on_request(run, config, bag, tmp_path: Path) -> None:
+    out = tmp_path / "results"
+    done = run("identify", bag, "--config", config(), "--out", out, "--estimator", "idim-ls")
+    assert done.status == 0, done.error
+    document = json.loads((out / "result.json").read_text())
+    assert document["estimator"] == "idim-ls"
+    assert document["instruments"]["tests"][0]["reason"]
+
+
+def test_two_bags_are_used_together(run, config, bag, tmp_path: Path) -> None:
+    done = run("identify", bag, bag, "--config", config(), "--out", tmp_path / "results")
+    assert done.status == 0, done.error
+    assert len(json.loads((tmp_path / "results" / "result.json").read_text())["bags"]) == 2
+
+
+@pytest.mark.parametrize("command", ["import", "check", "identify"])
+def test_help_shows_an_example(run, command: str) -> None:
+    done = run(command, "--help")
+    assert done.status == 0
+    assert f"Example: idim-iv {command}" in done.out
+
+
+def test_installed_command_starts() -> None:
+    command = Path(sys.executable).with_name("idim-iv")
+    done = subprocess.run([command, "--help"], capture_output=True, text=True, check=True)
+    for name in ("import", "check", "identify"):
+        assert name in done.stdout
