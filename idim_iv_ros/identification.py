@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from idim_iv_ros.assembly import Estimates, Estimator, assemble_result
+from idim_iv_ros.assembly import assemble_result
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.estimates import Estimates, Estimator
 from idim_iv_ros.estimation import (
     idim_iv,
     instrument_sources,

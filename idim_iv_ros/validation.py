@@ -10,7 +10,6 @@ from idim_iv_ros.estimation import (
     IdimIvEstimate,
     LinearEstimate,
     ObservationRows,
-    residual_models,
     triangles_of_rows,
     white_covariance,
 )
@@ -74,7 +73,7 @@ def validate(
         for joint, matrix in zip(observed, matrices, strict=True)
     ]
     reason = NO_INSTRUMENTS if estimate is None else estimate.source.testable
-    models = residual_models(observed, linear.residuals)
+    residuals = tuple(diagnose_residual(joint, linear.values, alpha=alpha) for joint in rows)
     errors = None
     if estimate is not None and reason is None:
         noise = np.minimum(linear.sigma, _LARGEST_NOISE * torque_noise(prepared.motions))
@@ -87,8 +86,8 @@ def validate(
     return Validation(
         tests=_together(tests),
         exogeneity=_together(exogeneity),
-        residuals=tuple(diagnose_residual(joint, linear.values, alpha=alpha) for joint in rows),
-        models=models,
+        residuals=residuals,
+        models=tuple(residual.autoregression for residual in residuals),
     )
 
 

@@ -8,13 +8,12 @@ from idim_iv_ros.estimation.covariance import (
     WhiteCovariance,
 )
 from idim_iv_ros.estimation.essential import EssentialParameters, essential_parameters
+from idim_iv_ros.estimation.fallback_instruments import FilteredReference, SmoothedMeasurement
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv
 from idim_iv_ros.estimation.instruments import (
-    FilteredReference,
     Instruments,
     InstrumentSource,
     SimulatedLoop,
-    SmoothedMeasurement,
     SourceFailure,
 )
 from idim_iv_ros.estimation.least_squares import (

@@ -7,12 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.estimation.instruments import (
-    FilteredReference,
-    InstrumentSource,
-    SimulatedLoop,
-    SmoothedMeasurement,
-)
+from idim_iv_ros.estimation.fallback_instruments import FilteredReference, SmoothedMeasurement
+from idim_iv_ros.estimation.instruments import InstrumentSource, SimulatedLoop
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Cutoffs, Motion
 from idim_iv_ros.simulation import (

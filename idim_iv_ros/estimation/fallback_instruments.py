@@ -1,0 +1,108 @@
+"""Instruments where the loop cannot be simulated; each says what it is and what it costs."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.estimation.instruments import Instruments, differentiated
+from idim_iv_ros.estimation.rows import instrument_rows
+from idim_iv_ros.model import InverseModel
+from idim_iv_ros.signals import Motion, zero_phase_butterworth
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FilteredReference:
+    """Instruments from the reference passed through a fitted closed-loop filter.
+
+    Attributes
+    ----------
+    model : InverseModel
+    motions : tuple of Motion
+    positions : one (n_samples, n_joints) array for each motion
+        Output of the filter, rad, on the untrimmed record.
+    fit_percent : (n_joints,)
+        Share of the tracking error that the filter explains.
+    """
+
+    model: InverseModel
+    motions: tuple[Motion, ...]
+    positions: tuple[FloatArray, ...]
+    fit_percent: FloatArray
+
+    @property
+    def name(self) -> str:
+        """Name with the fit."""
+        fits = ", ".join(f"{fit:.0f} %" for fit in self.fit_percent)
+        return f"reference through a fitted closed-loop filter (fit of the tracking error: {fits})"
+
+    @property
+    def testable(self) -> str | None:
+        """The filter follows the measured motion whatever the dynamic model is."""
+        return (
+            "the instruments come from a filter that was fitted to the measured motion: it follows "
+            "the robot whatever the dynamic model is"
+        )
+
+    @property
+    def iterative(self) -> bool:
+        """The filter does not depend on the parameters."""
+        return False
+
+    def prediction_errors(self, values: FloatArray, covariance: FloatArray) -> None:
+        """These instruments do not depend on the parameters."""
+
+    def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
+        """Differentiate the filtered references."""
+        states = tuple(
+            partial(differentiated, position, motion)
+            for position, motion in zip(self.positions, self.motions, strict=True)
+        )
+        return Instruments(instrument_rows(self.model, self.motions, states), states)
+
+
+@dataclass(frozen=True)
+class SmoothedMeasurement:
+    """Instruments from the measurements themselves, smoothed harder than the regressor.
+
+    Noise below the smoothing cut-off stays in both X and Z: it is not averaged out, so that the
+    estimate keeps the bias of least squares in that band, and Π = I says nothing.
+    """
+
+    model: InverseModel
+    motions: tuple[Motion, ...]
+    cutoff: float
+
+    @property
+    def name(self) -> str:
+        """Name with the cut-off."""
+        return f"measured positions smoothed at {self.cutoff:.3g} Hz"
+
+    @property
+    def testable(self) -> str | None:
+        """The instruments are made from the regressor's own measurements."""
+        return (
+            "the instruments are smoothed measurements, not a simulation: the noise below "
+            f"{self.cutoff:.3g} Hz is in both"
+        )
+
+    @property
+    def iterative(self) -> bool:
+        """The measurements do not depend on the parameters."""
+        return False
+
+    def prediction_errors(self, values: FloatArray, covariance: FloatArray) -> None:
+        """These instruments do not depend on the parameters."""
+
+    def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
+        """Smooth and differentiate."""
+        states = []
+        for motion in self.motions:
+            smooth = zero_phase_butterworth(
+                motion.position, rate=motion.signals.rate, cutoff=self.cutoff, order=4
+            )
+            states.append(partial(differentiated, smooth, motion))
+        return Instruments(instrument_rows(self.model, self.motions, states), tuple(states))
