@@ -4,6 +4,7 @@ Equation 8 asks for a simulation with the same references and the same control l
 references or the law are missing, the fallbacks here say what they are and what they cost.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
@@ -22,7 +23,8 @@ FloatArray = NDArray[np.float64]
 _SAME_INERTIA = 0.25
 _INERTIA_STATES = 50
 # Simulations at perturbed parameters that tell how far their uncertainty moves the instruments.
-_DRAWS = 8
+_DRAWS = 6
+_THREADS = 2
 _SEED = 1948
 
 
@@ -125,7 +127,7 @@ class SimulatedLoop:
 
     def prediction_errors(
         self, values: FloatArray, covariance: FloatArray
-    ) -> tuple[FloatArray, ...]:
+    ) -> tuple[FloatArray, ...] | None:
         """Change of Z β̂ when the simulation runs at parameters as uncertain as `values` are.
 
         The instruments are simulated with estimated parameters; a difference between X β̂ and
@@ -139,20 +141,29 @@ class SimulatedLoop:
 
         Returns
         -------
-        One (r_j, n_draws) array for each joint, N m; diverging draws are left out.
+        One (r_j, n_draws) array for each joint, N m; diverging draws are left out. None if the
+        simulation at `values` itself diverges.
         """
         random = np.random.default_rng(_SEED)
         root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)))
         no_scale = np.ones(len(self.motions[0].position[0]))
-        nominal = self._predictions(values, values, no_scale)
-        errors = []
-        for _ in range(_DRAWS):
-            drawn = values + root @ random.standard_normal(len(values))
+        drawn = values + random.standard_normal((_DRAWS, len(values))) @ root.T
+
+        def predictions(at: FloatArray) -> list[FloatArray] | None:
             try:
-                moved = self._predictions(drawn, values, no_scale)
+                return self._predictions(at, values, no_scale)
             except SourceFailure:
-                continue
-            errors.append([a - b for a, b in zip(moved, nominal, strict=True)])
+                return None
+
+        with ThreadPoolExecutor(_THREADS) as pool:  # the compiled simulation frees the lock
+            nominal, *moved = pool.map(predictions, [values, *drawn])
+        if nominal is None:
+            return None
+        errors = [
+            [a - b for a, b in zip(prediction, nominal, strict=True)]
+            for prediction in moved
+            if prediction is not None
+        ]
         if not errors:
             return tuple(np.zeros((len(joint), 0)) for joint in nominal)
         return tuple(np.column_stack(joint) for joint in zip(*errors, strict=True))

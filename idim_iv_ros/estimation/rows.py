@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 # Full-rate samples for which the regressor is held at once.
-CHUNK = 60_000
+CHUNK = 40_000
 # Decimated samples between two recordings on the common grid: no residual remembers that far.
 _APART = 10_000
 

@@ -1,6 +1,7 @@
 """Base parameters: the fewest from which the inverse dynamic model follows (section II.B)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,17 +41,17 @@ class BaseParameters:
     active: NDArray[np.bool_]
     tolerance: float
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the base parameters."""
         return tuple(self.layout.names[column] for column in self.columns)
 
-    @property
+    @cached_property
     def units(self) -> tuple[str, ...]:
         """Units of the base parameters."""
         return tuple(self.layout.parameters[column].unit for column in self.columns)
 
-    @property
+    @cached_property
     def expressions(self) -> tuple[str, ...]:
         """Grouped expressions, e.g. ``XX2 - YY2 - 0.050625 M3``."""
         return tuple(_expression(row, self.layout.names) for row in self._ordered())

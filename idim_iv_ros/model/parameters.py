@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -84,7 +85,7 @@ class ParameterLayout:
     joints: int
     coupling_joints: tuple[tuple[int, int], ...]
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of all standard parameters, in order."""
         return tuple(parameter.name for parameter in self.parameters)

@@ -1,6 +1,7 @@
 """Regressor of the inverse dynamic model (paper, equation 3)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -40,19 +41,20 @@ class StandardRegressor:
         """
         samples, joints = q.shape
         matrix = np.zeros((samples, joints, len(self.layout.parameters)))
-        inertial = [
-            10 * parameter.joint + REGRESSOR_ORDER[INERTIAL.index(parameter.kind)]
-            for parameter in self.layout.parameters
-            if parameter.kind in INERTIAL
-        ]
-        columns = [
-            position
-            for position, parameter in enumerate(self.layout.parameters)
-            if parameter.kind in INERTIAL
-        ]
+        columns, inertial = self._inertial_columns
         matrix[:, :, columns] = self._inertial(q, dq, ddq)[:, :, inertial]
         self._drives(matrix, dq, ddq)
         return matrix
+
+    @cached_property
+    def _inertial_columns(self) -> tuple[list[int], list[int]]:
+        """Places of the inertial parameters in the layout, and in pinocchio's regressor."""
+        places = [
+            (column, 10 * parameter.joint + REGRESSOR_ORDER[INERTIAL.index(parameter.kind)])
+            for column, parameter in enumerate(self.layout.parameters)
+            if parameter.kind in INERTIAL
+        ]
+        return [column for column, _ in places], [place for _, place in places]
 
     def _inertial(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         robot = self.robot

@@ -8,7 +8,7 @@ from numba import njit
 
 # Divisions in the kernels are guarded where they need to be: no check for zero in each.
 kernel = njit(error_model="numpy")
-entry = njit(error_model="numpy", cache=True)
+entry = njit(error_model="numpy", cache=True, nogil=True)
 
 
 def source_digest(*modules: ModuleType) -> str:
