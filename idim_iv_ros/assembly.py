@@ -39,7 +39,7 @@ from idim_iv_ros.validation import Validation
 FloatArray = NDArray[np.float64]
 Estimator = Literal["idim-iv", "idim-ls"]
 
-_REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags", "statsmodels")
+_REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 
 
 def assemble_result(

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
-from statsmodels.tsa.stattools import acf
 
 from idim_iv_ros.signals.autoregression import AutoregressiveModel, fit_autoregression
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
@@ -139,11 +138,13 @@ def autocorrelation(series: FloatArray, runs: Sequence[slice], n_lags: int) -> F
     """(n_lags + 1,) autocorrelation of `series` (r,), from pairs within one run only."""
     if len(series) == 0 or np.ptp(series) == 0.0:
         return np.append(1.0, np.zeros(n_lags))
-    apart = np.full(n_lags, np.nan)
-    pieces = [piece for run in runs for piece in (series[run], apart)]
-    correlation: FloatArray = acf(
-        np.concatenate(pieces), nlags=n_lags, fft=True, missing="conservative"
-    )
+    centred = series - series.mean()
+    run_of = np.repeat(np.arange(len(runs)), [run.stop - run.start for run in runs])
+    correlation = np.ones(n_lags + 1)
+    for lag in range(1, n_lags + 1):
+        together = run_of[lag:] == run_of[:-lag]
+        correlation[lag] = np.sum(centred[lag:] * centred[:-lag] * together)
+    correlation[1:] /= float(centred @ centred)
     return correlation
 
 
