@@ -37,6 +37,21 @@ def measure(module: str, case: str, runs: int = 3) -> Measurement:
     return sorted(found, key=lambda measurement: measurement.seconds)[len(found) // 2]
 
 
+def measure_pair(
+    module: str, case: str, other: str, runs: int = 3
+) -> tuple[Measurement, Measurement, float]:
+    """Run two cases in turn; the medians of each, and the median of the ratios pair by pair.
+
+    The speed of a shared machine drifts, and a pair drifts together.
+    """
+    pairs = [(measure(module, case, 1), measure(module, other, 1)) for _ in range(runs)]
+    ratios = sorted(first.seconds / second.seconds for first, second in pairs)
+    middle = runs // 2
+    first = sorted((pair[0] for pair in pairs), key=lambda measurement: measurement.seconds)
+    second = sorted((pair[1] for pair in pairs), key=lambda measurement: measurement.seconds)
+    return first[middle], second[middle], ratios[middle]
+
+
 def report_case(seconds: float, **detail: float) -> None:
     """Print what `measure` reads: the last line of a case's output."""
     status = Path("/proc/self/status").read_text()

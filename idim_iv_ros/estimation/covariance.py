@@ -17,7 +17,7 @@ from idim_iv_ros.signals.autoregression import AutoregressiveModel
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.integer[Any]]
 
-_COLUMNS, _ROWS = 8, 20_000
+_COLUMNS, _ROWS = 4, 5_000
 
 
 @dataclass(frozen=True)

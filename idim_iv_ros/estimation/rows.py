@@ -1,7 +1,9 @@
 """Decimated rows of the regression, joint by joint (paper, equation 5)."""
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +15,10 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 # Full-rate samples for which the regressor is held at once.
-CHUNK = 40_000
+CHUNK = 30_000
 # Decimated samples between two recordings on the common grid: no residual remembers that far.
 _APART = 10_000
+_THREADS = 2
 
 States = Callable[[int, int], tuple[FloatArray, FloatArray, FloatArray]]
 
@@ -76,11 +79,12 @@ def row_blocks(model: InverseModel, motion: Motion, states: States) -> Iterator[
     done = 0
     for chunk in motion.decimation.chunks(CHUNK):
         kept = motion.kept[done : done + len(chunk.kept)]
-        matrices = tuple(
-            motion.decimation.apply(matrix, chunk)[kept[:, joint]]
-            for joint, matrix in enumerate(model.joint_matrices(*states(chunk.first, chunk.last)))
-        )
-        yield RowBlock(kept, matrices)
+        full = model.joint_matrices(*states(chunk.first, chunk.last))
+        decimate = partial(motion.decimation.apply, chunk=chunk)
+        with ThreadPoolExecutor(_THREADS) as pool:  # the filter frees the lock
+            decimated = list(pool.map(decimate, full))
+        rows = zip(decimated, kept.T, strict=True)
+        yield RowBlock(kept, tuple(matrix[counts] for matrix, counts in rows))
         done += len(chunk.kept)
 
 
