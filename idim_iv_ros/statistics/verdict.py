@@ -93,15 +93,19 @@ def _rejected(instruments: HypothesisTest, joint: str) -> str:
 def _coloured(residual: ResidualDiagnosis) -> str:
     times = residual.sigma_understatement
     order = residual.ar_order
+    head = f"{residual.joint}: the instruments are valid and the residual is coloured, AR({order})"
     if times >= 1.0:
-        white_sigma = f"computed as if it were white they would be {times:.2g} times too small"
+        sentence = (
+            f"{head}: the data are oversampled for the bandwidth of the loop. Use the refined "
+            f"standard deviations; computed as if it were white they would be {times:.2g} times "
+            "too small."
+        )
     else:
-        white_sigma = f"computed as if it were white they would be {1 / times:.2g} times too large"
-    sentence = (
-        f"{residual.joint}: the instruments are valid and the residual is coloured, AR({order}): "
-        "the data are oversampled for the bandwidth of the loop. Use the refined standard "
-        f"deviations; {white_sigma}."
-    )
+        sentence = (
+            f"{head}, as the decimation filter leaves it. Standard deviations computed as if it "
+            f"were white are on the safe side, {1 / times:.2g} times too large; the refined ones "
+            "are right."
+        )
     if residual.whiteness_after.accepted is False:
         sentence += (
             " The filter does not whiten the residual fully (largest correlation left "
@@ -152,8 +156,9 @@ def judge_all(
     if coloured:
         return OverallVerdict(
             "oversampled, refined",
-            f"The instruments are valid. The residual is coloured at {_names(coloured)}: the "
-            "data are oversampled, use the refined standard deviations.",
+            "The instruments are valid. The residual is coloured at "
+            f"{'all joints' if len(coloured) == len(joints) else _names(coloured)}: use the "
+            "refined standard deviations.",
         )
     return OverallVerdict(
         "stands",
