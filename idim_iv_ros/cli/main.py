@@ -7,6 +7,7 @@ import typer
 from rich.console import Console
 
 from idim_iv_ros.cli.check import check_command
+from idim_iv_ros.cli.excite import excite_command
 from idim_iv_ros.cli.identify import identify_command
 from idim_iv_ros.cli.import_table import import_command
 from idim_iv_ros.errors import IdimError
@@ -22,6 +23,7 @@ application = typer.Typer(
 application.command("import")(import_command)
 application.command("check")(check_command)
 application.command("identify")(identify_command)
+application.command("excite")(excite_command)
 
 
 def main() -> None:

@@ -1,6 +1,34 @@
 """Design of motions that identify a robot or tell the causes of a gap apart."""
 
+from idim_iv_ros.excitation.criterion import ConditionNumbers, condition_numbers
+from idim_iv_ros.excitation.design import Design, DesignSettings, design_excitation
+from idim_iv_ros.excitation.excite import Excitation, excite, load_model
+from idim_iv_ros.excitation.files import require_place, write_motion
 from idim_iv_ros.excitation.joint_trajectory import write_joint_trajectory
+from idim_iv_ros.excitation.limit_use import LimitUse, limit_use
+from idim_iv_ros.excitation.limits import MotionLimits, motion_limits
+from idim_iv_ros.excitation.prediction import PredictedParameter, predict_parameters
 from idim_iv_ros.excitation.trajectory import Trajectory, read_trajectory, write_csv
 
-__all__ = ["Trajectory", "read_trajectory", "write_csv", "write_joint_trajectory"]
+__all__ = [
+    "ConditionNumbers",
+    "Design",
+    "DesignSettings",
+    "Excitation",
+    "LimitUse",
+    "MotionLimits",
+    "PredictedParameter",
+    "Trajectory",
+    "condition_numbers",
+    "design_excitation",
+    "excite",
+    "limit_use",
+    "load_model",
+    "motion_limits",
+    "predict_parameters",
+    "read_trajectory",
+    "require_place",
+    "write_csv",
+    "write_joint_trajectory",
+    "write_motion",
+]

@@ -84,7 +84,9 @@ class ExcitationCost:
         by_start = np.zeros(len(start)) if self.start is not None else by_state[0].sum(0) * scale
         return value, np.concatenate([by_start, np.ravel(gradient)])
 
-    def _regressors(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> States:
+    def _regressors(
+        self, q: FloatArray, dq: FloatArray, ddq: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Base regressor (n_samples, n_joints, b), and its differences by each state."""
         samples, joints = q.shape
         states = np.tile(np.stack([q, dq, ddq]), (1, 1 + 3 * joints, 1))
@@ -100,7 +102,7 @@ class ExcitationCost:
         matrices = matrices.reshape(1 + 3 * joints, samples, joints, -1)
         slopes = matrices[1:] - matrices[0]
         slopes /= np.repeat(steps, joints)[:, None, None, None]
-        return matrices[0], slopes  # type: ignore[return-value]
+        return matrices[0], slopes
 
     def _smooth_signs(self, matrices: FloatArray, dq: FloatArray) -> None:
         layout = self.model.regressor.layout

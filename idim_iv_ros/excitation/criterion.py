@@ -44,7 +44,7 @@ def triangle(model: InverseModel, motion: Trajectory, weights: FloatArray) -> Fl
             motion.position[block], motion.velocity[block], motion.acceleration[block]
         )
         rows = (matrix * weights[:, None]).reshape(-1, matrix.shape[2])
-        triangle = np.linalg.qr(np.vstack([triangle, rows]), mode="r")
+        triangle = np.asarray(np.linalg.qr(np.vstack([triangle, rows]), mode="r"))
     return triangle
 
 

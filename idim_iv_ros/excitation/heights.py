@@ -69,7 +69,7 @@ class MovingFrames:
         return origins[self.joints] + held, origins, axes
 
     def _revolute(self, tree: int) -> bool:
-        return self.robot.joint_types[self.robot.order[tree - 1]] == "revolute"
+        return self.robot.joint_types[int(self.robot.order[tree - 1])] == "revolute"
 
 
 def moving_frames(robot: RobotModel) -> MovingFrames:

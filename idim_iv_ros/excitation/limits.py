@@ -160,4 +160,5 @@ def _default_acceleration(model: InverseModel, limits: MotionLimits) -> FloatArr
     postures = random.uniform(limits.lower, limits.upper, (_POSTURES, len(limits.lower)))
     mass = mass_matrix(model.robot, model.robot.given, postures)
     inertia = np.mean(np.diagonal(mass, axis1=1, axis2=2), axis=0)
-    return np.minimum(quick, SHARE_OF_TORQUE * limits.torque / np.maximum(inertia, 1e-9))
+    strong = SHARE_OF_TORQUE * limits.torque / np.maximum(inertia, 1e-9)
+    return np.asarray(np.minimum(quick, strong))
