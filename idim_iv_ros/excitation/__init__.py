@@ -8,6 +8,7 @@ from idim_iv_ros.excitation.joint_trajectory import write_joint_trajectory
 from idim_iv_ros.excitation.limit_use import LimitUse, limit_use
 from idim_iv_ros.excitation.limits import MotionLimits, motion_limits
 from idim_iv_ros.excitation.prediction import PredictedParameter, predict_parameters
+from idim_iv_ros.excitation.random_motion import random_motion
 from idim_iv_ros.excitation.trajectory import Trajectory, read_trajectory, write_csv
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "load_model",
     "motion_limits",
     "predict_parameters",
+    "random_motion",
     "read_trajectory",
     "require_place",
     "write_csv",

@@ -167,8 +167,10 @@ def _motion(
     minimum_speed: FloatArray,
     couplings: Sequence[tuple[int, int]],
 ) -> Motion:
-    factor = decimation_factor(record.rate, cutoffs.decimation)
-    decimation = ParallelDecimation(factor, span.stop - span.start, processing.decimation_phase)
+    edge = processing.decimation_edge
+    factor = decimation_factor(record.rate, cutoffs.decimation, edge)
+    samples = span.stop - span.start
+    decimation = ParallelDecimation(factor, samples, edge, processing.decimation_phase)
     fast = _fast_samples(position[span], record.rate, minimum_speed, couplings)
     fast = _all_around(fast, decimation, round(processing.reversal_margin * factor))
     measured = _all_around(record.valid[span], decimation, factor)
