@@ -15,6 +15,7 @@ from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.excitation.heights import MovingFrames, moving_frames, require_reachable
 from idim_iv_ros.excitation.limit_use import LimitUse, limit_use
 from idim_iv_ros.excitation.limits import MotionLimits
+from idim_iv_ros.excitation.start_posture import require_inside
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
 
@@ -280,19 +281,8 @@ def _require(settings: DesignSettings, limits: MotionLimits, joints: tuple[str, 
             f"{settings.rate:g} samples per second: {settings.harmonics} harmonics of "
             f"{settings.period:g} s need {_POINTS_PER_HARMONIC * settings.harmonics} a period"
         )
-    if settings.start is None:
-        return
-    if len(settings.start) != len(joints):
-        raise UsageError(f"start has {len(settings.start)} values for {len(joints)} joints")
-    inner = limits.margin * limits.half_range
-    for joint, value, middle, room in zip(
-        joints, settings.start, limits.middle, inner, strict=True
-    ):
-        if not abs(value - middle) < room:
-            raise UsageError(
-                f"start of joint {joint}, {value:g}, lies outside {middle - room:.4g} to "
-                f"{middle + room:.4g} (its limits with the margin)"
-            )
+    if settings.start is not None:
+        require_inside(settings.start, limits, joints)
 
 
 def _median(numbers: list[ConditionNumbers]) -> ConditionNumbers:
