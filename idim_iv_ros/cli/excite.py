@@ -28,7 +28,7 @@ from idim_iv_ros.excitation import (
 _FOURIER = "For identification"
 _SEGMENTS = "For diagnosis"
 # Points per second of the message that follow the fastest content of each motion.
-_MESSAGE_RATES = {"identification": 20.0, "diagnosis": 250.0}
+_MESSAGE_RATES = {"identification": 20.0, "diagnosis": 100.0}
 
 
 class Purpose(str, Enum):
@@ -68,7 +68,7 @@ def excite_command(
     rate: Annotated[float, typer.Option(help="Samples per second of the CSV.")] = 1000.0,
     message_rate: Annotated[
         float | None,
-        typer.Option(help="Points per second of the YAML. Default: 20, diagnosis 250."),
+        typer.Option(help="Points per second of the YAML. Default: 20, diagnosis 100."),
     ] = None,
     seed: Annotated[
         int, typer.Option(min=0, help="Of the random starts, and of the multisine's phases.")

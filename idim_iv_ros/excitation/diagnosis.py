@@ -21,7 +21,8 @@ from idim_iv_ros.simulation import mass_matrix
 
 FloatArray = NDArray[np.float64]
 
-SHORTEST = 60.0  # s
+SHORTEST, LONGEST = 90.0, 3600.0  # s
+_TRIALS = 6
 _REST = 0.5  # s before and after every segment
 _SHORTEST_MOVE = 0.3  # s
 
@@ -64,7 +65,7 @@ def design_diagnosis(
     Parameters
     ----------
     duration
-        Budget, s; at least 60.
+        Budget, s; at least 90.
     start
         (n_joints,) posture about which it moves; None: the middle of the ranges, or where that
         is below the floor the one of 2,000 postures that is highest above it.
@@ -79,8 +80,10 @@ def design_diagnosis(
     report = progress or (lambda stage, share: None)
     if not (np.isfinite(rate) and rate >= 100.0):
         raise UsageError(f"rate {rate:g}: a diagnosis needs 100 samples per second or more")
-    if not (np.isfinite(duration) and duration >= SHORTEST):
-        raise UsageError(f"duration {duration:g}: a diagnosis needs {SHORTEST:g} s or more")
+    if not SHORTEST <= duration <= LONGEST:
+        raise UsageError(
+            f"duration {duration:g}: {SHORTEST:g} to {LONGEST:g} s are needed for a diagnosis"
+        )
     frames = moving_frames(model.robot)
     posture = _posture(model, limits, frames, start)
     inertia = np.ones(len(posture))
@@ -90,22 +93,34 @@ def design_diagnosis(
     bandwidth, known = loop_bandwidth(configuration.controller, inertia)
     known = known and (limits.torque_known or configuration.controller.type == "cascade")
     planner = DiagnosisPlanner(model, limits, frames, posture, bandwidth, rate, seed)
-    seconds = 0.75 * duration
-    for trial in range(6):
-        report("composing segments", trial / 6)
-        trajectory, segments = _Composer(planner).compose(planner.plans(seconds))
-        if trajectory.duration <= duration:
-            break
-        seconds -= 1.05 * (trajectory.duration - duration)
-        if seconds < 10.0:
-            raise DataError(f"the segments do not fit in {duration:g} s: give a longer --duration")
-    else:
-        raise DataError(f"the segments do not fit in {duration:g} s: give a longer --duration")
+    trajectory, segments = _fill(planner, duration, report)
     report("checking every sample", 1.0)
     use = limit_use(model.robot, limits, frames, trajectory)
     if not use.within(limits):
         raise DataError("no motion within the limits was found: a limit broke at full rate")
     return Diagnosis(trajectory, segments, use, bandwidth, known)
+
+
+def _fill(
+    planner: DiagnosisPlanner, duration: float, report: Callable[[str, float], None]
+) -> tuple[Trajectory, tuple[Segment, ...]]:
+    """Size the segments so that they, with the moves between, take nearly `duration` s."""
+    seconds, best = 0.7 * duration, None
+    for trial in range(_TRIALS):
+        report("composing segments", trial / _TRIALS)
+        found = _Composer(planner).compose(planner.plans(seconds))
+        total = found[0].duration
+        if total <= duration and (best is None or total > best[0].duration):
+            best = found
+        if 0.97 * duration <= total <= duration:
+            break
+        seconds = max(1.0, seconds + (0.985 * duration - total) / 0.9)
+    if best is None:
+        raise DataError(
+            f"the segments take {total:.0f} s at least: a longer --duration than {duration:g} s "
+            "is needed"
+        )
+    return best
 
 
 def _posture(

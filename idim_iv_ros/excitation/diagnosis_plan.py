@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 
 CREEP_SHARES = (0.005, 0.02)  # of the velocity limit
 PLATEAU_SHARES = (0.1, 0.25, 0.5, 0.75, 1.0)  # of the velocity limit with the margin
-REVERSALS = ((0.0005, 0.5), (0.0005, 2.0), (0.002, 0.5), (0.002, 2.0), (0.01, 0.5), (0.01, 2.0))
+REVERSALS = ((0.0005, 1.0), (0.0005, 4.0), (0.002, 1.0), (0.002, 4.0), (0.01, 1.0), (0.01, 4.0))
 MULTISINE_AMPLITUDE = 0.005  # rad (m), largest deviation
 BANDWIDTHS = 2.5  # of the position loop, at the upper end of the multisine
 UNKNOWN_BANDWIDTH = 6.0  # Hz, where the controller is not known
@@ -35,8 +35,8 @@ _SHARES = {
     "multisine": 0.10,
 }
 _SHORTEST_RAMP = 0.15  # s
-_COARSE = 5
-_INSIDE = 0.998
+_SAMPLES_PER_PERIOD = 40
+_INSIDE = 0.995
 
 
 @dataclass(frozen=True)
@@ -75,9 +75,14 @@ class DiagnosisPlanner:
         named = [replace(repeat, name=f"repeat_{k}") for k in (1, 2, 3)]
         return [named[0], *first, named[1], *second, named[2]]
 
-    def keeps(self, offset: FloatArray, shape: Shape) -> bool:
-        """Whether a stretch keeps all limits (every fifth sample, a little inside)."""
-        position, velocity, acceleration = (part[::_COARSE] for part in shape)
+    def keeps(self, offset: FloatArray, shape: Shape, highest: float = 5.0) -> bool:
+        """Whether a stretch keeps all limits, a little inside.
+
+        Looked at with 40 samples for each period of its highest frequency (Hz): nothing between
+        them rises above what is seen by more than 0.4 %.
+        """
+        step = max(1, int(self.rate / (_SAMPLES_PER_PERIOD * highest)))
+        position, velocity, acceleration = (part[::step] for part in shape)
         start = self.posture + offset
         motion = Trajectory(
             self.model.robot.joints, self.rate, start + position, velocity, acceleration
@@ -90,7 +95,7 @@ class DiagnosisPlanner:
         size = 1.0
         for _ in range(40):
             plan = make(size)
-            if self.keeps(plan.offset, plan.shape):
+            if self.keeps(plan.offset, plan.shape, *(plan.frequency or ())[1:]):
                 return plan
             size *= 0.9
         raise DataError(f"{make(size).name}: no size of this segment keeps the limits")
@@ -145,19 +150,17 @@ class DiagnosisPlanner:
         return self._constant(name, "range_sweep", low, speed, plateau, ramp)
 
     def _creeps(self, seconds: float) -> Iterator[SegmentPlan]:
-        for share in CREEP_SHARES:
-            slot = seconds / len(CREEP_SHARES) / 2.0
-            yield self._plateau(
-                f"creep_{100 * share:g}_percent", "creep", self.posture, share, slot
-            )
+        slot = seconds / len(CREEP_SHARES) / 2.0
+        for number, share in enumerate(CREEP_SHARES, start=1):
+            yield self._plateau(f"creep_{number}", "creep", self.posture, share, slot)
 
     def _plateaus(self, seconds: float) -> Iterator[SegmentPlan]:
         slot = seconds / len(PLATEAU_SHARES) / 4.0
         shift = 0.4 * self._room(self.posture)
         for place, alternate in ((1, False), (2, True)):
             centre = self.posture + (shift * self._pattern(True) if place == 2 else 0.0)
-            for share in PLATEAU_SHARES:
-                name = f"plateau_{100 * share:g}_percent_posture_{place}"
+            for number, share in enumerate(PLATEAU_SHARES, start=1):
+                name = f"plateau_{number}_posture_{place}"
                 yield self._plateau(
                     name, "plateau", centre, 0.995 * self.limits.margin * share, slot, alternate
                 )

@@ -65,4 +65,4 @@ def _quoted(name: str) -> str:
 
 def _numbers(values: Iterable[float]) -> str:
     # A decimal point in every number: YAML would read 0 as an integer and 1e-05 as text.
-    return "[" + ", ".join(f"{value + 0.0:.9f}" for value in values) + "]"
+    return "[" + ", ".join(f"{value + 0.0:.7f}" for value in values) + "]"
