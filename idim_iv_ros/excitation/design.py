@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
+from threadpoolctl import threadpool_limits
 
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation.cost import ExcitationCost
@@ -113,7 +114,9 @@ def design_excitation(
     """
     began = time.monotonic()
     search = _Search(model, limits, settings, progress or (lambda stage, share: None))
-    random, found = search.run(began + settings.time_limit)
+    # The matrices are small: threads of the linear algebra would cost more than they bring.
+    with threadpool_limits(limits=1, user_api="blas"):
+        random, found = search.run(began + settings.time_limit)
     best, numbers = min(found, key=lambda pair: pair[1].weighted)
     periods = np.vstack([best.position] * settings.repeats + [best.position[:1]])
     rates = np.vstack([best.velocity] * settings.repeats + [best.velocity[:1]])
@@ -143,6 +146,7 @@ class _Search:
         settings: DesignSettings,
         progress: Callable[[str, float], None],
     ) -> None:
+        self.basis = FourierBasis(settings.period, settings.harmonics)
         _require(settings, limits, model.robot.joints)
         self.frames: MovingFrames = moving_frames(model.robot)
         if limits.floor is not None:
@@ -153,7 +157,6 @@ class _Search:
         self.model, self.limits, self.settings = model, limits, settings
         self.progress = progress
         self.ended_early = False
-        self.basis = FourierBasis(settings.period, settings.harmonics)
         points = max(_POINTS, _POINTS_PER_HARMONIC * settings.harmonics)
         weights = 1.0 / limits.torque
         self.cost = ExcitationCost(

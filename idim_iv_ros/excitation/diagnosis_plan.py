@@ -19,7 +19,7 @@ from idim_iv_ros.model import InverseModel
 FloatArray = NDArray[np.float64]
 
 CREEP_SHARES = (0.005, 0.02)  # of the velocity limit
-PLATEAU_SHARES = (0.1, 0.25, 0.5, 0.75, 1.0)  # of the velocity limit with the margin
+PLATEAU_SHARES = (1.0, 0.75, 0.5, 0.25, 0.1)  # of the fastest plateau that has room
 REVERSALS = ((0.0005, 1.0), (0.0005, 4.0), (0.002, 1.0), (0.002, 4.0), (0.01, 1.0), (0.01, 4.0))
 MULTISINE_AMPLITUDE = 0.005  # rad (m), largest deviation
 BANDWIDTHS = 2.5  # of the position loop, at the upper end of the multisine
@@ -35,6 +35,7 @@ _SHARES = {
     "multisine": 0.10,
 }
 _SHORTEST_RAMP = 0.15  # s
+_SHORTEST_PLATEAU = 0.25  # s
 _SAMPLES_PER_PERIOD = 40
 _INSIDE = 0.995
 
@@ -151,37 +152,44 @@ class DiagnosisPlanner:
 
     def _creeps(self, seconds: float) -> Iterator[SegmentPlan]:
         slot = seconds / len(CREEP_SHARES) / 2.0
+        room = self._room(self.posture)
         for number, share in enumerate(CREEP_SHARES, start=1):
-            yield self._plateau(f"creep_{number}", "creep", self.posture, share, slot)
+            speed = share * self.limits.velocity
+            yield self._plateau(f"creep_{number}", "creep", self.posture, room, speed, slot)
 
     def _plateaus(self, seconds: float) -> Iterator[SegmentPlan]:
+        """At each posture the fastest first: the slower ones stay on its way."""
         slot = seconds / len(PLATEAU_SHARES) / 4.0
-        shift = 0.4 * self._room(self.posture)
-        for place, alternate in ((1, False), (2, True)):
-            centre = self.posture + (shift * self._pattern(True) if place == 2 else 0.0)
+        shift = 0.4 * self._room(self.posture) * self._pattern(True)
+        for place, pattern in ((1, self._pattern(False)), (2, self._pattern(True))):
+            centre = self.posture + (shift if place == 2 else 0.0)
+            room = self._room(centre)
+            speed = 0.995 * self.limits.margin * self.limits.velocity
+            shortest = _SHORTEST_PLATEAU + self._ramp(speed)
+            # Where the range is too short for a plateau at full speed, slower.
+            speed = pattern * np.minimum(speed, 2.0 * room / shortest)
             for number, share in enumerate(PLATEAU_SHARES, start=1):
                 name = f"plateau_{number}_posture_{place}"
-                yield self._plateau(
-                    name, "plateau", centre, 0.995 * self.limits.margin * share, slot, alternate
-                )
+                plan = self._plateau(name, "plateau", centre, room, share * speed, slot)
+                if plan.speed is not None and number == 1:
+                    speed, room = plan.speed, 0.5 * np.abs(plan.shape[0]).max(axis=0)
+                yield plan
 
     def _plateau(
         self,
         name: str,
         kind: str,
         centre: FloatArray,
-        share: float,
+        room: FloatArray,
+        fastest: FloatArray,
         slot: float,
-        alternate: bool = False,
     ) -> SegmentPlan:
-        pattern = self._pattern(alternate)
-
         def make(size: float) -> SegmentPlan:
-            speed = size * share * self.limits.velocity * pattern
+            speed = size * fastest
             ramp = self._ramp(speed)
             # The joint with the least room sets how long all of them keep their speed.
-            longest = float(np.min(2.0 * self._room(centre) * size / np.abs(speed))) - ramp
-            plateau = max(min(slot - 2.0 * ramp, longest), 0.1 * ramp)
+            longest = float(np.min(2.0 * room / np.abs(speed))) - ramp
+            plateau = max(min(slot - 2.0 * ramp, longest), _SHORTEST_PLATEAU)
             offset = centre - self.posture - 0.5 * speed * (plateau + ramp)
             return self._constant(name, kind, offset, speed, plateau, ramp)
 
