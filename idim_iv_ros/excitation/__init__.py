@@ -1,7 +1,8 @@
 """Design of motions that identify a robot or tell the causes of a gap apart."""
 
 from idim_iv_ros.excitation.criterion import ConditionNumbers, condition_numbers
-from idim_iv_ros.excitation.design import Design, DesignSettings, design_excitation
+from idim_iv_ros.excitation.design import Design, design_excitation
+from idim_iv_ros.excitation.design_settings import DesignSettings
 from idim_iv_ros.excitation.diagnosis import Diagnosis, design_diagnosis
 from idim_iv_ros.excitation.documents import diagnosis_document, segment_table
 from idim_iv_ros.excitation.excite import Excitation, excite, load_model

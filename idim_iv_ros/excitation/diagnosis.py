@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.excitation.diagnosis_plan import DiagnosisPlanner, loop_bandwidth
+from idim_iv_ros.excitation.diagnosis_plan import DiagnosisPlanner
 from idim_iv_ros.excitation.heights import MovingFrames, moving_frames, require_reachable
 from idim_iv_ros.excitation.limit_use import LimitUse, limit_use
 from idim_iv_ros.excitation.limits import MotionLimits
+from idim_iv_ros.excitation.loop_bandwidth import loop_bandwidth
 from idim_iv_ros.excitation.segment import Segment, SegmentPlan, effects_of
 from idim_iv_ros.excitation.shapes import Shape, rest_to_rest
 from idim_iv_ros.excitation.start_posture import require_inside

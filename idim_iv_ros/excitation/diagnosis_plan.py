@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.configuration import ControllerSection
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.excitation.heights import MovingFrames
 from idim_iv_ros.excitation.limit_use import limit_use
 from idim_iv_ros.excitation.limits import MotionLimits
 from idim_iv_ros.excitation.segment import SegmentPlan
-from idim_iv_ros.excitation.shapes import Shape, rest_to_rest, there_and_back, waves
+from idim_iv_ros.excitation.shapes import Shape, rest_to_rest, there_and_back
+from idim_iv_ros.excitation.small_motions import multisine, reversals
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
 
@@ -23,8 +23,6 @@ PLATEAU_SHARES = (1.0, 0.75, 0.5, 0.25, 0.1)  # of the fastest plateau that has 
 REVERSALS = ((0.0005, 1.0), (0.0005, 4.0), (0.002, 1.0), (0.002, 4.0), (0.01, 1.0), (0.01, 4.0))
 MULTISINE_AMPLITUDE = 0.005  # rad (m), largest deviation
 BANDWIDTHS = 2.5  # of the position loop, at the upper end of the multisine
-UNKNOWN_BANDWIDTH = 6.0  # Hz, where the controller is not known
-_LOWEST_LINE = 0.5  # Hz
 # Share of the time that the segments of a kind take together.
 _SHARES = {
     "repeat": 0.12,
@@ -208,61 +206,21 @@ class DiagnosisPlanner:
         return SegmentPlan(name, kind, offset, shape, speed=speed)
 
     def _reversals(self, seconds: float) -> Iterator[SegmentPlan]:
-        joints = len(self.posture)
         for amplitude, frequency in REVERSALS:
             slot = max(seconds / len(REVERSALS), 4.0 / frequency)
+            joints = len(self.posture)
 
             def make(
                 size: float, a: float = amplitude, f: float = frequency, slot: float = slot
             ) -> SegmentPlan:
-                level = np.full((1, joints), size * a)
-                line = np.full((1, joints), f)
-                shape = waves(level, line, np.zeros((1, joints)), slot, 1.0 / f, self.rate)
-                name = f"reversals_{1000 * a:g}_mrad_{f:g}_Hz"
-                still = np.zeros(joints)
-                return SegmentPlan(
-                    name, "reversals", still, shape, amplitude=level[0], frequency=(f, f)
-                )
+                return reversals(joints, a, f, size, slot, self.rate)
 
             yield self._fit(make)
 
     def _multisine(self, seconds: float) -> SegmentPlan:
-        """Every joint has lines of its own, k/T with k ≡ joint modulo the number of joints."""
-        joints = len(self.posture)
-        flat = max(seconds - 2.0, 2.0 / _LOWEST_LINE)
         highest = np.minimum(BANDWIDTHS * self.bandwidth, self.rate / 10.0)
-        lines = np.arange(1, int(highest.max() * flat) + 1)[:, None] / flat
-        mine = np.arange(1, len(lines) + 1)[:, None] % joints == np.arange(joints)
-        used = mine & (lines >= _LOWEST_LINE) & (lines <= highest)
-        phase = np.random.default_rng(self.seed).uniform(0.0, 2.0 * np.pi, used.shape)
-        frequency = np.broadcast_to(lines, used.shape)
-        # Equal velocity of every line: visible at both ends of the band.
-        amplitude = np.where(used, 1.0 / frequency, 0.0)
-        peak = np.abs(waves(amplitude, frequency, phase, flat + 2.0, 1.0, self.rate)[0]).max(axis=0)
-
-        def make(size: float) -> SegmentPlan:
-            scaled = size * MULTISINE_AMPLITUDE * amplitude / peak
-            shape = waves(scaled, frequency, phase, flat + 2.0, 1.0, self.rate)
-            return SegmentPlan(
-                "multisine",
-                "multisine",
-                np.zeros(joints),
-                shape,
-                amplitude=np.full(joints, size * MULTISINE_AMPLITUDE),
-                frequency=(float(lines[used.any(axis=1)].min()), float(highest.max())),
+        return self._fit(
+            lambda size: multisine(
+                highest, MULTISINE_AMPLITUDE, size, seconds, self.rate, self.seed
             )
-
-        return self._fit(make)
-
-
-def loop_bandwidth(controller: ControllerSection, inertia: FloatArray) -> tuple[FloatArray, bool]:
-    """Bandwidth of the position loops (n_joints,) Hz, and whether it is known.
-
-    pd: √(kp / inertia) / 2π; cascade: kp / 2π; unknown controllers: 6 Hz.
-    """
-    if controller.kp is None:
-        return np.full(len(inertia), UNKNOWN_BANDWIDTH), False
-    gain = np.asarray(controller.kp, dtype=float)
-    if controller.type == "cascade":
-        return gain / (2.0 * np.pi), True
-    return np.sqrt(gain / np.maximum(inertia, 1e-9)) / (2.0 * np.pi), True
+        )

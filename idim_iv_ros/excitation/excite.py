@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation.design import Design, DesignSettings, design_excitation
+from idim_iv_ros.excitation.design import Design, design_excitation
+from idim_iv_ros.excitation.design_settings import DesignSettings
 from idim_iv_ros.excitation.documents import FORMAT, limits_document, use_document
 from idim_iv_ros.excitation.limits import MotionLimits
 from idim_iv_ros.excitation.prediction import PredictedParameter, predict_parameters

@@ -5,7 +5,7 @@ import pytest
 
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation import design_diagnosis, motion_limits
-from idim_iv_ros.excitation.diagnosis_plan import loop_bandwidth
+from idim_iv_ros.excitation.loop_bandwidth import loop_bandwidth
 from idim_iv_ros.excitation.segment import EFFECTS, NOT_REVEALED
 from tests.excitation.independent import assert_limits_hold, assert_signals_agree
 
