@@ -206,9 +206,9 @@ class DiagnosisPlanner:
         return SegmentPlan(name, kind, offset, shape, speed=speed)
 
     def _reversals(self, seconds: float) -> Iterator[SegmentPlan]:
+        joints = len(self.posture)
         for amplitude, frequency in REVERSALS:
             slot = max(seconds / len(REVERSALS), 4.0 / frequency)
-            joints = len(self.posture)
 
             def make(
                 size: float, a: float = amplitude, f: float = frequency, slot: float = slot

@@ -51,6 +51,8 @@ def multisine(
     """
     joints = len(highest)
     flat = max(seconds - 2.0 * _FADE, 2.0 / LOWEST_LINE)
+    # At least two lines for each joint, however slow its loop.
+    highest = np.maximum(highest, LOWEST_LINE + 2.0 * joints / flat)
     numbers = np.arange(1, int(highest.max() * flat) + 1)[:, None]
     lines = numbers / flat
     own = numbers % joints == np.arange(joints)

@@ -7,6 +7,7 @@ from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation import design_diagnosis, motion_limits
 from idim_iv_ros.excitation.loop_bandwidth import loop_bandwidth
 from idim_iv_ros.excitation.segment import EFFECTS, NOT_REVEALED
+from idim_iv_ros.excitation.small_motions import multisine
 from tests.excitation.independent import assert_limits_hold, assert_signals_agree
 
 PARAMETRIC = "payload link_inertia gravity_direction torque_gain friction_level drive_inertia"
@@ -119,6 +120,12 @@ def test_joints_share_no_line_of_the_multisine(diagnosis) -> None:
     strong = lines > 0.3 * lines.max(axis=0)
     assert np.all(strong.sum(axis=0) >= 5)
     assert strong.sum(axis=1).max() == 1
+
+
+def test_slow_loops_keep_lines_of_their_own() -> None:
+    plan = multisine(np.full(7, 0.3), 0.005, 1.0, 6.0, 200.0, seed=1)
+    position = plan.shape[0]
+    np.testing.assert_allclose(np.abs(position).max(axis=0), 0.005, rtol=1e-9)
 
 
 def test_repeats_are_identical_and_spread_over_the_session(diagnosis) -> None:
