@@ -27,8 +27,9 @@ from idim_iv_ros.excitation import (
 
 _FOURIER = "For identification"
 _SEGMENTS = "For diagnosis"
-# Points per second of the message that follow the fastest content of each motion.
-_MESSAGE_RATES = {"identification": 20.0, "diagnosis": 100.0}
+_LEAST_MESSAGE_RATES = {"identification": 20.0, "diagnosis": 100.0}
+# Between points controllers fit quintics; so many for each period of the fastest content.
+_POINTS_PER_PERIOD = 5.0
 
 
 class Purpose(str, Enum):
@@ -68,7 +69,11 @@ def excite_command(
     rate: Annotated[float, typer.Option(help="Samples per second of the CSV.")] = 1000.0,
     message_rate: Annotated[
         float | None,
-        typer.Option(help="Points per second of the YAML. Default: 20, diagnosis 100."),
+        typer.Option(
+            help="Points per second of the YAML. Default: 5 a period of the fastest content, at "
+            "least 20 (diagnosis: 100).",
+            show_default=False,
+        ),
     ] = None,
     seed: Annotated[
         int, typer.Option(min=0, help="Of the random starts, and of the multisine's phases.")
@@ -108,8 +113,9 @@ def excite_command(
         floor=floor,
     )
     posture = None if start is None else np.array(_numbers("--start", start))
-    points = min(rate, _MESSAGE_RATES[purpose.value]) if message_rate is None else message_rate
-    require_message_rate(points, rate)
+    if message_rate is not None:
+        require_message_rate(message_rate, rate)
+    fastest = harmonics / period if period > 0.0 else 0.0
     console = Console()
     with require_place(out), progress_bar() as progress:
         if purpose is Purpose.diagnosis:
@@ -126,6 +132,7 @@ def excite_command(
             trajectory = diagnosis.trajectory
             document = diagnosis_document(model.robot.name, limits, diagnosis, seed)
             tables = {"segments.csv": segment_table(diagnosis.segments)}
+            fastest = diagnosis.highest_frequency
         else:
             settings = DesignSettings(period, repeats, rate, harmonics, seed, time_limit, posture)
             excitation = excite(
@@ -133,7 +140,10 @@ def excite_command(
             )
             trajectory, document = excitation.design.trajectory, dict(excitation.document)
             tables = {}
-        paths = write_motion(out, trajectory, document, message_rate=points, tables=tables)
+        if message_rate is None:
+            least = _LEAST_MESSAGE_RATES[purpose.value]
+            message_rate = min(rate, max(least, _POINTS_PER_PERIOD * fastest))
+        paths = write_motion(out, trajectory, document, message_rate=message_rate, tables=tables)
     if purpose is Purpose.diagnosis:
         print_diagnosis(console, model, limits, diagnosis)
     else:

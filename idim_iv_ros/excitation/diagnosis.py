@@ -49,6 +49,11 @@ class Diagnosis:
     bandwidth: FloatArray
     bandwidth_known: bool
 
+    @property
+    def highest_frequency(self) -> float:
+        """Of the multisine and the reversals, Hz."""
+        return max(s.plan.frequency[1] for s in self.segments if s.plan.frequency is not None)
+
 
 def design_diagnosis(
     model: InverseModel,

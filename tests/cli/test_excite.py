@@ -89,7 +89,7 @@ def test_robot_without_inertials_is_told_that_torques_were_not_checked(run, tmp_
         (("--acceleration", "0"), "positive"),
         (("--margin", 1.5), "margin 1.5"),
         (("--period", 0), "period 0"),
-        (("--rate", 0), "0 per second"),
+        (("--rate", 0), "rate 0: samples per second above 0"),
         (("--harmonics", 1), "harmonics"),
         (("--message-rate", 5000), "5000 points per second"),
         (("--torque-noise", 0), "torque noise 0"),

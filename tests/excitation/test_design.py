@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import BPoly
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import (
@@ -55,6 +56,13 @@ def test_periods_repeat_and_meet_at_rest(design) -> None:
         np.testing.assert_allclose(motion.velocity[sample], 0.0, atol=1e-9)
         np.testing.assert_allclose(motion.acceleration[sample], 0.0, atol=1e-9)
         np.testing.assert_allclose(motion.position[sample], motion.position[0], atol=1e-12)
+
+
+def test_quintics_between_points_of_the_message_follow_the_motion(design) -> None:
+    motion, step = design.trajectory, round(SETTINGS.rate / 20.0)
+    knots = [s[::step] for s in (motion.position, motion.velocity, motion.acceleration)]
+    quintics = BPoly.from_derivatives(motion.time[::step], np.stack(knots, axis=1))
+    assert np.abs(quintics(motion.time) - motion.position).max() < 1e-6
 
 
 def test_spectrum_ends_at_the_last_harmonic(design) -> None:

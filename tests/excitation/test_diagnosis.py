@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import BPoly
 
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation import design_diagnosis, motion_limits
@@ -109,6 +110,17 @@ def test_multisine_reaches_two_to_three_bandwidths_at_small_amplitude(diagnosis)
         assert 2.0 * bandwidth < strong.max() < 3.0 * bandwidth
         assert strong.min() < bandwidth / 2.0
     assert segment.plan.frequency[1] == pytest.approx(2.5 * made.bandwidth.max())
+
+
+def test_quintics_between_five_points_a_period_follow_the_fastest_segment(diagnosis) -> None:
+    made = diagnosis[2]
+    ((_, position, velocity, acceleration),) = of_kind(made, "multisine")
+    step = int(made.trajectory.rate / (5.0 * made.highest_frequency))
+    time = np.arange(len(position)) / made.trajectory.rate
+    knots = np.stack([s[::step] for s in (position, velocity, acceleration)], axis=1)
+    quintics = BPoly.from_derivatives(time[::step], knots)
+    inside = time <= time[::step][-1]
+    assert np.abs(quintics(time) - position)[inside].max() < 0.01 * np.ptp(position)
 
 
 def test_joints_share_no_line_of_the_multisine(diagnosis) -> None:
