@@ -3,8 +3,9 @@
 from rich.console import Console
 from rich.table import Table
 
-from idim_iv_ros.excitation import Excitation, LimitUse, MotionLimits
+from idim_iv_ros.excitation import Diagnosis, Excitation, LimitUse, MotionLimits
 from idim_iv_ros.excitation.prediction import BAD_DEVIATION, BAD_SHARE
+from idim_iv_ros.excitation.segment import NOT_REVEALED
 from idim_iv_ros.model import InverseModel
 
 _ROWS = 12
@@ -15,11 +16,12 @@ def print_excitation(
 ) -> None:
     """Condition numbers, limits used, and the parameters that stay badly excited."""
     design = excitation.design
-    table = Table(
-        title=f"{model.robot.name}: condition number of the base regressor, "
-        f"{len(model.base.names)} parameters with friction",
-        title_justify="left",
+    console.print(
+        f"{model.robot.name}: condition number of the base regressor, {len(model.base.names)} "
+        "parameters with friction",
+        highlight=False,
     )
+    table = Table()
     for heading in ("", "random (median)", "designed"):
         table.add_column(heading, justify="right" if heading else "left")
     rows = (
@@ -48,10 +50,10 @@ def print_excitation(
 
 def print_use(console: Console, model: InverseModel, limits: MotionLimits, use: LimitUse) -> None:
     """Largest share of each limit, joint by joint."""
-    table = Table(
-        title=f"Largest share of each limit (allowed: {100 * limits.margin:g} %)",
-        title_justify="left",
+    console.print(
+        f"Largest share of each limit (allowed: {100 * limits.margin:g} %)", highlight=False
     )
+    table = Table()
     table.add_column("joint")
     for heading in ("position", "velocity", "acceleration", "torque"):
         table.add_column(heading, justify="right")
@@ -74,20 +76,19 @@ def print_use(console: Console, model: InverseModel, limits: MotionLimits, use: 
 
 
 def _print_parameters(console: Console, excitation: Excitation) -> None:
-    bad = [parameter for parameter in excitation.parameters if parameter.bad]
-    noise = f"torque noise of {100 * excitation.torque_noise:g} % of the limit"
-    if not bad:
-        console.print(
-            f"Every base parameter: predicted σ ≤ {100 * BAD_DEVIATION:g} % of its given value, "
-            f"where that is not zero ({noise})",
-            highlight=False,
-        )
-        return
-    table = Table(
-        title=f"{len(bad)} parameters seen poorly, or small: σ > {100 * BAD_DEVIATION:g} % of the "
-        f"given value, or less than {100 * BAD_SHARE:g} % of the column unexplained; {noise}",
-        title_justify="left",
+    parameters = excitation.parameters
+    bad = [parameter for parameter in parameters if parameter.bad]
+    valued = sum(parameter.relative_std is not None for parameter in parameters)
+    console.print(
+        f"Predicted under torque noise of {100 * excitation.torque_noise:g} % of each limit: "
+        f"{valued} of {len(parameters)} base parameters have a given value; {len(bad)} are seen "
+        f"poorly, or small: σ above {100 * BAD_DEVIATION:g} % of the given value, or less than "
+        f"{100 * BAD_SHARE:g} % of the column unexplained by the others",
+        highlight=False,
     )
+    if not bad:
+        return
+    table = Table()
     table.add_column("parameter")
     for heading in ("given", "predicted σ", "%σ", "unexplained"):
         table.add_column(heading, justify="right")
@@ -105,3 +106,27 @@ def _print_parameters(console: Console, excitation: Excitation) -> None:
     console.print(table)
     if len(bad) > _ROWS:
         console.print(f"… and {len(bad) - _ROWS} more in the JSON file")
+
+
+def print_diagnosis(
+    console: Console, model: InverseModel, limits: MotionLimits, diagnosis: Diagnosis
+) -> None:
+    """Segments by kind with the effects that they reveal, and the limits used."""
+    count = len(diagnosis.segments)
+    console.print(
+        f"{model.robot.name}: {count} segments, {diagnosis.trajectory.duration:.4g} s",
+        highlight=False,
+    )
+    table = Table()
+    for heading in ("segments", "of them", "seconds", "reveal"):
+        table.add_column(heading, justify="right" if heading in ("of them", "seconds") else "left")
+    for kind in dict.fromkeys(segment.plan.kind for segment in diagnosis.segments):
+        alike = [segment for segment in diagnosis.segments if segment.plan.kind == kind]
+        seconds = sum(segment.end - segment.start for segment in alike)
+        table.add_row(kind, str(len(alike)), f"{seconds:.1f}", ", ".join(alike[0].effects))
+    console.print(table)
+    print_use(console, model, limits, diagnosis.use)
+    frequencies = ", ".join(f"{f:.2g}" for f in diagnosis.bandwidth)
+    words = "taken" if diagnosis.bandwidth_known else "[yellow]not known, assumed[/]"
+    console.print(f"Bandwidth of the position loops: {words}: {frequencies} Hz", highlight=False)
+    console.print("Not revealed: " + ", ".join(NOT_REVEALED) + " (see the JSON file)")

@@ -5,13 +5,12 @@ from dataclasses import dataclass, field
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation.design import Design, DesignSettings, design_excitation
-from idim_iv_ros.excitation.limit_use import LimitUse
+from idim_iv_ros.excitation.design import Design, design_excitation
+from idim_iv_ros.excitation.design_settings import DesignSettings
+from idim_iv_ros.excitation.documents import FORMAT, limits_document, use_document
 from idim_iv_ros.excitation.limits import MotionLimits
 from idim_iv_ros.excitation.prediction import PredictedParameter, predict_parameters
 from idim_iv_ros.model import InverseModel, build_inverse_model
-
-FORMAT = "idim_iv_ros/excitation/1"
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,7 @@ def excite(
     parameters = predict_parameters(
         model, design.period, settings.repeats, limits.torque, torque_noise
     )
-    document = {
+    document: dict[str, object] = {
         "format": FORMAT,
         "purpose": "identification",
         "robot": model.robot.name,
@@ -106,29 +105,3 @@ def excite(
         ],
     }
     return Excitation(design, parameters, torque_noise, document)
-
-
-def limits_document(limits: MotionLimits) -> dict[str, object]:
-    """Limits for JSON, in rad, rad/s, rad/s², N m and m."""
-    names = ("lower", "upper", "velocity", "acceleration", "torque")
-    arrays = {name: [float(v) for v in getattr(limits, name)] for name in names}
-    return {
-        **arrays,
-        "floor": limits.floor,
-        "margin": limits.margin,
-        "torque_checked": limits.torque_known,
-    }
-
-
-def use_document(use: LimitUse) -> dict[str, object]:
-    """Shares of the limits for JSON."""
-    shares = {
-        name: None if values is None else [float(v) for v in values]
-        for name, values in (
-            ("position", use.position),
-            ("velocity", use.velocity),
-            ("acceleration", use.acceleration),
-            ("torque", use.torque),
-        )
-    }
-    return {**shares, "lowest_frame": use.lowest_frame, "lowest_height": use.lowest_height}

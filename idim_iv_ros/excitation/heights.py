@@ -24,12 +24,15 @@ class MovingFrames:
         Joint of the tree (pinocchio, from 1) that each frame is fixed to.
     offsets : (f, 3) m
         Origin of each frame in the frame of its joint.
+    axes : (n_joints, 3)
+        Axis of each joint of the tree, in its own frame.
     """
 
     robot: RobotModel
     names: tuple[str, ...]
     joints: NDArray[np.int64]
     offsets: FloatArray
+    axes: FloatArray
 
     def heights(self, q: FloatArray) -> FloatArray:
         """Heights in the base frame (n_samples, f) m at positions (n_samples, n_joints)."""
@@ -56,7 +59,7 @@ class MovingFrames:
         origins, axes = np.zeros((2, model.njoints, samples, 3))
         for i in range(1, model.njoints):
             parent, place = model.parents[i], model.jointPlacements[i]
-            axis, coordinate = _axis(model, i), q[:, self.robot.order[i - 1]]
+            axis, coordinate = self.axes[i - 1], q[:, self.robot.order[i - 1]]
             fixed = turns[parent] @ place.rotation
             origins[i] = origins[parent] + turns[parent] @ place.translation
             axes[i] = fixed @ axis
@@ -74,12 +77,14 @@ class MovingFrames:
 
 def moving_frames(robot: RobotModel) -> MovingFrames:
     """Collect the origins of all frames (links, joints, end-effector) that a joint moves."""
+    data = robot.pinocchio.createData()
     frames = [frame for frame in robot.pinocchio.frames if frame.parentJoint > 0]
     return MovingFrames(
         robot=robot,
         names=tuple(frame.name for frame in frames),
         joints=np.array([frame.parentJoint for frame in frames], dtype=np.int64),
         offsets=np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
+        axes=np.array([_axis(data, tree + 1) for tree in range(len(robot.joints))]),
     )
 
 
@@ -112,8 +117,8 @@ def require_reachable(
         )
 
 
-def _axis(model: pin.Model, tree: int) -> FloatArray:
-    subspace = np.asarray(model.createData().joints[tree].S).ravel()
+def _axis(data: pin.Data, tree: int) -> FloatArray:
+    subspace = np.asarray(data.joints[tree].S).ravel()
     return np.asarray(subspace[3:] if np.any(subspace[3:]) else subspace[:3])
 
 

@@ -26,11 +26,7 @@ def write_joint_trajectory(trajectory: Trajectory, file: TextIO, *, rate: float)
     UsageError
         `rate` is not between 0 and the rate of the trajectory.
     """
-    if not 0.0 < rate <= trajectory.rate:
-        raise UsageError(
-            f"{rate:g} points per second: a rate above 0 and up to that of the trajectory, "
-            f"{trajectory.rate:g} per second, is needed"
-        )
+    require_message_rate(rate, trajectory.rate)
     samples = len(trajectory.position)
     kept = np.arange(0, samples, max(1, round(trajectory.rate / rate)))
     if kept[-1] != samples - 1:
@@ -49,10 +45,24 @@ def write_joint_trajectory(trajectory: Trajectory, file: TextIO, *, rate: float)
         )
 
 
+def require_message_rate(points: float, samples: float) -> None:
+    """Refuse a rate of points that is not above 0 and up to the rate of samples, per second.
+
+    Raises
+    ------
+    UsageError
+    """
+    if not 0.0 < points <= samples:
+        raise UsageError(
+            f"{points:g} points per second: a rate above 0 and up to that of the trajectory, "
+            f"{samples:g} per second, is needed"
+        )
+
+
 def _quoted(name: str) -> str:
     return "'" + name.replace("'", "''") + "'"
 
 
 def _numbers(values: Iterable[float]) -> str:
     # A decimal point in every number: YAML would read 0 as an integer and 1e-05 as text.
-    return "[" + ", ".join(f"{value + 0.0:.9f}" for value in values) + "]"
+    return "[" + ", ".join(f"{value + 0.0:.7f}" for value in values) + "]"

@@ -74,12 +74,12 @@ def read_trajectory(path: Path) -> Trajectory:
 
 
 def write_csv(trajectory: Trajectory, file: TextIO) -> None:
-    """Write every sample; what `read_trajectory` reads, exact to 1e-12 of a unit."""
+    """Write every sample; what `read_trajectory` reads, to ten digits."""
     names = [f"{joint}.{signal}" for signal in SIGNALS for joint in trajectory.joints]
     csv.writer(file, lineterminator="\n").writerow(["time", *names])
     signals = (trajectory.position, trajectory.velocity, trajectory.acceleration)
     table = np.column_stack([trajectory.time, *signals])
-    np.savetxt(file, table, fmt="%.12g", delimiter=",")
+    np.savetxt(file, table, fmt="%.10g", delimiter=",")
 
 
 def _read_table(path: Path) -> tuple[list[str], FloatArray]:
