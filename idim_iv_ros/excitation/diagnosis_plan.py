@@ -219,8 +219,12 @@ class DiagnosisPlanner:
 
     def _multisine(self, seconds: float) -> SegmentPlan:
         highest = np.minimum(BANDWIDTHS * self.bandwidth, self.rate / 10.0)
-        return self._fit(
-            lambda size: multisine(
-                highest, MULTISINE_AMPLITUDE, size, seconds, self.rate, self.seed
-            )
-        )
+        whole = multisine(highest, MULTISINE_AMPLITUDE, seconds, self.rate, self.seed)
+        amplitude = np.full(len(highest), MULTISINE_AMPLITUDE)
+
+        def make(size: float) -> SegmentPlan:
+            position, velocity, acceleration = whole.shape
+            shape = (size * position, size * velocity, size * acceleration)
+            return replace(whole, shape=shape, amplitude=size * amplitude)
+
+        return self._fit(make)

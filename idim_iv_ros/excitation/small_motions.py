@@ -36,7 +36,7 @@ def reversals(
 
 
 def multisine(
-    highest: FloatArray, amplitude: float, size: float, seconds: float, rate: float, seed: int
+    highest: FloatArray, amplitude: float, seconds: float, rate: float, seed: int
 ) -> SegmentPlan:
     """Sum of sines of random phase from 0.5 Hz up to `highest`, faded in and out over 1 s.
 
@@ -47,7 +47,6 @@ def multisine(
     ----------
     highest : (n_joints,) Hz
     amplitude : largest deviation, rad (m)
-    size : factor of the amplitude
     """
     joints = len(highest)
     flat = max(seconds - 2.0 * _FADE, 2.0 / LOWEST_LINE)
@@ -61,13 +60,14 @@ def multisine(
     frequency = np.broadcast_to(lines, used.shape)
     level = np.where(used, 1.0 / frequency, 0.0)
     total = flat + 2.0 * _FADE
-    peak = np.abs(waves(level, frequency, phase, total, _FADE, rate)[0]).max(axis=0)
-    shape = waves(size * amplitude * level / peak, frequency, phase, total, _FADE, rate)
+    position, velocity, acceleration = waves(level, frequency, phase, total, _FADE, rate)
+    scale = amplitude / np.abs(position).max(axis=0)
+    shape = (scale * position, scale * velocity, scale * acceleration)
     return SegmentPlan(
         "multisine",
         "multisine",
         np.zeros(joints),
         shape,
-        amplitude=np.full(joints, size * amplitude),
+        amplitude=np.full(joints, amplitude),
         frequency=(float(lines[used.any(axis=1)].min()), float(highest.max())),
     )

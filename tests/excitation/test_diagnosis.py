@@ -135,7 +135,7 @@ def test_joints_share_no_line_of_the_multisine(diagnosis) -> None:
 
 
 def test_slow_loops_keep_lines_of_their_own() -> None:
-    plan = multisine(np.full(7, 0.3), 0.005, 1.0, 6.0, 200.0, seed=1)
+    plan = multisine(np.full(7, 0.3), 0.005, 6.0, 200.0, seed=1)
     position = plan.shape[0]
     np.testing.assert_allclose(np.abs(position).max(axis=0), 0.005, rtol=1e-9)
 
