@@ -83,11 +83,7 @@ def _sentences(runs: Sequence[Reproduction]) -> Html:
                 tag("td", claim.sentence, remark, css="words"),
                 tag("td", claim.paper, css="words"),
                 tag("td", ours if several else ours[:1], css="words"),
-                tag(
-                    "td",
-                    outcome_badge(everywhere),
-                    "" if everywhere else f" {holds} of {len(runs)}",
-                ),
+                tag("td", tag("b", words) if holds == len(runs) else words),
             )
         )
     heads = [tag("th", text, scope="col") for text in ("", "Sentence", "Paper", "Here", "Holds")]

@@ -4,6 +4,7 @@ Where a sentence of the paper does not hold on the simulated robot, the test ass
 measured instead and says why.
 """
 
+import re
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -21,6 +22,7 @@ from benchmarks.paper_tx40.experiment import (
     Reproduction,
     reproduce,
 )
+from benchmarks.paper_tx40.page import page
 from benchmarks.paper_tx40.published import TABLE_1
 
 QUICK = (1, 2)
@@ -151,3 +153,16 @@ def test_without_gravity_the_estimates_are_incompatible_with_table_1(runs) -> No
         for name in ("ZZ2", "ZZ3"):
             p = parameters[name]
             assert abs(p.value - run.truth[name]) > 3.0 * p.std
+
+
+def test_the_report_sets_every_table_and_figure_beside_the_papers(runs) -> None:
+    text = page(runs)
+    for words in (
+        "Table 1:",
+        "Table 2:",
+        "Table 3:",
+        *[f"figures {k} and {k + 1}" for k in (1, 3, 5)],
+    ):
+        assert words in text
+    assert text.count("<tr") > 28 + 28 + 21 + len(claims.CLAIMS)
+    assert "nan" not in re.sub(r"<script.*?</script>", "", text, flags=re.S).lower()

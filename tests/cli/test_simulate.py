@@ -42,5 +42,5 @@ def test_bad_input_is_one_line(run, tmp_path: Path) -> None:
     wrong = tmp_path / "motion.csv"
     wrong.write_text("time,elbow.position\n0,0\n0.1,0\n0.2,0\n")
     refused(run("simulate", "--config", config, "--out", bag, "--trajectory", wrong), 2, "elbow")
-    refused(run("simulate", "--config", CONFIG / "ur10.yaml", "--out", bag), 2, "unknown")
+    refused(run("simulate", "--config", CONFIG / "ur10.yaml", "--out", bag), 2, "effort_unit")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["motion.csv"]
