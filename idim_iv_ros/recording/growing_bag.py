@@ -81,6 +81,11 @@ class GrowingBag:
         """Bytes on disk."""
         return sum(file.size for file in self.closed) + self.file.summary.size
 
+    def count(self, topic: str) -> int:
+        """Messages of a topic that were added."""
+        closed = sum(file.counts.get(topic, 0) for file in self.closed)
+        return closed + self.file.counts.get(topic, 0)
+
     def describe(self, topic: TopicChannel) -> None:
         """Make a topic known; its messages may follow."""
         self.topics[topic.name] = topic
