@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INTERFACES := $(wildcard idim_iv_interfaces/*.* idim_iv_interfaces/*/*.*)
 
-.PHONY: demo test slow lint types tests bench clean
+.PHONY: demo test slow load lint types tests bench clean
 
 demo: $(VENV)/ready
 	$(BIN)/python -m bags.demo --out out/demo
@@ -25,11 +25,16 @@ tests: $(VENV)/ready-test
 slow: $(VENV)/ready-test
 	$(BIN)/pytest -m slow
 
+# The recorder at high rates and a colcon build: about four minutes on an otherwise idle machine.
+load: $(VENV)/ready-test
+	$(BIN)/pytest -m load
+
 bench: $(VENV)/ready-bench
 	$(BIN)/python -m benchmarks.decode
 	$(BIN)/python -m benchmarks.simulation
 	$(BIN)/python -m benchmarks.figaroh
 	$(BIN)/python -m benchmarks.long_recording
+	$(BIN)/python -m benchmarks.recorder_rate
 
 $(VENV)/bin/python:
 	@echo "== making the Python environment $(VENV) with $$($(PYTHON) --version)"
@@ -58,7 +63,7 @@ $(VENV)/ready-test: $(VENV)/ready-ros
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[test]"
 	@touch $@
 
-$(VENV)/ready-bench: $(VENV)/ready
+$(VENV)/ready-bench: $(VENV)/ready-ros
 	@echo "== installing the peers to compare with from PyPI"
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[bench]"
 	@touch $@

@@ -31,7 +31,6 @@ from idim_iv_ros.nodes.writer_thread import WriterThread
 from idim_iv_ros.recording.growing_bag import ClosedBag
 
 _LOOK = 0.1  # s between two looks for publishers
-_STATUS = 1.0  # s
 
 ABOUT = """recorder: record the topics of a robot into MCAP bags.
 
@@ -69,7 +68,7 @@ class Recorder:
             node.create_service(Trigger, f"~/{name}", self._service(getattr(self, f"_{name}")))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(_LOOK, self._look, clock=steady)
-        node.create_timer(_STATUS, self._report, clock=steady)
+        node.create_timer(self._settings.status_period, self._report, clock=steady)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
         self._writer.start()

@@ -31,6 +31,7 @@ class RecorderSettings:
     queue_depth: int = 20_000
     late_after: float = 0.1
     gap_factor: float = 5.0
+    status_period: float = 1.0
 
     def check(self) -> None:
         """Check what a range cannot express.
@@ -46,7 +47,7 @@ class RecorderSettings:
             load_configuration(Path(self.configuration))
 
 
-_READ_ONLY = ("autostart", "queue_depth")
+_READ_ONLY = ("autostart", "queue_depth", "status_period")
 _TEXT = {
     "configuration": "the robot's YAML file, whose topics are recorded; empty: /joint_states and "
     "/robot_description",
@@ -61,6 +62,7 @@ _TEXT = {
     "max_message_size": "larger messages are counted as malformed and not recorded, B",
     "queue_depth": "messages of a topic that the middleware keeps until they are taken",
     "late_after": "a message is late if it arrives so long after its source stamp, s",
+    "status_period": "time between two messages on ~/status and /diagnostics, s",
     "gap_factor": "a pause is a gap if it is so many usual periods long",
 }
 _RANGES: dict[str, tuple[float, float]] = {
@@ -73,6 +75,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "queue_depth": (10, 1_000_000),
     "late_after": (0.001, 3600.0),
     "gap_factor": (1.5, 1000.0),
+    "status_period": (0.1, 60.0),
 }
 
 

@@ -94,5 +94,5 @@ def is_defined(message_type: str) -> bool:
 def _definition(message_type: str) -> tuple[str, str]:
     """Text with all dependencies, and hash."""
     store = get_typestore(Stores.ROS2_JAZZY)
-    text, _ = store.generate_msgdef(message_type)
+    text, _ = store.generate_msgdef(message_type, ros_version=2)
     return text, store.hash_rihs01(message_type)
