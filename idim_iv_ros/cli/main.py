@@ -9,6 +9,7 @@ from rich.console import Console
 from idim_iv_ros.cli.check import check_command
 from idim_iv_ros.cli.identify import identify_command
 from idim_iv_ros.cli.import_table import import_command
+from idim_iv_ros.cli.record import record_command
 from idim_iv_ros.errors import IdimError
 
 application = typer.Typer(
@@ -22,6 +23,7 @@ application = typer.Typer(
 application.command("import")(import_command)
 application.command("check")(check_command)
 application.command("identify")(identify_command)
+application.command("record")(record_command)
 
 
 def main() -> None:

@@ -3,7 +3,7 @@
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import rclpy
@@ -26,12 +26,12 @@ class Closable(Protocol):
         """Finish what is going on."""
 
 
-def run_node(name: str, make: Callable[[], Closable], about: str) -> int:
+def run_node(name: str, make: Callable[[], Closable], about: str, arguments: Sequence[str]) -> int:
     """Run a node until SIGINT or SIGTERM and return the exit status.
 
     A callback that fails is logged in one line; the node goes on.
     """
-    if {"-h", "--help"} & set(sys.argv[1:]):
+    if {"-h", "--help"} & set(arguments[1:]):
         print(about)
         return 0
     stop = threading.Event()
@@ -39,7 +39,7 @@ def run_node(name: str, make: Callable[[], Closable], about: str) -> int:
         signal.signal(number, lambda *_: stop.set())
     try:
         try:
-            rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+            rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
             running = make()
         except IdimError:
             raise

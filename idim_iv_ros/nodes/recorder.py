@@ -208,6 +208,11 @@ class Recorder:
                 topic.close()
 
 
+def run(arguments: Sequence[str]) -> int:
+    """Run the node until a signal and return the exit status; `arguments` begin with a name."""
+    return run_node("recorder", Recorder, ABOUT, arguments)
+
+
 def main() -> None:
-    """Run the node until a signal."""
-    sys.exit(run_node("recorder", Recorder, ABOUT))
+    """Run the node with the arguments of the command line."""
+    sys.exit(run(sys.argv))

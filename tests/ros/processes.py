@@ -86,6 +86,7 @@ class Robot(Process):
         script = str(ROOT / "tests" / "ros" / "joint_publisher.py")
         super().__init__([sys.executable, script], folder, name)
         self.busy = False
+        self.seconds = 0.0
 
     def begin(self, **settings: object) -> "Robot":
         """Make a node; its topics have subscribers on return."""
@@ -108,7 +109,9 @@ class Robot(Process):
         return self.sent()
 
     def sent(self) -> int:
-        return json.loads(self.hear())["sent"]
+        answer = json.loads(self.hear())
+        self.seconds = answer["seconds"]
+        return answer["sent"]
 
     def end(self) -> None:
         """End the node."""

@@ -1,5 +1,6 @@
 """What a user of the recorder relies on."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from idim_iv_ros.recording import read_recordings
-from tests.ros.processes import numbers, only_bag, start_recorder
+from tests.ros.processes import Process, numbers, only_bag, start_recorder
 
 BOTH = [{"name": "/joint_states"}, {"name": "/joint_reference"}]
 
@@ -172,3 +173,19 @@ def test_wrong_start_is_one_line(tmp_path: Path) -> None:
     lines = process.errors.read_text().splitlines()
     assert len(lines) == 1
     assert lines[0].startswith("recorder: parameter /nowhere/robot.yaml: cannot read")
+
+
+def test_idim_iv_record_is_the_recorder(
+    robot, observer, tmp_path: Path, configuration: Path
+) -> None:
+    out = tmp_path / "out"
+    command = [str(Path(sys.executable).parent / "idim-iv"), "record"]
+    process = Process(
+        [*command, "--config", str(configuration), "--out", str(out)], tmp_path, "recorder"
+    )
+    observer.follow(process)
+    robot.begin(topics=BOTH, count=100).run()
+    observer.received(100)
+    observer.received(100, "/joint_reference")
+    assert process.finish() == 0
+    assert np.array_equal(numbers(only_bag(out)), np.arange(100.0))
