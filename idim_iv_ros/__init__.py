@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from idim_iv_ros.configuration import Configuration, load_configuration
     from idim_iv_ros.errors import DataError, IdimError, UsageError
+    from idim_iv_ros.excitation import Trajectory, excite, read_trajectory
     from idim_iv_ros.identification import identify, identify_recordings
     from idim_iv_ros.recording import Recording, import_table, read_recordings, write_bag
     from idim_iv_ros.report import write_report
@@ -23,13 +24,16 @@ __all__ = [
     "IdentificationResult",
     "IdimError",
     "Recording",
+    "Trajectory",
     "UsageError",
     "check",
+    "excite",
     "identify",
     "identify_recordings",
     "import_table",
     "load_configuration",
     "read_recordings",
+    "read_trajectory",
     "write_bag",
     "write_report",
 ]
@@ -37,6 +41,7 @@ __all__ = [
 _MODULES = {
     "configuration": ("Configuration", "load_configuration"),
     "errors": ("DataError", "IdimError", "UsageError"),
+    "excitation": ("Trajectory", "excite", "read_trajectory"),
     "identification": ("identify", "identify_recordings"),
     "recording": ("Recording", "import_table", "read_recordings", "write_bag"),
     "report": ("write_report",),

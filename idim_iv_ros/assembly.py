@@ -33,7 +33,7 @@ from idim_iv_ros.result import (
     Refined,
     RefinedEstimate,
 )
-from idim_iv_ros.statistics import OverallVerdict, judge_all, judge_joint
+from idim_iv_ros.statistics import HypothesisTest, OverallVerdict, judge_all, judge_joint
 from idim_iv_ros.validation import Validation
 
 FloatArray = NDArray[np.float64]
@@ -58,7 +58,7 @@ def assemble_result(
         alpha=configuration.identification.significance,
     )
     verdicts = tuple(
-        judge_joint(test, residual)
+        judge_joint(test, residual, _of_joint(validation.specification, residual.joint))
         for test, residual in zip(validation.tests[1:], validation.residuals, strict=True)
     )
     coloured = any(residual.white is False for residual in validation.residuals)
@@ -136,10 +136,15 @@ def _instruments(
         accepted=accepted,
         alpha=configuration.identification.significance,
         failures=() if estimate is None else estimate.failures,
-        notes=(note,) if note else (),
+        notes=tuple(each for each in (note, validation.note) if each),
         tests=validation.tests,
         exogeneity=validation.exogeneity,
+        specification=validation.specification,
     )
+
+
+def _of_joint(tests: Sequence[HypothesisTest], joint: str) -> tuple[HypothesisTest, ...]:
+    return tuple(test for test in tests if test.scope.rpartition(": ")[0] == joint)
 
 
 def _overall(verdict: OverallVerdict, estimate: IdimIvEstimate | None) -> OverallVerdict:

@@ -19,6 +19,7 @@ from idim_iv_ros.errors import UsageError
 
 Vector = list[float]
 Matrix = list[list[float]]
+Levels = list[Annotated[float, Field(ge=0.0)]]
 Fraction = Annotated[float, Field(gt=0.0, lt=1.0)]
 
 
@@ -51,6 +52,44 @@ class SimulatorSection(Section):
     """What the user's simulator holds besides the URDF: drive inertia on the joint side, kg m²."""
 
     armature: Vector | None = None
+
+
+class SimulatedRobotSection(Section):
+    """The robot that `simulate` runs, where it differs from the given model and is not ideal.
+
+    Attributes
+    ----------
+    parameters : dict
+        True values of base parameters, by the names and in the units that `identify` prints;
+        the others are as given.
+    rate : float or None
+        Of the recording, Hz; None: that of the control.
+    position_noise, encoder_resolution : (n_joints,) or None
+        Standard deviation and step of the recorded positions, rad (m).
+    torque_noise : (n_joints,) or None
+        Standard deviation of the recorded efforts, white, N m (N).
+    disturbance : (n_joints,) or None
+        Standard deviation of a torque on the joints that no model explains, N m (N).
+    disturbance_bandwidth : float
+        Hz; first-order low-pass.
+    stamp_jitter : float
+        Standard deviation of the stamps, s.
+    delay : float or None
+        True transport delay of the command, s; None: `controller.delay`.
+    plant_step : float or None
+        s; None: a quarter of the control period.
+    """
+
+    parameters: dict[str, float] = {}
+    rate: PositiveFloat | None = None
+    position_noise: Levels | None = None
+    encoder_resolution: Levels | None = None
+    torque_noise: Levels | None = None
+    disturbance: Levels | None = None
+    disturbance_bandwidth: PositiveFloat = 10.0
+    stamp_jitter: Annotated[float, Field(ge=0.0)] = 0.0
+    delay: Annotated[float, Field(ge=0.0)] | None = None
+    plant_step: PositiveFloat | None = None
 
 
 class ControllerSection(Section):
@@ -102,6 +141,8 @@ class SignalsSection(Section):
 class ProcessingSection(Section):
     """Filters (Hz), reversal speed (rad/s or m/s) and seconds cut from each end.
 
+    `decimation_edge` is where the decimation filter ends, as a share of the new Nyquist frequency:
+    at 0.95 white noise stays white, at MATLAB's 0.8 the empty band above the edge colours it.
     `decimation_phase` chooses which sample of each group is kept: ``first`` as SciPy does,
     ``last`` as MATLAB's decimate does. `reversal_margin` is the number of decimated samples that
     are dropped on either side of a slow one, for the decimation filter smears what happens there.
@@ -110,6 +151,7 @@ class ProcessingSection(Section):
     position_cutoff: PositiveFloat | None = None
     position_order: Annotated[int, Field(ge=1, le=10)] = 4
     decimation_cutoff: PositiveFloat | None = None
+    decimation_edge: Annotated[float, Field(ge=0.5, le=1.0)] = 0.95
     decimation_phase: Literal["first", "last"] = "first"
     minimum_speed: Vector | None = None
     reversal_margin: Annotated[float, Field(ge=0.0, le=20.0)] = 1.0
@@ -117,10 +159,14 @@ class ProcessingSection(Section):
 
 
 class IdentificationSection(Section):
-    """Model terms, start and stop of the IDIM-IV iteration."""
+    """Model terms, start and stop of the IDIM-IV iteration.
+
+    `exclude` names base parameters that are taken out of the model, and out of the instruments.
+    """
 
     friction: list[Literal["viscous", "coulomb", "offset"]] = ["viscous", "coulomb", "offset"]
     drive_inertia: bool = True
+    exclude: list[str] = []
     start: Literal["given", "regular"] = "given"
     tolerance: Fraction = 0.01
     max_iterations: PositiveInt = 10
@@ -132,6 +178,7 @@ class Configuration(Section):
 
     robot: RobotSection
     simulator: SimulatorSection = SimulatorSection()
+    simulated_robot: SimulatedRobotSection = SimulatedRobotSection()
     controller: ControllerSection = ControllerSection()
     signals: SignalsSection = SignalsSection()
     processing: ProcessingSection = ProcessingSection()
@@ -149,6 +196,8 @@ class Configuration(Section):
             "signals.effort_scale": self.signals.effort_scale,
             "processing.minimum_speed": self.processing.minimum_speed,
         }
+        for key in ("position_noise", "encoder_resolution", "torque_noise", "disturbance"):
+            lists[f"simulated_robot.{key}"] = getattr(self.simulated_robot, key)
         for key in ("kp", "kd", "ki", "kv", "drive_gain", "torque_limit"):
             lists[f"controller.{key}"] = getattr(self.controller, key)
         for name, values in lists.items():

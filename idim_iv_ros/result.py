@@ -103,6 +103,8 @@ class InstrumentReport:
     notes : tuple of str
     tests, exogeneity : tuple of HypothesisTest
         All rows first, then joint by joint.
+    specification : tuple of HypothesisTest
+        Whether the residual follows position, speed or acceleration, joint by joint.
     """
 
     source: str
@@ -112,6 +114,7 @@ class InstrumentReport:
     notes: tuple[str, ...]
     tests: tuple[HypothesisTest, ...]
     exogeneity: tuple[HypothesisTest, ...]
+    specification: tuple[HypothesisTest, ...]
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,11 @@ from idim_iv_ros.statistics import (
     ResidualDiagnosis,
     diagnose_residual,
     exogeneity_test,
+    specification_tests,
     wald_test_of_instruments,
 )
+from idim_iv_ros.statistics.motion_functions import FAMILIES
+from idim_iv_ros.tested_rows import functions_of_motion, tested_rows
 
 FloatArray = NDArray[np.float64]
 
@@ -39,8 +42,10 @@ class Validation:
 
     tests: tuple[HypothesisTest, ...]
     exogeneity: tuple[HypothesisTest, ...]
+    specification: tuple[HypothesisTest, ...]
     residuals: tuple[ResidualDiagnosis, ...]
     models: tuple[AutoregressiveModel, ...]
+    note: str
 
 
 def validate(
@@ -66,19 +71,18 @@ def validate(
     configuration = prepared.configuration
     alpha = configuration.identification.significance
     joints = configuration.robot.joints
-    rows = [
-        JointRows(
-            joints[joint.joint], joint.matrix, matrix, joint.torque, joint.columns, joint.runs
-        )
-        for joint, matrix in zip(observed, matrices, strict=True)
-    ]
-    reason = NO_INSTRUMENTS if estimate is None else estimate.source.testable
+    rows = _joint_rows(joints, observed, matrices)
     residuals = tuple(diagnose_residual(joint, linear.values, alpha=alpha) for joint in rows)
-    errors = None
+    reason = NO_INSTRUMENTS if estimate is None else estimate.source.testable
+    errors, candidates, note = None, _no_functions(len(joints)), ""
     if estimate is not None and reason is None:
+        tested = tested_rows(prepared, observed, estimate)
+        rows = _joint_rows(joints, tested.rows, tested.instruments.matrices)
         noise = np.minimum(linear.sigma, _LARGEST_NOISE * torque_noise(prepared.motions))
         covariance = white_covariance(triangles_of_rows(observed), len(linear.values), noise)
-        errors = estimate.source.prediction_errors(linear.values, covariance)
+        errors = tested.source.prediction_errors(linear.values, covariance)
+        candidates = functions_of_motion(tested, prepared.model.robot.joint_types)
+        note = tested.note
     tests = wald_test_of_instruments(
         rows, linear.values, alpha=alpha, not_simulated=reason, simulation_errors=errors
     )
@@ -86,9 +90,28 @@ def validate(
     return Validation(
         tests=_together(tests),
         exogeneity=_together(exogeneity),
+        specification=specification_tests(
+            rows, linear.values, candidates, alpha=alpha, not_simulated=reason
+        ),
         residuals=residuals,
         models=tuple(residual.autoregression for residual in residuals),
+        note=note,
     )
+
+
+def _joint_rows(
+    joints: Sequence[str], observed: Sequence[ObservationRows], matrices: Sequence[FloatArray]
+) -> list[JointRows]:
+    return [
+        JointRows(
+            joints[joint.joint], joint.matrix, matrix, joint.torque, joint.columns, joint.runs
+        )
+        for joint, matrix in zip(observed, matrices, strict=True)
+    ]
+
+
+def _no_functions(joints: int) -> list[dict[str, FloatArray]]:
+    return [{family: np.zeros((0, 0)) for family in FAMILIES} for _ in range(joints)]
 
 
 def _together(tests: tuple[HypothesisTest, ...]) -> tuple[HypothesisTest, ...]:

@@ -168,6 +168,15 @@ class SimulatedLoop:
             return tuple(np.zeros((len(joint), 0)) for joint in nominal)
         return tuple(np.column_stack(joint) for joint in zip(*errors, strict=True))
 
+    def natural_frequency(self, values: FloatArray) -> float:
+        """Highest natural frequency of the loops, √(kp / J) of each joint, Hz."""
+        inertia = self.model.joint_inertia(values, self._sample_positions())
+        stiffness = np.max([law.torque_gains[0] for law in self.laws], axis=0)
+        usable = inertia > 0.0
+        if not usable.any():
+            return 0.0
+        return float(np.sqrt(np.max(stiffness[usable] / inertia[usable]))) / (2.0 * np.pi)
+
     def _predictions(
         self, values: FloatArray, predicting: FloatArray, scale: FloatArray
     ) -> list[FloatArray]:
@@ -206,10 +215,13 @@ class SimulatedLoop:
             positions.append(motion.filtered(result.position))
         return positions
 
+    def _sample_positions(self) -> FloatArray:
+        position = self.motions[0].position
+        return position[:: max(1, len(position) // _INERTIA_STATES)]
+
     def _gain_scale(self, values: FloatArray, reference_values: FloatArray) -> FloatArray:
         """J_j(values) / J_j(robot), 1 where they are close (methods: gain update)."""
-        position = self.motions[0].position
-        sample = position[:: max(1, len(position) // _INERTIA_STATES)]
+        sample = self._sample_positions()
         simulated = self.model.joint_inertia(values, sample)
         actual = self.model.joint_inertia(reference_values, sample)
         usable = (simulated > 0.0) & (actual > 0.0)

@@ -1,6 +1,7 @@
 """Base parameters: the fewest from which the inverse dynamic model follows (section II.B)."""
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -65,6 +66,16 @@ class BaseParameters:
         standard = np.zeros(len(self.layout.parameters))
         standard[self.columns] = base
         return standard
+
+    def without(self, names: Collection[str]) -> "BaseParameters":
+        """The base set without these of its parameters: they are zero in the reduced model."""
+        kept = np.array([name not in names for name in self.names], dtype=bool)
+        return replace(
+            self,
+            columns=self.columns[kept],
+            grouping=self.grouping[kept],
+            active=self.active[:, kept],
+        )
 
     def _ordered(self) -> list[list[tuple[int, float]]]:
         rows = []

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.base_parameters import BaseParameters, find_base_parameters
 from idim_iv_ros.model.parameters import DynamicParameters, parameter_layout
 from idim_iv_ros.model.regressor import StandardRegressor
@@ -105,7 +106,7 @@ def build_inverse_model(configuration: Configuration, urdf: str, source: str) ->
     Raises
     ------
     UsageError
-        See `load_robot`.
+        See `load_robot`; or an excluded parameter that the model does not have.
     """
     joints = configuration.robot.joints
     couplings = [
@@ -129,4 +130,12 @@ def build_inverse_model(configuration: Configuration, urdf: str, source: str) ->
         effort_unit=configuration.signals.effort_unit,
     )
     regressor = StandardRegressor(robot, layout)
-    return InverseModel(robot, regressor, find_base_parameters(regressor))
+    base = find_base_parameters(regressor)
+    excluded = configuration.identification.exclude
+    unknown = [name for name in excluded if name not in base.names]
+    if unknown:
+        raise UsageError(
+            f"{configuration.source or 'configuration'}: identification.exclude: {unknown[0]} is "
+            f"not a base parameter of this robot; they are {', '.join(base.names)}"
+        )
+    return InverseModel(robot, regressor, base.without(excluded))

@@ -52,6 +52,11 @@ def result_document(result: IdentificationResult) -> Document:
             "notes": result.instruments.notes,
             "tests": [_test(test) for test in result.instruments.tests],
         },
+        "specification": {
+            "accepted": _accepted_overall(result.instruments.specification),
+            "alpha": result.instruments.alpha,
+            "tests": [_test(test) for test in result.instruments.specification],
+        },
         "exogeneity": {
             "accepted": _accepted_overall(result.instruments.exogeneity),
             "alpha": result.instruments.alpha,

@@ -5,7 +5,7 @@ from idim_iv_ros.signals.cutoffs import Cutoffs, choose_cutoffs, motion_bandwidt
 from idim_iv_ros.signals.decimation import ParallelDecimation, decimation_factor
 from idim_iv_ros.signals.filters import central_differences, zero_phase_butterworth
 from idim_iv_ros.signals.joint_side import JointSignals, joint_side
-from idim_iv_ros.signals.motion import Motion, filter_motion
+from idim_iv_ros.signals.motion import Motion, coarser, filter_motion
 from idim_iv_ros.signals.noise import torque_noise
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "ParallelDecimation",
     "central_differences",
     "choose_cutoffs",
+    "coarser",
     "decimation_factor",
     "filter_motion",
     "fit_autoregression",

@@ -174,8 +174,8 @@ def fit_autoregression(
 
     Parameters
     ----------
-    residual : (r,)
-        Residual of one joint, y − X β̂.
+    residual : (r,) or (r, m)
+        Residual of one joint, y − X β̂; the energies of several columns are summed.
     runs : sequence of slice
         Rows that are contiguous in time.
     max_order : int, optional
@@ -189,7 +189,7 @@ def fit_autoregression(
     if max_order is None:
         enough = with_past[1:] >= _ROWS_PER_COEFFICIENT * np.arange(1, len(with_past))
         max_order = min(_LARGEST_ORDER, int(np.count_nonzero(enough)))
-    power = float(residual @ residual) / max(1, len(residual))
+    power = float(np.vdot(residual, residual)) / max(1, len(residual))
     if power == 0.0:
         return AutoregressiveModel(np.zeros(0), 0.0)
     reflections = burg_reflections(residual, runs, min(max_order, len(with_past) - 1))

@@ -9,7 +9,7 @@ from scipy.signal import welch
 
 from idim_iv_ros.configuration import ProcessingSection
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.signals.decimation import EDGE, decimation_factor
+from idim_iv_ros.signals.decimation import decimation_factor
 
 FloatArray = NDArray[np.float64]
 
@@ -17,6 +17,7 @@ FloatArray = NDArray[np.float64]
 DECIMATION_SHARE = 0.4
 _LEAST_CUTOFF = 5.0  # Hz, proposed where the motion is slow or noisy: loops are faster than that
 _ABOVE_NOISE = 10.0  # power over the noise floor that counts as motion
+_HIGHEST_CUTOFF = 0.8  # of the Nyquist frequency, for the positions
 _SPEED_SHARE = 0.01  # of the peak speed: reversal regime when the user names none
 
 
@@ -77,10 +78,10 @@ def choose_cutoffs(
     position = given_position
     if position is None:
         bandwidth = max(motion_bandwidth(q, rate) for q in positions)
-        position = min(max(bandwidth, _LEAST_CUTOFF), EDGE * rate / 2.0)
+        position = min(max(bandwidth, _LEAST_CUTOFF), _HIGHEST_CUTOFF * rate / 2.0)
         if given_decimation is not None:
             position = max(position, given_decimation / DECIMATION_SHARE)
-            position = min(position, EDGE * rate / 2.0)
+            position = min(position, _HIGHEST_CUTOFF * rate / 2.0)
         position = float(f"{position:.2g}")
         reasons.append(
             f"position cut-off {position:g} Hz proposed: the measured motion stands above the "
@@ -99,7 +100,7 @@ def choose_cutoffs(
             f"position_cutoff {position:g} Hz: the torque would hold frequencies that the "
             "filtered positions have lost"
         )
-    factor = decimation_factor(rate, decimation)
+    factor = decimation_factor(rate, decimation, processing.decimation_edge)
     if factor == 1:
         reasons.append(
             f"not decimated: {decimation:g} Hz needs more than half of the {rate:g} samples per "

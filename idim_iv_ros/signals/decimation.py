@@ -1,7 +1,8 @@
 """Parallel decimation: one low-pass filter for the torque and for every column of the regressor.
 
 Source: paper, section II.C. The filter is a Chebyshev filter of type I, order 8, 0.05 dB ripple,
-run forward and backward, with its edge at 0.8 of the new Nyquist frequency.
+run forward and backward. MATLAB puts its edge at 0.8 of the new Nyquist frequency; the band
+above is then empty, and a residual that was white is predictable from its past.
 """
 
 from collections.abc import Iterator
@@ -14,7 +15,6 @@ from scipy.signal import cheby1, sosfiltfilt
 
 FloatArray = NDArray[np.float64]
 
-EDGE = 0.8  # of the new Nyquist frequency
 _ORDER = 8
 _RIPPLE = 0.05  # dB
 # The impulse response has decayed to rounding after this many samples of the decimated series.
@@ -41,12 +41,15 @@ class ParallelDecimation:
     factor : int
         1 keeps everything and filters nothing.
     samples : int
+    edge : float
+        Of the filter, as a share of the new Nyquist frequency.
     phase : {"first", "last"}
         Which sample of each group is kept; ``last`` is what MATLAB's decimate keeps.
     """
 
     factor: int
     samples: int
+    edge: float
     phase: Literal["first", "last"] = "first"
 
     @property
@@ -77,7 +80,7 @@ class ParallelDecimation:
     def apply(self, signal: FloatArray, chunk: Chunk) -> FloatArray:
         """Filter samples ``chunk.first … chunk.last`` along axis 0 and keep ``chunk.kept``."""
         if self.factor > 1:
-            sections = cheby1(_ORDER, _RIPPLE, EDGE / self.factor, output="sos")
+            sections = cheby1(_ORDER, _RIPPLE, self.edge / self.factor, output="sos")
             signal = sosfiltfilt(sections, signal, axis=0, padlen=min(_PADDING, len(signal) - 1))
         return np.asarray(signal[chunk.kept - chunk.first])
 
@@ -86,6 +89,6 @@ class ParallelDecimation:
         return self.apply(signal, Chunk(0, self.samples, self.kept))
 
 
-def decimation_factor(rate: float, cutoff: float) -> int:
+def decimation_factor(rate: float, cutoff: float, edge: float) -> int:
     """Largest factor that keeps `cutoff` (Hz) below the edge of the filter at `rate` (Hz)."""
-    return max(1, int(EDGE * rate / (2.0 * cutoff) + 1e-9))
+    return max(1, int(edge * rate / (2.0 * cutoff) + 1e-9))

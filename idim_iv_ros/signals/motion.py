@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.configuration import ProcessingSection
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.signals.cutoffs import Cutoffs, choose_minimum_speed
-from idim_iv_ros.signals.decimation import ParallelDecimation, decimation_factor
+from idim_iv_ros.signals.decimation import ParallelDecimation
 from idim_iv_ros.signals.filters import central_differences, zero_phase_butterworth
 from idim_iv_ros.signals.joint_side import JointSignals
 
@@ -132,10 +132,37 @@ def filter_motion(
     minimum_speed, why = choose_minimum_speed(processing, peaks)
     reasons += why
     motions = tuple(
-        _motion(record, position, span, processing, cutoffs, minimum_speed, couplings)
+        _motion(
+            record,
+            position,
+            span,
+            processing,
+            (cutoffs.position, cutoffs.factor),
+            minimum_speed,
+            couplings,
+        )
         for record, position, span in zip(signals, filtered, spans, strict=True)
     )
     return motions, minimum_speed, tuple(reasons)
+
+
+def coarser(
+    motion: Motion,
+    factor: int,
+    processing: ProcessingSection,
+    minimum_speed: FloatArray,
+    couplings: Sequence[tuple[int, int]] = (),
+) -> Motion:
+    """Return the same filtered motion, decimated by `factor` instead."""
+    return _motion(
+        motion.signals,
+        motion.position,
+        motion.span,
+        processing,
+        (motion.cutoff, factor),
+        minimum_speed,
+        couplings,
+    )
 
 
 def _stands_still(raw: FloatArray, filtered: FloatArray) -> BoolArray:
@@ -163,12 +190,15 @@ def _motion(
     position: FloatArray,
     span: slice,
     processing: ProcessingSection,
-    cutoffs: Cutoffs,
+    cutoff_and_factor: tuple[float, int],
     minimum_speed: FloatArray,
     couplings: Sequence[tuple[int, int]],
 ) -> Motion:
-    factor = decimation_factor(record.rate, cutoffs.decimation)
-    decimation = ParallelDecimation(factor, span.stop - span.start, processing.decimation_phase)
+    cutoff, factor = cutoff_and_factor
+    samples = span.stop - span.start
+    decimation = ParallelDecimation(
+        factor, samples, processing.decimation_edge, processing.decimation_phase
+    )
     fast = _fast_samples(position[span], record.rate, minimum_speed, couplings)
     fast = _all_around(fast, decimation, round(processing.reversal_margin * factor))
     measured = _all_around(record.valid[span], decimation, factor)
@@ -181,7 +211,7 @@ def _motion(
         "not measured": int((inside[:, None] & ~measured).sum()),
         "at the edges": int((~inside).sum() * kept.shape[1]),
     }
-    cutoff, order = cutoffs.position, processing.position_order
+    order = processing.position_order
     return Motion(record, cutoff, order, position, span, decimation, kept, dropped)
 
 

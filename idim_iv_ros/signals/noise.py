@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from idim_iv_ros.signals.decimation import EDGE
 from idim_iv_ros.signals.motion import Motion
 
 FloatArray = NDArray[np.float64]
@@ -25,7 +24,8 @@ def torque_noise(motions: Sequence[Motion]) -> FloatArray:
     variances = []
     for motion in motions:
         rate, factor = motion.signals.rate, motion.decimation.factor
-        band = EDGE * rate / (2.0 * factor) if factor > 1 else rate / 2.0
+        edge = motion.decimation.edge if factor > 1 else 1.0
+        band = edge * rate / (2.0 * factor)
         segment = min(len(motion.torque), max(64, int(_SEGMENT * rate)))
         lowest = min(_ABOVE * band, 0.375 * rate)
         floors = []

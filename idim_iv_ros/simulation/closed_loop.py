@@ -42,7 +42,8 @@ class ClosedLoopResult:
     torque : (n_samples, n_joints)
         Last torque command, N m (N); without delay it acts from the sample's instant on.
     applied_torque : (n_samples, n_joints)
-        The torque that `acceleration` belongs to: that on the joints, mean of both sides.
+        The torque that `acceleration` belongs to: that on the joints, the disturbance included,
+        mean of both sides.
     diverged : str or None
         Why the simulation ended early, in words; None if it did not.
     """
@@ -66,6 +67,7 @@ def simulate_closed_loop(
     velocity_reference: FloatArray | None = None,
     initial_position: FloatArray,
     initial_velocity: FloatArray,
+    disturbance: FloatArray | None = None,
     plant_step: float | None = None,
 ) -> ClosedLoopResult:
     """Simulate a robot under its control law, from the first to the last reference sample.
@@ -87,6 +89,9 @@ def simulate_closed_loop(
         given gets central differences of the position reference.
     initial_position, initial_velocity
         (n_joints,) rad, rad/s.
+    disturbance
+        (n_samples, n_joints) N m (N): torque on the joints that no model explains and no command
+        holds, each value from its sample to the next.
     plant_step
         Longest time step of the plant, s; default: the control period divided into equal steps
         of at most 0.5 ms.
@@ -116,6 +121,7 @@ def simulate_closed_loop(
         position=tree(position_reference),
         velocity=tree(velocity),
         feedforward=tree(feedforward),
+        disturbance=tree(np.zeros_like(velocity) if disturbance is None else disturbance),
         rate=float(rate),
         period=float(period),
         delay=float(law.delay),

@@ -27,8 +27,8 @@ SPEED_LIMIT = 1e3
 class Loop(NamedTuple):
     """Control law as one PID with feedforward, and the instants of the loop.
 
-    kp, kd, ki, limit : (n,); position, velocity, feedforward : (n_samples, n) at `rate` (Hz);
-    period, delay, plant_step : s. Joints in tree order.
+    kp, kd, ki, limit : (n,); position, velocity, feedforward, disturbance : (n_samples, n) at
+    `rate` (Hz); period, delay, plant_step : s. Joints in tree order.
     """
 
     kp: FloatArray
@@ -38,6 +38,7 @@ class Loop(NamedTuple):
     position: FloatArray
     velocity: FloatArray
     feedforward: FloatArray
+    disturbance: FloatArray
     rate: float
     period: float
     delay: float
@@ -116,25 +117,30 @@ def _entry(digest: str) -> Callable[..., Any]:
             fraction = 0.0
         pending = np.zeros((whole + 2, n))
         resting, mode, spare_mode = first_modes(plant, dq)
-        integral, applied, before, mean = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+        integral, applied, acting = np.zeros(n), np.zeros(n), np.zeros(n)
+        before, mean = np.zeros(n), np.zeros(n)
         ddq, spare, rest = np.zeros(n), np.zeros(n), np.zeros(n)
         middle, predicted = np.zeros(n), np.zeros(n)
         controls = arrivals = recorded = 0
         time = 0.0
         while True:
-            before[:] = applied
+            before[:] = acting
             if controls * loop.period <= time + tolerance:
                 command(loop, time, q, dq, integral, pending[controls % (whole + 2)])
                 if controls == 0:
-                    before[:] = pending[0]
+                    before[:] = pending[0] + loop.disturbance[0]
                     applied[:] = pending[0]
                 controls += 1
             if arrivals * loop.period + fraction <= time + tolerance:
                 applied[:] = pending[max(arrivals - whole, 0) % (whole + 2)]
                 arrivals += 1
-            if recorded / loop.rate <= time + tolerance:
+            sampled = recorded / loop.rate <= time + tolerance
+            sample = recorded if sampled else recorded - 1
+            for i in range(n):
+                acting[i] = applied[i] + loop.disturbance[sample, i]
+            if sampled:
                 for i in range(n):
-                    mean[i] = 0.5 * (before[i] + applied[i])
+                    mean[i] = 0.5 * (before[i] + acting[i])
                 spare_mode[:] = mode
                 if not prepare(plant, q, dq, dq, rest, mean, 0.0, work):
                     return NOT_POSITIVE_DEFINITE, 0, recorded, time
@@ -154,7 +160,7 @@ def _entry(digest: str) -> Callable[..., Any]:
             steps = max(math.ceil((until - time) / loop.plant_step - 1e-6), 1)
             for k in range(steps):
                 if not advance(
-                    plant, q, dq, ddq, applied, (until - time) / steps,
+                    plant, q, dq, ddq, acting, (until - time) / steps,
                     resting, mode, middle, predicted, rest, work,
                 ):  # fmt: skip
                     return NOT_POSITIVE_DEFINITE, 0, recorded, time

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
@@ -12,6 +13,9 @@ from idim_iv_ros.simulation.closed_loop import PLANT_STEP, ClosedLoopResult, sim
 from idim_iv_ros.simulation.controller import ControlLaw
 
 FloatArray = NDArray[np.float64]
+
+# Each kind of noise has a stream of its own, so that one more does not change the others.
+_DISTURBANCE, _JITTER = 1, 2
 
 
 @dataclass(frozen=True)
@@ -23,7 +27,7 @@ class SimulatedRecording:
     rate : float
         Hz.
     time : (n_samples,)
-        s, from 0.
+        Stamps, s, from about 0; with jitter they are not when the samples were taken.
     position : rad or m, with encoder resolution and noise
     effort : N m or N, with noise: mean of the torque command over the sample period centred on
         the stamp. A command held from a stamp to the next, taken as the torque *at* the stamp,
@@ -56,6 +60,9 @@ def record_simulated_robot(
     position_noise: float | FloatArray = 0.0,
     torque_noise: float | FloatArray = 0.0,
     encoder_resolution: float | FloatArray = 0.0,
+    disturbance: float | FloatArray = 0.0,
+    disturbance_bandwidth: float = 10.0,
+    stamp_jitter: float = 0.0,
     plant_oversampling: int = 4,
 ) -> SimulatedRecording:
     """Simulate a robot from rest on its reference, and record it.
@@ -75,6 +82,14 @@ def record_simulated_robot(
         Standard deviation, one value or (n_joints,), rad (m), N m (N).
     encoder_resolution
         Step of the recorded position, one value or (n_joints,), rad (m); 0 for none.
+    disturbance
+        Standard deviation of a torque on the joints that is not commanded, so that no model
+        explains it, one value or (n_joints,), N m (N).
+    disturbance_bandwidth
+        Cut-off of its first-order low-pass, Hz.
+    stamp_jitter
+        Standard deviation of the stamps, s, held below 0.45 sample periods so that their order
+        stays.
     plant_oversampling
         Plant steps in a control period (more where they would exceed 0.5 ms).
 
@@ -96,6 +111,11 @@ def record_simulated_robot(
     if velocity_reference is not None:
         start_velocity = velocity_reference[0]
     steps = max(plant_oversampling, math.ceil(period / PLANT_STEP - 1e-6))
+    drift = None
+    if np.any(np.asarray(disturbance) > 0.0):
+        random = np.random.default_rng([seed, _DISTURBANCE])
+        white = random.normal(size=(len(fine_position) + 1, position_reference.shape[1]))
+        drift = _low_pass(white, disturbance_bandwidth, rate * ratio) * disturbance
     truth = simulate_closed_loop(
         robot,
         parameters,
@@ -105,6 +125,7 @@ def record_simulated_robot(
         velocity_reference=fine_velocity,
         initial_position=position_reference[0],
         initial_velocity=start_velocity,
+        disturbance=drift,
         plant_step=period / steps,
     )
     rng = np.random.default_rng(seed)
@@ -116,9 +137,10 @@ def record_simulated_robot(
     position[coarse] = np.round(position[coarse] / step[coarse]) * step[coarse]
     effort = _centred_mean(truth.torque, ratio)[:samples]
     effort = effort + rng.normal(size=effort.shape) * torque_noise
+    jitter = np.random.default_rng([seed, _JITTER]).normal(size=samples) * stamp_jitter
     return SimulatedRecording(
         rate=rate,
-        time=np.arange(samples) / rate,
+        time=np.arange(samples) / rate + np.clip(jitter, -0.45 / rate, 0.45 / rate),
         position=position,
         effort=effort,
         position_reference=position_reference[:samples],
@@ -135,6 +157,14 @@ def _refined(signal: FloatArray, ratio: int) -> FloatArray:
     after = np.minimum(before + 1, len(signal) - 1)
     weight = (place - before)[:, None]
     return np.asarray((1.0 - weight) * signal[before] + weight * signal[after])
+
+
+def _low_pass(white: FloatArray, bandwidth: float, rate: float) -> FloatArray:
+    """First-order noise of unit variance from its first sample on, one sample fewer."""
+    pole = math.exp(-2.0 * math.pi * bandwidth / rate)
+    gain = math.sqrt(1.0 - pole**2)
+    coloured, _ = lfilter([gain], [1.0, -pole], white[1:], axis=0, zi=pole * white[:1])
+    return np.asarray(coloured)
 
 
 def _centred_mean(held: FloatArray, ratio: int) -> FloatArray:

@@ -5,6 +5,7 @@ from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.instrument_test import wald_test_of_instruments
 from idim_iv_ros.statistics.joint_rows import JointRows
 from idim_iv_ros.statistics.residuals import ResidualDiagnosis, diagnose_residual
+from idim_iv_ros.statistics.specification import specification_tests
 from idim_iv_ros.statistics.verdict import JointVerdict, OverallVerdict, judge_all, judge_joint
 
 __all__ = [
@@ -17,5 +18,6 @@ __all__ = [
     "exogeneity_test",
     "judge_all",
     "judge_joint",
+    "specification_tests",
     "wald_test_of_instruments",
 ]

@@ -29,8 +29,12 @@ class OverallVerdict:
     sentence: str
 
 
-def judge_joint(instruments: HypothesisTest, residual: ResidualDiagnosis) -> JointVerdict:
-    """Join the instrument test and the residual of one joint.
+def judge_joint(
+    instruments: HypothesisTest,
+    residual: ResidualDiagnosis,
+    specification: Sequence[HypothesisTest] = (),
+) -> JointVerdict:
+    """Join the instrument test, the residual and the specification tests of one joint.
 
     Parameters
     ----------
@@ -38,6 +42,8 @@ def judge_joint(instruments: HypothesisTest, residual: ResidualDiagnosis) -> Joi
         The Wald test of Π = I of this joint.
     residual : ResidualDiagnosis
         Of the same joint.
+    specification : sequence of HypothesisTest
+        Whether it follows the position, the speed or the acceleration.
     """
     joint = residual.joint
     if instruments.accepted is None:
@@ -49,6 +55,9 @@ def judge_joint(instruments: HypothesisTest, residual: ResidualDiagnosis) -> Joi
         )
     if not instruments.accepted:
         return JointVerdict(joint, "model error here", _rejected(instruments, joint))
+    left = [test for test in specification if test.accepted is False]
+    if left:
+        return JointVerdict(joint, "model error here", _left(left, joint))
     if residual.white is None:
         reason = residual.whiteness.reason
         return JointVerdict(
@@ -87,6 +96,21 @@ def _rejected(instruments: HypothesisTest, joint: str) -> str:
         f"{sentence}, {percent:.2g} % of the torque. The model or the control law is wrong "
         "here and the estimates are biased: look for a missing effect "
         "(shape of the friction, flexibility, payload)."
+    )
+
+
+def _left(left: Sequence[HypothesisTest], joint: str) -> str:
+    """The instruments are valid, but the torque holds something of the motion."""
+    found = sorted(left, key=lambda test: -(test.torque_deviation_percent or 0.0))
+    parts = [
+        f"the {test.scope.rpartition(': ')[2]} ({test.torque_deviation_percent or 0.0:.2g} % of "
+        f"the torque, p = {test.p_value:.2g})"
+        for test in found
+    ]
+    return (
+        f"{joint}: the instruments are valid, but the residual follows {_names(parts)}. The loop "
+        "holds the motion whatever the model is; the torque says that an effect is missing here, "
+        "and the estimates are biased by what it shares with the terms of the model."
     )
 
 
@@ -133,10 +157,10 @@ def judge_all(
     if wrong:
         sentence = (
             f"The model is wrong at {_names(wrong)}: a physical effect is missing there, or the "
-            "control law is another."
+            "control law is another; the reason is given with each joint."
         )
         if len(wrong) + len(untold) < len(joints):
-            sentence += " The instruments of the other joints are valid."
+            sentence += " Nothing speaks against the other joints."
         if untold:
             sentence += f" Nothing can be told of {_names(untold)}."
         return OverallVerdict("model error here", sentence)

@@ -32,6 +32,7 @@ robot:
 processing:
   position_cutoff: 25.0
   decimation_cutoff: 20.0
+  decimation_edge: 0.8
   minimum_speed: [0.05009095, 0.05009095, 0.07504916, 0.0715585, 0.05585054, 0.12217305]
   reversal_margin: 0.0
   trim: [0.0, 0.0]

@@ -95,6 +95,7 @@ def sample_result(joints: int = 6, case: Case = "coloured", seed: int = 1) -> Id
             notes=() if untested else ("gains scaled by 1, 1.32, 0.871",),
             tests=tests,
             exogeneity=_exogeneity(names, case),
+            specification=_specification(names, case),
         ),
         residuals=tuple(residuals),
         verdicts=verdicts,
@@ -136,6 +137,10 @@ def with_joint_name(result: IdentificationResult, name: str) -> IdentificationRe
         source=f"simulation of {name}",
         tests=tuple(_scoped(test, name, result) for test in result.instruments.tests),
         exogeneity=tuple(_scoped(test, name, result) for test in result.instruments.exogeneity),
+        specification=tuple(
+            replace(test, scope=test.scope.replace(f"{result.joints[0]}:", f"{name}:"))
+            for test in result.instruments.specification
+        ),
     )
     first = result.verdicts[0]
     verdict = JointVerdict(name, first.verdict, f"{name}: {first.sentence.partition(': ')[2]}")
@@ -214,6 +219,23 @@ def _exogeneity(names: tuple[str, ...], case: Case) -> tuple[HypothesisTest, ...
     ]
     reason = "the instruments reproduce the regressor, which is exogenous"
     tests[-1] = HypothesisTest.not_run(EXOGENOUS, names[-1], reason)
+    return tuple(tests)
+
+
+def _specification(names: tuple[str, ...], case: Case) -> tuple[HypothesisTest, ...]:
+    tests = []
+    for name in names:
+        for family in ("position", "acceleration", "speed"):
+            scope, null = f"{name}: {family}", f"nothing of the {family} is left in the residual"
+            if case == "untested":
+                tests.append(HypothesisTest.not_run(null, scope, "IDIM-LS uses no instruments"))
+            else:
+                p_value = 2.1e-31 if case == "rejected" and family == "position" else 0.231
+                tests.append(
+                    HypothesisTest(
+                        null, scope, 1.873, 15, 781, p_value, torque_deviation_percent=1.214
+                    )
+                )
     return tuple(tests)
 
 

@@ -160,7 +160,13 @@ def _bare(result: IdentificationResult) -> IdentificationResult:
         controller=(),
         timing={},
         instruments=replace(
-            result.instruments, accepted=None, failures=(), notes=(), tests=(), exogeneity=()
+            result.instruments,
+            accepted=None,
+            failures=(),
+            notes=(),
+            tests=(),
+            exogeneity=(),
+            specification=(),
         ),
         residuals=tuple(
             replace(each, relative_percent=None, white=None) for each in result.residuals

@@ -31,10 +31,14 @@ def test_the_document_has_every_key_of_the_design(case: str) -> None:
     assert {"instruments", "exogeneity", "fit", "refined", "timing"} <= set(document)
     for parameter in document["parameters"]:
         assert set(parameter) >= PARAMETER
-    for part in ("instruments", "exogeneity"):
+    for part in ("instruments", "specification", "exogeneity"):
         assert set(document[part]) >= {"accepted", "alpha", "tests"}
         scopes = [test["scope"] for test in document[part]["tests"]]
-        assert scopes == ["all", "joint_1", "joint_2"]
+        if part == "specification":
+            families = ("position", "acceleration", "speed")
+            assert scopes == [f"joint_{k}: {family}" for k in (1, 2) for family in families]
+        else:
+            assert scopes == ["all", "joint_1", "joint_2"]
         for test in document[part]["tests"]:
             assert set(test) >= TEST
     for residual in document["residuals"]:

@@ -14,14 +14,14 @@ def noise(samples: int) -> np.ndarray:
 @pytest.mark.parametrize("factor", [2, 10, 13])
 def test_whole_record_agrees_with_scipy_away_from_the_edges(factor: int) -> None:
     signal = noise(5000)
-    ours = ParallelDecimation(factor, 5000).whole(signal)
+    ours = ParallelDecimation(factor, 5000, 0.8).whole(signal)
     scipys = decimate(signal, factor, axis=0, zero_phase=True)
     np.testing.assert_allclose(ours[100:-100], scipys[100:-100], atol=1e-6)
 
 
 @pytest.mark.parametrize(("samples", "phase", "first"), [(100, "last", 9), (104, "last", 3)])
 def test_last_phase_keeps_the_last_sample_of_the_record(samples, phase, first) -> None:
-    kept = ParallelDecimation(10, samples, phase).kept
+    kept = ParallelDecimation(10, samples, 0.8, phase).kept
     assert kept[0] == first
     assert kept[-1] == samples - 1
 
@@ -30,7 +30,7 @@ def test_last_phase_keeps_the_last_sample_of_the_record(samples, phase, first) -
 @pytest.mark.parametrize("factor", [1, 7, 100])
 def test_chunks_give_what_the_whole_gives(factor: int, phase) -> None:
     signal = noise(60_000)
-    decimation = ParallelDecimation(factor, len(signal), phase)
+    decimation = ParallelDecimation(factor, len(signal), 0.95, phase)
     pieces = [decimation.apply(signal[c.first : c.last], c) for c in decimation.chunks(9000)]
     assert len(pieces) > 1
     whole = decimation.whole(signal)
@@ -38,6 +38,6 @@ def test_chunks_give_what_the_whole_gives(factor: int, phase) -> None:
 
 
 def test_cutoff_lies_below_the_edge_of_the_filter() -> None:
-    assert decimation_factor(5000.0, 20.0) == 100
-    assert decimation_factor(1000.0, 40.0) == 10
-    assert decimation_factor(125.0, 60.0) == 1
+    assert decimation_factor(5000.0, 20.0, 0.8) == 100
+    assert decimation_factor(1000.0, 40.0, 0.8) == 10
+    assert decimation_factor(125.0, 60.0, 0.8) == 1

@@ -1,4 +1,4 @@
-"""The tests of the instruments and of exogeneity, with what they mean in plain words."""
+"""The tests of instruments, specification and exogeneity, with what they mean in plain words."""
 
 from collections.abc import Sequence
 
@@ -17,6 +17,14 @@ _VALID = (
     "estimates of its parameters are biased. A long recording rejects even a harmless deviation, "
     "so read the effect beside the p-value: how much of the torque it moves."
 )
+_SPECIFIED = (
+    "A stiff loop holds the motion to its reference whatever the model is; a model error then "
+    "shows in the torque alone. H0 says that nothing of the motion is left in the residual: it is "
+    "unrelated to functions of the simulated position, speed and acceleration that the model does "
+    "not hold. Rejected: an effect is missing that depends on what is named, of about the size "
+    "given. Accepted: no such effect is seen above the noise; what depends on time, frequency or "
+    "events is not looked for here."
+)
 _EXOGENOUS = (
     "H0 says that the measured motion is unrelated to the torque noise (exogenous, γ = 0). "
     "Accepted: least squares does as well as instrumental variables on this recording. Rejected: "
@@ -27,7 +35,7 @@ _EXOGENOUS = (
 
 
 def instruments_section(result: IdentificationResult) -> Html:
-    """Return both tests for all rows and joint by joint."""
+    """Return the tests for all rows and joint by joint."""
     report = result.instruments
     return section(
         "Instrument tests",
@@ -35,16 +43,20 @@ def instruments_section(result: IdentificationResult) -> Html:
         _source(report),
         tag("h3", "Are the instruments valid? Revised Durbin-Wu-Hausman test"),
         tag("p", _VALID, css="explanation"),
-        _table(report.tests, effects=True),
+        _table(report.tests, effects=2),
+        tag("h3", "Is anything of the motion left in the residual? Specification test"),
+        tag("p", _SPECIFIED, css="explanation"),
+        _table(report.specification, effects=1),
         tag("h3", "Would least squares do? Exogeneity test"),
         tag("p", _EXOGENOUS, css="explanation"),
-        _table(report.exogeneity, effects=False),
+        _table(report.exogeneity, effects=0),
         tag(
             "p",
             f"A right model is rejected anywhere with a probability of at most "
             f"{exact(100.0 * report.alpha, '%')}: half of it goes to the test of all rows, half is "
-            "shared among the joints. The rows of each test are whitened by an autoregressive "
-            "model of their own. F(a, b) has a and b degrees of freedom.",
+            "shared among the joints. The tests of the specification share a tenth of it, because "
+            "the colour of the residual is estimated with them. The rows of each test are whitened "
+            "by an autoregressive model of their own. F(a, b) has a and b degrees of freedom.",
             css="explanation",
         ),
     )
@@ -59,30 +71,30 @@ def _source(report: InstrumentReport) -> Html:
     )
 
 
-def _table(tests: Sequence[HypothesisTest], *, effects: bool) -> Html:
+def _table(tests: Sequence[HypothesisTest], *, effects: int) -> Html:
+    """`effects`: how many effect sizes are shown, none, that on the torque, or both."""
     reasons = {test.reason for test in tests}
     if len(reasons) == 1 and all(test.accepted is None for test in tests):
         return tag("p", outcome_badge(None), f" because {reasons.pop()}.")
     heads = [("Rows", None), ("H0", None), ("Statistic", "num"), ("p", "num")]
-    if effects:
-        heads += [("Effect, % of torque", "num"), ("Largest |Π̂ − I|", "num")]
+    heads += [("Effect, % of torque", "num"), ("Largest |Π̂ − I|", "num")][:effects]
     head = [tag("th", text, scope="col", css=css) for text, css in heads]
     rows = [_row(test, effects=effects) for test in tests]
     return tag("table", tag("thead", tag("tr", head)), tag("tbody", rows), css="tests")
 
 
-def _row(test: HypothesisTest, *, effects: bool) -> Html:
+def _row(test: HypothesisTest, *, effects: int) -> Html:
     everything = test.scope == "all"
     name = tag("th", "all joints" if everything else test.scope, scope="row")
-    outcome = tag("td", outcome_badge(test.accepted, neutral=not effects))
+    outcome = tag("td", outcome_badge(test.accepted, neutral=effects == 0))
     css = "everything" if everything else None
     if test.accepted is None:
-        span = "4" if effects else "2"
+        span = str(2 + effects)
         reason = tag("td", f"because {test.reason}", colspan=span, css="words")
         return tag("tr", name, outcome, reason, css=css)
     cells = [cell(_statistic(test)), cell(p_value(test.p_value))]
-    if effects:
-        cells += [cell(percent(test.torque_deviation_percent)), cell(number(test.max_deviation, 2))]
+    sizes = [percent(test.torque_deviation_percent), number(test.max_deviation, 2)]
+    cells += [cell(size) for size in sizes[:effects]]
     return tag("tr", name, outcome, cells, css=css)
 
 

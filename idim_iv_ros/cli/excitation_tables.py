@@ -1,0 +1,132 @@
+"""What `idim-iv excite` prints of a motion."""
+
+from rich.console import Console
+from rich.table import Table
+
+from idim_iv_ros.excitation import Diagnosis, Excitation, LimitUse, MotionLimits
+from idim_iv_ros.excitation.prediction import BAD_DEVIATION, BAD_SHARE
+from idim_iv_ros.excitation.segment import NOT_REVEALED
+from idim_iv_ros.model import InverseModel
+
+_ROWS = 12
+
+
+def print_excitation(
+    console: Console, model: InverseModel, limits: MotionLimits, excitation: Excitation
+) -> None:
+    """Condition numbers, limits used, and the parameters that stay badly excited."""
+    design = excitation.design
+    console.print(
+        f"{model.robot.name}: condition number of the base regressor, {len(model.base.names)} "
+        "parameters with friction",
+        highlight=False,
+    )
+    table = Table()
+    for heading in ("", "random (median)", "designed"):
+        table.add_column(heading, justify="right" if heading else "left")
+    rows = (
+        ("rows over torque limit (minimised)", "weighted"),
+        ("plain, SI units", "plain"),
+        ("weighted, columns of unit length", "equilibrated"),
+    )
+    for words, name in rows:
+        table.add_row(
+            words, f"{getattr(design.before, name):.4g}", f"{getattr(design.after, name):.4g}"
+        )
+    console.print(table)
+    print_use(console, model, limits, design.use)
+    _print_parameters(console, excitation)
+    console.print(
+        f"{design.trajectory.duration:g} s at {design.trajectory.rate:g} per second, searched "
+        f"{design.seconds:.0f} s",
+        highlight=False,
+    )
+    if design.ended_early:
+        console.print(
+            "[yellow]The time limit ended the search early[/]: more time finds a better motion, "
+            "and another run may find another one."
+        )
+
+
+def print_use(console: Console, model: InverseModel, limits: MotionLimits, use: LimitUse) -> None:
+    """Largest share of each limit, joint by joint."""
+    console.print(
+        f"Largest share of each limit (allowed: {100 * limits.margin:g} %)", highlight=False
+    )
+    table = Table()
+    table.add_column("joint")
+    for heading in ("position", "velocity", "acceleration", "torque"):
+        table.add_column(heading, justify="right")
+    columns = [use.position, use.velocity, use.acceleration]
+    for index, joint in enumerate(model.robot.joints):
+        cells = [f"{100 * column[index]:.0f} %" for column in columns]
+        cells.append("?" if use.torque is None else f"{100 * use.torque[index]:.0f} %")
+        table.add_row(joint.replace("[", "\\["), *cells)
+    console.print(table)
+    if use.torque is None:
+        console.print(
+            "[yellow]Torques were not checked[/]: the URDF gives no mass to the moving links."
+        )
+    floor = "" if limits.floor is None else f" (floor {limits.floor:g} m)"
+    console.print(
+        f"Lowest moving frame: {use.lowest_frame} at {use.lowest_height:.3f} m{floor}; only frame "
+        "origins are looked at, not shapes, and no collisions",
+        highlight=False,
+    )
+
+
+def _print_parameters(console: Console, excitation: Excitation) -> None:
+    parameters = excitation.parameters
+    bad = [parameter for parameter in parameters if parameter.bad]
+    valued = sum(parameter.relative_std is not None for parameter in parameters)
+    console.print(
+        f"Predicted under torque noise of {100 * excitation.torque_noise:g} % of each limit: "
+        f"{valued} of {len(parameters)} base parameters have a given value; {len(bad)} are seen "
+        f"poorly, or small: σ above {100 * BAD_DEVIATION:g} % of the given value, or less than "
+        f"{100 * BAD_SHARE:g} % of the column unexplained by the others",
+        highlight=False,
+    )
+    if not bad:
+        return
+    table = Table()
+    table.add_column("parameter")
+    for heading in ("given", "predicted σ", "%σ", "unexplained"):
+        table.add_column(heading, justify="right")
+    table.add_column("unit")
+    for parameter in bad[:_ROWS]:
+        relative = parameter.relative_std
+        table.add_row(
+            parameter.name,
+            f"{parameter.given:.3g}",
+            f"{parameter.std:.2g}",
+            "" if relative is None else f"{100 * relative:.2g}",
+            f"{100 * parameter.unexplained:.2g} %",
+            parameter.unit,
+        )
+    console.print(table)
+    if len(bad) > _ROWS:
+        console.print(f"… and {len(bad) - _ROWS} more in the JSON file")
+
+
+def print_diagnosis(
+    console: Console, model: InverseModel, limits: MotionLimits, diagnosis: Diagnosis
+) -> None:
+    """Segments by kind with the effects that they reveal, and the limits used."""
+    count = len(diagnosis.segments)
+    console.print(
+        f"{model.robot.name}: {count} segments, {diagnosis.trajectory.duration:.4g} s",
+        highlight=False,
+    )
+    table = Table()
+    for heading in ("segments", "of them", "seconds", "reveal"):
+        table.add_column(heading, justify="right" if heading in ("of them", "seconds") else "left")
+    for kind in dict.fromkeys(segment.plan.kind for segment in diagnosis.segments):
+        alike = [segment for segment in diagnosis.segments if segment.plan.kind == kind]
+        seconds = sum(segment.end - segment.start for segment in alike)
+        table.add_row(kind, str(len(alike)), f"{seconds:.1f}", ", ".join(alike[0].effects))
+    console.print(table)
+    print_use(console, model, limits, diagnosis.use)
+    frequencies = ", ".join(f"{f:.2g}" for f in diagnosis.bandwidth)
+    words = "taken" if diagnosis.bandwidth_known else "[yellow]not known, assumed[/]"
+    console.print(f"Bandwidth of the position loops: {words}: {frequencies} Hz", highlight=False)
+    console.print("Not revealed: " + ", ".join(NOT_REVEALED) + " (see the JSON file)")

@@ -1,0 +1,170 @@
+"""What the design minimises, with its gradient."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.excitation.fourier import FourierBasis
+from idim_iv_ros.excitation.heights import MovingFrames
+from idim_iv_ros.excitation.limits import MotionLimits
+from idim_iv_ros.model import InverseModel
+
+FloatArray = NDArray[np.float64]
+States = tuple[FloatArray, FloatArray, FloatArray]
+
+_STEP = 1e-6
+# Speed, as a share of its limit, below which the sign of the Coulomb columns is smoothed.
+_SMOOTH = 0.01
+
+
+@dataclass(frozen=True)
+class ExcitationCost:
+    """log κ_p of the weighted base regressor plus penalties for limits, on a coarse grid.
+
+    κ_p = ‖σ‖_2p ‖1/σ‖_2p of the singular values σ tends to the condition number as p grows and,
+    unlike it, is smooth where singular values coincide, which is where an optimum lies. A limit
+    that is passed by a share e costs `weight` · e² at each point of the grid.
+
+    Attributes
+    ----------
+    model : InverseModel
+    limits : MotionLimits
+    frames : MovingFrames
+    basis : FourierBasis
+    shapes : three of (n_samples, size)
+        Of the basis on the grid.
+    row_weights : (n_joints,)
+    start : (n_joints,) or None
+        Posture at rest; None: it is chosen too.
+    power : float
+        p.
+    weight : float
+    """
+
+    model: InverseModel
+    limits: MotionLimits
+    frames: MovingFrames
+    basis: FourierBasis
+    shapes: States
+    row_weights: FloatArray
+    start: FloatArray | None
+    power: float
+    weight: float
+
+    def unpack(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Start posture (n_joints,) and coefficients (size, n_joints) of a design vector."""
+        joints, scale = len(self.limits.lower), self.limits.half_range
+        coefficients = x[joints:].reshape(-1, joints) * scale
+        if self.start is not None:
+            return self.start, coefficients
+        return self.limits.middle + x[:joints] * scale, coefficients
+
+    def __call__(self, x: FloatArray) -> tuple[float, FloatArray]:
+        """Cost and gradient of a design vector (n_joints · (1 + size),)."""
+        start, coefficients = self.unpack(x)
+        position, velocity, acceleration = (shape @ coefficients for shape in self.shapes)
+        q, dq, ddq = start + position, velocity, acceleration
+        regressor, slopes = self._regressors(q, dq, ddq)
+        value, by_entry = self._log_condition(regressor)
+        cost, by_torque = self._torque_penalty(regressor)
+        value += cost
+        if by_torque is not None:
+            by_entry += by_torque[:, :, None] * self.model.given
+        by_state = np.einsum("sjc,ksjc->ks", by_entry, slopes, optimize=True)
+        by_state = by_state.reshape(3, len(start), len(q)).transpose(0, 2, 1)
+        cost, by_box = self._box_penalty(q, dq, ddq)
+        value += cost
+        by_state = by_state + by_box
+        cost, by_height = self._floor_penalty(q)
+        value += cost
+        by_state[0] += by_height
+        scale = self.limits.half_range
+        gradient = sum(s.T @ g for s, g in zip(self.shapes, by_state, strict=True)) * scale
+        by_start = np.zeros(len(start)) if self.start is not None else by_state[0].sum(0) * scale
+        return value, np.concatenate([by_start, np.ravel(gradient)])
+
+    def _regressors(
+        self, q: FloatArray, dq: FloatArray, ddq: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Base regressor (n_samples, n_joints, b), and its differences by each state."""
+        samples, joints = q.shape
+        states = np.tile(np.stack([q, dq, ddq]), (1, 1 + 3 * joints, 1))
+        states = states.reshape(3, 1 + 3 * joints, samples, joints)
+        # The regressor is linear in the acceleration: a large step is exact.
+        steps = (_STEP, _STEP, 1.0)
+        for signal in range(3):
+            for joint in range(joints):
+                states[signal, 1 + signal * joints + joint, :, joint] += steps[signal]
+        flat = states.reshape(3, -1, joints)
+        matrices = self.model.matrix(*flat)
+        self._smooth_signs(matrices, flat[1])
+        matrices = matrices.reshape(1 + 3 * joints, samples, joints, -1)
+        slopes = matrices[1:] - matrices[0]
+        slopes /= np.repeat(steps, joints)[:, None, None, None]
+        return matrices[0], slopes
+
+    def _smooth_signs(self, matrices: FloatArray, dq: FloatArray) -> None:
+        layout = self.model.regressor.layout
+        pairs = {second: first for first, second in layout.coupling_joints}
+        width = _SMOOTH * self.limits.velocity
+        for column, standard in enumerate(self.model.base.columns):
+            parameter = layout.parameters[standard]
+            joint = parameter.joint
+            if parameter.kind == "Fc":
+                matrices[:, joint, column] = np.tanh(dq[:, joint] / width[joint])
+            elif parameter.kind == "Fcm":
+                other = pairs[joint]
+                coupled = np.tanh((dq[:, joint] + dq[:, other]) / width[joint])
+                matrices[:, joint, column] = matrices[:, other, column] = coupled
+
+    def _log_condition(self, regressor: FloatArray) -> tuple[float, FloatArray]:
+        """Log κ_p and its derivative by each entry of the unweighted regressor."""
+        rows = regressor * self.row_weights[:, None]
+        stacked = rows.reshape(-1, rows.shape[2])
+        _, sigma, right = np.linalg.svd(np.linalg.qr(stacked, mode="r"))
+        sigma = np.maximum(sigma, 1e-12 * sigma[0])
+        above, below = (
+            (sigma / sigma[0]) ** (2 * self.power),
+            (sigma[-1] / sigma) ** (2 * self.power),
+        )
+        value = np.log(sigma[0] / sigma[-1])
+        value += (np.log(above.sum()) + np.log(below.sum())) / (2 * self.power)
+        by_sigma = (above / above.sum() - below / below.sum()) / sigma
+        # U = W V / σ
+        left = stacked @ right.T / sigma
+        by_entry = ((left * by_sigma) @ right).reshape(rows.shape)
+        return float(value), by_entry * self.row_weights[:, None]
+
+    def _torque_penalty(self, regressor: FloatArray) -> tuple[float, FloatArray | None]:
+        if not self.limits.torque_known:
+            return 0.0, None
+        allowed = self.limits.margin * self.limits.torque
+        torque = regressor @ self.model.given
+        excess = np.maximum(np.abs(torque) / allowed - 1.0, 0.0)
+        slope = 2.0 * self.weight * excess * np.sign(torque) / allowed
+        return float(self.weight * np.sum(excess**2)), slope
+
+    def _box_penalty(
+        self, q: FloatArray, dq: FloatArray, ddq: FloatArray
+    ) -> tuple[float, FloatArray]:
+        limits = self.limits
+        allowed = limits.margin * np.stack(
+            [limits.half_range, limits.velocity, limits.acceleration]
+        )
+        values = np.stack([q - limits.middle, dq, ddq])
+        excess = np.maximum(np.abs(values) / allowed[:, None] - 1.0, 0.0)
+        slope = 2.0 * self.weight * excess * np.sign(values) / allowed[:, None]
+        return float(self.weight * np.sum(excess**2)), slope
+
+    def _floor_penalty(self, q: FloatArray) -> tuple[float, FloatArray]:
+        """Each 0.1 m below the floor counts as a limit passed by a share of 1."""
+        if self.limits.floor is None:
+            return 0.0, np.zeros_like(q)
+        height, slope = self.frames.heights_and_slopes(q)
+        excess = np.maximum(self.limits.floor - height, 0.0) / 0.1
+        by_height = -2.0 * self.weight * excess / 0.1
+        return (
+            float(self.weight * np.sum(excess**2)),
+            np.asarray(np.einsum("sf,sfj->sj", by_height, slope)),
+        )

@@ -1,0 +1,64 @@
+"""How well a motion excites the base parameters: condition numbers and predicted deviations."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.excitation.trajectory import Trajectory
+from idim_iv_ros.model import InverseModel
+
+FloatArray = NDArray[np.float64]
+
+_BLOCK = 2000
+
+
+@dataclass(frozen=True)
+class ConditionNumbers:
+    """Ratio of the largest to the smallest singular value of the base regressor of a motion.
+
+    Attributes
+    ----------
+    plain : float
+        All rows alike, columns as they are (SI units): what publications state.
+    weighted : float
+        Rows of joint j divided by its torque limit: what the design minimises.
+    equilibrated : float
+        Weighted rows, and every column divided by its norm: free of the choice of units.
+    """
+
+    plain: float
+    weighted: float
+    equilibrated: float
+
+
+def triangle(model: InverseModel, motion: Trajectory, weights: FloatArray) -> FloatArray:
+    """Triangle R (b, b) of the base regressor with the rows of joint j times weights[j].
+
+    RᵀR = XᵀΩX over all samples of the motion, Ω = diag(weights²).
+    """
+    triangle = np.zeros((0, len(model.base.columns)))
+    for start in range(0, len(motion.position), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        matrix = model.matrix(
+            motion.position[block], motion.velocity[block], motion.acceleration[block]
+        )
+        rows = (matrix * weights[:, None]).reshape(-1, matrix.shape[2])
+        triangle = np.asarray(np.linalg.qr(np.vstack([triangle, rows]), mode="r"))
+    return triangle
+
+
+def condition_numbers(
+    model: InverseModel, motion: Trajectory, torque_limit: FloatArray
+) -> ConditionNumbers:
+    """Condition numbers of the base regressor over all samples of a motion.
+
+    Parameters
+    ----------
+    torque_limit : (n_joints,) N m (N)
+    """
+    weighted = triangle(model, motion, 1.0 / torque_limit)
+    norms = np.linalg.norm(weighted, axis=0)
+    equilibrated = weighted / np.where(norms > 0.0, norms, 1.0)
+    plain = triangle(model, motion, np.ones(len(torque_limit)))
+    return ConditionNumbers(*(float(np.linalg.cond(r)) for r in (plain, weighted, equilibrated)))

@@ -1,0 +1,230 @@
+"""The segments of a diagnosis motion: which, where, how fast."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.excitation.heights import MovingFrames
+from idim_iv_ros.excitation.limit_use import limit_use
+from idim_iv_ros.excitation.limits import MotionLimits
+from idim_iv_ros.excitation.segment import SegmentPlan
+from idim_iv_ros.excitation.shapes import Shape, rest_to_rest, there_and_back
+from idim_iv_ros.excitation.small_motions import multisine, reversals
+from idim_iv_ros.excitation.trajectory import Trajectory
+from idim_iv_ros.model import InverseModel
+
+FloatArray = NDArray[np.float64]
+
+CREEP_SHARES = (0.005, 0.02)  # of the velocity limit
+PLATEAU_SHARES = (1.0, 0.75, 0.5, 0.25, 0.1)  # of the fastest plateau that has room
+REVERSALS = ((0.0005, 1.0), (0.0005, 4.0), (0.002, 1.0), (0.002, 4.0), (0.01, 1.0), (0.01, 4.0))
+MULTISINE_AMPLITUDE = 0.005  # rad (m), largest deviation
+BANDWIDTHS = 2.5  # of the position loop, at the upper end of the multisine
+# Share of the time that the segments of a kind take together.
+_SHARES = {
+    "repeat": 0.12,
+    "range_sweep": 0.34,
+    "creep": 0.14,
+    "plateau": 0.18,
+    "reversals": 0.12,
+    "multisine": 0.10,
+}
+_SHORTEST_RAMP = 0.15  # s
+_SHORTEST_PLATEAU = 0.25  # s
+_SAMPLES_PER_PERIOD = 40
+_INSIDE = 0.995
+
+
+@dataclass(frozen=True)
+class DiagnosisPlanner:
+    """Makes segments that keep all limits around a base posture.
+
+    Attributes
+    ----------
+    model : InverseModel
+    limits : MotionLimits
+    frames : MovingFrames
+    posture : (n_joints,) rad (m)
+    bandwidth : (n_joints,) Hz
+    rate : samples per second
+    seed : of the phases of the multisine
+    """
+
+    model: InverseModel
+    limits: MotionLimits
+    frames: MovingFrames
+    posture: FloatArray
+    bandwidth: FloatArray
+    rate: float
+    seed: int
+
+    def plans(self, seconds: float) -> list[SegmentPlan]:
+        """All segments in order; together about `seconds` long, without the moves between."""
+        time = {kind: share * seconds for kind, share in _SHARES.items()}
+        repeat = self._repeat(time["repeat"] / 3.0)
+        first = [*self._sweeps(time["range_sweep"] / 2.0), *self._creeps(time["creep"])]
+        second = [
+            *self._plateaus(time["plateau"]),
+            *self._reversals(time["reversals"]),
+            self._multisine(time["multisine"]),
+        ]
+        named = [replace(repeat, name=f"repeat_{k}") for k in (1, 2, 3)]
+        return [named[0], *first, named[1], *second, named[2]]
+
+    def keeps(self, offset: FloatArray, shape: Shape, highest: float = 5.0) -> bool:
+        """Whether a stretch keeps all limits, a little inside.
+
+        Looked at with 40 samples for each period of its highest frequency (Hz): nothing between
+        them rises above what is seen by more than 0.4 %.
+        """
+        step = max(1, int(self.rate / (_SAMPLES_PER_PERIOD * highest)))
+        position, velocity, acceleration = (part[::step] for part in shape)
+        start = self.posture + offset
+        motion = Trajectory(
+            self.model.robot.joints, self.rate, start + position, velocity, acceleration
+        )
+        limits = replace(self.limits, margin=_INSIDE * self.limits.margin)
+        return limit_use(self.model.robot, limits, self.frames, motion).within(limits)
+
+    def _fit(self, make: Callable[[float], SegmentPlan]) -> SegmentPlan:
+        """Largest size from 1 downwards at which a segment keeps all limits."""
+        size = 1.0
+        for _ in range(40):
+            plan = make(size)
+            if self.keeps(plan.offset, plan.shape, *(plan.frequency or ())[1:]):
+                return plan
+            size *= 0.9
+        raise DataError(f"{make(size).name}: no size of this segment keeps the limits")
+
+    def _room(self, centre: FloatArray) -> FloatArray:
+        """Distance (n_joints,) from a posture to the nearer position limit, with margin."""
+        inner = 0.995 * self.limits.margin * self.limits.half_range
+        return np.asarray(inner - np.abs(centre - self.limits.middle))
+
+    def _ramp(self, speed: FloatArray) -> float:
+        allowed = 0.5 * self.limits.margin * self.limits.acceleration
+        return max(_SHORTEST_RAMP, float(np.max(1.5 * np.abs(speed) / allowed)))
+
+    def _pattern(self, alternate: bool) -> FloatArray:
+        joints = len(self.posture)
+        return np.where(np.arange(joints) % 2 == 1, -1.0, 1.0) if alternate else np.ones(joints)
+
+    def _repeat(self, seconds: float) -> SegmentPlan:
+        def make(size: float) -> SegmentPlan:
+            # Half of the room, and no faster than half of the velocity limit.
+            half = seconds / 2.0
+            slow = 0.5 * self.limits.margin * self.limits.velocity * half / 1.875
+            way = size * np.minimum(0.5 * self._room(self.posture), slow)
+            there = rest_to_rest(way, half, self.rate)
+            back = rest_to_rest(-way, half, self.rate)
+            shape = (
+                np.vstack([there[0], way + back[0]]),
+                np.vstack([there[1], back[1]]),
+                np.vstack([there[2], back[2]]),
+            )
+            return SegmentPlan("repeat", "repeat", np.zeros_like(way), shape, amplitude=way)
+
+        return self._fit(make)
+
+    def _sweeps(self, seconds: float) -> Iterator[SegmentPlan]:
+        for alternate, name in ((False, "same_direction"), (True, "opposite_directions")):
+            if alternate and len(self.posture) == 1:
+                return
+
+            def make(size: float, name: str = name, alternate: bool = alternate) -> SegmentPlan:
+                return self._sweep(f"range_sweep_{name}", self._pattern(alternate), size, seconds)
+
+            yield self._fit(make)
+
+    def _sweep(self, name: str, pattern: FloatArray, size: float, seconds: float) -> SegmentPlan:
+        inner = 0.995 * self.limits.margin * self.limits.half_range
+        low = size * (self.limits.middle - pattern * inner - self.posture)
+        high = size * (self.limits.middle + pattern * inner - self.posture)
+        ramp = self._ramp(self.limits.velocity)
+        plateau = max(seconds / 2.0 - 2.0 * ramp, ramp)
+        speed = (high - low) / (plateau + ramp)
+        return self._constant(name, "range_sweep", low, speed, plateau, ramp)
+
+    def _creeps(self, seconds: float) -> Iterator[SegmentPlan]:
+        slot = seconds / len(CREEP_SHARES) / 2.0
+        room = self._room(self.posture)
+        for number, share in enumerate(CREEP_SHARES, start=1):
+            speed = share * self.limits.velocity
+            yield self._plateau(f"creep_{number}", "creep", self.posture, room, speed, slot)
+
+    def _plateaus(self, seconds: float) -> Iterator[SegmentPlan]:
+        """At each posture the fastest first: the slower ones stay on its way."""
+        slot = seconds / len(PLATEAU_SHARES) / 4.0
+        shift = 0.4 * self._room(self.posture) * self._pattern(True)
+        for place, pattern in ((1, self._pattern(False)), (2, self._pattern(True))):
+            centre = self.posture + (shift if place == 2 else 0.0)
+            room = self._room(centre)
+            speed = 0.995 * self.limits.margin * self.limits.velocity
+            shortest = _SHORTEST_PLATEAU + self._ramp(speed)
+            # Where the range is too short for a plateau at full speed, slower.
+            speed = pattern * np.minimum(speed, 2.0 * room / shortest)
+            for number, share in enumerate(PLATEAU_SHARES, start=1):
+                name = f"plateau_{number}_posture_{place}"
+                plan = self._plateau(name, "plateau", centre, room, share * speed, slot)
+                if plan.speed is not None and number == 1:
+                    speed, room = plan.speed, 0.5 * np.abs(plan.shape[0]).max(axis=0)
+                yield plan
+
+    def _plateau(
+        self,
+        name: str,
+        kind: str,
+        centre: FloatArray,
+        room: FloatArray,
+        fastest: FloatArray,
+        slot: float,
+    ) -> SegmentPlan:
+        def make(size: float) -> SegmentPlan:
+            speed = size * fastest
+            ramp = self._ramp(speed)
+            # The joint with the least room sets how long all of them keep their speed.
+            longest = float(np.min(2.0 * room / np.abs(speed))) - ramp
+            plateau = max(min(slot - 2.0 * ramp, longest), _SHORTEST_PLATEAU)
+            offset = centre - self.posture - 0.5 * speed * (plateau + ramp)
+            return self._constant(name, kind, offset, speed, plateau, ramp)
+
+        return self._fit(make)
+
+    def _constant(
+        self,
+        name: str,
+        kind: str,
+        offset: FloatArray,
+        speed: FloatArray,
+        plateau: float,
+        ramp: float,
+    ) -> SegmentPlan:
+        shape = there_and_back(speed, plateau, ramp, self.rate)
+        return SegmentPlan(name, kind, offset, shape, speed=speed)
+
+    def _reversals(self, seconds: float) -> Iterator[SegmentPlan]:
+        joints = len(self.posture)
+        for amplitude, frequency in REVERSALS:
+            slot = max(seconds / len(REVERSALS), 4.0 / frequency)
+
+            def make(
+                size: float, a: float = amplitude, f: float = frequency, slot: float = slot
+            ) -> SegmentPlan:
+                return reversals(joints, a, f, size, slot, self.rate)
+
+            yield self._fit(make)
+
+    def _multisine(self, seconds: float) -> SegmentPlan:
+        highest = np.minimum(BANDWIDTHS * self.bandwidth, self.rate / 10.0)
+        whole = multisine(highest, MULTISINE_AMPLITUDE, seconds, self.rate, self.seed)
+        amplitude = np.full(len(highest), MULTISINE_AMPLITUDE)
+
+        def make(size: float) -> SegmentPlan:
+            position, velocity, acceleration = whole.shape
+            shape = (size * position, size * velocity, size * acceleration)
+            return replace(whole, shape=shape, amplitude=size * amplitude)
+
+        return self._fit(make)

@@ -1,0 +1,164 @@
+"""What a motion may use of the robot: limits of joints, drives and space."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.model import InverseModel
+from idim_iv_ros.simulation import mass_matrix
+
+FloatArray = NDArray[np.float64]
+
+# Where nothing limits the acceleration: half of the torque limit moves the joint's own inertia,
+# and full speed takes this long at least.
+SHARE_OF_TORQUE = 0.5
+SECONDS_TO_FULL_SPEED = 0.1
+_POSTURES = 200
+_SEED = 11
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """Limits of a motion, (n_joints,) each, as the robot has them.
+
+    Attributes
+    ----------
+    lower, upper : rad (m)
+    velocity : rad/s (m/s)
+    acceleration : rad/s² (m/s²)
+    torque : N m (N)
+    torque_known : bool
+        Whether the given model has inertials, so that torques can be predicted.
+    floor : float or None
+        Height in the base frame above which every moving frame stays, m.
+    margin : float
+        Share of each limit that a motion may use; of a position range, about its middle.
+    """
+
+    lower: FloatArray
+    upper: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    torque: FloatArray
+    torque_known: bool
+    floor: float | None
+    margin: float
+
+    @property
+    def middle(self) -> FloatArray:
+        """Middle of each position range (n_joints,)."""
+        return 0.5 * (self.lower + self.upper)
+
+    @property
+    def half_range(self) -> FloatArray:
+        """Half of each position range (n_joints,), without margin."""
+        return 0.5 * (self.upper - self.lower)
+
+
+def motion_limits(
+    model: InverseModel,
+    configuration: Configuration,
+    *,
+    margin: float = 0.9,
+    acceleration: Sequence[float] | None = None,
+    floor: float | None = None,
+) -> MotionLimits:
+    """Gather the limits of the URDF, the configuration and the request.
+
+    The torque limit is the smaller of the URDF's effort and ``controller.torque_limit``. A
+    revolute joint without position limits gets ±π. Without `acceleration`, a joint may take
+    half of its torque limit over the mean of its diagonal element of the mass matrix (given
+    model, 200 postures), and at most what reaches its full speed in 0.1 s.
+
+    Parameters
+    ----------
+    margin
+        Share of each limit that may be used, above 0 and up to 1.
+    acceleration
+        One value for all joints or one for each, rad/s² (m/s²).
+    floor
+        Height in the base frame, m.
+
+    Raises
+    ------
+    UsageError
+        A joint without a limit that is needed, or a value outside its range.
+    """
+    robot = model.robot
+    if not 0.0 < margin <= 1.0:
+        raise UsageError(f"margin {margin:g}: a share above 0 and up to 1 is needed")
+    if floor is not None and not np.isfinite(floor):
+        raise UsageError(f"floor {floor:g}: a height in m is needed")
+    lower, upper = _positions(model)
+    velocity = _needed(model, robot.limits.velocity, "velocity", "<limit velocity> of the URDF")
+    configured = configuration.controller.torque_limit
+    torque = np.where(robot.limits.effort > 0.0, robot.limits.effort, np.inf)
+    if configured is not None:
+        torque = np.minimum(torque, configured)
+    torque = _needed(
+        model, torque, "effort", "<limit effort> of the URDF or controller.torque_limit"
+    )
+    limits = MotionLimits(
+        lower=lower,
+        upper=upper,
+        velocity=velocity,
+        acceleration=np.full(len(robot.joints), np.inf),
+        torque=torque,
+        torque_known=robot.has_inertials,
+        floor=floor,
+        margin=margin,
+    )
+    values = (
+        _default_acceleration(model, limits)
+        if acceleration is None
+        else _per_joint(acceleration, len(robot.joints))
+    )
+    return MotionLimits(**{**limits.__dict__, "acceleration": values})
+
+
+def _positions(model: InverseModel) -> tuple[FloatArray, FloatArray]:
+    robot = model.robot
+    unlimited = ~(np.isfinite(robot.limits.lower) & np.isfinite(robot.limits.upper))
+    for joint, joint_type, open_ended in zip(
+        robot.joints, robot.joint_types, unlimited, strict=True
+    ):
+        if open_ended and joint_type == "prismatic":
+            raise UsageError(
+                f"joint {joint} has no position limits: a prismatic joint needs "
+                "<limit lower upper> in the URDF"
+            )
+    lower = np.where(unlimited, -np.pi, robot.limits.lower)
+    upper = np.where(unlimited, np.pi, robot.limits.upper)
+    return lower, upper
+
+
+def _needed(model: InverseModel, values: FloatArray, what: str, where: str) -> FloatArray:
+    for joint, value in zip(model.robot.joints, values, strict=True):
+        if not (np.isfinite(value) and value > 0.0):
+            raise UsageError(f"joint {joint} has no {what} limit: give {where}")
+    return np.asarray(values, dtype=float)
+
+
+def _per_joint(acceleration: Sequence[float], joints: int) -> FloatArray:
+    values = np.asarray(acceleration, dtype=float)
+    if len(values) not in (1, joints):
+        raise UsageError(f"acceleration has {len(values)} values for {joints} joints")
+    if not np.all(np.isfinite(values) & (values > 0.0)):
+        raise UsageError("acceleration: positive values in rad/s² (m/s²) are needed")
+    return np.broadcast_to(values, (joints,)).copy()
+
+
+def _default_acceleration(model: InverseModel, limits: MotionLimits) -> FloatArray:
+    quick = limits.velocity / SECONDS_TO_FULL_SPEED
+    if not limits.torque_known:
+        return quick
+    random = np.random.default_rng(_SEED)
+    postures = random.uniform(limits.lower, limits.upper, (_POSTURES, len(limits.lower)))
+    mass = mass_matrix(model.robot, model.robot.given, postures)
+    inertia = np.mean(np.diagonal(mass, axis1=1, axis2=2), axis=0)
+    strong = SHARE_OF_TORQUE * limits.torque / np.maximum(inertia, 1e-9)
+    return np.asarray(np.minimum(quick, strong))

@@ -1,0 +1,161 @@
+"""Search for a motion: random starts, their improvement, the scaling to the limits."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.excitation.cost import ExcitationCost
+from idim_iv_ros.excitation.criterion import ConditionNumbers, condition_numbers
+from idim_iv_ros.excitation.design_settings import SAMPLES_PER_HARMONIC, DesignSettings
+from idim_iv_ros.excitation.fourier import FourierBasis
+from idim_iv_ros.excitation.heights import MovingFrames, require_reachable
+from idim_iv_ros.excitation.limit_use import limit_use
+from idim_iv_ros.excitation.limits import MotionLimits
+from idim_iv_ros.excitation.trajectory import Trajectory
+from idim_iv_ros.model import InverseModel
+
+FloatArray = NDArray[np.float64]
+
+# p of the criterion, weight of the penalties, iterations: from smooth and lenient to sharp.
+_FIRST = (1.0, 10.0, 40)
+_LATER = ((2.0, 10.0, 60), (4.0, 30.0, 80), (16.0, 100.0, 120), (16.0, 1000.0, 60))
+_RANDOM_STARTS = 5
+_KEPT = 2
+_POINTS = 100
+# The design aims this far inside the margin, for what lies between the points of its grid.
+_INSIDE = 0.995
+
+
+class Search:
+    """Random starts, their improvement, and the scaling to the limits."""
+
+    def __init__(
+        self,
+        model: InverseModel,
+        limits: MotionLimits,
+        frames: MovingFrames,
+        settings: DesignSettings,
+        progress: Callable[[str, float], None],
+    ) -> None:
+        self.basis = FourierBasis(settings.period, settings.harmonics)
+        self.frames = frames
+        if limits.floor is not None:
+            inner = limits.margin * limits.half_range
+            require_reachable(
+                self.frames, limits.floor, limits.middle - inner, limits.middle + inner
+            )
+        self.model, self.limits, self.settings = model, limits, settings
+        self.progress = progress
+        self.ended_early = False
+        points = max(_POINTS, SAMPLES_PER_HARMONIC * settings.harmonics)
+        weights = 1.0 / limits.torque
+        self.cost = ExcitationCost(
+            model=model,
+            limits=replace(limits, margin=_INSIDE * limits.margin),
+            frames=self.frames,
+            basis=self.basis,
+            shapes=self.basis.shapes(np.arange(points) * settings.period / points),
+            row_weights=weights,
+            start=settings.start,
+            power=1.0,
+            weight=1.0,
+        )
+        self.planned = _RANDOM_STARTS * _FIRST[2] + _KEPT * sum(step[2] for step in _LATER)
+        self.done = 0
+        self.best = np.inf
+
+    def run(
+        self, deadline: float
+    ) -> tuple[list[ConditionNumbers], list[tuple[Trajectory, ConditionNumbers]]]:
+        """Condition numbers of random motions; designed motions with theirs."""
+        random = np.random.default_rng(self.settings.seed)
+        starts = [self._random(random) for _ in range(_RANDOM_STARTS)]
+        before = [self._feasible(x) for x in starts]
+        first = [self._improve(x, (_FIRST,), deadline) for x in starts]
+        first.sort(key=lambda x: replace(self.cost, power=_FIRST[0], weight=_FIRST[1])(x)[0])
+        later = [self._improve(x, _LATER, deadline) for x in first[:_KEPT]]
+        self.progress("checking every sample", 1.0)
+        # An unfinished search may have left the limits: earlier stages stand in.
+        found = [self._feasible(x) for x in later]
+        if not any(found):
+            found = [self._feasible(x) for x in (*first, *starts)]
+        kept = [pair for pair in found if pair is not None]
+        if not kept:
+            raise DataError(
+                "no motion within the limits was found: try another --seed, a larger --margin, "
+                "a longer --period or a lower --floor"
+            )
+        return [pair[1] for pair in before if pair is not None] or [kept[0][1]], kept
+
+    def _random(self, random: np.random.Generator) -> FloatArray:
+        """Gaussian coefficients, scaled joint by joint to the position and velocity limits."""
+        joints = len(self.limits.lower)
+        start = random.uniform(-0.3, 0.3, joints) * self.limits.margin
+        coefficients = random.normal(size=(self.basis.size, joints))
+        x = np.concatenate([start, coefficients.ravel()])
+        posture, coefficients = self.cost.unpack(x)
+        position, velocity, _ = (shape @ coefficients for shape in self.cost.shapes)
+        room = self.limits.margin * self.limits.half_range - np.abs(posture - self.limits.middle)
+        scale = np.minimum(
+            room / np.abs(position).max(axis=0),
+            self.limits.margin * self.limits.velocity / np.abs(velocity).max(axis=0),
+        )
+        x[joints:] = (coefficients * scale / self.limits.half_range).ravel()
+        return x
+
+    def _improve(
+        self, x: FloatArray, steps: tuple[tuple[float, float, int], ...], deadline: float
+    ) -> FloatArray:
+        for power, weight, iterations in steps:
+            if time.monotonic() > deadline:
+                self.ended_early = True
+                return x
+            cost = replace(self.cost, power=power, weight=weight)
+            before = self.done
+
+            def watch(intermediate_result: object) -> None:
+                self.done += 1
+                self._show(float(np.exp(intermediate_result.fun)))  # type: ignore[attr-defined]
+                if time.monotonic() > deadline:
+                    self.ended_early = True
+                    raise StopIteration
+
+            options = {"maxiter": iterations, "maxcor": 30}
+            x = minimize(cost, x, jac=True, method="L-BFGS-B", callback=watch, options=options).x
+            self.done = before + iterations
+        return np.asarray(x)
+
+    def _show(self, bound: float) -> None:
+        self.best = min(self.best, bound)
+        self.progress(f"condition number < {self.best:.4g}", min(self.done / self.planned, 1.0))
+
+    def _feasible(self, x: FloatArray) -> tuple[Trajectory, ConditionNumbers] | None:
+        """Scale a motion about its start posture until every sample keeps every limit."""
+        low, high, motion = 0.0, 1.0, None
+        trial = 1.0
+        for _ in range(12):
+            candidate = self._sampled(x, trial)
+            use = limit_use(self.model.robot, self.limits, self.frames, candidate)
+            if use.within(self.limits):
+                low, motion = trial, candidate
+                if trial == 1.0:
+                    break
+            else:
+                high = trial
+            trial = 0.5 * (low + high) if low > 0.0 or high < 0.9 else high - 0.01
+        if motion is None:
+            return None
+        return motion, condition_numbers(self.model, motion, self.limits.torque)
+
+    def _sampled(self, x: FloatArray, scale: float) -> Trajectory:
+        start, coefficients = self.cost.unpack(x)
+        samples = round(self.settings.period * self.settings.rate)
+        shapes = self.basis.shapes(np.arange(samples) / self.settings.rate)
+        position, velocity, acceleration = (scale * (shape @ coefficients) for shape in shapes)
+        joints = self.model.robot.joints
+        return Trajectory(joints, self.settings.rate, start + position, velocity, acceleration)

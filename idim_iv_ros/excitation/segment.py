@@ -1,0 +1,95 @@
+"""Labelled stretches of a diagnosis motion, and what each of them reveals."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.excitation.shapes import Shape
+
+FloatArray = NDArray[np.float64]
+
+# Effects by kind of segment, with the names of the gap's causes.
+EFFECTS: dict[str, tuple[str, ...]] = {
+    "repeat": ("friction_drift", "payload", "link_inertia"),
+    "range_sweep": (
+        *("position_dependent_friction", "position_ripple", "encoder_eccentricity", "spring"),
+        *("gravity_direction", "load_dependent_friction", "asymmetric_friction", "backlash"),
+    ),
+    "creep": ("stribeck", "backlash"),
+    "plateau": (
+        *("nonlinear_viscous", "asymmetric_friction", "friction_level"),
+        *("load_dependent_friction", "joint_coupling"),
+    ),
+    "reversals": ("presliding", "backlash"),
+    "multisine": (
+        *("elasticity", "time_delay", "controller_mismatch", "drive_inertia", "link_inertia"),
+    ),
+}
+NOT_REVEALED = {
+    "torque_gain": "needs a known load: repeat the motion with a payload of known mass",
+    "torque_saturation": "needs torques near the limit: add a payload, or raise --margin",
+}
+
+
+@dataclass(frozen=True)
+class SegmentPlan:
+    """A stretch before it has its place in time.
+
+    Attributes
+    ----------
+    name, kind : str
+    offset : (n_joints,)
+        Where it starts, relative to the base posture, rad (m).
+    shape : position, velocity, acceleration relative to its start
+    speed : (n_joints,) or None
+        Constant speeds of the way there, rad/s (m/s); the way back has the opposite.
+    amplitude : (n_joints,) or None
+        Largest deviation, rad (m).
+    frequency : (lowest, highest) Hz or None
+    """
+
+    name: str
+    kind: str
+    offset: FloatArray
+    shape: Shape
+    speed: FloatArray | None = None
+    amplitude: FloatArray | None = None
+    frequency: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch with its place in the motion.
+
+    Attributes
+    ----------
+    plan : SegmentPlan
+    start, end : float
+        s
+    effects : tuple of str
+    """
+
+    plan: SegmentPlan
+    start: float
+    end: float
+    effects: tuple[str, ...]
+
+    def document(self) -> dict[str, object]:
+        """Row of the side table, for JSON: s, rad/s (m/s), rad (m), Hz."""
+        plan = self.plan
+        return {
+            "name": plan.name,
+            "kind": plan.kind,
+            "start": round(self.start, 9),
+            "end": round(self.end, 9),
+            "effects": list(self.effects),
+            "speed": None if plan.speed is None else [float(v) for v in plan.speed],
+            "amplitude": None if plan.amplitude is None else [float(a) for a in plan.amplitude],
+            "frequency": None if plan.frequency is None else list(plan.frequency),
+        }
+
+
+def effects_of(kind: str, joints: int) -> tuple[str, ...]:
+    """Effects that a kind of segment reveals on a robot with so many joints."""
+    return tuple(name for name in EFFECTS[kind] if joints > 1 or name != "joint_coupling")

@@ -1,0 +1,154 @@
+"""A motion that a robot is asked for, and its CSV file."""
+
+import contextlib
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.errors import UsageError
+
+FloatArray = NDArray[np.float64]
+
+SIGNALS = ("position", "velocity", "acceleration")
+# Stamps may be rounded to this share of a period.
+_JITTER = 0.05
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Positions, velocities and accelerations on a uniform grid that starts at 0 s.
+
+    Attributes
+    ----------
+    joints : tuple of str
+    rate : float
+        Samples per second.
+    position, velocity, acceleration : (n_samples, n_joints)
+        rad, rad/s, rad/s² (m, m/s, m/s² for prismatic joints).
+    """
+
+    joints: tuple[str, ...]
+    rate: float
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+    @property
+    def time(self) -> FloatArray:
+        """Stamps (n_samples,) s."""
+        return np.asarray(np.arange(len(self.position)) / self.rate)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first to the last sample."""
+        return (len(self.position) - 1) / self.rate
+
+
+def read_trajectory(path: Path) -> Trajectory:
+    """Read a trajectory from CSV: ``time,<joint>.position,…[,<joint>.velocity,…]``.
+
+    Columns may stand in any order; others are ignored. Velocities and accelerations that are
+    missing are central differences of what is there, second order at the ends too.
+
+    Raises
+    ------
+    UsageError
+        Unreadable file, missing columns, a cell that is not a finite number, fewer than three
+        samples, or stamps that are not uniform. The message is one line and names the file.
+    """
+    header, table = _read_table(path)
+    columns = {name: table[:, place] for place, name in enumerate(header)}
+    joints = tuple(name[: -len(".position")] for name in header if name.endswith(".position"))
+    if "time" not in columns or not joints:
+        raise UsageError(f"{path}: the columns time and <joint>.position are needed")
+    rate = _rate(path, columns["time"])
+    position = np.column_stack([columns[f"{joint}.position"] for joint in joints])
+    velocity = _derivative(path, columns, joints, "velocity", position, rate)
+    acceleration = _derivative(path, columns, joints, "acceleration", velocity, rate)
+    return Trajectory(joints, rate, position, velocity, acceleration)
+
+
+def write_csv(trajectory: Trajectory, file: TextIO) -> None:
+    """Write every sample; what `read_trajectory` reads, to ten digits."""
+    names = [f"{joint}.{signal}" for signal in SIGNALS for joint in trajectory.joints]
+    csv.writer(file, lineterminator="\n").writerow(["time", *names])
+    signals = (trajectory.position, trajectory.velocity, trajectory.acceleration)
+    table = np.column_stack([trajectory.time, *signals])
+    np.savetxt(file, table, fmt="%.10g", delimiter=",")
+
+
+def _read_table(path: Path) -> tuple[list[str], FloatArray]:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = [row for row in csv.reader(file) if row]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not a CSV text file"
+        raise UsageError(f"{path}: cannot read the trajectory: {reason}") from error
+    if not rows:
+        raise UsageError(f"{path}: the file is empty")
+    header = [name.strip() for name in rows[0]]
+    repeated = {name for name in header if header.count(name) > 1}
+    if repeated:
+        raise UsageError(f"{path}: the column {min(repeated)} stands there twice")
+    if len(rows) < 4:
+        raise UsageError(f"{path}: {len(rows) - 1} samples; at least 3 are needed")
+    for line, row in enumerate(rows[1:], start=2):
+        if len(row) != len(header):
+            raise UsageError(f"{path}, line {line}: {len(row)} cells for {len(header)} columns")
+    return header, _numbers(path, header, rows[1:])
+
+
+def _numbers(path: Path, header: Sequence[str], rows: Sequence[Sequence[str]]) -> FloatArray:
+    used = [
+        place
+        for place, name in enumerate(header)
+        if name == "time" or name.rpartition(".")[2] in SIGNALS
+    ]
+    table = np.full((len(rows), len(header)), np.nan)
+    for index, row in enumerate(rows):
+        for place in used:
+            with contextlib.suppress(ValueError):
+                table[index, place] = float(row[place])
+            if not np.isfinite(table[index, place]):
+                raise UsageError(
+                    f"{path}, line {index + 2}: {header[place]} is {row[place]!r}, "
+                    "not a finite number"
+                )
+    return table
+
+
+def _rate(path: Path, time: FloatArray) -> float:
+    steps = np.diff(time)
+    step = float((time[-1] - time[0]) / len(steps))
+    if step <= 0.0 or np.any(steps <= 0.0):
+        raise UsageError(f"{path}: the stamps do not increase")
+    if np.max(np.abs(steps - step)) > _JITTER * step:
+        raise UsageError(
+            f"{path}: the stamps are not uniform: steps of {steps.min():.4g} to "
+            f"{steps.max():.4g} s; resample the trajectory"
+        )
+    # Decimal stamps: 1 / mean step is 999.9999999998 for 1000 per second.
+    return float(np.round(1.0 / step, 6))
+
+
+def _derivative(
+    path: Path,
+    columns: dict[str, FloatArray],
+    joints: Sequence[str],
+    signal: str,
+    integral: FloatArray,
+    rate: float,
+) -> FloatArray:
+    names = [f"{joint}.{signal}" for joint in joints]
+    present = [name for name in names if name in columns]
+    if not present:
+        return np.asarray(np.gradient(integral, 1.0 / rate, axis=0, edge_order=2))
+    if len(present) < len(names):
+        missing = next(name for name in names if name not in columns)
+        raise UsageError(f"{path}: {present[0]} is there, {missing} is missing; give all or none")
+    return np.column_stack([columns[name] for name in names])

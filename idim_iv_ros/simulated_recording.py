@@ -1,0 +1,161 @@
+"""Bags of a simulated robot: what a recorder on it would have written."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.excitation import Trajectory
+from idim_iv_ros.recording import JointTopic, write_bag
+from idim_iv_ros.simulated_robot import SimulatedRobot, simulated_robot
+from idim_iv_ros.simulation import SimulatedRecording
+from idim_iv_ros.stopwatch import Progress, Stopwatch
+
+FloatArray = NDArray[np.float64]
+
+TRUTH = ".truth.json"
+
+
+@dataclass(frozen=True)
+class SimulatedBag:
+    """One bag that was written.
+
+    Attributes
+    ----------
+    path : Path
+    seed : int
+    samples : int
+    rate, duration : float
+        Hz, s.
+    peak_torque : (n_joints,) N m
+        Largest recorded effort.
+    peak_error : (n_joints,) rad
+        Largest distance between reference and true position.
+    """
+
+    path: Path
+    seed: int
+    samples: int
+    rate: float
+    duration: float
+    peak_torque: FloatArray
+    peak_error: FloatArray
+
+
+def simulate(
+    configuration: Configuration,
+    out: Path,
+    trajectory: Trajectory,
+    *,
+    seeds: Sequence[int] = (1,),
+    progress: Progress | None = None,
+) -> tuple[list[SimulatedBag], Path]:
+    """Write one bag for each seed, and the true base parameters beside them.
+
+    Topics: the joint states and the reference of the configuration (``/joint_reference`` where
+    it names none), and ``/robot_description`` with the URDF of the given model.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        With a URDF and a control law; `simulated_robot` says how the robot differs from both.
+    out : Path
+        The bag; with several seeds ``-SEED`` is put before its suffix.
+    trajectory : Trajectory
+        References; the robot starts on its first sample.
+
+    Returns
+    -------
+    list of SimulatedBag, Path
+        The bags, and the JSON file ``{name: value}`` of the true base parameters.
+
+    Raises
+    ------
+    UsageError
+        The configuration cannot be simulated, or a file cannot be written.
+    DataError
+        The closed loop diverged.
+    """
+    urdf = configuration.robot.urdf
+    if urdf is None:
+        raise UsageError(f"{configuration.source}: robot.urdf is needed to simulate")
+    if len(set(seeds)) != len(seeds):
+        raise UsageError("--seed: a seed is given twice")
+    if not out.parent.is_dir():
+        raise UsageError(f"{out}: no folder {out.parent}")
+    text = urdf.read_text(encoding="utf-8")
+    robot = simulated_robot(configuration, text, urdf.name)
+    bags = []
+    with Stopwatch(progress) as watch:
+        for count, seed in enumerate(seeds):
+            watch.stage(f"simulating seed {seed}", count / len(seeds))
+            record = robot.record(trajectory, seed)
+            path = out if len(seeds) == 1 else out.with_name(f"{out.stem}-{seed}{out.suffix}")
+            watch.stage(f"writing {path.name}", (count + 0.7) / len(seeds))
+            write_bag(path, _topics(configuration, robot, record), robot_description=text)
+            bags.append(_summary(path, seed, record))
+    truth = out.with_name(out.stem + TRUTH)
+    try:
+        truth.write_text(json.dumps(robot.truth, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{truth}: cannot be written: {error.strerror or error}") from error
+    return bags, truth
+
+
+def _topics(
+    configuration: Configuration, robot: SimulatedRobot, record: SimulatedRecording
+) -> list[JointTopic]:
+    """Messages on the recorder's side of transmission, offsets and effort scale."""
+    section, signals = configuration.robot, configuration.signals
+    joints = section.joints
+    to_motor = np.eye(len(joints))
+    if section.motor_to_joint is not None:
+        to_motor = np.array(section.motor_to_joint)
+    to_torque = to_motor.T
+    if section.motor_to_joint_torque is not None:
+        to_torque = np.array(section.motor_to_joint_torque)
+    offset = np.array(section.position_offset or [0.0] * len(joints))
+    scale = np.array(signals.effort_scale or [1.0] * len(joints))
+    effort = record.effort @ np.linalg.inv(to_torque * scale).T
+    reference_velocity = record.velocity_reference
+    if reference_velocity is not None:
+        reference_velocity = reference_velocity @ to_motor.T
+    states = signals.joint_states
+    separate = signals.effort not in (None, states)
+    topics = [
+        JointTopic(
+            states,
+            joints,
+            record.time,
+            (record.position - offset) @ to_motor.T,
+            effort=None if separate else effort,
+        ),
+        JointTopic(
+            signals.reference or "/joint_reference",
+            joints,
+            np.arange(len(record.time)) / record.rate,
+            (record.position_reference - offset) @ to_motor.T,
+            reference_velocity,
+        ),
+    ]
+    if separate and signals.effort is not None:
+        topics.append(JointTopic(signals.effort, joints, record.time, effort=effort))
+    return topics
+
+
+def _summary(path: Path, seed: int, record: SimulatedRecording) -> SimulatedBag:
+    truth = record.truth.position[:: record.control_ratio][: len(record.position_reference)]
+    return SimulatedBag(
+        path=path,
+        seed=seed,
+        samples=len(record.time),
+        rate=record.rate,
+        duration=(len(record.time) - 1) / record.rate,
+        peak_torque=np.abs(record.effort).max(axis=0),
+        peak_error=np.abs(truth - record.position_reference).max(axis=0),
+    )

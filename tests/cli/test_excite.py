@@ -1,0 +1,148 @@
+"""`idim-iv excite` as a user runs it."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from idim_iv_ros.excitation import files, read_trajectory
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+QUICK = ("--rate", 100, "--period", 6, "--harmonics", 3, "--repeats", 2)
+
+
+def test_identification_writes_trajectory_message_and_figures(run, config, tmp_path: Path) -> None:
+    out = tmp_path / "run.csv"
+    done = run("excite", "--config", config(), "--out", out, *QUICK)
+    assert done.status == 0, done.error
+    assert "condition number" in done.out
+    assert "joint_2" in done.out
+    assert "ended the search" not in done.out
+    assert {path.name for path in tmp_path.glob("run*")} == {"run.csv", "run.yaml", "run.json"}
+    motion = read_trajectory(out)
+    assert motion.joints == ("joint_1", "joint_2")
+    assert motion.duration == pytest.approx(12.0)
+    assert motion.rate == 100.0
+    figures = json.loads((tmp_path / "run.json").read_text())
+    assert figures["format"] == "idim_iv_ros/excitation/1"
+    assert figures["settings"]["seed"] == 1
+    assert figures["ended_early"] is False
+    numbers = figures["condition_number"]
+    assert numbers["designed"]["weighted"] < numbers["random_median"]["weighted"]
+    assert len(figures["parameters"]) == 13
+    assert max(figures["use"]["velocity"]) <= 0.9
+    message = YAML(typ="safe", pure=True).load((tmp_path / "run.yaml").read_text())
+    assert len(message["points"]) == 12 * 20 + 1
+    np.testing.assert_allclose(message["points"][10]["positions"], motion.position[50], atol=1e-7)
+
+
+def test_short_time_limit_is_admitted(run, config, tmp_path: Path) -> None:
+    done = run(
+        *("excite", "--config", config(), "--out", tmp_path / "run", "--time-limit", 0.001),
+        *QUICK,
+    )
+    assert done.status == 0, done.error
+    assert "The time limit ended the search early" in done.out
+    assert json.loads((tmp_path / "run.json").read_text())["ended_early"] is True
+
+
+def test_diagnosis_writes_its_segments(run, config, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    done = run(
+        *("excite", "--config", config(), "--out", out, "--for", "diagnosis"),
+        *("--duration", 90, "--rate", 200, "--floor", -0.2),
+    )
+    assert done.status == 0, done.error
+    assert "stribeck" in done.out
+    with (tmp_path / "run.segments.csv").open() as file:
+        table = list(csv.DictReader(file))
+    figures = json.loads((tmp_path / "run.json").read_text())
+    assert [row["name"] for row in table] == [s["name"] for s in figures["segments"]]
+    motion = read_trajectory(tmp_path / "run.csv")
+    assert float(table[-1]["end"]) <= motion.duration <= 90.0
+    starts = [float(row["start"]) for row in table]
+    assert starts == sorted(starts)
+    assert "presliding" in " ".join(row["effects"] for row in table)
+
+
+def test_robot_without_inertials_is_told_that_torques_were_not_checked(run, tmp_path: Path) -> None:
+    done = run(
+        *("excite", "--config", CONFIG / "ur10.yaml", "--out", tmp_path / "run"),
+        *("--time-limit", 0.001, *QUICK),
+    )
+    assert done.status == 0, done.error
+    assert "Torques were not checked" in done.out
+    assert json.loads((tmp_path / "run.json").read_text())["limits"]["torque_checked"] is False
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("--floor", 5), "floor 5 m cannot be kept"),
+        (("--start", "0,9"), "start of joint joint_2, 9, lies outside"),
+        (("--start", "0,x"), "numbers separated by commas"),
+        (("--start", "0"), "1 values for 2 joints"),
+        (("--acceleration", "1,2,3"), "3 values for 2 joints"),
+        (("--acceleration", "0"), "positive"),
+        (("--margin", 1.5), "margin 1.5"),
+        (("--period", 0), "period 0"),
+        (("--rate", 0), "rate 0: samples per second above 0"),
+        (("--harmonics", 1), "harmonics"),
+        (("--message-rate", 5000), "5000 points per second"),
+        (("--torque-noise", 0), "torque noise 0"),
+        (("--time-limit", -1), "time limit -1"),
+        (("--for", "diagnosis", "--duration", 5), "duration 5"),
+    ],
+)
+def test_bad_request_is_one_line_and_leaves_nothing(
+    run, config, tmp_path: Path, arguments: tuple[object, ...], complaint: str
+) -> None:
+    folder = tmp_path / "new"
+    folder.mkdir()
+    done = run("excite", "--config", config(), "--out", folder / "run", *arguments)
+    assert done.status == 2, done.out
+    assert complaint in done.error
+    assert len(done.error.strip().splitlines()) == 1
+    assert not list(folder.iterdir())
+
+
+def test_missing_velocity_limit_names_the_joint(run, config, tmp_path: Path) -> None:
+    urdf = tmp_path / "arm.urdf"
+    text = (CONFIG / "arm2.urdf").read_text()
+    assert 'velocity="6.0"' in text
+    urdf.write_text(text.replace('velocity="6.0"', 'velocity="0"'))
+    path = config((str(CONFIG / "arm2.urdf"), str(urdf)))
+    done = run("excite", "--config", path, "--out", tmp_path / "run")
+    assert done.status == 2
+    assert "joint joint_2 has no velocity limit" in done.error
+
+
+@pytest.mark.parametrize("place", ["missing/run", "."])
+def test_place_that_cannot_be_written_is_refused_before_the_search(
+    run, config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
+) -> None:
+    monkeypatch.setattr("idim_iv_ros.cli.excite.excite", lambda *a, **k: pytest.fail("searched"))
+    done = run("excite", "--config", config(), "--out", tmp_path / place)
+    assert done.status == 2
+    assert "cannot write the trajectory there" in done.error
+
+
+def test_full_disk_leaves_nothing_half_written(
+    run, config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "new"
+    folder.mkdir()
+
+    def full(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(files.os, "fsync", full)
+    done = run(
+        *("excite", "--config", config(), "--out", folder / "run", "--time-limit", 0.001), *QUICK
+    )
+    assert done.status == 2
+    assert "No space left on device" in done.error
+    assert not list(folder.iterdir())

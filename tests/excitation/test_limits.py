@@ -1,0 +1,124 @@
+"""Limits from URDF, configuration and request; heights of frames."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.excitation import motion_limits
+from idim_iv_ros.excitation.heights import moving_frames, require_reachable
+from idim_iv_ros.model import JointLimits
+
+
+def without(model, **changes):
+    limits = JointLimits(**{**model.robot.limits.__dict__, **changes})
+    return replace(model, robot=replace(model.robot, limits=limits))
+
+
+def test_default_acceleration_is_half_the_torque_on_the_inertia_or_full_speed_in_100_ms(
+    robots,
+) -> None:
+    configuration, model = robots("arm2")
+    limits = motion_limits(model, configuration)
+    np.testing.assert_allclose(limits.acceleration[1], 10.0 * limits.velocity[1])
+    data = model.robot.pinocchio.createData()
+    mean = np.mean(
+        [
+            pin.crba(model.robot.pinocchio, data, np.array([0.0, q]))[0, 0]
+            for q in np.linspace(-2.6, 2.6, 400)
+        ]
+    )
+    inertia = mean + model.robot.given.drive_inertia[0]
+    expected = min(40.0, 0.5 * 90.0 / inertia)
+    assert limits.acceleration[0] == pytest.approx(expected, rel=0.05)
+
+
+def test_torque_limit_is_the_smaller_of_urdf_and_controller(robots) -> None:
+    configuration, model = robots("arm2")
+    controller = configuration.controller.model_copy(update={"torque_limit": [100.0, 20.0]})
+    changed = configuration.model_copy(update={"controller": controller})
+    np.testing.assert_array_equal(motion_limits(model, changed).torque, [90.0, 20.0])
+
+
+def test_continuous_joints_get_half_a_turn_each_way(robots) -> None:
+    configuration, model = robots("double_pendulum")
+    limits = motion_limits(model, configuration)
+    np.testing.assert_allclose(limits.lower, -np.pi)
+    np.testing.assert_allclose(limits.upper, np.pi)
+
+
+def test_robot_without_inertials_has_no_torques_to_check(robots) -> None:
+    configuration, model = robots("ur10")
+    assert not motion_limits(model, configuration).torque_known
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"velocity": np.array([4.0, np.inf])}, "joint_2 has no velocity limit"),
+        ({"velocity": np.array([0.0, 6.0])}, "joint_1 has no velocity limit"),
+    ],
+)
+def test_missing_limit_names_the_joint(robots, change, complaint: str) -> None:
+    configuration, model = robots("arm2")
+    with pytest.raises(UsageError, match=complaint):
+        motion_limits(without(model, **change), configuration)
+
+
+def test_missing_effort_limit_says_where_to_give_it(robots) -> None:
+    configuration, model = robots("double_pendulum")
+    with pytest.raises(UsageError, match=r"shoulder has no effort limit.*controller\.torque_limit"):
+        motion_limits(without(model, effort=np.array([np.inf, 10.0])), configuration)
+
+
+def test_prismatic_joint_needs_its_range(robots) -> None:
+    configuration, model = robots("emps")
+    unlimited = without(model, lower=np.array([-np.inf]), upper=np.array([np.inf]))
+    with pytest.raises(UsageError, match="axis has no position limits"):
+        motion_limits(unlimited, configuration)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ({"margin": 0.0}, "margin"),
+        ({"margin": 1.1}, "margin"),
+        ({"margin": float("nan")}, "margin"),
+        ({"acceleration": [1.0, 2.0, 3.0]}, "3 values for 2 joints"),
+        ({"acceleration": [-1.0]}, "positive"),
+        ({"floor": float("inf")}, "floor"),
+    ],
+)
+def test_values_outside_their_range_are_refused(robots, arguments, complaint: str) -> None:
+    configuration, model = robots("arm2")
+    with pytest.raises(UsageError, match=complaint):
+        motion_limits(model, configuration, **arguments)
+
+
+@pytest.mark.parametrize("name", ["arm6", "emps", "double_pendulum"])
+def test_heights_and_slopes_are_those_of_pinocchio(robots, name: str) -> None:
+    _, model = robots(name)
+    robot, frames = model.robot, moving_frames(model.robot)
+    q = np.random.default_rng(2).uniform(-1.0, 1.0, (5, len(robot.joints)))
+    heights, slopes = frames.heights_and_slopes(q)
+    data = robot.pinocchio.createData()
+    for sample, posture in enumerate(q[:, robot.order]):
+        pin.computeJointJacobians(robot.pinocchio, data, posture)
+        pin.updateFramePlacements(robot.pinocchio, data)
+        for place, frame in enumerate(frames.names):
+            index = robot.pinocchio.getFrameId(frame)
+            jacobian = pin.getFrameJacobian(
+                robot.pinocchio, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+            )
+            assert heights[sample, place] == pytest.approx(data.oMf[index].translation[2])
+            np.testing.assert_allclose(slopes[sample, place, robot.order], jacobian[2], atol=1e-12)
+
+
+def test_floor_out_of_reach_names_the_frame(robots) -> None:
+    configuration, model = robots("arm6")
+    limits, frames = motion_limits(model, configuration), moving_frames(model.robot)
+    require_reachable(frames, 0.05, limits.lower, limits.upper)
+    with pytest.raises(UsageError, match=r"floor 0\.5 m cannot be kept: frame joint_1"):
+        require_reachable(frames, 0.5, limits.lower, limits.upper)

@@ -1,0 +1,138 @@
+"""Trajectories in files: CSV there and back, YAML that becomes a ROS 2 message."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_typestore
+from ruamel.yaml import YAML
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.excitation import Trajectory, read_trajectory, write_csv, write_joint_trajectory
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+KIND = "trajectory_msgs/msg/JointTrajectory"
+
+
+def wave(rate: float = 100.0, seconds: float = 1.97) -> Trajectory:
+    time = np.arange(round(seconds * rate) + 1)[:, None] / rate
+    w = np.array([1.0, 2.0])
+    return Trajectory(
+        ("shoulder", "elbow"),
+        rate,
+        np.sin(w * time),
+        w * np.cos(w * time),
+        -(w**2) * np.sin(w * time),
+    )
+
+
+def in_csv(trajectory: Trajectory, path: Path) -> Path:
+    with path.open("w") as file:
+        write_csv(trajectory, file)
+    return path
+
+
+def test_csv_returns_what_was_written(tmp_path: Path) -> None:
+    written = wave()
+    read = read_trajectory(in_csv(written, tmp_path / "t.csv"))
+    assert (read.joints, read.rate) == (written.joints, written.rate)
+    for name in ("position", "velocity", "acceleration", "time"):
+        np.testing.assert_allclose(getattr(read, name), getattr(written, name), atol=1e-9)
+
+
+def test_missing_derivatives_are_differentiated(tmp_path: Path) -> None:
+    written = wave(rate=1000.0)
+    path = tmp_path / "t.csv"
+    table = np.column_stack([written.time, written.position])
+    np.savetxt(
+        path, table, delimiter=",", header="time,shoulder.position,elbow.position", comments=""
+    )
+    read = read_trajectory(path)
+    np.testing.assert_allclose(read.velocity, written.velocity, atol=1e-5)
+    np.testing.assert_allclose(read.acceleration, written.acceleration, atol=1e-2)
+    np.testing.assert_allclose(read.acceleration[5:-5], written.acceleration[5:-5], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "empty"),
+        ("time,a.position\n0,1\n1,2\n", "2 samples"),
+        ("a.position\n0\n1\n2\n", "columns time"),
+        ("time,a\n0,1\n1,2\n2,3\n", "columns time"),
+        ("time,a.position\n0,1\n1,x\n2,3\n", "line 3: a.position is 'x'"),
+        ("time,a.position\n0,1\n1,nan\n2,3\n", "not a finite number"),
+        ("time,a.position\n0,1\n1,2,5\n2,3\n", "line 3: 3 cells for 2 columns"),
+        ("time,a.position\n0,1\n1,2\n3,3\n4,3\n", "not uniform"),
+        ("time,a.position\n0,1\n0,2\n0,3\n", "do not increase"),
+        ("time,a.position,a.position\n0,1,1\n1,2,2\n2,3,3\n", "twice"),
+        (
+            "time,a.position,b.position,a.velocity\n0,1,1,1\n1,2,2,1\n2,3,3,1\n",
+            "b.velocity is missing",
+        ),
+    ],
+)
+def test_bad_file_is_one_line(text: str, complaint: str, tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(text)
+    with pytest.raises(UsageError, match=complaint) as caught:
+        read_trajectory(path)
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_no_file_and_no_text_are_one_line(tmp_path: Path) -> None:
+    binary = tmp_path / "b.csv"
+    binary.write_bytes(bytes(range(256)))
+    for path in (tmp_path / "absent.csv", tmp_path, binary):
+        with pytest.raises(UsageError, match="cannot read the trajectory"):
+            read_trajectory(path)
+
+
+def message(value, kind: str):
+    """Fill a message type by the names of its fields, as ros2 topic pub does."""
+    fields = STORE.types[kind].__dataclass_fields__
+    fields = {name: field for name, field in fields.items() if name != "__msgtype__"}
+    assert set(value) == set(fields)
+    nested = {
+        "header": "std_msgs/msg/Header",
+        "stamp": "builtin_interfaces/msg/Time",
+        "time_from_start": "builtin_interfaces/msg/Duration",
+    }
+    filled = {}
+    for name, content in value.items():
+        if name in nested:
+            filled[name] = message(content, nested[name])
+        elif name == "points":
+            point = "trajectory_msgs/msg/JointTrajectoryPoint"
+            filled[name] = [message(entry, point) for entry in content]
+        elif name in ("positions", "velocities", "accelerations", "effort"):
+            assert all(isinstance(number, float) for number in content)
+            filled[name] = np.array(content, dtype=float)
+        else:
+            filled[name] = content
+    return STORE.types[kind](**filled)
+
+
+def test_yaml_becomes_the_message() -> None:
+    trajectory = wave()
+    text = io.StringIO()
+    write_joint_trajectory(trajectory, text, rate=10.0)
+    built = message(YAML(typ="safe", pure=True).load(text.getvalue()), KIND)
+    read = STORE.deserialize_cdr(STORE.serialize_cdr(built, KIND), KIND)
+    assert read.joint_names == ["shoulder", "elbow"]
+    stamps = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in read.points]
+    np.testing.assert_allclose(stamps[:-1], np.arange(20) * 0.1, atol=1e-9)
+    assert stamps[-1] == pytest.approx(trajectory.duration)
+    positions = np.array([point.positions for point in read.points])
+    np.testing.assert_allclose(positions[:-1], trajectory.position[:200:10], atol=1e-7)
+    np.testing.assert_allclose(positions[-1], trajectory.position[-1], atol=1e-7)
+    velocities = np.array([point.velocities for point in read.points])
+    np.testing.assert_allclose(velocities[:-1], trajectory.velocity[:200:10], atol=1e-7)
+
+
+@pytest.mark.parametrize("rate", [0.0, 101.0, float("nan")])
+def test_impossible_rate_of_points_is_refused(rate: float) -> None:
+    with pytest.raises(UsageError, match="points per second"):
+        write_joint_trajectory(wave(), io.StringIO(), rate=rate)
