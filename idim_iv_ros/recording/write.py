@@ -71,7 +71,7 @@ def _write_topics(writer: Writer, topics: Sequence[JointTopic]) -> None:
     """Messages of all topics in the order of their stamps."""
     channels = [TopicChannel(topic.name, JOINT_STATE).register(writer) for topic in topics]
     stamps = [_nanoseconds(topic.time) for topic in topics]
-    payloads = [_messages(topic, stamp) for topic, stamp in zip(topics, stamps, strict=True)]
+    payloads = [serialised(topic, stamp) for topic, stamp in zip(topics, stamps, strict=True)]
     owner = np.concatenate([np.full(len(s), k) for k, s in enumerate(stamps)])
     number = np.concatenate([np.arange(len(s)) for s in stamps])
     order = np.argsort(np.concatenate(stamps), kind="stable")
@@ -83,7 +83,7 @@ def _write_topics(writer: Writer, topics: Sequence[JointTopic]) -> None:
         )
 
 
-def _messages(topic: JointTopic, stamps: IntArray) -> NDArray[np.uint8]:
+def serialised(topic: JointTopic, stamps: IntArray) -> NDArray[np.uint8]:
     """Serialised messages (n, size): one template, its numbers filled in for all at once."""
     template = _template(topic)
     layout = read_layout(template, JOINT_STATE)
