@@ -29,7 +29,7 @@ def executables(prefix: Path, package: str) -> dict[str, Path]:
 
 
 def test_index_lists_package_and_executables_start(
-    prefix: Path, monkeypatch, observer, tmp_path: Path
+    prefix: Path, monkeypatch, observer, stack, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(prefix))
     assert Path(get_package_prefix("idim_iv_ros")) == prefix
@@ -39,10 +39,13 @@ def test_index_lists_package_and_executables_start(
     (site,) = prefix.glob("lib/python*/site-packages")
     monkeypatch.setenv("PYTHONPATH", str(site))
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:{os.environ['PATH']}")
-    for path in found.values():
-        process = Process([str(path), "--ros-args", "-r", f"__node:={NODE}"], tmp_path, NODE)
-        observer.follow(process)
-        assert process.finish() == 0
+    configuration = ROOT / "config" / "arm2.yaml"
+    for name, path in found.items():
+        node = f"{NODE}_{name}"
+        arguments = ["-r", f"__node:={node}", "-p", f"configuration:={configuration}"]
+        process = Process([str(path), "--ros-args", *arguments], tmp_path, node)
+        stack.callback(process.kill)
+        observer.until(lambda: node in observer.node.get_node_names(), node)  # noqa: B023
 
 
 @pytest.mark.load
