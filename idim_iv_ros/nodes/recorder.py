@@ -15,9 +15,9 @@ from std_srvs.srv import Trigger
 
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 from idim_iv_ros.errors import IdimError, UsageError
-from idim_iv_ros.nodes import recorder_settings
 from idim_iv_ros.nodes.entry import run_node
 from idim_iv_ros.nodes.intake import Intake
+from idim_iv_ros.nodes.parameters import changed, declare
 from idim_iv_ros.nodes.recorder_report import (
     bag_closed,
     recorder_diagnosis,
@@ -25,6 +25,7 @@ from idim_iv_ros.nodes.recorder_report import (
     topic_diagnosis,
     topic_status,
 )
+from idim_iv_ros.nodes.recorder_settings import RecorderSettings
 from idim_iv_ros.nodes.recorder_topics import recorder_topics
 from idim_iv_ros.nodes.recording_session import RecordingSession
 from idim_iv_ros.nodes.writer_thread import WriterThread
@@ -52,7 +53,7 @@ class Recorder:
 
     def __init__(self) -> None:
         self.node = node = Node("recorder")
-        self._settings = recorder_settings.declare(node)
+        self._settings = declare(node, RecorderSettings)
         self._session = RecordingSession(self._settings, self._now, self._announce)
         self._writer = WriterThread(self._session)
         self._intake = Intake(self._writer, lambda: self._settings.max_message_size, self._log_time)
@@ -188,7 +189,7 @@ class Recorder:
 
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         try:
-            new = recorder_settings.changed(self._settings, parameters)
+            new = changed(self._settings, parameters)
             if self._session.bag is not None and new.configuration != self._settings.configuration:
                 raise UsageError("configuration: a bag is open; call stop first")
         except IdimError as error:
@@ -196,10 +197,10 @@ class Recorder:
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
-        own = {field.name for field in fields(recorder_settings.RecorderSettings)}
+        own = {field.name for field in fields(RecorderSettings)}
         if not own & {parameter.name for parameter in parameters}:
             return
-        self._settings = recorder_settings.changed(self._settings, parameters)
+        self._settings = changed(self._settings, parameters)
         self._session.settings = self._settings
         if any(parameter.name == "configuration" for parameter in parameters):
             old, self._topics = self._topics, recorder_topics(self.node, self._settings)
