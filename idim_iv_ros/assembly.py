@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.estimates import Estimates, estimated_parameters
+from idim_iv_ros.estimates import Estimates, coloured_covariance, estimated_parameters
 from idim_iv_ros.estimation import (
     IdimIvEstimate,
     InstrumentSources,
@@ -57,6 +57,7 @@ def assemble_result(
         total,
         alpha=configuration.identification.significance,
     )
+    covariance = coloured_covariance(rows, linear, estimates.matrices, validation.models)
     verdicts = tuple(
         judge_joint(test, residual, _of_joint(validation.specification, residual.joint))
         for test, residual in zip(validation.tests[1:], validation.residuals, strict=True)
@@ -74,7 +75,8 @@ def assemble_result(
         iterations=1 if estimate is None else len(estimate.steps) + 1,
         converged=estimate is None or estimate.converged,
         convergence_note=_convergence(estimate, base.names, configuration),
-        parameters=estimated_parameters(prepared, estimates, validation, essential),
+        parameters=estimated_parameters(prepared, estimates, covariance, essential),
+        covariance=covariance.matrix,
         instruments=_instruments(estimate, validation, configuration),
         residuals=validation.residuals,
         verdicts=verdicts,

@@ -7,6 +7,11 @@ class IdimError(Exception):
     exit_status = 1
 
 
+def one_line(error: BaseException) -> str:
+    """Return class and text of an unexpected error in one line."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
 class UsageError(IdimError):
     """The request is wrong: command line, configuration file, robot description, output folder."""
 

@@ -26,7 +26,6 @@ from idim_iv_ros.estimation import (
 from idim_iv_ros.preparation import PreparedRegression
 from idim_iv_ros.result import ParameterEstimate
 from idim_iv_ros.signals import AutoregressiveModel
-from idim_iv_ros.validation import Validation
 
 FloatArray = NDArray[np.float64]
 Estimator = Literal["idim-iv", "idim-ls"]
@@ -61,13 +60,16 @@ class Estimates:
     refined: RefinedIdimIv
 
 
-def _coloured(
+def coloured_covariance(
     rows: Sequence[ObservationRows],
     linear: LinearEstimate,
     matrices: Sequence[FloatArray],
     models: Sequence[AutoregressiveModel],
 ) -> ColouredCovariance:
-    """Covariance of an estimate that knows the colour of each joint's residual."""
+    """Covariance of an estimate that knows the colour of each joint's residual.
+
+    The instruments of joint j are `matrices[j]`, (r_j, c_j).
+    """
     blocks = [
         ColouredBlock(joint.matrix, matrix, joint.columns, float(sigma), model, joint.position)
         for joint, matrix, sigma, model in zip(rows, matrices, linear.sigma, models, strict=True)
@@ -78,13 +80,12 @@ def _coloured(
 def estimated_parameters(
     prepared: PreparedRegression,
     estimates: Estimates,
-    validation: Validation,
+    covariance: ColouredCovariance,
     essential: EssentialParameters,
 ) -> tuple[ParameterEstimate, ...]:
     """Every base parameter with its standard deviations, alone and among the essential ones."""
     base = prepared.model.base
     rows, weighted, linear = estimates.rows, estimates.weighted, estimates.linear
-    covariance = _coloured(rows, linear, estimates.matrices, validation.models)
     std = np.sqrt(np.diag(covariance.matrix))
     white = WhiteCovariance(covariance.blocks, len(linear.values)).matrix
     white_std = np.sqrt(np.diag(white))
@@ -92,7 +93,7 @@ def estimated_parameters(
     if estimates.iteration is not None:
         models = residual_models(rows, weighted.residuals)
         observed = [joint.matrix for joint in rows]
-        ls_std = np.sqrt(np.diag(_coloured(rows, weighted, observed, models).matrix))
+        ls_std = np.sqrt(np.diag(coloured_covariance(rows, weighted, observed, models).matrix))
     ordinary = solve_least_squares(rows, len(base.columns))
     given = prepared.model.given if prepared.model.robot.has_inertials else None
     places = {int(column): place for place, column in enumerate(essential.columns)}

@@ -214,7 +214,14 @@ class JointSeries:
 
 @dataclass(frozen=True)
 class IdentificationResult:
-    """Everything that `identify` found; `report` turns it into files."""
+    """Everything that `identify` found; `report` turns it into files.
+
+    Attributes
+    ----------
+    covariance : (b, b)
+        Of the estimates in `parameters`, in their order and the products of their units; the
+        diagonal holds the squares of their `std`.
+    """
 
     robot: str
     joints: tuple[str, ...]
@@ -228,6 +235,7 @@ class IdentificationResult:
     converged: bool
     convergence_note: str
     parameters: tuple[ParameterEstimate, ...]
+    covariance: FloatArray
     instruments: InstrumentReport
     residuals: tuple[ResidualDiagnosis, ...]
     verdicts: tuple[JointVerdict, ...]

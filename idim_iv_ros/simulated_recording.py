@@ -100,7 +100,7 @@ def simulate(
             record = robot.record(trajectory, seed)
             path = out if len(seeds) == 1 else out.with_name(f"{out.stem}-{seed}{out.suffix}")
             watch.stage(f"writing {path.name}", (count + 0.7) / len(seeds))
-            write_bag(path, _topics(configuration, robot, record), robot_description=text)
+            write_bag(path, recorded_topics(configuration, robot, record), robot_description=text)
             bags.append(_summary(path, seed, record, robot.robot.joint_types))
     truth = out.with_name(out.stem + TRUTH)
     try:
@@ -110,7 +110,7 @@ def simulate(
     return bags, truth
 
 
-def _topics(
+def recorded_topics(
     configuration: Configuration, robot: SimulatedRobot, record: SimulatedRecording
 ) -> list[JointTopic]:
     """Messages on the recorder's side of transmission, offsets and effort scale."""

@@ -13,18 +13,13 @@ from rosbags.typesys import Stores, get_typestore
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.recording.cdr_layout import JOINT_STATE, read_layout
+from idim_iv_ros.recording.channel import OfferedQos, TopicChannel
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _STRING = "std_msgs/msg/String"
-_QOS = (
-    "- history: keep_last\n  depth: 10\n  reliability: reliable\n  durability: {durability}\n"
-    "  deadline: {{sec: 9223372036, nsec: 854775807}}\n"
-    "  lifespan: {{sec: 9223372036, nsec: 854775807}}\n  liveliness: automatic\n"
-    "  liveliness_lease_duration: {{sec: 9223372036, nsec: 854775807}}\n"
-    "  avoid_ros_namespace_conventions: false\n"
-)
+_LATCHED = OfferedQos(durability="transient_local")
 
 
 @dataclass(frozen=True)
@@ -63,7 +58,7 @@ def write_bag(
         writer = Writer(stream, chunk_size=1 << 20, compression=CompressionType.ZSTD)
         writer.start(profile="ros2", library="idim_iv_ros")
         if robot_description is not None:
-            channel = _channel(writer, "/robot_description", _STRING, "transient_local")
+            channel = TopicChannel("/robot_description", _STRING, (_LATCHED,)).register(writer)
             start = min(_nanoseconds(topic.time)[0] for topic in topics)
             writer.add_message(
                 channel, int(start), _string(robot_description), int(start), sequence=0
@@ -74,9 +69,9 @@ def write_bag(
 
 def _write_topics(writer: Writer, topics: Sequence[JointTopic]) -> None:
     """Messages of all topics in the order of their stamps."""
-    channels = [_channel(writer, topic.name, JOINT_STATE, "volatile") for topic in topics]
+    channels = [TopicChannel(topic.name, JOINT_STATE).register(writer) for topic in topics]
     stamps = [_nanoseconds(topic.time) for topic in topics]
-    payloads = [_messages(topic, stamp) for topic, stamp in zip(topics, stamps, strict=True)]
+    payloads = [serialised(topic, stamp) for topic, stamp in zip(topics, stamps, strict=True)]
     owner = np.concatenate([np.full(len(s), k) for k, s in enumerate(stamps)])
     number = np.concatenate([np.arange(len(s)) for s in stamps])
     order = np.argsort(np.concatenate(stamps), kind="stable")
@@ -88,7 +83,7 @@ def _write_topics(writer: Writer, topics: Sequence[JointTopic]) -> None:
         )
 
 
-def _messages(topic: JointTopic, stamps: IntArray) -> NDArray[np.uint8]:
+def serialised(topic: JointTopic, stamps: IntArray) -> NDArray[np.uint8]:
     """Serialised messages (n, size): one template, its numbers filled in for all at once."""
     template = _template(topic)
     layout = read_layout(template, JOINT_STATE)
@@ -130,22 +125,6 @@ def _template(topic: JointTopic) -> bytes:
 def _string(text: str) -> bytes:
     store = get_typestore(Stores.ROS2_JAZZY)
     return bytes(store.serialize_cdr(store.types[_STRING](data=text), _STRING))
-
-
-def _channel(writer: Writer, topic: str, message_type: str, durability: str) -> int:
-    definition, hash_ = _definition(message_type)
-    schema = writer.register_schema(message_type, "ros2msg", definition.encode())
-    metadata = {
-        "offered_qos_profiles": _QOS.format(durability=durability),
-        "topic_type_hash": hash_,
-    }
-    return int(writer.register_channel(topic, "cdr", schema, metadata))
-
-
-def _definition(message_type: str) -> tuple[str, str]:
-    store = get_typestore(Stores.ROS2_JAZZY)
-    definition, _ = store.generate_msgdef(message_type)
-    return definition, store.hash_rihs01(message_type)
 
 
 def _nanoseconds(time: FloatArray) -> IntArray:

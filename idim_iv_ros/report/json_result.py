@@ -71,6 +71,7 @@ def result_document(result: IdentificationResult) -> Document:
         "processing": _processing(result.processing),
         "controller": result.controller,
         "effort_unit": result.effort_unit,
+        "covariance": result.covariance,
         "configuration": result.configuration,
         "timing": result.timing,
     }

@@ -81,6 +81,7 @@ def sample_result(joints: int = 6, case: Case = "coloured", seed: int = 1) -> Id
         if untested
         else "MX4 moved last, by 0.42 % (tolerance 1 %)",
         parameters=parameters,
+        covariance=np.diag([parameter.std**2 for parameter in parameters]),
         instruments=InstrumentReport(
             source="none: least squares"
             if untested

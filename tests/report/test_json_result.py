@@ -31,6 +31,9 @@ def test_the_document_has_every_key_of_the_design(case: str) -> None:
     assert {"instruments", "exogeneity", "fit", "refined", "timing"} <= set(document)
     for parameter in document["parameters"]:
         assert set(parameter) >= PARAMETER
+    assert [row[k] ** 0.5 for k, row in enumerate(document["covariance"])] == pytest.approx(
+        [parameter["std"] for parameter in document["parameters"]]
+    )
     for part in ("instruments", "specification", "exogeneity"):
         assert set(document[part]) >= {"accepted", "alpha", "tests"}
         scopes = [test["scope"] for test in document[part]["tests"]]

@@ -1,0 +1,75 @@
+"""Running a node until a signal: clean shutdown, one line for whatever goes wrong."""
+
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
+
+from idim_iv_ros.errors import IdimError, UsageError, one_line
+
+_WAIT = 0.2  # s until a signal is noticed
+
+
+class Closable(Protocol):
+    """A node and what belongs to it."""
+
+    node: Node
+
+    def close(self) -> None:
+        """Finish what is going on."""
+
+
+def run_node(name: str, make: Callable[[], Closable], about: str, arguments: Sequence[str]) -> int:
+    """Run a node until SIGINT or SIGTERM and return the exit status.
+
+    A callback that fails is logged in one line; the node goes on.
+    """
+    if {"-h", "--help"} & set(arguments[1:]):
+        print(about)
+        return 0
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    try:
+        try:
+            rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
+            running = make()
+        except IdimError:
+            raise
+        except Exception as error:  # what rclpy raises has no common class
+            raise UsageError(_start_failure(error)) from error
+        _spin(running.node, stop)
+        running.close()
+    except IdimError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        return error.exit_status
+    finally:
+        try_shutdown()
+    return 0
+
+
+def _spin(node: Node, stop: threading.Event) -> None:
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    while not stop.is_set():
+        try:
+            executor.spin_once(timeout_sec=_WAIT)
+        except Exception as error:  # one bad request must not end the recording
+            node.get_logger().error(one_line(error))
+
+
+def _start_failure(error: Exception) -> str:
+    text = one_line(error)
+    if "security" in text.lower():
+        return (
+            "DDS security is switched on (ROS_SECURITY_ENABLE) but this Fast DDS was built "
+            "without it: use a full ROS 2 installation, or unset ROS_SECURITY_ENABLE"
+        )
+    return f"cannot start: {text}"

@@ -1,0 +1,85 @@
+"""Parameters of the recorder."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from idim_iv_ros.configuration import SignalsSection, load_configuration
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.nodes.parameters import Settings, parameter
+
+_LARGEST = 1 << 62
+
+
+@dataclass(frozen=True)
+class RecorderSettings(Settings):
+    """Values of the parameters; the names are the same."""
+
+    configuration: str = parameter(
+        "",
+        "the robot's YAML file, whose topics are recorded; empty: /joint_states and "
+        "/robot_description",
+    )
+    bag_directory: str = parameter(".", "folder in which the bags are made")
+    bag_prefix: str = parameter("recording", "bags are named PREFIX_YYYY_MM_DD-HH_MM_SS")
+    autostart: bool = parameter(False, "start recording at once", read_only=True)
+    chunk_duration: float = parameter(1.0, "what a crash can lose at most, s", (0.1, 10.0))
+    max_file_size: int = parameter(
+        0, "a new file begins when one has so many bytes; 0: never", (0, _LARGEST)
+    )
+    max_file_duration: float = parameter(
+        0.0, "a new file begins after this time, s; 0: never", (0.0, 86_400.0)
+    )
+    minimum_free_disk: int = parameter(
+        200_000_000,
+        "with less free space the recording is stopped and its bag closed, B",
+        (0, _LARGEST),
+    )
+    memory_limit: int = parameter(
+        500_000_000,
+        "messages that cannot be written wait in this much memory, B",
+        (1_000_000, _LARGEST),
+    )
+    max_message_size: int = parameter(
+        64_000_000,
+        "larger messages are counted as malformed and not recorded, B",
+        (1_000, _LARGEST),
+    )
+    queue_depth: int = parameter(
+        20_000,
+        "messages of a topic that the middleware keeps until they are taken",
+        (10, 1_000_000),
+        read_only=True,
+    )
+    late_after: float = parameter(
+        0.1, "a message is late if it arrives so long after its source stamp, s", (0.001, 3600.0)
+    )
+    gap_factor: float = parameter(
+        5.0, "a pause is a gap if it is so many usual periods long", (1.5, 1000.0)
+    )
+    status_period: float = parameter(
+        1.0,
+        "time between two messages on ~/status and /diagnostics, s",
+        (0.1, 60.0),
+        read_only=True,
+    )
+
+    def check(self) -> None:
+        """Check what a range cannot express.
+
+        Raises
+        ------
+        UsageError
+            One line that names the parameter.
+        """
+        if not self.bag_prefix or self.bag_prefix != Path(self.bag_prefix).name:
+            raise UsageError(f"bag_prefix: {self.bag_prefix!r} is not the name of a folder")
+        if self.configuration:
+            load_configuration(Path(self.configuration))
+
+
+def signals(settings: RecorderSettings) -> tuple[SignalsSection, tuple[str, ...]]:
+    """Topics of the configured robot, and its joints (none without configuration)."""
+    if not settings.configuration:
+        return SignalsSection(), ()
+    configuration = load_configuration(Path(settings.configuration))
+    return configuration.signals, tuple(configuration.robot.joints)

@@ -1,0 +1,211 @@
+"""The node `robot_simulator`: a robot in real time whose true parameters are known."""
+
+import json
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.errors import IdimError, UsageError
+from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
+from idim_iv_ros.nodes.entry import run_node
+from idim_iv_ros.nodes.motion_plan import REST, commanded, published
+from idim_iv_ros.nodes.playback import Playback
+from idim_iv_ros.recording.read import DESCRIPTION
+from idim_iv_ros.simulated_robot import simulated_robot
+
+ABOUT = """robot_simulator: a simulated robot that publishes its joint states in real time.
+
+  ros2 run idim_iv_ros robot_simulator --ros-args -p configuration:=ROBOT.yaml
+  ros2 service call /robot_simulator/move std_srvs/srv/Trigger
+
+~/move plays the CSV file of the parameter `trajectory`, or a random exciting motion; a
+trajectory_msgs/JointTrajectory on ~/joint_trajectory is played too. ~/truth tells the true base
+parameters as JSON, ~/moving whether a motion is planned or under way."""
+
+_FASTEST = 1000.0  # Hz
+_QUEUE = 1000
+
+
+class RobotSimulator:
+    """Parameters, topics and services around a thread that publishes and one that plans.
+
+    Raises
+    ------
+    UsageError
+        No configuration, or one that cannot be simulated.
+    """
+
+    def __init__(self) -> None:
+        self.node = node = Node("robot_simulator")
+        configuration, self._rate = self._declared()
+        urdf = configuration.robot.urdf
+        assert urdf is not None
+        text = urdf.read_text(encoding="utf-8")
+        self._configuration = configuration
+        self._robot = simulated_robot(configuration, text, urdf.name)
+        limits = self._robot.robot.limits
+        middle = 0.5 * (limits.lower + limits.upper)
+        self._reference = np.where(np.isfinite(middle), middle, 0.0)
+        topics, _ = published(
+            configuration, self._robot, self._rate, self._reference, None, self._value("seed")
+        )
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        node.create_publisher(String, DESCRIPTION, latched).publish(String(data=text))
+        truth = json.dumps(self._robot.truth)
+        node.create_publisher(String, "~/truth", latched).publish(String(data=truth))
+        publishers = {
+            topic.name: node.create_publisher(JointState, topic.name, _QUEUE) for topic in topics
+        }
+        self._playback = Playback(
+            topics,
+            {name: publisher.publish for name, publisher in publishers.items()},
+            self._now,
+            REST,
+        )
+        self._planning = threading.Lock()
+        self._problem = ""
+        self._said: bool | None = None
+        self._moving = node.create_publisher(Bool, "~/moving", latched)
+        node.create_subscription(JointTrajectory, "~/joint_trajectory", self._command, 1)
+        node.create_service(Trigger, "~/move", self._move)
+        node.create_timer(0.1, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._playback.start()
+
+    def close(self) -> None:
+        """Stop publishing."""
+        self._playback.end()
+        self.node.destroy_node()
+
+    def _now(self) -> int:
+        return int(self.node.get_clock().now().nanoseconds)
+
+    def _declared(self) -> tuple[Configuration, float]:
+        """Declare the parameters; configuration and rate of the references in Hz."""
+        texts = {
+            "configuration": "the robot's YAML file",
+            "trajectory": "CSV file that ~/move plays; empty: a random motion",
+        }
+        try:
+            for name, text in texts.items():
+                about = ParameterDescriptor(description=text, read_only=name == "configuration")
+                self.node.declare_parameter(name, "", about)
+            about = ParameterDescriptor(description="duration of the random motion, s")
+            about.floating_point_range = [FloatingPointRange(from_value=1.0, to_value=3600.0)]
+            self.node.declare_parameter("motion_duration", 10.0, about)
+            for name, text in (("seed", "of the noise"), ("motion_seed", "of the random motion")):
+                about = ParameterDescriptor(description=text)
+                about.integer_range = [IntegerRange(from_value=0, to_value=2**31)]
+                self.node.declare_parameter(name, 1, about)
+        except Exception as error:  # rclpy has one class for each thing that can be wrong
+            raise UsageError(f"parameter: {' '.join(str(error).split())}") from error
+        path = self._value("configuration")
+        if not path:
+            raise UsageError("name the robot: --ros-args -p configuration:=ROBOT.yaml")
+        configuration = load_configuration(Path(path))
+        if configuration.robot.urdf is None:
+            raise UsageError(f"{path}: robot.urdf is needed to simulate")
+        period = configuration.controller.period
+        rate = configuration.simulated_robot.rate or (1.0 / period if period else _FASTEST)
+        if rate > _FASTEST + 1e-6:
+            raise UsageError(
+                f"{path}: simulated_robot.rate: {rate:g} Hz; at most {_FASTEST:g} Hz in real time"
+            )
+        return configuration, float(rate)
+
+    def _value(self, name: str) -> Any:
+        return self.node.get_parameter(name).value
+
+    def _command(self, message: JointTrajectory) -> None:
+        def trajectory() -> Trajectory:
+            points = message.points
+            counts = {len(point.positions) for point in points} - {len(message.joint_names)}
+            if counts:
+                raise UsageError(
+                    f"joint_trajectory: {counts.pop()} positions for "
+                    f"{len(message.joint_names)} joints"
+                )
+            times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points]
+            smooth = all(len(point.velocities) == len(point.positions) for point in points)
+            return commanded(
+                message.joint_names,
+                np.array(times, dtype=float),
+                np.array([point.positions for point in points], dtype=float),
+                np.array([p.velocities for p in points], dtype=float) if smooth else None,
+                self._rate,
+            )
+
+        refusal = self._plan(trajectory)
+        if refusal:
+            self.node.get_logger().error(refusal)
+
+    def _move(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        def trajectory() -> Trajectory:
+            if self._value("trajectory"):
+                return read_trajectory(Path(self._value("trajectory")))
+            return random_motion(
+                self._configuration,
+                duration=self._value("motion_duration"),
+                rate=self._rate,
+                seed=self._value("motion_seed"),
+            )
+
+        response.message = self._plan(trajectory) or "planning, then moving"
+        response.success = not response.message.startswith("busy")
+        return response
+
+    def _plan(self, trajectory: Callable[[], Trajectory]) -> str:
+        """Plan in a thread; return why not, or nothing."""
+        if self._playback.moving or not self._planning.acquire(blocking=False):
+            return "busy: the robot is moving; wait until it rests"
+
+        def plan() -> None:
+            try:
+                topics, self._reference = published(
+                    self._configuration,
+                    self._robot,
+                    self._rate,
+                    self._reference,
+                    trajectory(),
+                    self._value("seed"),
+                )
+                self._playback.play(topics)
+            except IdimError as error:
+                self._problem = str(error)
+            finally:
+                self._planning.release()
+
+        threading.Thread(target=plan, name="planning", daemon=True).start()
+        return ""
+
+    def _report(self) -> None:
+        moving = self._playback.moving or self._planning.locked()
+        if moving != self._said:
+            self._said = moving
+            self._moving.publish(Bool(data=moving))
+        problem, self._problem = self._problem or self._playback.failure, ""
+        if problem:
+            self.node.get_logger().error(problem)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the node until a signal and return the exit status; `arguments` begin with a name."""
+    return run_node("robot_simulator", RobotSimulator, ABOUT, arguments)
+
+
+def main() -> None:
+    """Run the node with the arguments of the command line."""
+    sys.exit(run(sys.argv))

@@ -1,0 +1,86 @@
+"""Real nodes on loopback, in a domain of their own."""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+os.environ["ROS_DOMAIN_ID"] = str(20 + os.getpid() % 80)
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+os.environ["RCUTILS_COLORIZED_OUTPUT"] = "0"
+
+import rclpy
+
+from tests.ros.processes import Observer, Process, Robot, start_recorder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ros() -> Iterator[None]:
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+@pytest.fixture(scope="session")
+def observer(ros: None) -> Iterator[Observer]:
+    observer = Observer()
+    yield observer
+    observer.node.destroy_node()
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+@pytest.fixture
+def bags(tmp_path: Path) -> Path:
+    folder = tmp_path / "bags"
+    folder.mkdir()
+    return folder
+
+
+@pytest.fixture
+def recorder(
+    bags: Path, tmp_path: Path, stack: ExitStack, observer: Observer
+) -> Callable[..., Process]:
+    """Start a recorder with parameters; the observer follows it."""
+
+    def start(**parameters: object) -> Process:
+        values = {"bag_directory": str(bags), **parameters}
+        process = start_recorder(tmp_path, **values)
+        stack.callback(process.end)
+        observer.follow(process)
+        return process
+
+    return start
+
+
+@pytest.fixture(scope="session")
+def robots(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+    process = Robot(tmp_path_factory.mktemp("robot"), "robot")
+    yield process
+    process.kill()
+
+
+@pytest.fixture
+def robot(robots: Robot) -> Iterator[Robot]:
+    """A process whose nodes a test makes with `begin`; they end with it."""
+    yield robots
+    if robots.busy:
+        robots.end()
+
+
+@pytest.fixture
+def configuration(tmp_path: Path) -> Path:
+    """Two joints and a reference."""
+    path = tmp_path / "robot.yaml"
+    path.write_text(
+        "robot:\n  joints: [a, b]\n"
+        "signals:\n  joint_states: /joint_states\n  reference: /joint_reference\n"
+    )
+    return path

@@ -1,0 +1,238 @@
+"""Nodes in processes of their own, and a node that watches them."""
+
+import contextlib
+import itertools
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import SetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+
+from idim_iv_interfaces.msg import BagClosed, RecorderStatus
+from idim_iv_ros.recording.bag import Bag
+from idim_iv_ros.recording.cdr_layout import read_layout
+
+ROOT = Path(__file__).resolve().parents[2]
+TIMEOUT = 15.0
+_numbers = itertools.count()
+
+
+class Process:
+    """A child process whose output is kept in files."""
+
+    def __init__(self, arguments: list[str], folder: Path, name: str) -> None:
+        self.name = name
+        self.errors = folder / f"{name}.err"
+        with self.errors.open("w") as errors:
+            self.process = subprocess.Popen(
+                arguments,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                text=True,
+                cwd=folder,
+            )
+
+    def say(self, line: str) -> None:
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
+
+    def hear(self) -> str:
+        line = self.process.stdout.readline()
+        assert line, f"ended: {self.errors.read_text()}"
+        return line.strip()
+
+    def cpu(self) -> float:
+        """Seconds of processor time so far."""
+        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        for pipe in (self.process.stdin, self.process.stdout):
+            with contextlib.suppress(OSError):
+                pipe.close()
+
+    def end(self) -> None:
+        """Interrupt, and kill what does not end."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.finish()
+        self.kill()
+
+    def finish(self) -> int:
+        """Interrupt as Ctrl-C does, and return the exit status."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        status = self.process.wait(20)
+        return status
+
+
+class Robot(Process):
+    """joint_publisher.py: one node after the other."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        script = str(ROOT / "tests" / "ros" / "joint_publisher.py")
+        super().__init__([sys.executable, script], folder, name)
+        self.busy = False
+        self.seconds = 0.0
+
+    def begin(self, **settings: object) -> "Robot":
+        """Make a node; its topics have subscribers on return."""
+        if self.busy:
+            self.end()
+        defaults = {
+            "node": "robot",
+            "count": 100,
+            "rate": 500.0,
+            "topics": [{"name": "/joint_states"}],
+        }
+        self.say(json.dumps({**defaults, **settings}))
+        self.busy = True
+        assert self.hear() == "ready"
+        return self
+
+    def run(self) -> int:
+        """Publish all and return how many."""
+        self.say("go")
+        return self.sent()
+
+    def sent(self) -> int:
+        answer = json.loads(self.hear())
+        self.seconds = answer["seconds"]
+        return answer["sent"]
+
+    def end(self) -> None:
+        """End the node."""
+        self.say("end")
+        assert self.hear() == "ended"
+        self.busy = False
+
+
+def start_recorder(folder: Path, **parameters: object) -> Process:
+    """Start a recorder with parameters, under a name that none had before.
+
+    One that is killed is still known to the others for a while, and its services seem to be there.
+    """
+    name = f"recorder_{next(_numbers)}"
+    arguments = [sys.executable, str(ROOT / "scripts" / "recorder"), "--ros-args"]
+    arguments += ["-r", f"__node:={name}"]
+    for parameter, value in {"minimum_free_disk": 0, "status_period": 0.2, **parameters}.items():
+        text = str(value).lower() if isinstance(value, bool) else str(value)
+        arguments += ["-p", f"{parameter}:={text}"]
+    return Process(arguments, folder, name)
+
+
+class Observer:
+    """A node that hears what the recorder says and calls its services."""
+
+    def __init__(self) -> None:
+        self.node = rclpy.create_node("observer")
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.status: RecorderStatus | None = None
+        self.closed: list[BagClosed] = []
+        self.diagnostics: dict[str, tuple[int, str]] = {}
+        self.name = ""
+        self.subscriptions: list = []
+
+    def _status(self, message: RecorderStatus) -> None:
+        self.status = message
+
+    def _diagnosis(self, message: DiagnosticArray) -> None:
+        for each in message.status:
+            node, _, topic = each.name.partition(": ")
+            if node == self.name:
+                self.diagnostics[topic] = (each.level[0], each.message)
+
+    def follow(self, recorder: Process) -> None:
+        """Hear this recorder and no other."""
+        for subscription in self.subscriptions:
+            self.node.destroy_subscription(subscription)
+        self.name, self.status = recorder.name, None
+        self.closed.clear()
+        self.diagnostics.clear()
+        subscribe = self.node.create_subscription
+        self.subscriptions = [
+            subscribe(RecorderStatus, f"/{self.name}/status", self._status, 10),
+            subscribe(BagClosed, f"/{self.name}/bag_closed", self.closed.append, 10),
+            subscribe(DiagnosticArray, "/diagnostics", self._diagnosis, 10),
+        ]
+        self.next_status()
+
+    def until(self, holds: Callable[[], object], what: str, timeout: float = TIMEOUT) -> None:
+        """Spin until something holds."""
+        deadline = time.monotonic() + timeout
+        while not holds():
+            assert time.monotonic() < deadline, (
+                f"not within {timeout} s: {what}\n{self.status}\n{self.diagnostics}"
+            )
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def next_status(self) -> RecorderStatus:
+        self.status = None
+        self.until(lambda: self.status is not None, "a status")
+        return self.status
+
+    def received(self, count: int, topic: str = "/joint_states") -> None:
+        """Wait until the recorder has so many messages."""
+        self.until(lambda: self.topic(topic).received == count, f"{count} messages on {topic}")
+
+    def topic(self, name: str):
+        return next((each for each in self.status.topics if each.name == name), None)
+
+    def diagnosed(self, topic: str, words: str, level: int) -> None:
+        """Wait for a diagnosis with these words at this level."""
+        self.until(
+            lambda: (
+                words in self.diagnostics.get(topic, (0, ""))[1]
+                and self.diagnostics[topic][0] == level
+            ),
+            f"{topic}: {words} at level {level}",
+        )
+
+    def call(self, name: str) -> Trigger.Response:
+        return self._request(Trigger, f"/{self.name}/{name}", Trigger.Request())
+
+    def set(self, **values: object):
+        parameters = [
+            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+        ]
+        request = SetParameters.Request(parameters=parameters)
+        return self._request(SetParameters, f"/{self.name}/set_parameters", request).results
+
+    def _request(self, kind, name: str, request):
+        client = self.node.create_client(kind, name)
+        self.until(client.service_is_ready, f"service {name}")
+        future = client.call_async(request)
+        self.until(future.done, f"answer of {name}")
+        self.node.destroy_client(client)
+        return future.result()
+
+
+def numbers(bag: Path, topic: str = "/joint_states") -> np.ndarray:
+    """First position of every message of a topic, in the order of the file, with our reader."""
+    found = []
+    for _, batch in Bag(bag).batches({topic}):
+        for k in range(len(batch)):
+            raw = batch.message(k)
+            layout = read_layout(raw, "sensor_msgs/msg/JointState")
+            row = np.frombuffer(raw, np.uint8)[None, :]
+            found.append(layout.numbers(row, "position")[0, 0])
+    return np.array(found)
+
+
+def only_bag(folder: Path) -> Path:
+    (bag,) = [path for path in folder.iterdir() if path.is_dir()]
+    return bag

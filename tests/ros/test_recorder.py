@@ -1,0 +1,191 @@
+"""What a user of the recorder relies on."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+from idim_iv_ros.recording import read_recordings
+from tests.ros.processes import Process, numbers, only_bag, start_recorder
+
+BOTH = [{"name": "/joint_states"}, {"name": "/joint_reference"}]
+
+
+def test_start_to_stop_is_one_bag_with_every_message(
+    recorder, robot, observer, bags: Path, configuration: Path
+) -> None:
+    process = recorder(configuration=configuration)
+    robot.begin(topics=BOTH, count=1000, rate=1000.0, description="<robot name='x'/>")
+    assert observer.call("start").success
+    assert robot.run() == 1000
+    observer.received(1000)
+    observer.received(1000, "/joint_reference")
+    answer = observer.call("stop")
+    assert answer.success, answer.message
+    observer.until(lambda: observer.closed, "the announcement")
+    (closed,) = observer.closed
+    bag = only_bag(bags)
+    assert (Path(closed.bag), closed.messages, closed.lost, closed.complete) == (bag, 2001, 0, True)
+    for topic in ("/joint_states", "/joint_reference"):
+        assert np.array_equal(numbers(bag, topic), np.arange(1000.0))
+    (recording,) = read_recordings([bag], joints=["a", "b"], reference="/joint_reference")
+    assert recording.robot_description == "<robot name='x'/>"
+    assert recording.position_reference is not None
+    assert not any("ends in the middle" in note.what for note in recording.notes)
+    assert process.finish() == 0
+
+
+def test_other_readers_open_the_bag(recorder, robot, observer, bags: Path) -> None:
+    recorder()
+    robot.begin(count=300, description="<robot/>")
+    observer.call("start")
+    robot.run()
+    observer.received(300)
+    observer.call("stop")
+    bag = only_bag(bags)
+    with AnyReader([bag]) as reader:
+        types = {connection.topic: connection.msgtype for connection in reader.connections}
+        received = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages()]
+    assert types == {
+        "/joint_states": "sensor_msgs/msg/JointState",
+        "/robot_description": "std_msgs/msg/String",
+    }
+    assert len(received) == 301
+    (file,) = bag.glob("*.mcap")
+    with file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary.statistics.message_count == 301
+    assert all(b"uint32 nanosec" in s.data for s in summary.schemas.values() if "Joint" in s.name)
+    assert all(index.compression == "zstd" for index in summary.chunk_indexes)
+
+
+def test_latched_description_is_repeated_in_every_file(
+    recorder, robot, observer, bags: Path
+) -> None:
+    recorder()
+    robot.begin(count=200, description="<robot/>")
+    observer.call("start")
+    robot.run()
+    observer.received(200)
+    assert observer.call("split").success
+    observer.call("stop")
+    files = sorted(only_bag(bags).glob("*.mcap"))
+    assert len(files) == 2
+    for file in files:
+        with AnyReader([file]) as reader:
+            assert [c.topic for c, _, _ in reader.messages() if "description" in c.topic]
+    with AnyReader([only_bag(bags)]) as reader:
+        assert reader.message_count == 202
+
+
+def test_size_and_time_begin_new_files(recorder, robot, observer, bags: Path) -> None:
+    recorder(chunk_duration=0.1, max_file_size=20_000)
+    robot.begin(count=2000, rate=1000.0)
+    observer.call("start")
+    robot.run()
+    observer.received(2000)
+    observer.call("stop")
+    by_size = only_bag(bags)
+    assert len(list(by_size.glob("*.mcap"))) > 2
+    assert np.array_equal(numbers(by_size), np.arange(2000.0))
+    assert observer.set(max_file_size=0, max_file_duration=0.5, bag_prefix="timed")[0].successful
+    observer.call("start")
+    robot.begin(count=1500, rate=1000.0).run()
+    observer.received(1500)
+    observer.call("stop")
+    (timed,) = bags.glob("timed*")
+    assert len(list(timed.glob("*.mcap"))) > 2
+    assert np.array_equal(numbers(timed), np.arange(1500.0))
+
+
+def test_paused_messages_are_left_out(recorder, robot, observer, bags: Path) -> None:
+    recorder()
+    robot.begin(count=100)
+    observer.call("start")
+    robot.run()
+    observer.received(100)
+    assert observer.call("pause").success
+    robot.begin(count=70).run()
+    observer.received(170)
+    assert observer.call("resume").success
+    robot.begin(count=50).run()
+    observer.received(220)
+    observer.call("stop")
+    found = numbers(only_bag(bags))
+    assert np.array_equal(found, np.concatenate([np.arange(100.0), np.arange(50.0)]))
+
+
+def test_requests_out_of_order_are_refused_in_one_line(recorder, observer) -> None:
+    recorder()
+    for name in ("stop", "pause", "resume", "split"):
+        answer = observer.call(name)
+        assert not answer.success
+        assert "call start first" in answer.message
+    assert observer.call("start").success
+    again = observer.call("start")
+    assert not again.success
+    assert "call stop first" in again.message
+
+
+def test_wrong_parameters_are_refused_when_set(recorder, observer, tmp_path: Path) -> None:
+    recorder()
+    broken = tmp_path / "broken.yaml"
+    broken.write_text("robot: {joints: [a], colour: red}\n")
+    for name, value, words in (
+        ("chunk_duration", 100.0, "range"),
+        ("bag_prefix", "../up", "not the name of a folder"),
+        ("configuration", str(broken), "unknown key robot.colour"),
+        ("queue_depth", 50, "read-only"),
+        ("late_after", "soon", "type"),
+    ):
+        (result,) = observer.set(**{name: value})
+        assert not result.successful
+        assert words in result.reason.lower(), result.reason
+
+
+def test_configuration_is_reloaded_without_restart(
+    recorder, robot, observer, configuration: Path
+) -> None:
+    recorder()
+    observer.next_status()
+    assert observer.topic("/joint_reference") is None
+    assert observer.set(configuration=str(configuration))[0].successful
+    observer.until(lambda: observer.topic("/joint_reference") is not None, "the new topic")
+    robot.begin(topics=BOTH, count=100)
+    robot.run()
+    observer.received(100, "/joint_reference")
+
+
+def test_interrupt_closes_the_bag(recorder, robot, observer, bags: Path) -> None:
+    process = recorder(autostart=True)
+    robot.begin(count=100)
+    robot.run()
+    observer.received(100)
+    assert process.finish() == 0
+    assert np.array_equal(numbers(only_bag(bags)), np.arange(100.0))
+
+
+def test_wrong_start_is_one_line(tmp_path: Path) -> None:
+    process = start_recorder(tmp_path, configuration="/nowhere/robot.yaml")
+    assert process.process.wait(15) == 2
+    lines = process.errors.read_text().splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("recorder: parameter /nowhere/robot.yaml: cannot read")
+
+
+def test_idim_iv_record_is_the_recorder(
+    robot, observer, tmp_path: Path, configuration: Path
+) -> None:
+    out = tmp_path / "out"
+    command = [str(Path(sys.executable).parent / "idim-iv"), "record"]
+    process = Process(
+        [*command, "--config", str(configuration), "--out", str(out)], tmp_path, "recorder"
+    )
+    observer.follow(process)
+    robot.begin(topics=BOTH, count=100).run()
+    observer.received(100)
+    observer.received(100, "/joint_reference")
+    assert process.finish() == 0
+    assert np.array_equal(numbers(only_bag(out)), np.arange(100.0))

@@ -1,0 +1,194 @@
+"""Whatever happens to disk, robot and recorder: it is said, and what arrived is kept."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rclpy.qos import QoSProfile
+from rosbags.highlevel import AnyReader
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from tests.ros.processes import ROOT, Robot, numbers, only_bag
+
+WARN, ERROR = 1, 2
+
+
+def test_killed_recorder_loses_at_most_the_last_chunk(
+    recorder, robot, observer, bags: Path
+) -> None:
+    process = recorder(autostart=True, chunk_duration=0.3)
+    robot.begin(count=2000, rate=1000.0)
+    robot.say("go")
+    observer.until(lambda: observer.topic("/joint_states").received > 700, "700 messages")
+    process.kill()
+    bag = only_bag(bags)
+    found = numbers(bag)
+    sent_before = robot.sent()
+    assert sent_before == 2000
+    assert np.array_equal(found, np.arange(len(found)))
+    assert len(found) >= 700 - 300 - 100  # chunk, and what the writer holds before it
+    with AnyReader([bag]) as reader:
+        assert reader.message_count == len(found)
+    (file,) = bag.glob("*.mcap")
+    with AnyReader([file]) as reader:
+        assert sum(1 for _ in reader.messages()) == len(found)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path):
+    """Six megabytes."""
+    folder = tmp_path / "small"
+    folder.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=6m", "tmpfs", folder])
+    if mounted.returncode:
+        pytest.skip("mounting a small disk needs root")
+    yield folder
+    subprocess.run(["umount", "-l", folder], check=True)
+
+
+def test_recording_stops_before_the_disk_is_full(recorder, robot, observer, small_disk) -> None:
+    recorder(bag_directory=str(small_disk), minimum_free_disk=2_000_000, chunk_duration=0.2)
+    robot.begin(count=200)
+    observer.call("start")
+    robot.run()
+    observer.received(200)
+    (small_disk / "ballast").write_bytes(bytes(4_500_000))
+    observer.until(lambda: observer.closed, "the announcement")
+    observer.diagnosed("recording", "minimum_free_disk is 2 MB", ERROR)
+    assert observer.next_status().dropped == 0
+    assert not observer.closed[0].complete
+    assert np.array_equal(numbers(Path(observer.closed[0].bag)), np.arange(200.0))
+    refused = observer.call("start")
+    assert not refused.success
+    assert "of free disk" in refused.message
+
+
+def test_messages_wait_in_memory_while_the_disk_is_full(
+    recorder, robot, observer, small_disk
+) -> None:
+    recorder(bag_directory=str(small_disk), chunk_duration=0.2)
+    joints = [f"joint_{k}" for k in range(30)]
+    robot.begin(count=3000, rate=1000.0, topics=[{"name": "/joint_states", "joints": joints}])
+    assert observer.call("start").success
+    ballast = small_disk / "ballast"
+    ballast.write_bytes(bytes(os.statvfs(small_disk).f_bavail * 4096 - 8192))
+    robot.run()
+    observer.received(3000)
+    observer.diagnosed("recording", "messages wait in memory", ERROR)
+    bag = only_bag(small_disk)
+    assert len(numbers(bag)) < 3000
+    ballast.unlink()
+    observer.until(lambda: not observer.next_status().fault, "the end of the fault")
+    answer = observer.call("stop")
+    assert answer.success, answer.message
+    assert np.array_equal(numbers(bag), np.arange(3000.0))
+
+
+def test_publisher_that_dies_and_returns(recorder, observer, bags: Path, tmp_path: Path) -> None:
+    recorder(autostart=True)
+    first = Robot(tmp_path, "first").begin(count=200)
+    first.run()
+    observer.received(200)
+    first.kill()
+    observer.diagnosed("/joint_states", "no message for", ERROR)
+    second = Robot(tmp_path, "second").begin(count=150)
+    second.run()
+    observer.received(350)
+    assert observer.topic("/joint_states").lost == 0
+    observer.call("stop")
+    second.kill()
+    assert np.array_equal(numbers(only_bag(bags)), np.r_[np.arange(200.0), np.arange(150.0)])
+
+
+def test_publisher_that_leaves_is_reported(recorder, robot, observer) -> None:
+    recorder()
+    robot.begin(count=50).run()
+    observer.received(50)
+    robot.end()
+    observer.diagnosed("/joint_states", "its publisher is gone", ERROR)
+
+
+def test_publisher_that_returns_best_effort_is_subscribed_anew(
+    recorder, robot, observer, bags: Path
+) -> None:
+    recorder(autostart=True)
+    robot.begin(count=100).run()
+    observer.received(100)
+    robot.begin(count=100, topics=[{"name": "/joint_states", "qos": "best_effort"}]).run()
+    observer.received(200)
+    observer.diagnosed("/joint_states", "QoS of its publisher changed", WARN)
+    observer.call("stop")
+    assert len(numbers(only_bag(bags))) == 200
+
+
+def test_content_that_changes_is_reported(
+    recorder, robot, observer, bags: Path, configuration: Path
+) -> None:
+    recorder(autostart=True, configuration=str(configuration))
+    robot.begin(count=100).run()
+    observer.received(100)
+    nan = float("nan")
+    robot.begin(count=50, topics=[{"name": "/joint_states", "effort": [1.0, nan]}]).run()
+    observer.diagnosed("/joint_states", "effort of b is NaN", WARN)
+    robot.begin(count=50, topics=[{"name": "/joint_states", "joints": ["a", "c"]}]).run()
+    observer.diagnosed("/joint_states", "the set of joints changed: a, b / a, c", WARN)
+    observer.diagnosed("/joint_states", "it does not hold joint b", WARN)
+    observer.received(200)
+    observer.call("stop")
+    assert len(numbers(only_bag(bags))) == 200
+
+
+def test_clock_that_jumps_back_is_reported_and_nothing_is_lost(
+    recorder, robot, observer, bags: Path
+) -> None:
+    recorder(autostart=True)
+    robot.begin(count=100, stamp_shift={"60": -5.0}).run()
+    observer.received(100)
+    observer.diagnosed("/joint_states", "1 messages stamped before the one before", WARN)
+    observer.call("stop")
+    assert np.array_equal(numbers(only_bag(bags)), np.arange(100.0))
+
+
+def test_malformed_and_huge_messages_harm_nothing(recorder, robot, observer, bags: Path) -> None:
+    recorder(autostart=True, max_message_size=100_000)
+    raw = observer.node.create_publisher(JointState, "/joint_states", QoSProfile(depth=100))
+    observer.until(lambda: raw.get_subscription_count() == 1, "the recorder")
+    random = np.random.default_rng(0)
+    for size in (0, 1, 4, 5, 11, 12, 30, 1000, 50_000):
+        raw.publish(b"\0\1\0\0" + random.bytes(size))
+    raw.publish(b"\0\1\0\0" + b"\xff" * 60)
+    raw.publish(bytes(20_000_000))
+    observer.until(lambda: observer.topic("/joint_states").malformed == 11, "")
+    observer.node.destroy_publisher(raw)
+    robot.begin(count=100).run()
+    observer.received(110)
+    assert observer.call("stop").success
+    with AnyReader([only_bag(bags)]) as reader:
+        assert reader.message_count == 110
+
+
+def test_wrong_type_on_a_topic_is_reported(recorder, observer) -> None:
+    recorder()
+    wrong = observer.node.create_publisher(String, "/joint_states", 10)
+    observer.diagnosed("/joint_states", "sensor_msgs/msg/JointState is needed", ERROR)
+    observer.node.destroy_publisher(wrong)
+
+
+def test_security_that_the_wheels_lack_is_one_line(tmp_path: Path) -> None:
+    environment = {**os.environ, "ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}
+    ended = subprocess.run(
+        [str(ROOT / "scripts" / "recorder")],
+        env={**environment, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"},
+        capture_output=True,
+        text=True,
+        timeout=20,
+        cwd=tmp_path,
+    )
+    assert ended.returncode == 2
+    lines = [line for line in ended.stderr.splitlines() if line.startswith("recorder:")]
+    assert len(lines) == 1
+    assert "Traceback" not in ended.stderr

@@ -1,0 +1,122 @@
+"""The simulated robot in real time, alone and with the recorder."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from idim_iv_ros import identify, load_configuration
+from idim_iv_ros.recording import read_recordings
+from tests.ros.processes import ROOT, Process, only_bag
+
+START = 90.0  # s: on a new machine the simulation is compiled first
+CONFIG = ROOT / "config" / "arm2.yaml"
+
+
+@pytest.fixture
+def simulator(tmp_path: Path, stack):
+    def start(**parameters: object) -> Process:
+        values = {"configuration": str(CONFIG), **parameters}
+        arguments = [sys.executable, str(ROOT / "scripts" / "robot_simulator"), "--ros-args"]
+        for name, value in values.items():
+            arguments += ["-p", f"{name}:={value}"]
+        process = Process(arguments, tmp_path, "robot_simulator")
+        stack.callback(process.end)
+        return process
+
+    return start
+
+
+def move(observer) -> Trigger.Response:
+    return observer._request(Trigger, "/robot_simulator/move", Trigger.Request())
+
+
+def test_recorded_motion_identifies_the_true_parameters(
+    recorder, simulator, observer, bags: Path
+) -> None:
+    simulator(motion_duration=6.0)
+    recorder(configuration=str(CONFIG))
+    truths: list[String] = []
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    heard = observer.node.create_subscription(
+        String, "/robot_simulator/truth", truths.append, latched
+    )
+    observer.until(lambda: truths, "the truth", START)
+    observer.until(lambda: observer.topic("/joint_reference").received > 200, "references")
+    assert observer.call("start").success
+    assert move(observer).success
+    moving: list[bool] = []
+    heard_moving = observer.node.create_subscription(
+        Bool, "/robot_simulator/moving", lambda message: moving.append(message.data), latched
+    )
+    observer.until(lambda: moving[-2:] == [True, False], "the motion", 60)
+    observer.node.destroy_subscription(heard_moving)
+    assert observer.call("stop").success
+    observer.node.destroy_subscription(heard)
+    bag = only_bag(bags)
+    status = observer.next_status()
+    assert sum(topic.lost for topic in status.topics) == 0
+    configuration = load_configuration(CONFIG)
+    (recording,) = read_recordings(
+        [bag], joints=configuration.robot.joints, reference="/joint_reference"
+    )
+    assert abs(recording.rate - 1000.0) < 1.0
+    result = identify([bag], configuration)
+    truth = json.loads(truths[0].data)
+    deviations = [abs(p.value - truth[p.name]) / p.std for p in result.parameters]
+    assert np.mean(np.array(deviations) < 3.0) > 0.8, dict(
+        zip([p.name for p in result.parameters], deviations, strict=True)
+    )
+
+
+def test_joint_trajectory_is_followed(simulator, recorder, observer, bags: Path) -> None:
+    simulator()
+    recorder(autostart=True, configuration=str(CONFIG))
+    sender = observer.node.create_publisher(JointTrajectory, "/robot_simulator/joint_trajectory", 1)
+    observer.until(lambda: sender.get_subscription_count() == 1, "the simulator", START)
+    points = []
+    for seconds, places in ((0, [0.2, 0.3]), (1, [0.5, 0.1])):
+        point = JointTrajectoryPoint(positions=places, velocities=[0.0, 0.0])
+        point.time_from_start.sec = seconds
+        points.append(point)
+    observer.until(lambda: observer.topic("/joint_states").received > 100, "rest", START)
+    sender.publish(JointTrajectory(joint_names=["joint_1", "joint_2"], points=points))
+    references: list[list[float]] = [[]]
+    heard = observer.node.create_subscription(
+        JointState,
+        "/joint_reference",
+        lambda message: references.__setitem__(0, list(message.position)),
+        10,
+    )
+    observer.until(
+        lambda: references[0] and np.allclose(references[0], [0.5, 0.1]),
+        "the end of the motion",
+        30,
+    )
+    before = observer.topic("/joint_states").received
+    observer.until(lambda: observer.topic("/joint_states").received > before + 1000, "rest")
+    observer.node.destroy_subscription(heard)
+    observer.call("stop")
+    observer.node.destroy_publisher(sender)
+    (recording,) = read_recordings(
+        [only_bag(bags)], joints=["joint_1", "joint_2"], reference="/joint_reference"
+    )
+    assert recording.position_reference is not None
+    reference = recording.position_reference.values
+    assert np.allclose(reference[-1], [0.5, 0.1], atol=1e-6)
+    assert np.abs(np.diff(reference, axis=0)).max() < 0.005
+    assert np.abs(recording.position.values[-500:].mean(axis=0) - reference[-1]).max() < 0.1
+
+
+def test_start_without_configuration_is_one_line(tmp_path: Path) -> None:
+    script = str(ROOT / "scripts" / "robot_simulator")
+    process = Process([sys.executable, script], tmp_path, "alone")
+    assert process.process.wait(20) == 2
+    assert process.errors.read_text().startswith("robot_simulator: name the robot")
