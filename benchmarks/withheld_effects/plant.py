@@ -217,9 +217,7 @@ def run(
             for i in range(size):
                 for r in range(size):
                     v[i] += step * mobility[i, r] * push[r]
-            stick_or_slip(
-                mobility, v, direction[:rows], lower[:rows], upper[:rows], impulse, moved
-            )
+            stick_or_slip(mobility, v, direction[:rows], lower[:rows], upper[:rows], impulse, moved)
             for i in range(size):
                 x[i] += step * v[i]
     return measured, speed, commands, link, periods

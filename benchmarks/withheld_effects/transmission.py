@@ -7,9 +7,7 @@ from benchmarks.withheld_effects.drive import Drive
 
 
 @njit(cache=True)
-def shaft(
-    drive: Drive, j: int, twist: float, twist_rate: float
-) -> tuple[float, float, float]:
+def shaft(drive: Drive, j: int, twist: float, twist_rate: float) -> tuple[float, float, float]:
     """Torque on the link (N m), stiffness (N m/rad) and damping (N m s/rad) at this twist.
 
     Parameters

@@ -16,7 +16,7 @@ def time_delay(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effec
     def apply(world: World, strength: float) -> World:
         return with_drive(world, altered(world.drive, joint, delay=1e-3 * strength))
 
-    return Effect("time_delay", joint, apply, 2.0, 16.0)
+    return Effect("time_delay", joint, apply, 2.3, 16.0)
 
 
 def torque_saturation(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:

@@ -22,7 +22,7 @@ class Effect:
     apply : callable
         World and strength to the world with the effect; strength 0 changes nothing that matters.
     usual : float
-        Strength that real robots show; where the calibration starts.
+        Strength that shows a ratio of about one; where the calibration starts.
     largest : float
         Beyond it the effect is implausible or the loop unstable.
     shape : dict
@@ -32,6 +32,8 @@ class Effect:
     measure : "refit", "given" or "command"
         Of which residual rho is defined: of the best rigid model, of the given model, of the
         control law.
+    whole_session : bool
+        It differs between repeats, so that the calibration needs every recording.
     """
 
     name: str
@@ -42,6 +44,7 @@ class Effect:
     shape: dict[str, float | str] = field(default_factory=dict)
     joints: tuple[int, ...] = ()
     measure: str = "refit"
+    whole_session: bool = False
 
     @property
     def seen_at(self) -> int:

@@ -45,7 +45,7 @@ def nonlinear_viscous(rng: np.random.Generator, given: GivenRobot, joint: int) -
             ),
         )
 
-    return Effect("nonlinear_viscous", joint, apply, 0.4, 20.0, {"exponent": exponent})
+    return Effect("nonlinear_viscous", joint, apply, 0.35, 20.0, {"exponent": exponent})
 
 
 def asymmetric_friction(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
@@ -71,7 +71,7 @@ def asymmetric_friction(rng: np.random.Generator, given: GivenRobot, joint: int)
         )
 
     return Effect(
-        "asymmetric_friction", joint, apply, 0.15, 10.0, {"side": side, "dry_part": dry_part}
+        "asymmetric_friction", joint, apply, 0.17, 10.0, {"side": side, "dry_part": dry_part}
     )
 
 
@@ -96,12 +96,10 @@ def load_dependent_friction(rng: np.random.Generator, given: GivenRobot, joint: 
             ),
         )
 
-    return Effect("load_dependent_friction", joint, apply, 0.1, 0.9, dict(shape))
+    return Effect("load_dependent_friction", joint, apply, 0.035, 0.9, dict(shape))
 
 
-def position_dependent_friction(
-    rng: np.random.Generator, given: GivenRobot, joint: int
-) -> Effect:
+def position_dependent_friction(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
     """Two incommensurate waves off the grid of integers, or one tight spot."""
     centre, room = given.centre[joint], 0.25 * (given.upper - given.lower)[joint]
     if rng.random() < 0.6:
@@ -169,7 +167,13 @@ def friction_drift(rng: np.random.Generator, given: GivenRobot, joint: int) -> E
         )
 
     return Effect(
-        "friction_drift", joint, apply, 0.3, 25.0, {"time": time, "dry_part": dry_part}
+        "friction_drift",
+        joint,
+        apply,
+        0.3,
+        25.0,
+        {"time": time, "dry_part": dry_part},
+        whole_session=True,
     )
 
 
@@ -191,4 +195,4 @@ def presliding(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effec
             ),
         )
 
-    return Effect("presliding", joint, apply, 1.0, 60.0, {"travel_unit": 3e-3})
+    return Effect("presliding", joint, apply, 0.12, 7.0, {"travel_unit": 3e-3})

@@ -42,7 +42,14 @@ def contact_pulses(rng: np.random.Generator, given: GivenRobot, joint: int) -> E
         return replace(world, disturbance=bumps)
 
     return Effect(
-        "contact_pulses", None, apply, 3.0, 100.0, {"rate": rate}, joints=(min(joint, 1),)
+        "contact_pulses",
+        None,
+        apply,
+        3.0,
+        100.0,
+        {"rate": rate},
+        joints=(min(joint, 1),),
+        whole_session=True,
     )
 
 
@@ -87,7 +94,7 @@ def random_bursts(rng: np.random.Generator, given: GivenRobot, joint: int) -> Ef
 
         return replace(world, disturbance=bursts)
 
-    return Effect("random_bursts", joint, apply, 1.0, 100.0, {"rate": rate})
+    return Effect("random_bursts", joint, apply, 1.0, 100.0, {"rate": rate}, whole_session=True)
 
 
 def sensor_dropout(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
@@ -98,4 +105,4 @@ def sensor_dropout(rng: np.random.Generator, given: GivenRobot, joint: int) -> E
         share[joint] = 0.02 * strength
         return replace(world, sensors=replace(world.sensors, dropout=share))
 
-    return Effect("sensor_dropout", joint, apply, 1.0, 20.0)
+    return Effect("sensor_dropout", joint, apply, 1.0, 20.0, whole_session=True)

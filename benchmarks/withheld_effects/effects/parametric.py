@@ -19,9 +19,7 @@ def payload(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
         mass = 0.2 * strength * world.inertials.mass[last]
         return replace(world, inertials=with_body(world.inertials, last, mass, centre))
 
-    return Effect(
-        "payload", last, apply, 1.0, 12.0, joints=(_loaded(given),), measure="given"
-    )
+    return Effect("payload", last, apply, 0.065, 12.0, joints=(_loaded(given),), measure="given")
 
 
 def link_inertia(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
@@ -39,7 +37,7 @@ def link_inertia(rng: np.random.Generator, given: GivenRobot, joint: int) -> Eff
         return replace(world, inertials=Inertials(mass, centre, inertia))
 
     seen = joint if joint > 0 or len(given.joints) == 2 else 1
-    return Effect("link_inertia", joint, apply, 1.0, 12.0, joints=(seen,), measure="given")
+    return Effect("link_inertia", joint, apply, 0.2, 12.0, joints=(seen,), measure="given")
 
 
 def gravity_direction(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
@@ -56,7 +54,7 @@ def gravity_direction(rng: np.random.Generator, given: GivenRobot, joint: int) -
         return replace(world, gravity=turned)
 
     return Effect(
-        "gravity_direction", None, apply, 1.0, 40.0, joints=(_loaded(given),), measure="given"
+        "gravity_direction", None, apply, 0.6, 40.0, joints=(_loaded(given),), measure="given"
     )
 
 
@@ -65,11 +63,9 @@ def torque_gain(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effe
     side = rng.choice([-1.0, 1.0])
 
     def apply(world: World, strength: float) -> World:
-        return with_drive(
-            world, altered(world.drive, joint, gain=np.exp(0.05 * side * strength))
-        )
+        return with_drive(world, altered(world.drive, joint, gain=np.exp(0.05 * side * strength)))
 
-    return Effect("torque_gain", joint, apply, 1.0, 12.0, {"side": side}, measure="given")
+    return Effect("torque_gain", joint, apply, 0.2, 12.0, {"side": side}, measure="given")
 
 
 def friction_level(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
@@ -91,7 +87,7 @@ def friction_level(rng: np.random.Generator, given: GivenRobot, joint: int) -> E
             ),
         )
 
-    return Effect("friction_level", joint, apply, 1.0, 12.0, {"side": side}, measure="given")
+    return Effect("friction_level", joint, apply, 0.22, 12.0, {"side": side}, measure="given")
 
 
 def drive_inertia(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
@@ -102,7 +98,7 @@ def drive_inertia(rng: np.random.Generator, given: GivenRobot, joint: int) -> Ef
         inertia = world.drive.inertia[joint] * np.exp(0.15 * side * strength)
         return with_drive(world, altered(world.drive, joint, inertia=inertia))
 
-    return Effect("drive_inertia", joint, apply, 1.0, 12.0, {"side": side}, measure="given")
+    return Effect("drive_inertia", joint, apply, 0.75, 12.0, {"side": side}, measure="given")
 
 
 def _loaded(given: GivenRobot) -> int:

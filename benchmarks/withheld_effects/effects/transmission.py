@@ -31,13 +31,13 @@ def elasticity(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effec
             ),
         )
 
-    return Effect("elasticity", joint, apply, 1.0, 12.0, {"hardening": hardening})
+    return Effect("elasticity", joint, apply, 0.3, 12.0, {"hardening": hardening})
 
 
 def backlash(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
     """Two masses with a dead zone and flanks that push and never pull."""
     damping = rng.uniform(0.2, 0.5)
-    stiffness = LINK_INERTIA * given.armature[joint] * (2.0 * np.pi * rng.uniform(60, 90)) ** 2
+    stiffness = LINK_INERTIA * given.armature[joint] * (2.0 * np.pi * rng.uniform(150, 220)) ** 2
 
     def apply(world: World, strength: float) -> World:
         return with_drive(
@@ -51,7 +51,7 @@ def backlash(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
             ),
         )
 
-    return Effect("backlash", joint, apply, 1.0, 60.0, {"stiffness": stiffness})
+    return Effect("backlash", joint, apply, 0.5, 5.0, {"stiffness": stiffness})
 
 
 def joint_coupling(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
@@ -79,7 +79,7 @@ def joint_coupling(rng: np.random.Generator, given: GivenRobot, joint: int) -> E
         "joint_coupling",
         joint,
         apply,
-        0.4,
+        0.07,
         15.0,
         {"with_joint": str(before + 1), "exponent": exponent, "dry_part": dry_part},
         joints=(joint, before),
@@ -103,7 +103,7 @@ def spring(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
             ),
         )
 
-    return Effect("spring", joint, apply, 0.5, 40.0, {"bend": bend, "at": at})
+    return Effect("spring", joint, apply, 0.05, 40.0, {"bend": bend, "at": at})
 
 
 def position_ripple(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
@@ -126,7 +126,7 @@ def position_ripple(rng: np.random.Generator, given: GivenRobot, joint: int) -> 
         )
 
     return Effect(
-        "position_ripple", joint, apply, 0.5, 40.0, {"wave": wave, "second": float(waves[1])}
+        "position_ripple", joint, apply, 0.2, 40.0, {"wave": wave, "second": float(waves[1])}
     )
 
 
@@ -145,4 +145,4 @@ def encoder_eccentricity(rng: np.random.Generator, given: GivenRobot, joint: int
             ),
         )
 
-    return Effect("encoder_eccentricity", joint, apply, 1.0, 150.0, {"second": second})
+    return Effect("encoder_eccentricity", joint, apply, 8.0, 10.0, {"second": second})
