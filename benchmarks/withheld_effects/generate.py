@@ -2,9 +2,10 @@
 
     python -m benchmarks.withheld_effects.generate --subset fast --out DIR
 
-DIR/cells/NAME/ holds robot.yaml, the URDF and recording_1.mcap to recording_3.mcap. DIR/options.json
-says which cells are to be diagnosed with an effect left out. DIR/labels.sealed.json is the truth,
-DIR/labels.sha256 its hash. A run that was stopped goes on where it was.
+DIR/cells/NAME/ holds robot.yaml, the URDF and recording_1.mcap to recording_3.mcap.
+DIR/options.json says which cells are to be diagnosed with an effect left out.
+DIR/labels.sealed.json is the truth, DIR/labels.sha256 its hash.
+A run that was stopped goes on where it was.
 """
 
 import argparse

@@ -8,21 +8,13 @@ DIR as `generate` and `run` leave it: verdicts/NAME/gap.json for each cell.
 import argparse
 import hashlib
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from benchmarks.measurement import write_page
 from benchmarks.withheld_effects.generate import LABELS, SEAL
-from benchmarks.withheld_effects.verdict import Judged, Verdict, judge
-
-
-@dataclass(frozen=True)
-class Scored:
-    """All judged cells, by name, and the cells that have no verdict with the reason."""
-
-    judged: dict[str, Judged]
-    missing: dict[str, str]
+from benchmarks.withheld_effects.tables import page_lines
+from benchmarks.withheld_effects.verdict import Scored, Verdict, judge
 
 
 def open_labels(out: Path) -> dict[str, Any]:
@@ -61,8 +53,6 @@ def score(out: Path) -> Scored:
 
 
 def main() -> None:
-    from benchmarks.withheld_effects.tables import page_lines
-
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--page", help="name of a page in benchmarks/results")

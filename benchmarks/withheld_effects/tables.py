@@ -6,8 +6,7 @@ from math import sqrt
 from statistics import mean, median
 
 from benchmarks.withheld_effects.cells import RATIOS
-from benchmarks.withheld_effects.score import Scored
-from benchmarks.withheld_effects.verdict import Judged
+from benchmarks.withheld_effects.verdict import Judged, Scored
 
 NORMAL_975 = 1.959964
 
@@ -66,6 +65,7 @@ def _figures(cells: list[Judged]) -> list[str]:
     shrunk = [cell.shrinkage for cell in single if cell.shrinkage is not None]
     f1 = pair_f1(of.get("pair", []))
     six = [cell.seconds for cell in cells if cell.label["robot"] == "arm6"]
+    poor = [cell for cell in of.get("poor", []) if cell.label["effects"]]
     quiet = {
         name: [cell for cell in of.get(name, []) if not cell.label["effects"]]
         for name in ("coloured", "jitter")
@@ -83,6 +83,7 @@ def _figures(cells: list[Judged]) -> list[str]:
         ("parametric cause right first", share(c.first for c in of.get("parametric", [])), ""),
         ("left out of the catalogue, misnamed", share(map(_alarm, of.get("without", []))), ""),
         ("too poor to tell, misnamed", share(map(_alarm, of.get("poor", []))), ""),
+        ("too poor to tell, found or said to be", share(c.admitted for c in poor), ""),
         *(
             (f"{name}, no effect: false alarm", share(map(_alarm, quiet[name])), "")
             for name in quiet

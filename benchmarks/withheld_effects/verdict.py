@@ -83,8 +83,8 @@ class Judged:
         Share of the squared torque gap that the first cause removed, over the share that the
         true effect removes; None without figures or a single structural effect in the refit
         residual. A cause that was not found counts as 0.
-    abstained : bool
-        No cause was accepted that is not there.
+    admitted : bool
+        Every true effect was found, or listed as not testable on these recordings.
     """
 
     label: dict[str, Any]
@@ -96,10 +96,15 @@ class Judged:
     effect_first: bool
     set_size: int
     shrinkage: float | None
+    admitted: bool
 
-    @property
-    def abstained(self) -> bool:
-        return not self.false_alarms
+
+@dataclass(frozen=True)
+class Scored:
+    """All judged cells, by name, and the cells that have no verdict with the reason."""
+
+    judged: dict[str, Judged]
+    missing: dict[str, str]
 
 
 def judge(label: dict[str, Any], verdict: Verdict, seconds: float) -> Judged:
@@ -129,6 +134,10 @@ def judge(label: dict[str, Any], verdict: Verdict, seconds: float) -> Judged:
         and any(truth["effect"] in {e for e, _ in lead.alike} for truth in truths),
         set_size=len(lead.alike) if lead else 0,
         shrinkage=_shrinkage(label, truths, lead),
+        admitted=all(
+            seen or truth["effect"] in verdict.not_testable
+            for seen, truth in zip(found, truths, strict=True)
+        ),
     )
 
 
