@@ -119,7 +119,7 @@ def run(
             size += 1
     mass, bias = np.zeros((n, n)), np.zeros(n)
     effective, mobility = np.zeros((size, size)), np.zeros((size, size))
-    x, v, push = np.zeros(size), np.zeros(size), np.zeros(size)
+    x, v, old, middle, push = np.zeros((5, size))
     rows = n + 1
     direction, moved = np.zeros((rows, size)), np.zeros((rows, size))
     lower, upper, impulse = np.zeros(rows), np.zeros(rows), np.zeros(rows)
@@ -164,22 +164,25 @@ def run(
                 return measured, speed, commands, link, k
         for s in range(substeps):
             now = k * controller.period + s * step
-            mass_and_bias(addresses[0], addresses[1], state, x[:n], v[:n], mass, bias)
+            for i in range(size):
+                middle[i] = x[i] + 0.5 * step * v[i]
+                old[i] = v[i]
+            mass_and_bias(addresses[0], addresses[1], state, middle[:n], v[:n], mass, bias)
             effective[:] = 0.0
             effective[:n, :n] = mass
             for j in range(n):
                 m = motor[j]
                 sent = _delayed(commands, j, k, now - drive.delay[j], step, controller.period)
-                torque = motor_torque(drive, j, sent, x[m])
+                torque = motor_torque(drive, j, sent, middle[m])
                 effective[m, m] += drive.inertia[j]
                 push[m] = 0.0
-                push[j] = link_torque(drive, j, x[j], v[j]) - bias[j] + course.external[k, j]
+                push[j] = link_torque(drive, j, middle[j], v[j]) - bias[j] + course.external[k, j]
                 viscous, drag = sliding_torque(drive, j, v[m], heat[j])
-                forward = dry_level(drive, j, x[m], v[m], torque, heat[j], True)
-                backward = dry_level(drive, j, x[m], v[m], torque, heat[j], False)
+                forward = dry_level(drive, j, middle[m], v[m], torque, heat[j], True)
+                backward = dry_level(drive, j, middle[m], v[m], torque, heat[j], False)
                 lower[j], upper[j] = -step * forward, step * backward
                 push[m] += torque - drive.offset[j] + drag - viscous * v[m]
-                effective[m, m] += step * viscous
+                effective[m, m] += 0.5 * step * viscous
                 if drive.bristle_travel[j] > 0.0:
                     lower[j] = upper[j] = 0.0
                     share = bristle_share(
@@ -218,6 +221,7 @@ def run(
                 for r in range(size):
                     v[i] += step * mobility[i, r] * push[r]
             stick_or_slip(mobility, v, direction[:rows], lower[:rows], upper[:rows], impulse, moved)
+            # A torque held during the step moves the joint like this exactly: no lag of half a step.
             for i in range(size):
-                x[i] += step * v[i]
+                x[i] += 0.5 * step * (old[i] + v[i])
     return measured, speed, commands, link, periods
