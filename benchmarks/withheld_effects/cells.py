@@ -88,7 +88,7 @@ class _List:
     def add(
         self, group: str, robot: str, altered: bool, *effects: Asked, fast: bool = False, **other
     ) -> None:
-        seconds = float(self.rng.integers(12, 18) if robot == "arm2" else self.rng.integers(17, 21))
+        seconds = float(self.rng.integers(10, 17) if robot == "arm2" else self.rng.integers(17, 21))
         self.cells.append(
             Cell(
                 len(self.cells),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from ruamel.yaml import YAML
 
-from benchmarks.withheld_effects.plant import Controller
+from benchmarks.withheld_effects.control import Controller
 
 FloatArray = NDArray[np.float64]
 CONFIG = Path(__file__).parents[2] / "config"

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from benchmarks.withheld_effects.control import Controller, Course
 from benchmarks.withheld_effects.drive import Drive, rigid_drive
-from benchmarks.withheld_effects.plant import Controller, Course, run
+from benchmarks.withheld_effects.plant import run
 from benchmarks.withheld_effects.robot import (
     GivenRobot,
     Inertials,
