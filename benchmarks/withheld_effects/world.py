@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from benchmarks.withheld_effects.control import Controller, Course
 from benchmarks.withheld_effects.drive import Drive, rigid_drive
@@ -18,37 +17,12 @@ from benchmarks.withheld_effects.robot import (
     given_inertials,
     rigid_body_model,
 )
+from benchmarks.withheld_effects.sensors import Sensors, coloured, frozen
 
 FloatArray = NDArray[np.float64]
 Disturbance = Callable[[np.random.Generator, FloatArray], FloatArray]
 SETTLE = 1.0  # s at the first reference before the recording starts
 STIFF_STEPS, SOFT_STEPS = 5, 10
-
-
-@dataclass(frozen=True)
-class Sensors:
-    """Noise of the recording; arrays (n_joints,).
-
-    Attributes
-    ----------
-    position : rad, white, before the encoder counts
-    velocity : rad/s, white
-    torque : N m, standard deviation
-    resolution : rad, one count of the encoder
-    colour : float
-        Pole of the torque noise at the control period; 0: white.
-    jitter : float
-        s, standard deviation of the time stamps; the samples themselves are even.
-    dropout : share of the time in which the recorded effort is frozen
-    """
-
-    position: FloatArray
-    velocity: FloatArray
-    torque: FloatArray
-    resolution: FloatArray
-    colour: float
-    jitter: float
-    dropout: FloatArray
 
 
 @dataclass(frozen=True)
@@ -150,7 +124,7 @@ def record(
         position=position,
         velocity=velocity,
         feedforward=world.feedforward(acting, position) if world.feedforward else none,
-        external=world.disturbance(acting, position) if world.disturbance else none,
+        external=_external(world, acting, position, settle),
         position_noise=world.sensors.position * noise[0],
         velocity_noise=world.sensors.velocity * noise[1],
     )
@@ -169,8 +143,8 @@ def record(
     if done < len(position):
         raise Runaway(f"after {done * period - SETTLE:.2f} s")
     clean = 0.5 * (commands + np.concatenate([commands[:1], commands[:-1]]))
-    effort = clean + world.sensors.torque * _coloured(noise[2], world.sensors.colour)
-    effort = _frozen(effort, world.sensors.dropout, acting)
+    effort = clean + world.sensors.torque * coloured(noise[2], world.sensors.colour)
+    effort = frozen(effort, world.sensors.dropout, period, acting)
     time = np.arange(len(position) - settle) * period
     jitter = np.clip(acting.normal(size=len(time)) * world.sensors.jitter, -0.4e-3, 0.4e-3)
     return Record(
@@ -185,24 +159,14 @@ def record(
     )
 
 
-def _coloured(white: FloatArray, pole: float) -> FloatArray:
-    """First-order noise of the same standard deviation."""
-    if pole == 0.0:
-        return white
-    return np.asarray(lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], white, axis=0))
-
-
-def _frozen(effort: FloatArray, share: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Hold the last value for 30 to 150 ms at random times, about `share` of the time."""
-    held = effort.copy()
-    for j in np.flatnonzero(share > 0.0):
-        frozen = 0
-        while frozen < share[j] * len(effort):
-            length = int(rng.integers(30, 150))
-            start = int(rng.integers(1, len(effort) - length))
-            held[start : start + length, j] = held[start - 1, j]
-            frozen += length
-    return held
+def _external(
+    world: World, chance: np.random.Generator, position: FloatArray, settle: int
+) -> FloatArray:
+    """Disturbance of the recorded part; the robot settles in peace."""
+    torque = np.zeros_like(position)
+    if world.disturbance is not None:
+        torque[settle:] = world.disturbance(chance, position[settle:])
+    return torque
 
 
 def with_drive(world: World, drive: Drive) -> World:

@@ -195,4 +195,4 @@ def presliding(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effec
             ),
         )
 
-    return Effect("presliding", joint, apply, 0.12, 7.0, {"travel_unit": 3e-3})
+    return Effect("presliding", joint, apply, 0.12, 7.0, {"longest_share": float(weight[-1])})

@@ -45,7 +45,7 @@ def contact_pulses(rng: np.random.Generator, given: GivenRobot, joint: int) -> E
         "contact_pulses",
         None,
         apply,
-        3.0,
+        0.3,
         100.0,
         {"rate": rate},
         joints=(min(joint, 1),),
@@ -70,7 +70,7 @@ def one_sided_stop(rng: np.random.Generator, given: GivenRobot, joint: int) -> E
             ),
         )
 
-    return Effect("one_sided_stop", joint, apply, 1.0, 200.0, {"at": at, "side": side})
+    return Effect("one_sided_stop", joint, apply, 0.05, 200.0, {"at": at, "side": side})
 
 
 def random_bursts(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
@@ -94,15 +94,15 @@ def random_bursts(rng: np.random.Generator, given: GivenRobot, joint: int) -> Ef
 
         return replace(world, disturbance=bursts)
 
-    return Effect("random_bursts", joint, apply, 1.0, 100.0, {"rate": rate}, whole_session=True)
+    return Effect("random_bursts", joint, apply, 0.7, 100.0, {"rate": rate}, whole_session=True)
 
 
 def sensor_dropout(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
-    """The recorded effort freezes for 30 to 150 ms again and again."""
+    """The recorded effort freezes again and again."""
 
     def apply(world: World, strength: float) -> World:
-        share = world.sensors.dropout.copy()
-        share[joint] = 0.02 * strength
-        return replace(world, sensors=replace(world.sensors, dropout=share))
+        duration = world.sensors.dropout.copy()
+        duration[joint] = 0.03 * strength
+        return replace(world, sensors=replace(world.sensors, dropout=duration))
 
-    return Effect("sensor_dropout", joint, apply, 1.0, 20.0, whole_session=True)
+    return Effect("sensor_dropout", joint, apply, 2.5, 20.0, whole_session=True)
