@@ -73,14 +73,21 @@ def ratio(with_effect: FloatArray, without: FloatArray) -> FloatArray:
     return np.sqrt(np.maximum(with_effect / without - 1.0, 0.0))
 
 
-def calibrate(world: World, effect: Effect, courses: Sequence[Course], rho: float) -> Calibrated:
+def calibrate(
+    world: World,
+    effect: Effect,
+    courses: Sequence[Course],
+    without: Sequence[Record],
+    rho: float,
+) -> Calibrated:
     """Find the strength at which `effect.seen_at` shows `rho`.
 
-    Bracketed secant steps on the logarithms, on recordings with the same noise. Where the effect
-    cannot show as much, the largest that it showed.
+    Bracketed secant steps on the logarithms; `without` are the recordings of these courses
+    without the effect, with the same noise. Where the effect cannot show as much, the largest
+    that it showed.
     """
     joint = effect.seen_at
-    floor = variance(world, session(world, courses), effect.measure)
+    floor = variance(world, without, effect.measure)
 
     def shown(strength: float) -> float:
         try:

@@ -44,11 +44,14 @@ def make_session(cell: Cell, master: int) -> Session:
     world = replace(world, sensors=replace(world.sensors, colour=cell.colour, jitter=cell.jitter))
     rich, courses = _courses(cell, given, motion, noise)
     drawn = [EFFECTS[asked.effect](shape, given, asked.joint) for asked in cell.effects]
-    found = [
-        calibrate(world, effect, rich if effect.whole_session else rich[::2], asked.rho)
-        for effect, asked in zip(drawn, cell.effects, strict=True)
-    ]
     floor = session(world, courses)
+    rich_floor = floor if rich is courses else session(world, rich)
+    found = [
+        calibrate(world, effect, rich[::every], rich_floor[::every], asked.rho)
+        for effect, asked in zip(drawn, cell.effects, strict=True)
+        # Where a repeat differs by its noise alone, one of the two will do.
+        for every in (1 if effect.whole_session else 2,)
+    ]
     records, strengths = _recorded(world, drawn, found, courses) if drawn else (floor, [])
     label = {
         "group": cell.group,

@@ -70,7 +70,7 @@ def test_calibration_meets_the_ratio_within_15_percent(name, joint, rho):
     true = world()
     effect = EFFECTS[name](np.random.default_rng(3), true.given, joint)
     wanted = courses("arm2", 8.0, 1)
-    found = calibrate(true, effect, wanted, rho)
+    found = calibrate(true, effect, wanted, session(true, wanted), rho)
     again = variance(true, session(effect.apply(true, found.strength), wanted), effect.measure)
     assert found.reached
     assert ratio(again, floor(True, effect.measure))[joint] == pytest.approx(rho, rel=0.15)
@@ -79,6 +79,7 @@ def test_calibration_meets_the_ratio_within_15_percent(name, joint, rho):
 def test_what_cannot_be_reached_is_said():
     true = world()
     effect = EFFECTS["encoder_eccentricity"](np.random.default_rng(3), true.given, 0)
-    found = calibrate(true, effect, courses("arm2", 8.0, 1), 4.0)
+    wanted = courses("arm2", 8.0, 1)
+    found = calibrate(true, effect, wanted, session(true, wanted), 4.0)
     assert not found.reached
     assert found.strength == effect.largest
