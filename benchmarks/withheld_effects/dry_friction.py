@@ -6,7 +6,7 @@ from numba import njit
 from benchmarks.withheld_effects.drive import Drive
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def dry_level(
     drive: Drive, j: int, position: float, velocity: float, load: float, heat: float, forward: bool
 ) -> float:
@@ -42,7 +42,7 @@ def dry_level(
     return max(level, 0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def bristle_share(
     bend: np.ndarray, travel: float, span: np.ndarray, weight: np.ndarray, shift: float
 ) -> float:
@@ -59,7 +59,7 @@ def bristle_share(
     return share
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def sliding_torque(drive: Drive, j: int, velocity: float, heat: float) -> tuple[float, float]:
     """Viscous coefficient (N m s/rad, >= 0, taken implicitly) and remaining drag torque (N m)."""
     viscous = drive.viscous_forward[j] if velocity >= 0.0 else drive.viscous_backward[j]

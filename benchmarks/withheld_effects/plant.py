@@ -78,7 +78,7 @@ def run(
     return measured, speed, commands, link, periods
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _sense(
     drive: Drive,
     state: State,

@@ -77,7 +77,7 @@ def at_rest(drive: Drive, position: np.ndarray, heat: np.ndarray) -> State:
     )
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def advance(
     addresses: tuple[int, int],
     views: tuple[np.ndarray, np.ndarray, np.ndarray],
@@ -134,7 +134,7 @@ def advance(
         state.position[i] += 0.5 * step * (state.before[i] + state.velocity[i])
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _motor(drive: Drive, state: State, j: int, sent: float, step: float) -> None:
     """Torque, inertia and friction of motor j."""
     m = state.motor[j]
@@ -157,7 +157,7 @@ def _motor(drive: Drive, state: State, j: int, sent: float, step: float) -> None
     state.heat[j] += step * rate / drive.warm_time[j]
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _shaft(drive: Drive, state: State, j: int, step: float) -> None:
     """Shaft of joint j, linearised in the new velocities so that a stiff one stays stable."""
     m = state.motor[j]
@@ -173,7 +173,7 @@ def _shaft(drive: Drive, state: State, j: int, step: float) -> None:
     state.effective[m, j] -= slope
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _pair(drive: Drive, state: State, step: float) -> None:
     """Friction of the sum of two speeds."""
     a, b, ratio = state.motor[drive.pair[0]], state.motor[drive.pair[1]], drive.pair_ratio[0]

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 SWEEPS = 60
-CLOSE = 1e-10
+CLOSE = 1e-10  # rad/s
 
 
 @njit(cache=True)

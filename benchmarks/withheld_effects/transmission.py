@@ -6,7 +6,7 @@ from numba import njit
 from benchmarks.withheld_effects.drive import Drive
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def shaft(drive: Drive, j: int, twist: float, twist_rate: float) -> tuple[float, float, float]:
     """Torque on the link (N m), stiffness (N m/rad) and damping (N m s/rad) at this twist.
 
@@ -28,7 +28,7 @@ def shaft(drive: Drive, j: int, twist: float, twist_rate: float) -> tuple[float,
     return damped, stiffness, drive.damping[j]
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def link_torque(drive: Drive, j: int, position: float, velocity: float) -> float:
     """Torque of springs and stops on the link, N m."""
     torque = 0.0
@@ -46,7 +46,7 @@ def link_torque(drive: Drive, j: int, position: float, velocity: float) -> float
     return torque
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def motor_torque(drive: Drive, j: int, command: float, position: float) -> float:
     """Torque of the motor for a command, N m: gain, knee, ripple."""
     torque = drive.gain[j] * command
@@ -60,7 +60,7 @@ def motor_torque(drive: Drive, j: int, command: float, position: float) -> float
     return torque
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def encoder_error(drive: Drive, j: int, position: float) -> float:
     """What an eccentric disc adds to the measured position, rad: once and twice a turn."""
     phase = drive.eccentricity_phase[j]
