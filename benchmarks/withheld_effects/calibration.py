@@ -112,9 +112,9 @@ def calibrate(
         if high is None:
             if strength >= effect.largest:
                 break
-            strength = min(strength * np.clip(rho / low[1], 1.2, 4.0), effect.largest)
+            strength = min(strength * float(np.clip(rho / low[1], 1.2, 4.0)), effect.largest)
         elif low is None:
-            strength *= np.clip(rho / high[1], 0.1, 0.85)
+            strength *= float(np.clip(rho / high[1], 0.1, 0.85))
         else:
             strength = _between(low, high, rho)
     near = abs(best.rho / rho - 1.0) < 0.15

@@ -38,6 +38,8 @@ def generate(out: Path, subset: str, *, master: int = MASTER_SEED, processes: in
     ------
     ValueError
         `out` holds other cells, or sealed labels of other cells.
+    RuntimeError
+        Some cells could not be made; the others are written, and nothing is sealed.
     """
     cells = {cell_name(cell, master): cell for cell in chosen_cells(subset, master)}
     write_cells(out, cells, master=master, processes=processes)
@@ -59,13 +61,16 @@ def write_cells(out: Path, cells: dict[str, Cell], *, master: int, processes: in
     os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
         jobs = {pool.submit(write_cell, out, name, cells[name], master): name for name in missing}
+        failed = []
         for number, job in enumerate(as_completed(jobs), start=1):
-            seconds = job.result()
-            print(
-                f"{number}/{len(missing)} {jobs[job]} {seconds:.1f} s, "
-                f"{time.perf_counter() - started:.0f} s in all",
-                flush=True,
-            )
+            error = job.exception()
+            if error is not None:
+                failed.append(f"{jobs[job]}: {error!r}")
+            said = failed[-1] if error is not None else f"{jobs[job]} {job.result():.1f} s"
+            elapsed = time.perf_counter() - started
+            print(f"{number}/{len(missing)} {said}, {elapsed:.0f} s in all", flush=True)
+    if failed:
+        raise RuntimeError("cells that could not be made: " + "; ".join(failed))
     seal(out, cells, master)
 
 

@@ -27,7 +27,10 @@ def torque_saturation(rng: np.random.Generator, given: GivenRobot, joint: int) -
         knee = given.effort[joint] / (1.0 + strength)
         return with_drive(world, altered(world.drive, joint, knee=knee, knee_slope=slope))
 
-    return Effect("torque_saturation", joint, apply, 2.0, 60.0, {"slope": slope})
+    # It acts at few instants, so that every recording weighs.
+    return Effect(
+        "torque_saturation", joint, apply, 2.0, 60.0, {"slope": slope}, whole_session=True
+    )
 
 
 def controller_mismatch(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:

@@ -33,7 +33,7 @@ class Effect:
         Of which residual rho is defined: of the best rigid model, of the given model, of the
         control law.
     whole_session : bool
-        It differs between repeats, so that the calibration needs every recording.
+        Repeats do not weigh alike, so that the calibration needs every recording.
     """
 
     name: str
