@@ -19,7 +19,7 @@ from pathlib import Path
 
 from benchmarks.withheld_effects.generate import OPTIONS, SEAL
 
-COMMAND = f"{shlex.quote(sys.executable)} -m idim_iv_ros.cli.main diagnose"
+COMMAND = f"{shlex.quote(str(Path(sys.executable).with_name('idim-iv')))} diagnose"
 
 
 def run(out: Path, command: str = COMMAND, *, processes: int = 2, timeout: float = 600.0) -> int:
