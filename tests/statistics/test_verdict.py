@@ -72,6 +72,9 @@ def test_a_residual_that_follows_the_motion_is_a_model_error_though_the_instrume
     verdict = judge_joint(VALID, white, [left(12.3), left(0.2, 0.4)])
     assert verdict.verdict == "model error here"
     assert "follows the position (12 % of the torque, p = 1e-09)" in verdict.sentence
+    both = judge_joint(rejected(5.0), white, [left(12.3)])
+    assert both.verdict == "model error here"
+    assert "follows the position (12 %" in both.sentence and "5 % of the torque" in both.sentence
     assert judge_joint(VALID, white, [left(1.4)]).verdict == "stands"
     assert judge_joint(VALID, white, [left(12.3, 0.4)]).verdict == "stands"
 
