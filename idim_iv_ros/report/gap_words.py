@@ -3,10 +3,12 @@
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from idim_iv_ros.gap.result import GapResult, GapSeries, Regime
+from idim_iv_ros.gap.result import GapResult, GapSeries, NotTestable, Regime
 from idim_iv_ros.report.numerals import round_number
 
 VERDICTS = {
@@ -95,3 +97,48 @@ def duration(result: GapResult) -> float:
 def extended_beyond_refit(series: GapSeries) -> bool:
     """Whether the extended model differs from the refit at a joint."""
     return not np.allclose(series.extended, series.refit, rtol=1e-6, atol=1e-9)
+
+
+def drawable(result: GapResult) -> list[GapSeries]:
+    """Return the series that have enough rows for a figure."""
+    return [series for series in result.series if len(series.time) > 1]
+
+
+def rms(values: NDArray[np.float64]) -> float:
+    """Return the root mean square of what is finite; NaN where nothing is."""
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if len(finite) else float("nan")
+
+
+@dataclass(frozen=True)
+class Untestable:
+    """An effect that cannot be tested for the same reason at some joints, named in `joints`."""
+
+    effect: str
+    joints: str
+    reason: str
+    excitation_needed: str
+    smallest: str
+
+
+def untestable(result: GapResult) -> list[Untestable]:
+    """Return the effects that are not testable, joints with the same reason together."""
+    groups: dict[tuple[str, str, str], list[NotTestable]] = {}
+    for each in result.not_testable:
+        key = (each.effect, each.reason, each.excitation_needed)
+        groups.setdefault(key, []).append(each)
+    return [
+        Untestable(effect, _joints(group), reason, needed, _smallest(group))
+        for (effect, reason, needed), group in groups.items()
+    ]
+
+
+def _joints(group: list[NotTestable]) -> str:
+    return ", ".join(each.joint for each in group if each.joint)
+
+
+def _smallest(group: list[NotTestable]) -> str:
+    sizes = dict.fromkeys(each.smallest for each in group)
+    if len(sizes) == 1:
+        return group[0].smallest
+    return ", ".join(f"{each.joint}: {each.smallest or 'at no size'}" for each in group)

@@ -50,6 +50,11 @@ def order_spectrum(
     residuals : (r,) each
     step : s
     """
+    sound = np.isfinite(position) & np.isfinite(speed)
+    for residual in residuals:
+        sound &= np.isfinite(residual)
+    position, speed = position[sound], speed[sound]
+    residuals = [residual[sound] for residual in residuals]
     span = float(np.ptp(position)) if len(position) else 0.0
     pace = float(np.percentile(np.abs(speed), 30)) if len(speed) else 0.0
     if span == 0.0 or pace == 0.0:

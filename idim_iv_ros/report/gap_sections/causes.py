@@ -25,7 +25,7 @@ def causes_section(result: GapResult) -> Html:
             tag(
                 "p",
                 "No effect of the catalogue is accepted: none helps on data that was held out by "
-                "more than chance would. The residual holds nothing that the catalogue knows.",
+                "more than chance would. What this recording cannot show is listed below.",
             )
         )
     left_out = ", ".join(effect_words(each) for each in result.without)
@@ -168,20 +168,20 @@ def _unexplained(unexplained: Unexplained) -> Html:
         tag(
             "p",
             f"{percent(100.0 * unexplained.share)} of the residual energy above the noise floor "
-            f"at {unexplained.joint} follows {_FAMILIES.get(unexplained.family, 'something')} "
-            f"in a way that no effect of the catalogue has: {unexplained.where}.",
+            f"at {unexplained.joint} {_FAMILIES[unexplained.family]} in a way that no effect of "
+            f"the catalogue has: {unexplained.where}.",
         ),
         css="cause",
     )
 
 
 _FAMILIES = {
-    "velocity": "the speed",
-    "position": "the position",
-    "load": "the load",
-    "time": "the time",
-    "frequency": "the frequency",
-    "event": "single events",
+    "velocity": "follows the speed",
+    "position": "follows the position",
+    "load": "follows the load",
+    "time": "follows the time",
+    "frequency": "follows the frequency",
+    "event": "comes in single events,",
 }
 
 

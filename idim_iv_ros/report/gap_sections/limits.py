@@ -1,7 +1,7 @@
 """What this recording cannot show, and what it cannot tell apart."""
 
 from idim_iv_ros.gap.result import Confusability, GapResult
-from idim_iv_ros.report.gap_words import effect_words
+from idim_iv_ros.report.gap_words import effect_words, untestable
 from idim_iv_ros.report.markup import Html, section, sentence, tag
 from idim_iv_ros.report.numerals import known, number, percent
 
@@ -31,12 +31,12 @@ def _not_testable(result: GapResult) -> Html:
         tag(
             "tr",
             tag("th", effect_words(each.effect), scope="row"),
-            tag("td", each.joint or "all"),
+            tag("td", each.joints or "all"),
             tag("td", sentence(each.reason, result.joints), css="words"),
-            tag("td", each.smallest or "none", css="unit"),
+            tag("td", each.smallest or "at no size"),
             tag("td", sentence(each.excitation_needed, result.joints), css="words"),
         )
-        for each in result.not_testable
+        for each in untestable(result)
     ]
     heads = ("Effect", "Joint", "Why not", "Seen from", "Record this next")
     head = tag("tr", [tag("th", text, scope="col") for text in heads])
@@ -48,6 +48,7 @@ def _matrices(result: GapResult) -> Html | None:
     if not result.confusability:
         return None
     few = len(result.confusability) <= 2
+    named = {each.joint for each in result.causes}
     return tag(
         "div",
         tag("h3", "Effects that look alike"),
@@ -59,7 +60,7 @@ def _matrices(result: GapResult) -> Html | None:
             "for something else. Smallest: the size from which it would be seen.",
             css="explanation",
         ),
-        [_matrix(each, few) for each in result.confusability],
+        [_matrix(each, few or each.joint in named) for each in result.confusability],
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from idim_iv_ros.gap.result import GapResult, GapSeries
 from idim_iv_ros.report.figures import BLUE, INK, ORANGE, Figure, axis, embed, figure, legend, typed
-from idim_iv_ros.report.gap_words import extended_beyond_refit, prismatic, torque_unit
+from idim_iv_ros.report.gap_words import drawable, extended_beyond_refit, prismatic, torque_unit
 from idim_iv_ros.report.markup import Html, section, tag
 from idim_iv_ros.report.numerals import number, round_number
 from idim_iv_ros.report.order_spectrum import FloatArray, OrderSpectrum, order_spectrum
@@ -17,7 +17,7 @@ _STANDS_OUT = 6.0  # times the median
 
 def orders_section(result: GapResult) -> Html | None:
     """Return one spectrum for each joint that moves, or None."""
-    plots = [_joint(result, series, index) for index, series in enumerate(result.series)]
+    plots = [_joint(result, series, index) for index, series in enumerate(drawable(result))]
     shown = [each for each in plots if each is not None]
     if not shown:
         return None

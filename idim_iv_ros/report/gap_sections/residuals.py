@@ -1,10 +1,14 @@
 """What the residual follows: speed, position, load, reversals; before and after."""
 
-import numpy as np
-
 from idim_iv_ros.gap.result import GapResult, GapSeries
 from idim_iv_ros.report.figures import embed, legend
-from idim_iv_ros.report.gap_words import extended_beyond_refit, position_unit, torque_unit
+from idim_iv_ros.report.gap_words import (
+    drawable,
+    extended_beyond_refit,
+    position_unit,
+    rms,
+    torque_unit,
+)
 from idim_iv_ros.report.markup import Html, section, tag
 from idim_iv_ros.report.numerals import number
 from idim_iv_ros.report.residual_curves import BACKWARD, FORWARD, Row, residual_figure
@@ -14,12 +18,12 @@ _FEW = 2
 
 def residuals_section(result: GapResult) -> Html | None:
     """Return one figure for each joint; with many joints those without findings are folded."""
-    if not result.series:
+    drawn = drawable(result)
+    if not drawn:
         return None
     opened = _worth_seeing(result)
     blocks = [
-        _joint(result, series, index, series.joint in opened)
-        for index, series in enumerate(result.series)
+        _joint(result, series, index, series.joint in opened) for index, series in enumerate(drawn)
     ]
     return section(
         "What the residual follows",
@@ -57,9 +61,7 @@ def _joint(result: GapResult, series: GapSeries, index: int, opened: bool) -> Ht
     rows = _rows(result, series)
     unit = torque_unit(result, series.joint)
     drawing, height = residual_figure(series, rows, unit, position_unit(result, series.joint))
-    sizes = ", ".join(
-        f"{row.title} {number(float(np.sqrt(np.mean(row.residual**2))), 2)} {unit}" for row in rows
-    )
+    sizes = ", ".join(f"{row.title} {number(rms(row.residual), 2)} {unit}" for row in rows)
     words = (
         f"Residual of {series.joint} over speed, position, load and distance since reversal: "
         + ", ".join(row.title for row in rows)

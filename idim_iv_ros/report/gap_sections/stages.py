@@ -14,7 +14,6 @@ def stages_section(result: GapResult) -> Html | None:
         return None
     floors = {each.joint: each for each in result.joint_gaps}
     blocks = [_joint(result, joint, floors.get(joint)) for joint in result.joints]
-    remarks = {stage.note: stage.name for stage in result.stages if stage.note}
     return section(
         "How far the gap shrinks",
         "stages",
@@ -28,8 +27,20 @@ def stages_section(result: GapResult) -> Html | None:
             css="explanation",
         ),
         tag("div", blocks, css="grid one" if len(blocks) == 1 else "grid two"),
-        bullets(f"{stage_words(name)}: {note}" for note, name in remarks.items()),
+        bullets(_remarks(result.stages)),
     )
+
+
+def _remarks(stages: tuple[Stage, ...]) -> list[str]:
+    """Notes of the stages, each once, with the models that it is about."""
+    about: dict[str, list[str]] = {}
+    for stage in stages:
+        if stage.note:
+            about.setdefault(stage.note, []).append(stage_words(stage.name))
+    return [
+        f"{'all models' if len(names) == len(stages) else ', '.join(names)}: {note}"
+        for note, names in about.items()
+    ]
 
 
 def _joint(result: GapResult, joint: str, gap: JointGap | None) -> Html:

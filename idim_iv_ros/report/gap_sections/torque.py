@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import numpy as np
-
 from idim_iv_ros.gap.result import GapResult, GapSeries
 from idim_iv_ros.report.figures import (
     BLUE,
@@ -17,7 +15,7 @@ from idim_iv_ros.report.figures import (
     legend,
     typed,
 )
-from idim_iv_ros.report.gap_words import extended_beyond_refit, torque_unit
+from idim_iv_ros.report.gap_words import drawable, extended_beyond_refit, rms, torque_unit
 from idim_iv_ros.report.markup import Html, section, tag
 from idim_iv_ros.report.numerals import number
 from idim_iv_ros.report.series import FloatArray, interrupted, peaks
@@ -30,7 +28,7 @@ _FEW = 3
 
 def torque_section(result: GapResult) -> Html | None:
     """Return one plot for each joint, or None without series."""
-    plots = [_joint(result, series, index) for index, series in enumerate(result.series)]
+    plots = [_joint(result, series, index) for index, series in enumerate(drawable(result))]
     if not plots:
         return None
     given = any(each.given is not None for each in result.series)
@@ -55,8 +53,7 @@ def _joint(result: GapResult, series: GapSeries, index: int) -> Html:
     unit = torque_unit(result, series.joint)
     models = _models(series)
     sizes = ", ".join(
-        f"{name} {number(float(np.sqrt(np.mean((series.torque - values) ** 2))), 2)} {unit}"
-        for name, values, _ in models
+        f"{name} {number(rms(series.torque - values), 2)} {unit}" for name, values, _ in models
     )
     words = f"Measured torque of {series.joint} and that of the models over time"
     return tag(
