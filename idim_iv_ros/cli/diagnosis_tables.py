@@ -12,6 +12,7 @@ from idim_iv_ros.report.gap_words import (
     torque_unit,
     untestable,
 )
+from idim_iv_ros.report.numerals import measured
 
 _COLOURS = {"good": "green", "fair": "blue", "bad": "red", "open": "yellow"}
 _MOST_UNTESTABLE = 10
@@ -44,39 +45,35 @@ def print_diagnosis(console: Console, result: GapResult) -> None:
 
 def _causes(result: GapResult) -> Table:
     table = Table(title="Causes, strongest first", title_justify="left")
-    table.add_column("effect")
-    table.add_column("joint")
+    table.add_column("effect, joint")
     table.add_column("parameters (± 95 %)")
-    table.add_column("torque gap", justify="right")
-    table.add_column("shrinks by", justify="right")
+    table.add_column("torque gap, shrinkage", no_wrap=True)
     table.add_column("cannot be told from")
     for cause in result.causes:
         unit = torque_unit(result, cause.joint)
         joints = [each for each in (cause.joint, cause.other_joint) if each]
         gap = cause.torque_gap
         table.add_row(
-            effect_words(cause.effect),
-            _plain(", ".join(joints)) or "all",
+            _plain(f"{effect_words(cause.effect)}\n{', '.join(joints) or 'all joints'}"),
             _plain("\n".join(_parameter(k, v) for k, v in cause.parameters.items())),
-            f"{gap.before:.3g} → {gap.after:.3g} {unit}",
-            _shrinkage(gap),
+            f"{gap.before:.3g} → {gap.after:.3g} {unit}\n{_shrinkage(gap)}",
             _plain(_rivals(cause)),
         )
     return table
 
 
 def _parameter(name: str, parameter: EffectParameter) -> str:
-    half = "" if parameter.std is None else f" ± {1.96 * parameter.std:.2g}"
-    return f"{name} = {parameter.value:.3g}{half} {parameter.unit}".rstrip()
+    value, half = measured(parameter.value, parameter.std)
+    return " ".join(filter(None, (f"{name} =", value, half, parameter.unit)))
 
 
 def _shrinkage(gap: Gap) -> str:
     if gap.shrinkage is None:
-        return "–"
+        return "shrinkage unknown"
     interval = ""
     if gap.ci95 is not None:
-        interval = f"\n({100.0 * gap.ci95[0]:.0f} to {100.0 * gap.ci95[1]:.0f} %)"
-    return f"{100.0 * gap.shrinkage:.0f} %{interval}"
+        interval = f" ({100.0 * gap.ci95[0]:.0f} to {100.0 * gap.ci95[1]:.0f} %)"
+    return f"{100.0 * gap.shrinkage:.0f} %{interval} less"
 
 
 def _rivals(cause: Cause) -> str:
@@ -97,7 +94,7 @@ def _stages(result: GapResult) -> Table:
         table.add_column(_plain(joint), justify="right")
     tracked = any(stage.tracking_rms for stage in result.stages)
     if tracked:
-        table.add_column(f"largest tracking error, {small_unit(result, None)}", justify="right")
+        table.add_column(f"tracking (largest), {small_unit(result, None)}", justify="right")
     for stage in result.stages:
         cells = [_number(stage.torque_rms.get(joint)) for joint in result.joints]
         if tracked:
