@@ -6,6 +6,7 @@ from idim_iv_ros.report.markup import Html, section, sentence, tag
 from idim_iv_ros.report.numerals import known, number, percent
 
 _ALIKE, _SAME = 0.8, 0.95
+_NAMED = 4  # pairs in the heading of a matrix
 
 
 def limits_section(result: GapResult) -> Html:
@@ -97,7 +98,10 @@ def _pairs(each: Confusability) -> str:
         for i in range(k + 1, len(each.effects))
         if float(each.correlation[k, i]) >= _SAME
     ]
-    return f"cannot tell {', '.join(same)} apart" if same else "no pair is indistinguishable"
+    if not same:
+        return "no pair is indistinguishable"
+    more = f" and {len(same) - _NAMED} more pairs" if len(same) > _NAMED else ""
+    return f"cannot tell apart: {', '.join(same[:_NAMED])}{more}"
 
 
 def _cell(correlation: float, own: bool) -> Html:
