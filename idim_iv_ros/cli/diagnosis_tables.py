@@ -64,7 +64,7 @@ def _causes(result: GapResult) -> Table:
 
 def _parameter(name: str, parameter: EffectParameter) -> str:
     value, half = measured(parameter.value, parameter.std)
-    return " ".join(filter(None, (f"{name} =", value, half, parameter.unit)))
+    return " ".join(filter(None, (f"{name.replace('_', ' ')} =", value, half, parameter.unit)))
 
 
 def _shrinkage(gap: Gap) -> str:

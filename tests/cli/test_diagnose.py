@@ -104,13 +104,6 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_work(
     assert stand_in.calls == []
 
 
-def test_help_shows_an_example(run) -> None:
-    done = run("diagnose", "--help")
-    assert done.status == 0
-    assert "Example: idim-iv diagnose" in done.out
-    assert "--without" in done.out
-
-
 def test_brackets_in_names_are_printed_as_they_are(config, tmp_path: Path, capsys) -> None:
     def stand_in(bags, configuration, *, without=(), progress=None):
         return with_first_joint_named(sample_gap(2, "structural"), "[red]arm[/]")

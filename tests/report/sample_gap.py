@@ -213,9 +213,9 @@ def _causes(
         None,
         {
             "mass": EffectParameter(1.283, 0.021, "kg"),
-            "centre of mass x": EffectParameter(0.041, 0.003, "m"),
-            "centre of mass y": EffectParameter(-0.0007, 0.0031, "m"),
-            "centre of mass z": EffectParameter(0.102, 0.005, "m"),
+            "centre_of_mass_x": EffectParameter(0.041, 0.003, "m"),
+            "centre_of_mass_y": EffectParameter(-0.0007, 0.0031, "m"),
+            "centre_of_mass_z": EffectParameter(0.102, 0.005, "m"),
         },
         Evidence(3127.4, 1e-40, 0.91, "6 of 6"),
         (),
@@ -230,8 +230,8 @@ def _causes(
         names[1],
         None,
         {
-            "Fs - Fc": EffectParameter(1.62, 0.07, "N m"),
-            "vs": EffectParameter(0.121, 0.009, "rad/s"),
+            "excess": EffectParameter(1.62, 0.07, "N m"),
+            "speed": EffectParameter(0.121, 0.009, "rad/s"),
         },
         Evidence(611.2, 3e-9, 0.47, "6 of 6"),
         (Rival("presliding", names[1], 0.97), Rival("time_delay", names[1], 0.955)),
@@ -247,7 +247,7 @@ def _causes(
         None,
         {
             "amplitude": EffectParameter(0.351, 0.012, "N m"),
-            "wave number": EffectParameter(18.02, 0.04, "1/rad"),
+            "wave_number_1": EffectParameter(18.02, 0.04, "1/rad"),
         },
         Evidence(208.0, 4e-4, 0.31, "5 of 6"),
         (),

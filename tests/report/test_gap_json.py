@@ -135,7 +135,7 @@ def _change(document: dict, keys: tuple, value: object) -> None:
         (("verdict",), None, "verdict"),
         (("causes", 0, "effect"), None, "causes.0.effect"),
         (("causes", 0, "kind"), "physical", "causes.0.kind"),
-        (("causes", 0, "parameters", "vs", "value"), "0.1", "causes.0.parameters.vs.value"),
+        (("causes", 0, "parameters", "speed", "value"), "0.1", "causes.0.parameters.speed.value"),
         (("where", "joints", 1, "rms"), "large", "where.joints.1.rms"),
         (("stages", 0, "torque_rms", "joint_1"), [1], "stages.0.torque_rms.joint_1"),
         (("format",), "idim_iv_ros/gap/2", "idim_iv_ros/gap/2"),

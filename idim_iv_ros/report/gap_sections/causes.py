@@ -63,7 +63,7 @@ def _parameters(cause: Cause) -> Html | None:
     rows = [
         tag(
             "tr",
-            tag("th", name, scope="row"),
+            tag("th", name.replace("_", " "), scope="row"),
             measured_cells(each.value, each.std),
             tag("td", each.unit, css="unit"),
         )

@@ -6,13 +6,20 @@ import numpy as np
 
 from idim_iv_ros.gap.result import GapResult, GapSeries
 from idim_iv_ros.report.figures import BLUE, INK, ORANGE, Figure, axis, embed, figure, legend, typed
-from idim_iv_ros.report.gap_words import drawable, extended_beyond_refit, prismatic, torque_unit
+from idim_iv_ros.report.gap_words import (
+    drawable,
+    extended_beyond_refit,
+    prismatic,
+    rms,
+    torque_unit,
+)
 from idim_iv_ros.report.markup import Html, section, tag
 from idim_iv_ros.report.numerals import number, round_number
 from idim_iv_ros.report.order_spectrum import FloatArray, OrderSpectrum, order_spectrum
 
 _HEIGHT = 230
 _STANDS_OUT = 6.0  # times the median
+_LEAST_RANGE = 0.4  # of the residual's rms: the spectrum of noise must not look like peaks
 
 
 def orders_section(result: GapResult) -> Html | None:
@@ -21,6 +28,7 @@ def orders_section(result: GapResult) -> Html | None:
     shown = [each for each in plots if each is not None]
     if not shown:
         return None
+    extended = any(extended_beyond_refit(series) for series in drawable(result))
     return section(
         "Order spectrum",
         "orders",
@@ -32,7 +40,9 @@ def orders_section(result: GapResult) -> Html | None:
             "a multiple of the gear ratio where the motor causes it.",
             css="explanation",
         ),
-        legend(("line", ORANGE, "refit"), ("line", BLUE, "extended model")),
+        legend(
+            ("line", ORANGE, "refit"), *([("line", BLUE, "extended model")] if extended else [])
+        ),
         tag("div", shown, css="grid one" if len(shown) == 1 else "grid two"),
     )
 
@@ -44,7 +54,8 @@ def _joint(result: GapResult, series: GapSeries, index: int) -> Html | None:
     if spectrum is None:
         return None
     unit = torque_unit(result, series.joint)
-    drawing = _drawing(spectrum, unit, prismatic(result, series.joint))
+    least = _LEAST_RANGE * rms(residuals[0])
+    drawing = _drawing(spectrum, unit, prismatic(result, series.joint), least)
     words = f"Amplitude of the residual of {series.joint} over the wave number of its position"
     return tag(
         "div",
@@ -54,7 +65,7 @@ def _joint(result: GapResult, series: GapSeries, index: int) -> Html | None:
     )
 
 
-def _drawing(spectrum: OrderSpectrum, unit: str, along: bool) -> Figure:
+def _drawing(spectrum: OrderSpectrum, unit: str, along: bool, least: float) -> Figure:
     wave = spectrum.wave_number
     title = "Wave number, 1/m (÷ 2π: periods per metre)" if along else "Wave number, 1/rad = 1/turn"
     # Without effects at this joint there is no extended model to draw.
@@ -70,9 +81,10 @@ def _drawing(spectrum: OrderSpectrum, unit: str, along: bool) -> Figure:
         }
         for amplitude, colour, name in lines
     ]
+    highest = max(float(amplitude.max()) for amplitude in spectrum.amplitudes)
     axes = {
         "xaxis": axis(title, type="log", range=list(np.log10([wave[0], wave[-1]])), **_ticks(wave)),
-        "yaxis": axis(f"Amplitude, {unit}", rangemode="tozero", nticks=5),
+        "yaxis": axis(f"Amplitude, {unit}", range=[0.0, max(least, 1.08 * highest)], nticks=5),
     }
     return figure(data, axes, annotations=_peak(spectrum, unit), hovermode="closest")
 

@@ -34,7 +34,9 @@ def torque_section(result: GapResult) -> Html | None:
     given = any(each.given is not None for each in result.series)
     marks = [("line", PALE, "measured")]
     marks += [("line", INK, "given model")] if given else []
-    marks += [("line", ORANGE, "refit"), ("line", BLUE, "extended model")]
+    marks += [("line", ORANGE, "refit")]
+    if any(extended_beyond_refit(each) for each in drawable(result)):
+        marks += [("line", BLUE, "extended model")]
     return section(
         "Measured and modelled torque",
         "torque",
