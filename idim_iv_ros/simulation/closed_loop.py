@@ -1,6 +1,7 @@
 """Simulation of the closed loop: the source of the instruments and of simulated robots."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,17 @@ from idim_iv_ros.simulation.closed_loop_kernel import (
     run_closed_loop,
 )
 from idim_iv_ros.simulation.controller import ControlLaw
+from idim_iv_ros.simulation.effect_tables import (
+    LawParts,
+    affected_robot,
+    delays,
+    encoder_error,
+    mismatched,
+    true_state,
+)
+from idim_iv_ros.simulation.effects import SimulatedEffect, joint_effects
 from idim_iv_ros.simulation.plant import plant, workspace
+from idim_iv_ros.simulation.shaft import link_positions
 
 FloatArray = NDArray[np.float64]
 
@@ -34,7 +45,8 @@ class ClosedLoopResult:
     rate : float
         Hz.
     position, velocity : (n_samples, n_joints)
-        rad, rad/s (m, m/s). Fewer samples than the references have if it diverged.
+        rad, rad/s (m, m/s). Fewer samples than the references have if it diverged. Of the motor,
+        where motor and link are two masses.
     acceleration : (n_samples, n_joints)
         rad/s² (m/s²). The held torque steps at control instants, and the acceleration with it;
         where a sample falls on a step this is the mean of both sides, which central differences
@@ -46,6 +58,11 @@ class ClosedLoopResult:
         mean of both sides.
     diverged : str or None
         Why the simulation ended early, in words; None if it did not.
+    measured_position, measured_velocity : (n_samples, n_joints)
+        What the encoders show and the control sees: `position`, `velocity` but for the effect
+        `encoder_eccentricity`.
+    link_position, link_velocity : (n_samples, n_joints)
+        `position`, `velocity` but for the effects `elasticity` and `backlash`.
     """
 
     rate: float
@@ -55,6 +72,10 @@ class ClosedLoopResult:
     torque: FloatArray
     applied_torque: FloatArray
     diverged: str | None
+    measured_position: FloatArray
+    measured_velocity: FloatArray
+    link_position: FloatArray
+    link_velocity: FloatArray
 
 
 def simulate_closed_loop(
@@ -69,6 +90,8 @@ def simulate_closed_loop(
     initial_velocity: FloatArray,
     disturbance: FloatArray | None = None,
     plant_step: float | None = None,
+    effects: Sequence[SimulatedEffect] | None = None,
+    start_time: float = 0.0,
 ) -> ClosedLoopResult:
     """Simulate a robot under its control law, from the first to the last reference sample.
 
@@ -88,13 +111,23 @@ def simulate_closed_loop(
         (n_samples, n_joints) rad, rad/s. A law that uses a velocity reference which is not
         given gets central differences of the position reference.
     initial_position, initial_velocity
-        (n_joints,) rad, rad/s.
+        (n_joints,) rad, rad/s, as the encoders show them. Links behind a shaft start where
+        gravity holds them.
     disturbance
         (n_samples, n_joints) N m (N): torque on the joints that no model explains and no command
         holds, each value from its sample to the next.
     plant_step
         Longest time step of the plant, s; default: the control period divided into equal steps
-        of at most 0.5 ms.
+        of at most 0.5 ms. An elastic shaft may need shorter ones.
+    effects
+        What the robot has beyond `parameters` (docs/simulation.md).
+    start_time
+        s since the start of the session, for friction that drifts.
+
+    Raises
+    ------
+    UsageError
+        An effect that is not known, or whose parameters cannot be (see `effects`, `shaft`).
     """
     position_reference = np.asarray(position_reference, dtype=float)
     samples, joints = position_reference.shape
@@ -103,48 +136,90 @@ def simulate_closed_loop(
     period = 1.0 / rate if law.period is None else law.period
     step = period / math.ceil(period / PLANT_STEP - 1e-6) if plant_step is None else plant_step
 
+    present = joint_effects(effects or (), robot.joints)
+
     def tree(values: FloatArray) -> FloatArray:
         return np.ascontiguousarray(np.asarray(values, dtype=float)[..., order])
 
-    velocity = np.zeros_like(position_reference)
-    if law.uses_velocity_reference and velocity_reference is not None:
-        velocity = np.asarray(velocity_reference, dtype=float)
-    elif law.uses_velocity_reference and samples > 1:
-        velocity = np.gradient(position_reference, 1.0 / rate, axis=0)
+    speed_reference = velocity = np.zeros_like(position_reference)
+    needed = law.uses_velocity_reference or bool(present)
+    if needed and velocity_reference is not None:
+        speed_reference = np.asarray(velocity_reference, dtype=float)
+    elif needed and samples > 1:
+        speed_reference = np.gradient(position_reference, 1.0 / rate, axis=0)
+    if law.uses_velocity_reference:
+        velocity = speed_reference
     feedforward = np.zeros_like(velocity) if law.feedforward is None else law.feedforward
-    kp, kd, ki = law.torque_gains
+    parts = LawParts(*law.torque_gains, feedforward)
+    if present:
+        parts = mismatched(parts, present, speed_reference, rate)
+    motor, motor_speed = (
+        np.asarray(initial, dtype=float) for initial in (initial_position, initial_velocity)
+    )
+    if present:
+        motor, motor_speed = true_state(present, motor, motor_speed)
+        affected = affected_robot(
+            robot, parameters, present, start_time=start_time, position=motor
+        )
+        dynamics, arrays, shafts = affected.plant, affected.effects, affected.shafts
+        step = min(step, affected.longest_step)
+    else:
+        dynamics, arrays, shafts = plant(robot, parameters), None, ()
+    behind = [shaft.joint for shaft in shafts]
+    q, dq = tree(motor), tree(motor_speed)
+    if shafts:
+        q = np.append(q, link_positions(robot, parameters, shafts, motor)[behind])
+        dq = np.append(dq, motor_speed[behind])
     loop = Loop(
-        kp=tree(kp),
-        kd=tree(kd),
-        ki=tree(ki),
+        kp=tree(parts.kp),
+        kd=tree(parts.kd),
+        ki=tree(parts.ki),
         limit=tree(law.torque_limit),
         position=tree(position_reference),
         velocity=tree(velocity),
-        feedforward=tree(feedforward),
+        feedforward=tree(parts.feedforward),
         disturbance=tree(np.zeros_like(velocity) if disturbance is None else disturbance),
         rate=float(rate),
         period=float(period),
-        delay=float(law.delay),
+        delay=tree(law.delay + delays(present, joints)),
         plant_step=float(step),
     )
-    dynamics = plant(robot, parameters)
-    trace = Trace(*(np.zeros((samples, joints)) for _ in range(5)))
-    outcome, joint, recorded, time = run_closed_loop(
-        dynamics,
-        loop,
-        tree(initial_position).copy(),
-        tree(initial_velocity).copy(),
-        trace,
-        workspace(dynamics),
+    trace = Trace(
+        *(np.zeros((samples, len(q))) for _ in range(3)),
+        *(np.zeros((samples, joints)) for _ in range(2)),
+    )
+    outcome, coordinate, recorded, time = run_closed_loop(
+        dynamics, arrays, loop, q.copy(), dq.copy(), trace, workspace(dynamics)
     )
     diverged = None
     if outcome == TOO_FAST:
-        unit = "rad/s" if robot.joint_types[order[joint]] == "revolute" else "m/s"
-        name = robot.joints[order[joint]]
+        joint = order[coordinate] if coordinate < joints else behind[coordinate - joints]
+        unit = "rad/s" if robot.joint_types[joint] == "revolute" else "m/s"
+        name = robot.joints[joint]
         diverged = f"joint {name} passed {SPEED_LIMIT:g} {unit} at {time:.3f} s"
     elif outcome != COMPLETED:
         diverged = f"the mass matrix is not positive definite at {time:.3f} s"
     position, speed, acceleration, torque, applied = (
         np.ascontiguousarray(values[:recorded, place]) for values in trace
     )
-    return ClosedLoopResult(rate, position, speed, acceleration, torque, applied, diverged)
+    measured, measured_speed, link, link_speed = position, speed, position, speed
+    if present:
+        error, slope = encoder_error(present, position)
+        measured, measured_speed = position + error, speed * (1.0 + slope)
+    if shafts:
+        link, link_speed = position.copy(), speed.copy()
+        link[:, behind] = trace.position[:recorded, joints:]
+        link_speed[:, behind] = trace.velocity[:recorded, joints:]
+    return ClosedLoopResult(
+        rate=rate,
+        position=position,
+        velocity=speed,
+        acceleration=acceleration,
+        torque=torque,
+        applied_torque=applied,
+        diverged=diverged,
+        measured_position=measured,
+        measured_velocity=measured_speed,
+        link_position=link,
+        link_velocity=link_speed,
+    )
