@@ -18,6 +18,7 @@ from idim_iv_ros.simulation.closed_loop_kernel import (
     run_closed_loop,
 )
 from idim_iv_ros.simulation.controller import ControlLaw
+from idim_iv_ros.simulation.effect_kernel import Effects
 from idim_iv_ros.simulation.effect_tables import (
     LawParts,
     affected_robot,
@@ -26,9 +27,9 @@ from idim_iv_ros.simulation.effect_tables import (
     mismatched,
     true_state,
 )
-from idim_iv_ros.simulation.effects import SimulatedEffect, joint_effects
+from idim_iv_ros.simulation.effects import JointEffect, SimulatedEffect, joint_effects
 from idim_iv_ros.simulation.plant import plant, workspace
-from idim_iv_ros.simulation.shaft import link_positions
+from idim_iv_ros.simulation.shaft import Shaft, link_positions
 
 FloatArray = NDArray[np.float64]
 
@@ -130,86 +131,111 @@ def simulate_closed_loop(
         An effect that is not known, or whose parameters cannot be (see `effects`, `shaft`).
     """
     position_reference = np.asarray(position_reference, dtype=float)
-    samples, joints = position_reference.shape
-    order = robot.order
-    place = np.argsort(order)
+    joints = position_reference.shape[1]
     period = 1.0 / rate if law.period is None else law.period
     step = period / math.ceil(period / PLANT_STEP - 1e-6) if plant_step is None else plant_step
-
     present = joint_effects(effects or (), robot.joints)
-
-    def tree(values: FloatArray) -> FloatArray:
-        return np.ascontiguousarray(np.asarray(values, dtype=float)[..., order])
-
-    speed_reference = velocity = np.zeros_like(position_reference)
-    needed = law.uses_velocity_reference or bool(present)
-    if needed and velocity_reference is not None:
-        speed_reference = np.asarray(velocity_reference, dtype=float)
-    elif needed and samples > 1:
-        speed_reference = np.gradient(position_reference, 1.0 / rate, axis=0)
-    if law.uses_velocity_reference:
-        velocity = speed_reference
-    feedforward = np.zeros_like(velocity) if law.feedforward is None else law.feedforward
-    parts = LawParts(*law.torque_gains, feedforward)
+    q, dq = np.array(initial_position, dtype=float), np.array(initial_velocity, dtype=float)
+    arrays: Effects | None = None
+    shafts: tuple[Shaft, ...] = ()
     if present:
-        parts = mismatched(parts, present, speed_reference, rate)
-    motor, motor_speed = (
-        np.asarray(initial, dtype=float) for initial in (initial_position, initial_velocity)
-    )
-    if present:
-        motor, motor_speed = true_state(present, motor, motor_speed)
-        affected = affected_robot(
-            robot, parameters, present, start_time=start_time, position=motor
-        )
+        q, dq = true_state(present, q, dq)
+        affected = affected_robot(robot, parameters, present, start_time=start_time, position=q)
         dynamics, arrays, shafts = affected.plant, affected.effects, affected.shafts
         step = min(step, affected.longest_step)
     else:
-        dynamics, arrays, shafts = plant(robot, parameters), None, ()
+        dynamics = plant(robot, parameters)
     behind = [shaft.joint for shaft in shafts]
-    q, dq = tree(motor), tree(motor_speed)
-    if shafts:
-        q = np.append(q, link_positions(robot, parameters, shafts, motor)[behind])
-        dq = np.append(dq, motor_speed[behind])
-    loop = Loop(
-        kp=tree(parts.kp),
-        kd=tree(parts.kd),
-        ki=tree(parts.ki),
-        limit=tree(law.torque_limit),
-        position=tree(position_reference),
-        velocity=tree(velocity),
-        feedforward=tree(parts.feedforward),
-        disturbance=tree(np.zeros_like(velocity) if disturbance is None else disturbance),
-        rate=float(rate),
-        period=float(period),
-        delay=tree(law.delay + delays(present, joints)),
-        plant_step=float(step),
+    loop = _loop(
+        robot, law, present, position_reference, velocity_reference, disturbance, rate, step
     )
+    links = link_positions(robot, parameters, shafts, q) if shafts else q
+    state = (
+        np.concatenate([values[robot.order], linked[behind]])
+        for values, linked in ((q, links), (dq, dq))
+    )
+    samples = len(position_reference)
+    coordinates = joints + len(shafts)
     trace = Trace(
-        *(np.zeros((samples, len(q))) for _ in range(3)),
+        *(np.zeros((samples, coordinates)) for _ in range(3)),
         *(np.zeros((samples, joints)) for _ in range(2)),
     )
     outcome, coordinate, recorded, time = run_closed_loop(
-        dynamics, arrays, loop, q.copy(), dq.copy(), trace, workspace(dynamics)
+        dynamics, arrays, loop, *state, trace, workspace(dynamics)
     )
     diverged = None
     if outcome == TOO_FAST:
-        joint = order[coordinate] if coordinate < joints else behind[coordinate - joints]
+        joint = robot.order[coordinate] if coordinate < joints else behind[coordinate - joints]
         unit = "rad/s" if robot.joint_types[joint] == "revolute" else "m/s"
         name = robot.joints[joint]
         diverged = f"joint {name} passed {SPEED_LIMIT:g} {unit} at {time:.3f} s"
     elif outcome != COMPLETED:
         diverged = f"the mass matrix is not positive definite at {time:.3f} s"
+    recorded_trace = Trace(*(values[:recorded] for values in trace))
+    return _result(rate, recorded_trace, robot, present, behind, diverged)
+
+
+def _loop(
+    robot: RobotModel,
+    law: ControlLaw,
+    effects: tuple[JointEffect, ...],
+    position_reference: FloatArray,
+    velocity_reference: FloatArray | None,
+    disturbance: FloatArray | None,
+    rate: float,
+    plant_step: float,
+) -> Loop:
+    """References, gains and delays in tree order."""
+
+    def tree(values: FloatArray) -> FloatArray:
+        return np.ascontiguousarray(np.asarray(values, dtype=float)[..., robot.order])
+
+    samples, joints = position_reference.shape
+    speed = np.zeros_like(position_reference)
+    if law.uses_velocity_reference or effects:
+        if velocity_reference is not None:
+            speed = np.asarray(velocity_reference, dtype=float)
+        elif samples > 1:
+            speed = np.gradient(position_reference, 1.0 / rate, axis=0)
+    feedforward = np.zeros_like(speed) if law.feedforward is None else law.feedforward
+    parts = mismatched(LawParts(*law.torque_gains, feedforward), effects, speed, rate)
+    return Loop(
+        kp=tree(parts.kp),
+        kd=tree(parts.kd),
+        ki=tree(parts.ki),
+        limit=tree(law.torque_limit),
+        position=tree(position_reference),
+        velocity=tree(speed if law.uses_velocity_reference else np.zeros_like(speed)),
+        feedforward=tree(parts.feedforward),
+        disturbance=tree(np.zeros_like(speed) if disturbance is None else disturbance),
+        rate=float(rate),
+        period=float(1.0 / rate if law.period is None else law.period),
+        delay=tree(law.delay + delays(effects, joints)),
+        plant_step=float(plant_step),
+    )
+
+
+def _result(
+    rate: float,
+    trace: Trace,
+    robot: RobotModel,
+    effects: tuple[JointEffect, ...],
+    behind: list[int],
+    diverged: str | None,
+) -> ClosedLoopResult:
+    """Order the columns of a trace as the robot's joints; `behind`: joints with a shaft."""
+    place = np.argsort(robot.order)
     position, speed, acceleration, torque, applied = (
-        np.ascontiguousarray(values[:recorded, place]) for values in trace
+        np.ascontiguousarray(values[:, place]) for values in trace
     )
     measured, measured_speed, link, link_speed = position, speed, position, speed
-    if present:
-        error, slope = encoder_error(present, position)
+    if effects:
+        error, slope = encoder_error(effects, position)
         measured, measured_speed = position + error, speed * (1.0 + slope)
-    if shafts:
+    if behind:
         link, link_speed = position.copy(), speed.copy()
-        link[:, behind] = trace.position[:recorded, joints:]
-        link_speed[:, behind] = trace.velocity[:recorded, joints:]
+        link[:, behind] = trace.position[:, len(place) :]
+        link_speed[:, behind] = trace.velocity[:, len(place) :]
     return ClosedLoopResult(
         rate=rate,
         position=position,

@@ -166,19 +166,17 @@ def _entry(digest: str) -> Callable[..., Any]:
                 for i in range(n):
                     mean[i] = 0.5 * (before[i] + acting[i])
                 spare_mode[:] = mode
-                if effects is None:
-                    positive = prepare(plant, q, dq, dq, rest, mean, 0.0, work)
-                else:
-                    positive = prepare_with_effects(
-                        plant, effects, time, q, dq, dq, ddq, mode, mean, 0.0, work
-                    )
-                if not positive:
-                    return NOT_POSITIVE_DEFINITE, 0, recorded, time
-                accelerate(plant, resting, spare_mode, work, spare)
-                if effects is not None:  # again, with the load of this instant
-                    prepare_with_effects(
-                        plant, effects, time, q, dq, dq, spare, spare_mode, mean, 0.0, work
-                    )
+                spare[:] = ddq
+                # With effects twice: friction may depend on the load, and that on the acceleration.
+                for _ in range(1 if effects is None else 2):
+                    if effects is None:
+                        positive = prepare(plant, q, dq, dq, rest, mean, 0.0, work)
+                    else:
+                        positive = prepare_with_effects(
+                            plant, effects, time, q, dq, dq, spare, spare_mode, mean, 0.0, work
+                        )
+                    if not positive:
+                        return NOT_POSITIVE_DEFINITE, 0, recorded, time
                     accelerate(plant, resting, spare_mode, work, spare)
                 if recorded == 0:
                     ddq[:] = spare
@@ -197,7 +195,8 @@ def _entry(digest: str) -> Callable[..., Any]:
             for k in range(steps):
                 if not advance(
                     plant, effects, time + k * (until - time) / steps,
-                    q, dq, ddq, acting, (until - time) / steps, resting, mode, middle, predicted, rest, work,
+                    q, dq, ddq, acting, (until - time) / steps,
+                    resting, mode, middle, predicted, rest, work,
                 ):  # fmt: skip
                     return NOT_POSITIVE_DEFINITE, 0, recorded, time
                 joint = too_fast(dq)

@@ -1,8 +1,8 @@
 """Dry friction that sticks: which contacts hold and with what torque (compiled).
 
 A *contact* opposes one slip speed with a torque up to its level: contact c < n_joints that of
-joint c, the others the sum (or difference) of two joints' speeds (couplings). It slips (mode is the sign of its
-speed) or is stuck (mode 0, speed exactly zero). Contacts without friction are left out.
+joint c, the others the sum or difference of two joints' speeds (couplings). It slips (mode is the
+sign of its speed) or is stuck (mode 0, speed exactly zero). Contacts without friction are left out.
 """
 
 import math
@@ -179,7 +179,14 @@ def accelerate(
         for c in range(contacts):
             if plant.level[c] > 0.0:
                 if mode[c] != 0:
-                    push(plant.first, plant.second, plant.direction, c, -mode[c] * plant.level[c], ddq)
+                    push(
+                        plant.first,
+                        plant.second,
+                        plant.direction,
+                        c,
+                        -mode[c] * plant.level[c],
+                        ddq,
+                    )
                 else:
                     stuck = True
         solve(work.factor, ddq)

@@ -179,9 +179,7 @@ def _terms(
     )
 
 
-def _bristle_levels(
-    kind: IntArray, joint: IntArray, value: FloatArray
-) -> list[tuple[int, float]]:
+def _bristle_levels(kind: IntArray, joint: IntArray, value: FloatArray) -> list[tuple[int, float]]:
     bristles = np.flatnonzero(kind == effect_kernel.BRISTLE)
     return [(int(joint[t]), float(value[t, 1])) for t in bristles]
 

@@ -129,9 +129,10 @@ def joint_effects(
         places = _places(one, name, list(joints))
         other = -1
         if one.effect == "joint_coupling":
-            if one.other_joint not in joints or one.other_joint == one.joint:
-                raise UsageError(f"{name}: other_joint {one.other_joint} is not another joint")
-            other = list(joints).index(one.other_joint)
+            second = one.other_joint
+            if second is None or second not in joints or second == one.joint:
+                raise UsageError(f"{name}: other_joint {second} is not another joint of the robot")
+            other = list(joints).index(second)
         value, numbered = _completed(one, name)
         complete += [JointEffect(one.effect, place, other, value, numbered) for place in places]
     return tuple(complete)

@@ -139,7 +139,9 @@ def advance(
                 fraction = min(fraction, work.crossing[c])
         for c in range(contacts):
             if resting[c]:
-                resting[c] = mode[c] == 0 or slip(plant.first, plant.second, plant.direction, c, ddq) == 0.0
+                resting[c] = (
+                    mode[c] == 0 or slip(plant.first, plant.second, plant.direction, c, ddq) == 0.0
+                )
             else:
                 resting[c] = work.crossing[c] <= fraction + TOGETHER
         part = fraction * left
