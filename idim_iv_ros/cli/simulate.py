@@ -46,7 +46,7 @@ def simulate_command(
     the bag stands BAG.truth.json with its true base parameters. With --effects it is the extended
     model of `idim-iv diagnose`.
 
-    Example: idim-iv simulate --config config/tx40.yaml --out tx40.mcap --seed 1 --seed 2
+    Example: idim-iv simulate --config config/tx40.yaml --out tx40.mcap --effects gap.json --seed 1
     """
     configuration = load_configuration(config)
     with progress_bar() as progress:

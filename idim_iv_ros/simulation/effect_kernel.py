@@ -144,10 +144,13 @@ def effect_torques(
     `q`, `speed` are half a step ahead, `dq` is the velocity at the start. A joint at rest is
     judged by the direction in which the last step's torque would move it (`holding`).
     """
-    plant.level[:] = effects.level
-    plant.damping[:] = effects.damping
-    effects.force[:] = 0.0
-    effects.stiffness[:] = 0.0
+    for c in range(effects.level.shape[0]):
+        plant.level[c] = effects.level[c]
+    for i in range(effects.force.shape[0]):
+        effects.force[i] = 0.0
+        for j in range(effects.force.shape[0]):
+            plant.damping[i, j] = effects.damping[i, j]
+            effects.stiffness[i, j] = 0.0
     for t in range(effects.kind.shape[0]):
         kind, i, p = effects.kind[t], effects.joint[t], effects.value[t]
         if effects.dry[i] and mode[i] != 0:
