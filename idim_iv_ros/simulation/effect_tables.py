@@ -17,9 +17,8 @@ from idim_iv_ros.simulation.shaft import Shaft, fastest_shaft, shafts_of, split_
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# A step is at most this over the pulsation of the fastest shaft, rad; but no shorter than that:
-# shafts enter the step implicitly, so that a stiffer one is damped, not unstable.
-SHAFT_ANGLE, SHORTEST_STEP = 0.4, 2e-5
+# A step is at most this over the pulsation of the fastest shaft, rad.
+SHAFT_ANGLE = 0.4
 
 
 class AffectedRobot(NamedTuple):
@@ -107,7 +106,7 @@ def affected_robot(
         measured=np.zeros((2, n)),
     )
     changing = grown._replace(level=current, damping=grown.damping.copy())
-    longest = max(SHAFT_ANGLE / pulsation, SHORTEST_STEP) if pulsation > 0.0 else np.inf
+    longest = SHAFT_ANGLE / pulsation if pulsation > 0.0 else np.inf
     return AffectedRobot(changing, arrays, shafts, float(longest))
 
 

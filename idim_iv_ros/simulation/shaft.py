@@ -19,6 +19,9 @@ FloatArray = NDArray[np.float64]
 # damping ratio. At 300 Hz the flanks give less than backlash does; teeth meet without bouncing far.
 FLANK_FREQUENCY, FLANK_DAMPING = 300.0, 0.3
 
+# A shaft that swings faster is as good as rigid, and is simulated with this pulsation, rad/s.
+FASTEST = 2e4
+
 
 @dataclass(frozen=True)
 class Shaft:
@@ -113,7 +116,7 @@ def fastest_shaft(
 ) -> tuple[tuple[Shaft, ...], float]:
     """Shafts with the stiffness and damping that were not given, and the largest pulsation, rad/s.
 
-    Of motor against link at `position` (n_joints,), all other joints free.
+    Pulsations are those of motor against link at `position` (n_joints,), all other joints free.
     """
     if not shafts:
         return (), 0.0
@@ -129,6 +132,7 @@ def fastest_shaft(
         stiffness, damping = shaft.stiffness, shaft.damping
         if stiffness == 0.0:
             stiffness = reduced * (2.0 * np.pi * FLANK_FREQUENCY) ** 2
+        stiffness = min(stiffness, reduced * FASTEST**2)
         if damping < 0.0:
             damping = 2.0 * FLANK_DAMPING * float(np.sqrt(stiffness * reduced))
         complete.append(replace(shaft, stiffness=stiffness, damping=damping))
