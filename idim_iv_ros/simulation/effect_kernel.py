@@ -42,6 +42,8 @@ class Effects(NamedTuple):
         What the kind needs, see `effect_torques`.
     bristle : (terms,)
         State: deflection of each bristle, -1 to 1.
+    sliding : (terms,)
+        State: direction in which a bristle slides, 0 while it bends.
     level : (n_contacts,)
         Dry friction without effects and bristles.
     damping : (N, N)
@@ -65,6 +67,7 @@ class Effects(NamedTuple):
     joint: IntArray
     value: FloatArray
     bristle: FloatArray
+    sliding: FloatArray
     level: FloatArray
     damping: FloatArray
     dry: NDArray[np.bool_]
@@ -124,7 +127,31 @@ def slide_bristles(effects: Effects, dq: FloatArray, ddq: FloatArray, step: floa
         if effects.kind[t] == BRISTLE:
             i = effects.joint[t]
             moved = step * (dq[i] + 0.5 * step * ddq[i]) / effects.value[t, 0]
-            effects.bristle[t] = min(max(effects.bristle[t] + moved, -1.0), 1.0)
+            bent = min(max(effects.bristle[t] + moved, -1.0), 1.0)
+            effects.bristle[t] = bent
+            outward = abs(bent) == 1.0 and bent * (dq[i] + step * ddq[i]) > 0.0
+            effects.sliding[t] = bent if outward else 0.0
+
+
+@kernel
+def bristles_change(effects: Effects, dq: FloatArray, ddq: FloatArray, step: float) -> bool:
+    """Whether a bristle that was taken to bend slides in the middle of this step, or turned.
+
+    Taken as they then are, the step is to be computed anew: bristles are stiffer than any
+    prediction of where they will be.
+    """
+    changed = False
+    for t in range(effects.kind.shape[0]):
+        if effects.kind[t] == BRISTLE:
+            i = effects.joint[t]
+            moved = 0.5 * step * (dq[i] + 0.5 * step * ddq[i]) / effects.value[t, 0]
+            if effects.sliding[t] == 0.0 and abs(effects.bristle[t] + moved) > 1.0:
+                effects.sliding[t] = np.sign(effects.bristle[t] + moved)
+                changed = True
+            elif effects.sliding[t] * moved < 0.0:
+                effects.sliding[t] = 0.0
+                changed = True
+    return changed
 
 
 @kernel
@@ -182,9 +209,10 @@ def effect_torques(
             plant.level[i] += left * p[1]
             plant.damping[i, i] += left * p[2]
         elif kind == BRISTLE:  # span, level
-            bent = effects.bristle[t] + 0.5 * step * dq[i] / p[0]
-            effects.force[i] += p[1] * min(max(bent, -1.0), 1.0)
-            if abs(bent) < 1.0:
+            if effects.sliding[t] != 0.0:
+                effects.force[i] += p[1] * effects.sliding[t]
+            else:
+                effects.force[i] += p[1] * (effects.bristle[t] + 0.5 * step * dq[i] / p[0])
                 effects.stiffness[i, i] += p[1] / p[0]
         elif kind == WAVE:  # wave number, sine, cosine
             effects.force[i] += p[1] * math.sin(p[0] * q[i]) + p[2] * math.cos(p[0] * q[i])

@@ -67,7 +67,8 @@ def affected_robot(
         dry[i] |= _is_dry(one)
     for i, level_of_bristles in _bristle_levels(kind, joint, value):
         level[i] -= level_of_bristles
-    dry |= base.level[:n] > 0.0
+    # Where bristles are all of the friction nothing sticks: they hold by themselves.
+    dry |= level[:n] > 1e-9 * base.level[:n]
     level[:n] = np.where(dry, level[:n], 0.0)
     grown = _grown(base, level, damping, extra)
     grown = _coupled(grown, effects, place)
@@ -82,6 +83,7 @@ def affected_robot(
         joint=joint,
         value=value,
         bristle=np.zeros(len(kind)),
+        sliding=np.zeros(len(kind)),
         level=grown.level,
         damping=grown.damping,
         dry=dry,
@@ -124,7 +126,7 @@ _FRICTION = (
 def _is_dry(one: JointEffect) -> bool:
     if one.effect == "nonlinear_viscous":
         return one.value["power"] < 1.0
-    return one.effect != "asymmetric_friction"
+    return one.effect not in ("asymmetric_friction", "presliding")
 
 
 def _terms(

@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.simulation.compilation import kernel
 from idim_iv_ros.simulation.dry_friction import accelerate, factorise, slip
-from idim_iv_ros.simulation.effect_kernel import Effects, effect_torques, slide_bristles
+from idim_iv_ros.simulation.effect_kernel import (
+    Effects,
+    bristles_change,
+    effect_torques,
+    slide_bristles,
+)
 from idim_iv_ros.simulation.plant import FloatArray, IntArray, Plant, Workspace
 from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler, place_links
 
@@ -132,6 +137,11 @@ def advance(
         if not positive:
             return False
         accelerate(plant, resting, mode, work, ddq)
+        if effects is not None and bristles_change(effects, dq, ddq, left):
+            prepare_with_effects(
+                plant, effects, time, middle, predicted, dq, ddq, mode, torque, left, work
+            )
+            accelerate(plant, resting, mode, work, ddq)
         _crossings(plant, resting, mode, dq, ddq, left, work.crossing)
         fraction = 1.0
         if attempt < attempts - 1:

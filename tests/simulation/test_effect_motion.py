@@ -123,12 +123,13 @@ def test_bristles_are_springs_until_they_slide():
     assert 0.5 * 2.0 * slid.velocity[-1, 0] ** 2 == pytest.approx(work, rel=1e-4)
 
 
-def test_bristles_stiffer_than_the_time_step_resolves_hold():
+def test_bristles_too_stiff_for_an_explicit_step_hold():
+    """Pulsation times step is 7; they swing to twice the deflection at rest and no further."""
     robot, parameters = disc(0.05, coulomb=1.0)
     bristle = on(robot, "presliding", span_1=1e-7, level_1=1.0)
-    result = driven(robot, parameters, np.full(2000, 0.3), bristle)
-    assert np.all(result.position > -1e-12)
-    assert np.all(result.position < 0.61e-7)
+    result = driven(robot, parameters, np.full(2000, 0.2), bristle)
+    assert np.all(result.position >= 0.0)
+    assert np.all(result.position <= 0.4e-7)
 
 
 def test_load_friction_holds_what_it_can_and_lets_go_of_the_rest():
