@@ -19,14 +19,14 @@ from idim_iv_ros.simulation.closed_loop_kernel import (
 )
 from idim_iv_ros.simulation.controller import ControlLaw
 from idim_iv_ros.simulation.effect_kernel import Effects
-from idim_iv_ros.simulation.effect_tables import (
+from idim_iv_ros.simulation.effect_signals import (
     LawParts,
-    affected_robot,
     delays,
     encoder_error,
     mismatched,
     true_state,
 )
+from idim_iv_ros.simulation.effect_tables import affected_robot
 from idim_iv_ros.simulation.effects import JointEffect, SimulatedEffect, joint_effects
 from idim_iv_ros.simulation.plant import plant, workspace
 from idim_iv_ros.simulation.shaft import Shaft, link_positions
