@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.effects.effect import Effect, Place
+from idim_iv_ros.gap.generic import Generic
 from idim_iv_ros.gap.likelihood import Fit, Regression
 from idim_iv_ros.gap.search import Candidate, Grids, Search, extent
 
@@ -19,6 +20,8 @@ LEAST_SHARE = 0.01
 # Candidates that bring this much less are not better or worse.
 ALIKE = 6.0
 LEAST_CORRELATION = 0.5
+# Of the support of a flexible function, what an effect of the catalogue must reach to be named.
+FIT_OF_THE_NAMED = 0.75
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ def attribute(
     for _ in range(MOST_EFFECTS):
         search = Search(data, covered, current, fit, grids)
         candidates = _all(search, catalogue, found, known, progress)
-        best = max(candidates, key=lambda each: support(each, regression), default=None)
+        best = named_first(candidates, regression)
         best = None if best is None else search.again(best)
         if best is None or not worth(best, regression):
             break
@@ -89,6 +92,22 @@ def attribute(
             found, current, fit = _revised(search, regression, refit, found, catalogue)
         _forget(known, set(best.columns))
     return Attribution(regression, refit, tuple(found), current, fit)
+
+
+def named_first(candidates: Sequence[Candidate], regression: Regression) -> Candidate | None:
+    """Return the best effect of the catalogue, unless a competitor without a name is far better.
+
+    The true shape is seldom that of the catalogue: a flexible function then fits a little better
+    than the right effect. It fits much better than every wrong one.
+    """
+    named = [each for each in candidates if not isinstance(each.effect, Generic)]
+    nameless = [each for each in candidates if isinstance(each.effect, Generic)]
+    best = max(named, key=lambda each: support(each, regression), default=None)
+    rival = max(nameless, key=lambda each: support(each, regression), default=None)
+    if best is None or rival is None:
+        return best or rival
+    least = FIT_OF_THE_NAMED * support(rival, regression) - ALIKE
+    return best if support(best, regression) >= least else rival
 
 
 def worth(candidate: Candidate, regression: Regression) -> bool:
@@ -204,7 +223,7 @@ def _revised(
             search.best(effect, place) for key, (effect, place) in options.items() if key not in taken
         ]
         usable = [candidate for candidate in again if candidate is not None]
-        best = max(usable, key=lambda each: support(each, regression), default=None)
+        best = named_first(usable, regression)
         if best is None or not worth(best, regression):
             kept.remove(this)
         else:

@@ -20,6 +20,7 @@ from idim_iv_ros.gap.effects.waves import (
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 
+_PERIODS = 0.7  # in the range of the joint, at least
 _SPOT = -1.0  # first number of the shape of a tight spot; wave numbers are positive
 
 
@@ -45,7 +46,7 @@ class PositionDependentFriction(Effect):
             for width in (0.06, 0.15)
             for centre in np.linspace(low, high, 25)
         ]
-        return [(float(n),) for n in wave_numbers(place, extent)] + spots
+        return [(float(n),) for n in wave_numbers(place, extent, _PERIODS)] + spots
 
     def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
         """Nearby wave numbers, centres and widths."""
@@ -59,7 +60,7 @@ class PositionDependentFriction(Effect):
         """One wave more."""
         if shape[0] == _SPOT or len(shape) >= MOST_WAVES:
             return []
-        return [(*shape, float(n)) for n in wave_numbers(place, extent)]
+        return [(*shape, float(n)) for n in wave_numbers(place, extent, _PERIODS)]
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""

@@ -13,6 +13,8 @@ from idim_iv_ros.gap.effects.waves import (
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 
+_PERIODS = 2.5  # in the range of the joint, at least: fewer are a spring
+
 
 class PositionRipple(Effect):
     """Σ sine_k sin(n_k q) + cosine_k cos(n_k q), the same in both directions; shape: n_k."""
@@ -24,7 +26,7 @@ class PositionRipple(Effect):
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """One wave."""
-        return [(float(n),) for n in wave_numbers(place, extent)]
+        return [(float(n),) for n in wave_numbers(place, extent, _PERIODS)]
 
     def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
         """Nearby wave numbers."""
@@ -34,7 +36,7 @@ class PositionRipple(Effect):
         """One wave more."""
         if len(shape) >= MOST_WAVES:
             return []
-        return [(*shape, float(n)) for n in wave_numbers(place, extent)]
+        return [(*shape, float(n)) for n in wave_numbers(place, extent, _PERIODS)]
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""

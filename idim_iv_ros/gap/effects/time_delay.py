@@ -25,6 +25,10 @@ class TimeDelay(Effect):
         """From 0.3 to 22 ms."""
         return [(delay,) for delay in _DELAYS]
 
+    def free_numbers(self, shape: Shape) -> int:
+        """None: for short delays only their product with the coefficient counts."""
+        return 0
+
     def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
         """Delays down to a tenth of a millisecond."""
         near = super().neighbours(shape, step, extent)
