@@ -11,6 +11,6 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/idim_iv_ros"]),
         ("share/idim_iv_ros", ["package.xml"]),
-        ("lib/idim_iv_ros", ["scripts/recorder", "scripts/robot_simulator"]),
+        ("lib/idim_iv_ros", ["scripts/recorder", "scripts/identifier", "scripts/robot_simulator"]),
     ],
 )

@@ -14,7 +14,11 @@ os.environ["RCUTILS_COLORIZED_OUTPUT"] = "0"
 
 import rclpy
 
-from tests.ros.processes import Observer, Process, Robot, start_recorder
+from idim_iv_ros import load_configuration
+from idim_iv_ros.excitation import random_motion
+from idim_iv_ros.simulated_recording import simulate
+from tests.ros.identifier_client import IdentifierClient
+from tests.ros.processes import ROOT, Observer, Process, Robot, start_node, start_recorder
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -84,3 +88,39 @@ def configuration(tmp_path: Path) -> Path:
         "signals:\n  joint_states: /joint_states\n  reference: /joint_reference\n"
     )
     return path
+
+
+ARM2 = ROOT / "config" / "arm2.yaml"
+
+
+@pytest.fixture(scope="session")
+def simulated_bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with `bag-1.mcap` and `bag-2.mcap`, six seconds each of the arm with two joints."""
+    folder = tmp_path_factory.mktemp("simulated")
+    configuration = load_configuration(ARM2)
+    motion = random_motion(configuration, duration=6.0, rate=1000.0, seed=1)
+    simulate(configuration, folder / "bag.mcap", motion, seeds=(1, 2))
+    return folder
+
+
+@pytest.fixture
+def identifier(
+    simulated_bags: Path, tmp_path: Path, stack: ExitStack, observer: Observer
+) -> Callable[..., IdentifierClient]:
+    """Start an identifier with parameters."""
+
+    def start(*remappings: str, **parameters: object) -> IdentifierClient:
+        values = {
+            "configuration": ARM2,
+            "bag_directory": simulated_bags,
+            "output_directory": tmp_path / "results",
+            "status_period": 0.2,
+            **parameters,
+        }
+        process = start_node("identifier", tmp_path, *remappings, **values)
+        stack.callback(process.kill)
+        client = IdentifierClient(observer, process)
+        stack.callback(client.close)
+        return client
+
+    return start

@@ -120,18 +120,25 @@ class Robot(Process):
         self.busy = False
 
 
-def start_recorder(folder: Path, **parameters: object) -> Process:
-    """Start a recorder with parameters, under a name that none had before.
+def start_node(executable: str, folder: Path, *remappings: str, **parameters: object) -> Process:
+    """Start a node with parameters, under a name that none had before.
 
     One that is killed is still known to the others for a while, and its services seem to be there.
     """
-    name = f"recorder_{next(_numbers)}"
-    arguments = [sys.executable, str(ROOT / "scripts" / "recorder"), "--ros-args"]
-    arguments += ["-r", f"__node:={name}"]
-    for parameter, value in {"minimum_free_disk": 0, "status_period": 0.2, **parameters}.items():
+    name = f"{executable}_{next(_numbers)}"
+    arguments = [sys.executable, str(ROOT / "scripts" / executable), "--ros-args"]
+    for remapping in (f"__node:={name}", *remappings):
+        arguments += ["-r", remapping]
+    for parameter, value in parameters.items():
         text = str(value).lower() if isinstance(value, bool) else str(value)
         arguments += ["-p", f"{parameter}:={text}"]
     return Process(arguments, folder, name)
+
+
+def start_recorder(folder: Path, **parameters: object) -> Process:
+    """Start a recorder with parameters that suit tests."""
+    defaults = {"minimum_free_disk": 0, "status_period": 0.2}
+    return start_node("recorder", folder, **{**defaults, **parameters})
 
 
 class Observer:

@@ -1,0 +1,203 @@
+"""The node `identifier`: parameters of a robot from its bags, on request or from every new bag."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.action.server import ServerGoalHandle
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from idim_iv_interfaces import action, srv
+from idim_iv_interfaces.msg import BagClosed
+from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.errors import IdimError
+from idim_iv_ros.nodes.deferred import DeferredActionServer, Later, create_deferred_service
+from idim_iv_ros.nodes.entry import run_node
+from idim_iv_ros.nodes.identifier_report import work_diagnosis
+from idim_iv_ros.nodes.identifier_settings import IdentifierSettings
+from idim_iv_ros.nodes.job import Job, JobListener
+from idim_iv_ros.nodes.job_queue import JobQueue
+from idim_iv_ros.nodes.job_request import requested_job
+from idim_iv_ros.nodes.parameters import changed, declare
+from idim_iv_ros.nodes.result_publisher import ResultPublisher
+
+_LOOK = 0.1  # s between two looks whether a job takes too long
+_NO_DIAGNOSIS = "diagnose is not part of this version: only identify is"
+
+ABOUT = """identifier: identify the dynamic parameters of a robot from its bags.
+
+  ros2 run idim_iv_ros identifier --ros-args -p configuration:=ROBOT.yaml -p bag_directory:=DIR
+  ros2 service call /identifier/identify idim_iv_interfaces/srv/Identify "{bags: [BAG]}"
+  ros2 action send_goal --feedback /identifier/identify idim_iv_interfaces/action/Identify \\
+    "{bags: [BAG]}"
+
+With -p auto:=true every bag that the recorder closes is identified. Topics: ~/estimates and
+~/result (latched), /diagnostics. Parameters: ros2 param describe /identifier NAME."""
+
+
+class Identifier:
+    """Parameters, services, actions and topics around the queue of jobs.
+
+    Raises
+    ------
+    UsageError
+        A parameter has a value that is not allowed.
+    DataError
+        The history in the output directory cannot be read.
+    """
+
+    def __init__(self) -> None:
+        self.node = node = Node("identifier")
+        self._settings = declare(node, IdentifierSettings)
+        self._configuration = self._loaded()
+        self._failure = ""
+        self._goals: dict[bytes, Job] = {}
+        self._publisher = ResultPublisher(node, Path(self._settings.output_directory))
+        self._guard = node.create_guard_condition(self._poll)
+        self._jobs = JobQueue(lambda: self._settings, self._guard.trigger, self._ended)
+        create_deferred_service(node, srv.Identify, "~/identify", self._asked)
+        create_deferred_service(node, srv.Diagnose, "~/diagnose", self._asked_to_diagnose)
+        self._actions = DeferredActionServer(
+            node, action.Identify, "~/identify", self._accepted, self._cancel
+        )
+        self._diagnose_actions = DeferredActionServer(
+            node, action.Diagnose, "~/diagnose", self._accepted_diagnosis, lambda goal: None
+        )
+        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        node.create_subscription(BagClosed, "recorder/bag_closed", self._bag_closed, 10)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(_LOOK, self._poll, clock=steady)
+        node.create_timer(self._settings.status_period, self._report, clock=steady)
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._apply)
+        self._publisher.publish_last(self._settings.drift_significance)
+
+    def close(self) -> None:
+        """End the job that is worked on, and answer all requests."""
+        self._jobs.close()
+        self._actions.destroy()
+        self._diagnose_actions.destroy()
+        self.node.destroy_node()
+
+    def _loaded(self) -> Configuration | None:
+        path = self._settings.configuration
+        return load_configuration(Path(path)) if path else None
+
+    def _asked(self, request: Any, later: Later) -> None:
+        def ended(success: bool, message: str) -> None:
+            later.send(self._answer(srv.Identify.Response(), success, message))
+
+        self._submit(request, JobListener(lambda: None, lambda stage, share: None, ended))
+
+    def _accepted(self, goal: ServerGoalHandle) -> None:
+        key = bytes(goal.goal_id.uuid)
+
+        def progress(stage: str, share: float) -> None:
+            goal.publish_feedback(action.Identify.Feedback(stage=stage, progress=share))
+
+        def ended(success: bool, message: str) -> None:
+            self._goals.pop(key, None)
+            result = self._answer(action.Identify.Result(), success, message)
+            self._actions.finish(goal, result)
+
+        job = self._submit(goal.request, JobListener(goal.execute, progress, ended))
+        if job is not None:
+            self._goals[key] = job
+
+    def _cancel(self, goal: ServerGoalHandle) -> None:
+        job = self._goals.get(bytes(goal.goal_id.uuid))
+        if job is not None:
+            self._jobs.cancel(job)
+
+    def _asked_to_diagnose(self, _: Any, later: Later) -> None:
+        later.send(srv.Diagnose.Response(success=False, message=_NO_DIAGNOSIS))
+
+    def _accepted_diagnosis(self, goal: ServerGoalHandle) -> None:
+        goal.execute()
+        result = action.Diagnose.Result(success=False, message=_NO_DIAGNOSIS)
+        self._diagnose_actions.finish(goal, result)
+
+    def _bag_closed(self, message: BagClosed) -> None:
+        if self._settings.auto:
+            nobody = JobListener(
+                lambda: None, lambda stage, share: None, lambda success, message: None
+            )
+            self._submit(srv.Identify.Request(bags=[message.bag]), nobody)
+
+    def _submit(self, request: Any, listener: JobListener) -> Job | None:
+        """Queue a job; None if it was refused, and the listener was told why."""
+        try:
+            job = requested_job(request, self._settings, self._configuration, listener)
+            self._jobs.submit(job)
+            return job
+        except IdimError as error:
+            self._failed(request.bags, str(error))
+            listener.ended(False, str(error))
+            return None
+
+    def _ended(self, job: Job) -> None:
+        if job.success:
+            try:
+                self._publisher.add(job, self._settings)
+                self._failure = ""
+                self.node.get_logger().info(f"{', '.join(job.names)}: {job.message}")
+            except IdimError as error:
+                job.success, job.message = False, str(error)
+        if job.cancelled and not job.success:
+            self.node.get_logger().info(f"{', '.join(job.names)}: cancelled")
+        elif not job.success:
+            self._failed(job.names, job.message)
+        job.listener.ended(job.success, job.message)
+        self._report()
+
+    def _failed(self, bags: Sequence[str], why: str) -> None:
+        self._failure = f"{', '.join(bags) or 'no bag'}: {why}"
+        self.node.get_logger().error(self._failure)
+
+    def _answer(self, response: Any, success: bool, message: str) -> Any:
+        response.success, response.message = success, message
+        if success:
+            response.result = self._publisher.last
+        return response
+
+    def _poll(self) -> None:
+        self._jobs.poll()
+
+    def _report(self) -> None:
+        name = self.node.get_name()
+        message = DiagnosticArray()
+        message.header.stamp = self.node.get_clock().now().to_msg()
+        message.status = [work_diagnosis(name, self._jobs, self._failure)]
+        message.status += self._publisher.diagnoses(name)
+        self._diagnostics.publish(message)
+
+    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        try:
+            changed(self._settings, parameters)
+        except IdimError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply(self, parameters: Sequence[Parameter]) -> None:
+        names = {parameter.name for parameter in parameters}
+        if names & {field.name for field in fields(IdentifierSettings)}:
+            self._settings = changed(self._settings, parameters)
+        if "configuration" in names:
+            self._configuration = self._loaded()
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the node until a signal and return the exit status; `arguments` begin with a name."""
+    return run_node("identifier", Identifier, ABOUT, arguments)
+
+
+def main() -> None:
+    """Run the node with the arguments of the command line."""
+    sys.exit(run(sys.argv))
