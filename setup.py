@@ -3,7 +3,15 @@
 colcon reads ``python_requires`` and the version only from here.
 """
 
+from pathlib import Path
+
 from setuptools import setup
+
+
+def files(*patterns: str) -> list[str]:
+    """Files beside this one, as the names relative to it that `data_files` takes."""
+    return sorted(path.as_posix() for pattern in patterns for path in Path().glob(pattern))
+
 
 setup(
     version="0.1.0",
@@ -11,6 +19,9 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/idim_iv_ros"]),
         ("share/idim_iv_ros", ["package.xml"]),
+        ("share/idim_iv_ros/launch", files("launch/*.launch.py")),
+        ("share/idim_iv_ros/config", files("config/*.yaml", "config/*.urdf")),
+        ("share/idim_iv_ros/security", ["security/policy.xml"]),
         ("lib/idim_iv_ros", ["scripts/recorder", "scripts/identifier", "scripts/robot_simulator"]),
     ],
 )

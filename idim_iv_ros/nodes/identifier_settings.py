@@ -62,7 +62,5 @@ class IdentifierSettings(Settings):
         """
         if self.when_busy not in (WAIT, REFUSE):
             raise UsageError(f"when_busy: {self.when_busy!r} is neither {WAIT} nor {REFUSE}")
-        if not Path(self.bag_directory).is_dir():
-            raise UsageError(f"bag_directory: no folder {self.bag_directory}")
         if self.configuration:
             load_configuration(Path(self.configuration))

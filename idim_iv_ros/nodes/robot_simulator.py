@@ -1,5 +1,6 @@
 """The node `robot_simulator`: a robot in real time whose true parameters are known."""
 
+import contextlib
 import json
 import sys
 import threading
@@ -60,6 +61,7 @@ class RobotSimulator:
         limits = self._robot.robot.limits
         middle = 0.5 * (limits.lower + limits.upper)
         self._reference = np.where(np.isfinite(middle), middle, 0.0)
+        self._compile()
         topics, _ = published(
             configuration, self._robot, self._rate, self._reference, None, self._value("seed")
         )
@@ -89,6 +91,11 @@ class RobotSimulator:
         """Stop publishing."""
         self._playback.end()
         self.node.destroy_node()
+
+    def _compile(self) -> None:
+        """Plan a short motion, so that what is compiled at first use does not delay ~/move."""
+        with contextlib.suppress(IdimError):  # without joint limits there are no random motions
+            random_motion(self._configuration, duration=1.0, rate=self._rate, seed=1)
 
     def _now(self) -> int:
         return int(self.node.get_clock().now().nanoseconds)
