@@ -6,6 +6,8 @@ from pathlib import Path
 
 from idim_iv_ros.errors import UsageError
 
+_LONGEST = 1000
+
 
 def confined(folder: Path, name: str, what: str) -> Path:
     """Return the file or folder that a request names, links resolved.
@@ -24,6 +26,8 @@ def confined(folder: Path, name: str, what: str) -> Path:
     UsageError
         An empty name, one with ``..``, or one that leads out of the folder, also by a link.
     """
+    if len(name) > _LONGEST:
+        raise UsageError(f"{what}: a name of {len(name)} characters is too long")
     if not name or "\0" in name:
         raise UsageError(f"{name!r} names no file in {what}")
     if ".." in Path(name).parts:

@@ -126,10 +126,13 @@ class Identifier:
 
     def _bag_closed(self, message: BagClosed) -> None:
         if self._settings.auto:
-            nobody = JobListener(
-                lambda: None, lambda stage, share: None, lambda success, message: None
-            )
-            self._submit(srv.Identify.Request(bags=[message.bag]), nobody)
+
+            def ended(success: bool, why: str) -> None:
+                if not success:  # nobody asked: the diagnostics are the only answer
+                    self._failure = f"{message.bag}: {why}"
+
+            listener = JobListener(lambda: None, lambda stage, share: None, ended)
+            self._submit(srv.Identify.Request(bags=[message.bag]), listener)
 
     def _submit(self, request: Any, listener: JobListener) -> Job | None:
         """Queue a job; None if it was refused, and the listener was told why."""
@@ -138,7 +141,7 @@ class Identifier:
             self._jobs.submit(job)
             return job
         except IdimError as error:
-            self._failed(request.bags, str(error))
+            self.node.get_logger().warning(f"refused: {error}")
             listener.ended(False, str(error))
             return None
 
@@ -153,13 +156,10 @@ class Identifier:
         if job.cancelled and not job.success:
             self.node.get_logger().info(f"{', '.join(job.names)}: cancelled")
         elif not job.success:
-            self._failed(job.names, job.message)
+            self._failure = f"{', '.join(job.names)}: {job.message}"
+            self.node.get_logger().error(self._failure)
         job.listener.ended(job.success, job.message)
         self._report()
-
-    def _failed(self, bags: Sequence[str], why: str) -> None:
-        self._failure = f"{', '.join(bags) or 'no bag'}: {why}"
-        self.node.get_logger().error(self._failure)
 
     def _answer(self, response: Any, success: bool, message: str) -> Any:
         response.success, response.message = success, message

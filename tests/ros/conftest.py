@@ -110,17 +110,35 @@ def identifier(
     """Start an identifier with parameters."""
 
     def start(*remappings: str, **parameters: object) -> IdentifierClient:
-        values = {
-            "configuration": ARM2,
-            "bag_directory": simulated_bags,
-            "output_directory": tmp_path / "results",
-            "status_period": 0.2,
-            **parameters,
-        }
-        process = start_node("identifier", tmp_path, *remappings, **values)
-        stack.callback(process.kill)
-        client = IdentifierClient(observer, process)
-        stack.callback(client.close)
-        return client
+        values = {"bag_directory": simulated_bags, **parameters}
+        return start_identifier(stack, tmp_path, observer, *remappings, **values)
 
     return start
+
+
+@pytest.fixture(scope="module")
+def served(
+    simulated_bags: Path, tmp_path_factory: pytest.TempPathFactory, observer: Observer
+) -> Iterator[IdentifierClient]:
+    """An identifier that the tests of a file share; they leave its parameters as they were."""
+    folder = tmp_path_factory.mktemp("served")
+    announced = "recorder/bag_closed:=/announced"
+    with ExitStack() as stack:
+        yield start_identifier(stack, folder, observer, announced, bag_directory=simulated_bags)
+
+
+def start_identifier(
+    stack: ExitStack, folder: Path, observer: Observer, *remappings: str, **parameters: object
+) -> IdentifierClient:
+    """Start an identifier that writes into the folder `results` in `folder`."""
+    values = {
+        "configuration": ARM2,
+        "output_directory": folder / "results",
+        "status_period": 0.2,
+        **parameters,
+    }
+    process = start_node("identifier", folder, *remappings, **values)
+    stack.callback(process.end)
+    client = IdentifierClient(observer, process)
+    stack.callback(client.close)
+    return client

@@ -1,12 +1,14 @@
 """What users of the identifier do: ask, listen, cancel, watch."""
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.action import ActionClient
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from idim_iv_interfaces.action import Identify as IdentifyAction
@@ -38,7 +40,6 @@ class IdentifierClient:
         self.action.destroy()
         self.node.destroy_client(self.service)
         self.node.destroy_subscription(self._heard)
-        self.process.end()
 
     def _diagnosis(self, message: DiagnosticArray) -> None:
         for each in message.status:
@@ -75,6 +76,20 @@ class IdentifierClient:
         self.observer.until(lambda: heard, f"a message on {topic}")
         self.node.destroy_subscription(subscription)
         return heard[-1]
+
+    def failure(self) -> str:
+        """Wait until the diagnostics tell that the last job failed, and why."""
+        told = self.diagnostics
+        self.observer.until(lambda: told["identification"][0] == 2, "a failure", JOB)
+        return told["identification"][1]
+
+    @contextmanager
+    def parameters(self, **values: object) -> Iterator[None]:
+        """Set parameters for a while."""
+        before = {name: parameter_value_to_python(self.parameter(name)[0]) for name in values}
+        assert self.set(**values).successful
+        yield
+        assert self.set(**before).successful
 
     def worker(self) -> int:
         """Process id of the worker, as the diagnostics tell it."""
