@@ -29,7 +29,8 @@ class Closable(Protocol):
 def run_node(name: str, make: Callable[[], Closable], about: str, arguments: Sequence[str]) -> int:
     """Run a node until SIGINT or SIGTERM and return the exit status.
 
-    A callback that fails is logged in one line; the node goes on.
+    A callback that fails is logged in one line; the node goes on. While it is closed it still has
+    its executor.
     """
     if {"-h", "--help"} & set(arguments[1:]):
         print(about)
@@ -45,7 +46,9 @@ def run_node(name: str, make: Callable[[], Closable], about: str, arguments: Seq
             raise
         except Exception as error:  # what rclpy raises has no common class
             raise UsageError(_start_failure(error)) from error
-        _spin(running.node, stop)
+        executor = SingleThreadedExecutor()
+        executor.add_node(running.node)
+        _spin(executor, running.node, stop)
         running.close()
     except IdimError as error:
         print(f"{name}: {error}", file=sys.stderr)
@@ -55,9 +58,7 @@ def run_node(name: str, make: Callable[[], Closable], about: str, arguments: Seq
     return 0
 
 
-def _spin(node: Node, stop: threading.Event) -> None:
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
+def _spin(executor: SingleThreadedExecutor, node: Node, stop: threading.Event) -> None:
     while not stop.is_set():
         try:
             executor.spin_once(timeout_sec=_WAIT)

@@ -29,6 +29,7 @@ from idim_iv_ros.nodes.parameters import changed, declare
 from idim_iv_ros.nodes.result_publisher import ResultPublisher
 
 _LOOK = 0.1  # s between two looks whether a job takes too long
+_TURNS = 10  # of the executor, in which the last results are sent
 _NO_DIAGNOSIS = "diagnose is not part of this version: only identify is"
 
 ABOUT = """identifier: identify the dynamic parameters of a robot from its bags.
@@ -82,6 +83,10 @@ class Identifier:
     def close(self) -> None:
         """End the job that is worked on, and answer all requests."""
         self._jobs.close()
+        executor = self.node.executor
+        if executor is not None:
+            for _ in range(_TURNS):
+                executor.spin_once(timeout_sec=0.0)
         self._actions.destroy()
         self._diagnose_actions.destroy()
         self.node.destroy_node()

@@ -2,16 +2,20 @@
 
 import json
 import os
+import signal
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
-from diagnostic_msgs.msg import DiagnosticStatus
 
 from idim_iv_interfaces.msg import ParameterEstimates
 from idim_iv_interfaces.srv import Diagnose
+from idim_iv_ros import load_configuration
+from idim_iv_ros.excitation import random_motion
+from idim_iv_ros.simulated_recording import simulate
+from tests.ros.conftest import ARM2
 from tests.ros.true_parameters import require_truth
 
 OK, WARN, ERROR = 0, 1, 2
@@ -118,9 +122,7 @@ def test_requests_wait_for_each_other_and_a_waiting_goal_can_be_cancelled(served
         assert list(served.wait(first).result.parameters.bags) == ["bag-1.mcap"]
         last = served.wait(third).result.parameters
         assert (list(last.bags), last.estimator, last.iterations) == (["bag-2.mcap"], "idim-ls", 0)
-    name = f"{served.name}: drift"
-    told: dict[str, DiagnosticStatus] = {}
-    served.observer.until(lambda: "σ" in served.diagnostics["drift"][1], f"{name} {told}")
+    served.observer.until(lambda: "σ" in served.diagnostics["drift"][1], "the comparison")
     level, sentence, _ = served.diagnostics["drift"]
     assert level == OK, sentence
     assert sentence.startswith("no parameter differs from bag-1.mcap by more than")
@@ -141,6 +143,41 @@ def test_last_result_survives_a_kill_and_the_worker_does_not(identifier, observe
 
     observer.until(gone, "the end of the worker")
     assert str(identifier().latched()) == str(result)
+
+
+def test_goal_of_a_node_that_is_interrupted_is_answered(identifier) -> None:
+    client = identifier()
+    goal = client.goal("bag-1.mcap", "bag-2.mcap")
+    worker = client.worker()
+    future = goal.get_result_async()
+    client.process.process.send_signal(signal.SIGINT)
+    answer = client.wait(future)
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert answer.result.message == "the identifier was shut down"
+    assert client.process.process.wait(10) == 0
+    with pytest.raises(ProcessLookupError):
+        os.kill(worker, 0)
+    assert "Traceback" not in client.process.errors.read_text()
+
+
+def test_changed_parameter_is_flagged(identifier, simulated_bags: Path, tmp_path: Path) -> None:
+    text = ARM2.read_text().replace("urdf: ", f"urdf: {ARM2.parent}/")
+    worn = tmp_path / "worn.yaml"
+    worn.write_text(text.replace("Fc1: 1.5012", "Fc1: 1.8012"))
+    configuration = load_configuration(worn)
+    motion = random_motion(configuration, duration=6.0, rate=1000.0, seed=1)
+    simulate(configuration, tmp_path / "worn.mcap", motion)
+    (tmp_path / "first.mcap").write_bytes((simulated_bags / "bag-1.mcap").read_bytes())
+    client = identifier(bag_directory=tmp_path)
+    for bag in ("first.mcap", "worn.mcap"):
+        assert client.identify(bag, estimator="idim-ls").success
+    client.observer.until(lambda: client.diagnostics["drift"][0] == WARN, "the drift")
+    _, sentence, values = client.diagnostics["drift"]
+    assert sentence.endswith("changed since first.mcap")
+    statistics = {key: float(value) for key, value in values.items() if key.endswith(" (σ)")}
+    limit = statistics.pop("limit (σ)")
+    flagged = {key for key, value in statistics.items() if abs(value) > limit}
+    assert flagged == {"Fc1 (σ)"}
 
 
 def test_limits_of_a_job_are_one_line(served) -> None:
