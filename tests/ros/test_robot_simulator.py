@@ -2,6 +2,7 @@
 
 import json
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,11 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from idim_iv_ros import identify, load_configuration
+from idim_iv_ros import load_configuration
 from idim_iv_ros.recording import read_recordings
+from tests.ros.identifier_client import JOB
 from tests.ros.processes import ROOT, Process, only_bag
+from tests.ros.true_parameters import require_truth
 
 START = 90.0  # s: on a new machine the simulation is compiled first
 CONFIG = ROOT / "config" / "arm2.yaml"
@@ -39,10 +42,13 @@ def move(observer) -> Trigger.Response:
 
 
 def test_recorded_motion_identifies_the_true_parameters(
-    recorder, simulator, observer, bags: Path
+    recorder, simulator, identifier, observer, bags: Path
 ) -> None:
+    """Simulator, recorder, bag, identifier: as announced, and once more on request."""
     simulator(motion_duration=6.0)
-    recorder(configuration=str(CONFIG))
+    name = recorder(configuration=str(CONFIG)).name
+    announced = f"recorder/bag_closed:=/{name}/bag_closed"
+    client = identifier(announced, bag_directory=bags, auto=True)
     truths: list[String] = []
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     heard = observer.node.create_subscription(
@@ -68,12 +74,31 @@ def test_recorded_motion_identifies_the_true_parameters(
         [bag], joints=configuration.robot.joints, reference="/joint_reference"
     )
     assert abs(recording.rate - 1000.0) < 1.0
-    result = identify([bag], configuration)
-    truth = json.loads(truths[0].data)
-    deviations = [abs(p.value - truth[p.name]) / p.std for p in result.parameters]
-    assert np.mean(np.array(deviations) < 3.0) > 0.8, dict(
-        zip([p.name for p in result.parameters], deviations, strict=True)
+    observer.until(lambda: "joint_2" in client.diagnostics, "the result of the announced bag", JOB)
+    announced_result = client.latched().parameters
+    answer = client.identify(bag.name)
+    assert answer.success, answer.message
+    require_truth(answer.result.parameters, json.loads(truths[0].data))
+    assert list(announced_result.bags) == [bag.name]
+    assert announced_result.estimates == answer.result.parameters.estimates
+
+
+@pytest.mark.load
+def test_first_move_begins_at_once_where_nothing_was_compiled(
+    simulator, observer, monkeypatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    simulator(motion_duration=2.0)
+    places: list[float] = []
+    heard = observer.node.create_subscription(
+        JointState, "/joint_reference", lambda message: places.append(message.position[0]), 10
     )
+    observer.until(lambda: len(places) > 100, "references", START)
+    begin = time.perf_counter()
+    assert move(observer).success
+    observer.until(lambda: abs(places[-1] - places[0]) > 1e-3, "the motion", START)
+    assert time.perf_counter() - begin < 2.0
+    observer.node.destroy_subscription(heard)
 
 
 def test_joint_trajectory_is_followed(simulator, recorder, observer, bags: Path) -> None:
