@@ -1,10 +1,9 @@
-"""Closed loop of a 6-joint arm, 10 s at 5 kHz with four plant steps a period, against MuJoCo.
+"""Closed loop of the TX40, 10 s at 5 kHz with four plant steps a period, against MuJoCo.
 
 MuJoCo's rollout takes the same number of steps in C, open loop, with the torques that our
 control commanded. It runs with its dry friction (a soft constraint) and without.
 """
 
-import dataclasses
 import os
 import sys
 import tempfile
@@ -17,31 +16,37 @@ STEPS = int(RATE * SECONDS) * OVERSAMPLING
 
 
 def simulate():
-    from idim_iv_ros.simulation import simulate_closed_loop
-    from tests.simulated_arms import arm6
+    from pathlib import Path
 
-    arm = arm6(seconds=SECONDS, rate=RATE)
-    law = dataclasses.replace(arm.law, period=1.0 / RATE)
+    from idim_iv_ros import load_configuration
+    from idim_iv_ros.excitation import random_motion
+    from idim_iv_ros.simulated_robot import simulated_robot
+    from idim_iv_ros.simulation import simulate_closed_loop
+
+    configuration = load_configuration(Path(__file__).parent.parent / "config" / "tx40.yaml")
+    urdf = configuration.robot.urdf
+    tx40 = simulated_robot(configuration, urdf.read_text(), urdf.name)
+    motion = random_motion(configuration, duration=SECONDS, rate=RATE, seed=1)
 
     def run():
         return simulate_closed_loop(
-            arm.robot,
-            arm.robot.given,
-            law,
+            tx40.robot,
+            tx40.robot.given,
+            tx40.law,
             rate=RATE,
-            position_reference=arm.position_reference,
-            velocity_reference=arm.velocity_reference,
-            initial_position=arm.position_reference[0],
-            initial_velocity=arm.velocity_reference[0],
+            position_reference=motion.position,
+            velocity_reference=motion.velocity,
+            initial_position=motion.position[0],
+            initial_velocity=motion.velocity[0],
             plant_step=1.0 / RATE / OVERSAMPLING,
         )
 
-    return arm, run
+    return tx40.robot, urdf, motion, run
 
 
 def ours() -> None:
     started = time.perf_counter()
-    _, run = simulate()
+    *_, run = simulate()
     run()
     first = time.perf_counter() - started
     started = time.perf_counter()
@@ -57,20 +62,20 @@ def mujoco_rollout() -> None:
     import numpy as np
     from mujoco import rollout
 
-    arm, run = simulate()
+    robot, urdf, motion, run = simulate()
     torque = np.repeat(run().torque, OVERSAMPLING, axis=0)
     state_spec = mujoco.mjtState.mjSTATE_FULLPHYSICS
     seconds = {}
     for friction in (True, False):
-        model = mujoco.MjModel.from_xml_path(str(arm.configuration.robot.urdf))
+        model = mujoco.MjModel.from_xml_path(str(urdf))
         model.opt.timestep = 1.0 / RATE / OVERSAMPLING
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
-        model.dof_armature[:] = arm.robot.given.drive_inertia
-        model.dof_damping[:] = arm.robot.given.viscous
-        model.dof_frictionloss[:] = arm.robot.given.coulomb if friction else 0.0
+        model.dof_armature[:] = robot.given.drive_inertia
+        model.dof_damping[:] = robot.given.viscous
+        model.dof_frictionloss[:] = robot.given.coulomb if friction else 0.0
         data = mujoco.MjData(model)
-        data.qpos[:] = arm.position_reference[0]
+        data.qpos[:] = motion.position[0]
         start = np.empty(mujoco.mj_stateSize(model, state_spec))
         mujoco.mj_getState(model, data, start, state_spec)
         started = time.perf_counter()
@@ -97,7 +102,7 @@ def main() -> None:
         theirs = measure("benchmarks.simulation", "mujoco", 3)
     write_page(
         "simulation",
-        f"Simulating 6 joints with friction, {SECONDS:g} s at {RATE / 1e3:g} kHz, {STEPS:,} steps",
+        f"Simulating the TX40 with friction, {SECONDS:g} s at {RATE / 1e3:g} kHz, {STEPS:,} steps",
         [
             f"MuJoCo {mujoco.__version__}, its rollout function in C (Euler, implicit damping).",
             "",

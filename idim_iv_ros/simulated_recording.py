@@ -32,9 +32,11 @@ class SimulatedBag:
     samples : int
     rate, duration : float
         Hz, s.
-    peak_torque : (n_joints,) N m
-        Largest recorded effort.
-    peak_error : (n_joints,) rad
+    joint_types : tuple of str
+        ``revolute`` or ``prismatic``.
+    peak_torque : (n_joints,) N m (N)
+        Largest recorded effort, on the joint side.
+    peak_error : (n_joints,) rad (m)
         Largest distance between reference and true position.
     """
 
@@ -43,6 +45,7 @@ class SimulatedBag:
     samples: int
     rate: float
     duration: float
+    joint_types: tuple[str, ...]
     peak_torque: FloatArray
     peak_error: FloatArray
 
@@ -98,7 +101,7 @@ def simulate(
             path = out if len(seeds) == 1 else out.with_name(f"{out.stem}-{seed}{out.suffix}")
             watch.stage(f"writing {path.name}", (count + 0.7) / len(seeds))
             write_bag(path, recorded_topics(configuration, robot, record), robot_description=text)
-            bags.append(_summary(path, seed, record))
+            bags.append(_summary(path, seed, record, robot.robot.joint_types))
     truth = out.with_name(out.stem + TRUTH)
     try:
         truth.write_text(json.dumps(robot.truth, indent=1) + "\n", encoding="utf-8")
@@ -148,7 +151,9 @@ def recorded_topics(
     return topics
 
 
-def _summary(path: Path, seed: int, record: SimulatedRecording) -> SimulatedBag:
+def _summary(
+    path: Path, seed: int, record: SimulatedRecording, joint_types: tuple[str, ...]
+) -> SimulatedBag:
     truth = record.truth.position[:: record.control_ratio][: len(record.position_reference)]
     return SimulatedBag(
         path=path,
@@ -156,6 +161,7 @@ def _summary(path: Path, seed: int, record: SimulatedRecording) -> SimulatedBag:
         samples=len(record.time),
         rate=record.rate,
         duration=(len(record.time) - 1) / record.rate,
+        joint_types=joint_types,
         peak_torque=np.abs(record.effort).max(axis=0),
         peak_error=np.abs(truth - record.position_reference).max(axis=0),
     )

@@ -73,7 +73,9 @@ def validate(
     joints = configuration.robot.joints
     rows = _joint_rows(joints, observed, matrices)
     residuals = tuple(diagnose_residual(joint, linear.values, alpha=alpha) for joint in rows)
-    reason = NO_INSTRUMENTS if estimate is None else estimate.source.testable
+    reason: str | None = NO_INSTRUMENTS
+    if estimate is not None:
+        reason = estimate.source.testable or estimate.instruments.untestable
     errors, candidates, note = None, _no_functions(len(joints)), ""
     if estimate is not None and reason is None:
         tested = tested_rows(prepared, observed, estimate)

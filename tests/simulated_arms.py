@@ -77,6 +77,8 @@ def record(
     position_noise: float | FloatArray = 2e-5,
     torque_noise: float | Sequence[float] | None = None,
     encoder_resolution: float = 0.0,
+    disturbance: float | FloatArray = 0.0,
+    stamp_jitter: float = 0.0,
 ) -> SimulatedRecording:
     """Record an arm; noise in rad and N m (torque default: 0.5 % of each joint's limit)."""
     limits = np.asarray(arm.configuration.controller.torque_limit)
@@ -91,6 +93,8 @@ def record(
         position_noise=position_noise,
         torque_noise=0.005 * limits if torque_noise is None else np.asarray(torque_noise),
         encoder_resolution=encoder_resolution,
+        disturbance=disturbance,
+        stamp_jitter=stamp_jitter,
     )
 
 

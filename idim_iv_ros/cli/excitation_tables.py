@@ -25,15 +25,21 @@ def print_excitation(
     for heading in ("", "random (median)", "designed"):
         table.add_column(heading, justify="right" if heading else "left")
     rows = (
-        ("rows over torque limit (minimised)", "weighted"),
+        ("rows over torque limit", "weighted"),
         ("plain, SI units", "plain"),
         ("weighted, columns of unit length", "equilibrated"),
+        ("mean deviation of a sample, noise of the torque limit, SI", "deviation"),
     )
     for words, name in rows:
         table.add_row(
             words, f"{getattr(design.before, name):.4g}", f"{getattr(design.after, name):.4g}"
         )
     console.print(table)
+    if excitation.criterion == "condition":
+        console.print(
+            "A condition number does not tell a slow motion from a fast one: --criterion precision "
+            "finds the motion with the smallest standard deviations."
+        )
     print_use(console, model, limits, design.use)
     _print_parameters(console, excitation)
     console.print(

@@ -32,6 +32,13 @@ _LEAST_MESSAGE_RATES = {"identification": 20.0, "diagnosis": 100.0}
 _POINTS_PER_PERIOD = 5.0
 
 
+class CriterionName(str, Enum):
+    """What a design for identification minimises."""
+
+    condition = "condition"
+    precision = "precision"
+
+
 class Purpose(str, Enum):
     """What a motion is for."""
 
@@ -75,6 +82,10 @@ def excite_command(
             show_default=False,
         ),
     ] = None,
+    criterion: Annotated[
+        CriterionName,
+        typer.Option(help="Least condition number, or least standard deviations (faster motion)."),
+    ] = CriterionName.condition,
     seed: Annotated[
         int, typer.Option(min=0, help="Of the random starts, and of the multisine's phases.")
     ] = 1,
@@ -134,7 +145,9 @@ def excite_command(
             tables = {"segments.csv": segment_table(diagnosis.segments)}
             fastest = diagnosis.highest_frequency
         else:
-            settings = DesignSettings(period, repeats, rate, harmonics, seed, time_limit, posture)
+            settings = DesignSettings(
+                period, repeats, rate, harmonics, seed, time_limit, posture, criterion.value
+            )
             excitation = excite(
                 model, limits, settings, torque_noise=torque_noise, progress=progress
             )

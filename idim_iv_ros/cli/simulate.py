@@ -72,5 +72,7 @@ def _table(joints: list[str], bags: list[SimulatedBag]) -> Table:
     for column, joint in enumerate(joints):
         torque = max(float(bag.peak_torque[column]) for bag in bags)
         error = max(float(bag.peak_error[column]) for bag in bags)
-        table.add_row(joint, f"{torque:.3g} N m", f"{1e3 * error:.3g} mrad")
+        prismatic = bags[0].joint_types[column] == "prismatic"
+        units = ("N", "mm") if prismatic else ("N m", "mrad")
+        table.add_row(joint, f"{torque:.3g} {units[0]}", f"{1e3 * error:.3g} {units[1]}")
     return table

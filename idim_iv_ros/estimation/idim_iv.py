@@ -1,6 +1,6 @@
 """IDIM-IV: instruments simulated at the last estimate, until nothing moves (section III)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 
 # Parameters with a relative deviation above this do not decide about convergence.
 _WELL_KNOWN = 0.3
+# Of their size, within which given values are taken as right where an estimate cannot be simulated.
+_SPREADS = (1.0, 0.3, 0.1, 0.03, 0.01)
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,19 @@ class IterationStep:
 
     change: float
     parameter: int
+
+
+@dataclass(frozen=True)
+class Start:
+    """Base parameters (b,) of a possible first simulation.
+
+    `spread` (b,): size of each given value, infinite where none is given; None where the values
+    are not meant to be the robot's, so that its gains need not suit them.
+    """
+
+    name: str
+    values: FloatArray
+    spread: FloatArray | None
 
 
 @dataclass(frozen=True)
@@ -63,7 +78,7 @@ class IdimIvEstimate:
 def idim_iv(
     rows: Sequence[ObservationRows],
     sources: Sequence[InstrumentSource],
-    starts: Sequence[tuple[str, FloatArray]],
+    starts: Sequence[Start],
     *,
     tolerance: float = 0.01,
     max_iterations: int = 10,
@@ -77,7 +92,7 @@ def idim_iv(
     Parameters
     ----------
     starts
-        Name and base parameters (b,) of possible first simulations.
+        Possible first simulations.
     tolerance
         Largest relative change of a parameter between the last two estimates.
 
@@ -86,19 +101,19 @@ def idim_iv(
     DataError
         No source can make instruments, or there are too few rows.
     """
-    parameters = len(starts[0][1])
+    parameters = len(starts[0].values)
     least_squares = solve_weighted_least_squares(rows, parameters)
     triangles = triangles_of_rows(rows)
     failures: list[str] = []
     for source in sources:
-        for name, start in starts:
+        for start in starts:
             step = _Iteration(
-                rows, triangles, source, least_squares, tolerance, max_iterations, progress
+                rows, triangles, source, start, least_squares, tolerance, max_iterations, progress
             )
             try:
-                return step.run(start, tuple(failures))
+                return step.run(tuple(failures))
             except SourceFailure as failure:
-                where = f" from {name}" if source.iterative else ""
+                where = f" from {start.name}" if source.iterative else ""
                 failures.append(f"{source.name}{where}: {failure}")
             if not source.iterative:
                 break
@@ -110,14 +125,15 @@ class _Iteration:
     rows: Sequence[ObservationRows]
     triangles: Sequence[JointTriangle]
     source: InstrumentSource
+    start: Start
     least_squares: LinearEstimate
     tolerance: float
     max_iterations: int
     progress: Callable[[str, float], None] | None
 
-    def run(self, start: FloatArray, failures: tuple[str, ...]) -> IdimIvEstimate:
+    def run(self, failures: tuple[str, ...]) -> IdimIvEstimate:
         sigma = self.least_squares.sigma
-        instruments = self.source.instruments(start, self.least_squares.values)
+        instruments = self._first()
         linear = self._solve(instruments, sigma)
         steps: list[IterationStep] = []
         converged = not self.source.iterative
@@ -139,21 +155,61 @@ class _Iteration:
             failures,
         )
 
-    def _simulate(self, linear: LinearEstimate) -> Instruments:
-        """Simulate at the estimate; if that diverges, with the poorly known parameters at zero."""
+    def _first(self) -> Instruments:
+        """Simulate at the start, with the gains as they are or scaled to its inertia."""
+        if self.start.spread is not None:
+            return self._as_it_is_or_scaled(self.start.values)
+        return self.source.instruments(self.start.values, self.least_squares.values)
+
+    def _as_it_is_or_scaled(self, values: FloatArray) -> Instruments:
+        """Scale the gains only where the loop diverges.
+
+        Least squares, which says by how much, may be further from the robot than the values are.
+        """
         try:
-            return self.source.instruments(linear.values, self.least_squares.values)
+            return self.source.instruments(values, values)
+        except SourceFailure:
+            return self.source.instruments(values, self.least_squares.values)
+
+    def _simulate(self, linear: LinearEstimate) -> Instruments:
+        """Simulate at the estimate, or where that diverges as near to it as can be."""
+        try:
+            return self._as_it_is_or_scaled(linear.values)
         except SourceFailure as failure:
-            covariance = self._white_covariance(linear)
-            deviation = np.sqrt(np.diag(covariance))
-            known = np.flatnonzero(deviation <= _WELL_KNOWN * np.abs(linear.values))
-            if len(known) in (0, len(linear.values)):
-                raise
+            for values, where in self._nearby(linear):
+                try:
+                    instruments = self._as_it_is_or_scaled(values)
+                except SourceFailure:
+                    continue
+                note = f"simulated {where}, because {failure}"
+                note = f"{instruments.note}; {note}".lstrip("; ")
+                reason = f"the loop could not be simulated at the estimate ({failure})"
+                return replace(instruments, note=note, untestable=reason)
+            raise
+
+    def _nearby(self, linear: LinearEstimate) -> Iterator[tuple[FloatArray, str]]:
+        """Parameters that stand in for an estimate that cannot be simulated, and what they are.
+
+        With given values, the estimate is combined with them as with a measurement of its own,
+        which is trusted more and more: what the recording says well stays. Without, the poorly
+        known parameters are put to zero.
+        """
+        covariance = self._white_covariance(linear)
+        given, spread = self.start.values, self.start.spread
+        if spread is not None:
+            information = np.linalg.inv(covariance)
+            for share in _SPREADS:
+                prior = np.diag(1.0 / (share * spread) ** 2)
+                pull = np.linalg.solve(information + prior, prior @ (given - linear.values))
+                where = f"{100 * share:g} % of their size"
+                yield linear.values + pull, f"with given values taken as right within {where}"
+            return
+        deviation = np.sqrt(np.diag(covariance))
+        known = np.flatnonzero(deviation <= _WELL_KNOWN * np.abs(linear.values))
+        if 0 < len(known) < len(linear.values):
             values = np.zeros(len(linear.values))
             values[known], _ = restrict(linear.values, covariance, known.tolist())
-            instruments = self.source.instruments(values, self.least_squares.values)
-            note = f"simulated with the {len(known)} well-known parameters only, because {failure}"
-            return replace(instruments, note=f"{instruments.note}; {note}".lstrip("; "))
+            yield values, f"with the {len(known)} well-known parameters only"
 
     def _solve(self, instruments: Instruments, sigma: FloatArray) -> LinearEstimate:
         parameters = len(self.least_squares.values)

@@ -43,11 +43,14 @@ class Instruments:
         Simulated q, dq, ddq of the span.
     note : str
         What was done to obtain them, in words; empty when there is nothing to say.
+    untestable : str or None
+        Why a difference between simulated and measured motion says nothing of the model.
     """
 
     matrices: tuple[FloatArray, ...]
     states: tuple[States, ...]
     note: str = ""
+    untestable: str | None = None
 
 
 class InstrumentSource(Protocol):

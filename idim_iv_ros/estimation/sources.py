@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.estimation.fallback_instruments import FilteredReference, SmoothedMeasurement
+from idim_iv_ros.estimation.idim_iv import Start
 from idim_iv_ros.estimation.instruments import InstrumentSource, SimulatedLoop
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Cutoffs, Motion
@@ -32,7 +33,7 @@ class InstrumentSources:
     Attributes
     ----------
     sources : tuple of InstrumentSource
-    starts : tuple of (name, (b,) base parameters)
+    starts : tuple of Start
     controller : tuple of str
         What is known of the control law, one sentence each.
     fits : tuple of ControllerFit
@@ -40,7 +41,7 @@ class InstrumentSources:
     """
 
     sources: tuple[InstrumentSource, ...]
-    starts: tuple[tuple[str, FloatArray], ...]
+    starts: tuple[Start, ...]
     controller: tuple[str, ...]
     fits: tuple[ControllerFit, ...] = ()
 
@@ -75,14 +76,26 @@ def instrument_sources(
     return InstrumentSources(tuple(sources), _starts(configuration, model), tuple(sentences), fits)
 
 
-def _starts(
-    configuration: Configuration, model: InverseModel
-) -> tuple[tuple[str, FloatArray], ...]:
-    regular = ("the regular start", model.regular)
+def _starts(configuration: Configuration, model: InverseModel) -> tuple[Start, ...]:
+    regular = Start("the regular start", model.regular, spread=None)
     usable = model.robot.has_inertials and configuration.signals.effort_unit == "N m"
     if configuration.identification.start == "regular" or not usable:
         return (regular,)
-    return (("the given values", model.given_without_friction), regular)
+    given = Start("the given values", model.given_without_friction, _sizes(model))
+    return (given, regular)
+
+
+def _sizes(model: InverseModel) -> FloatArray:
+    """Size of each given value (b,): its own and the median of its unit; infinite for friction."""
+    values = np.abs(model.given_without_friction)
+    units = np.array(model.base.units)
+    sizes = np.full(len(values), np.inf)
+    for unit in set(model.base.units):
+        present = values[(units == unit) & (values > 0.0)]
+        if len(present):
+            alike = units == unit
+            sizes[alike] = values[alike] + np.median(present)
+    return sizes
 
 
 def _laws(

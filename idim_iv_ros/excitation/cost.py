@@ -1,6 +1,7 @@
 """What the design minimises, with its gradient."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from idim_iv_ros.excitation.limits import MotionLimits
 from idim_iv_ros.model import InverseModel
 
 FloatArray = NDArray[np.float64]
+Criterion = Literal["condition", "precision"]
 States = tuple[FloatArray, FloatArray, FloatArray]
 
 _STEP = 1e-6
@@ -20,7 +22,7 @@ _SMOOTH = 0.01
 
 @dataclass(frozen=True)
 class ExcitationCost:
-    """log κ_p of the weighted base regressor plus penalties for limits, on a coarse grid.
+    """Criterion on the weighted base regressor plus penalties for limits, on a coarse grid.
 
     κ_p = ‖σ‖_2p ‖1/σ‖_2p of the singular values σ tends to the condition number as p grows and,
     unlike it, is smooth where singular values coincide, which is where an optimum lies. A limit
@@ -40,6 +42,9 @@ class ExcitationCost:
     power : float
         p.
     weight : float
+    criterion : "condition" or "precision"
+        What is minimised: log κ_p, or the mean of log 1/σ, of which the determinant of the
+        covariance is a function (D-optimality).
     """
 
     model: InverseModel
@@ -51,6 +56,7 @@ class ExcitationCost:
     start: FloatArray | None
     power: float
     weight: float
+    criterion: Criterion = "condition"
 
     def unpack(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Start posture (n_joints,) and coefficients (size, n_joints) of a design vector."""
@@ -66,7 +72,7 @@ class ExcitationCost:
         position, velocity, acceleration = (shape @ coefficients for shape in self.shapes)
         q, dq, ddq = start + position, velocity, acceleration
         regressor, slopes = self._regressors(q, dq, ddq)
-        value, by_entry = self._log_condition(regressor)
+        value, by_entry = self._criterion(regressor)
         cost, by_torque = self._torque_penalty(regressor)
         value += cost
         if by_torque is not None:
@@ -118,19 +124,23 @@ class ExcitationCost:
                 coupled = np.tanh((dq[:, joint] + dq[:, other]) / width[joint])
                 matrices[:, joint, column] = matrices[:, other, column] = coupled
 
-    def _log_condition(self, regressor: FloatArray) -> tuple[float, FloatArray]:
-        """Log κ_p and its derivative by each entry of the unweighted regressor."""
+    def _criterion(self, regressor: FloatArray) -> tuple[float, FloatArray]:
+        """Log κ_p or mean log 1/σ, and its derivative by each entry of the unweighted regressor."""
         rows = regressor * self.row_weights[:, None]
         stacked = rows.reshape(-1, rows.shape[2])
         _, sigma, right = np.linalg.svd(np.linalg.qr(stacked, mode="r"))
         sigma = np.maximum(sigma, 1e-12 * sigma[0])
-        above, below = (
-            (sigma / sigma[0]) ** (2 * self.power),
-            (sigma[-1] / sigma) ** (2 * self.power),
-        )
-        value = np.log(sigma[0] / sigma[-1])
-        value += (np.log(above.sum()) + np.log(below.sum())) / (2 * self.power)
-        by_sigma = (above / above.sum() - below / below.sum()) / sigma
+        if self.criterion == "precision":
+            value = 0.5 * np.log(len(regressor)) - float(np.mean(np.log(sigma)))
+            by_sigma = -1.0 / (len(sigma) * sigma)
+        else:
+            above, below = (
+                (sigma / sigma[0]) ** (2 * self.power),
+                (sigma[-1] / sigma) ** (2 * self.power),
+            )
+            value = np.log(sigma[0] / sigma[-1])
+            value += (np.log(above.sum()) + np.log(below.sum())) / (2 * self.power)
+            by_sigma = (above / above.sum() - below / below.sum()) / sigma
         # U = W V / σ
         left = stacked @ right.T / sigma
         by_entry = ((left * by_sigma) @ right).reshape(rows.shape)

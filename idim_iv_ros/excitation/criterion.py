@@ -25,11 +25,16 @@ class ConditionNumbers:
         Rows of joint j divided by its torque limit: what the design minimises.
     equilibrated : float
         Weighted rows, and every column divided by its norm: free of the choice of units.
+    deviation : float
+        Geometric mean of the standard deviations along the principal directions, for one sample
+        and a torque noise of the torque limit (SI units): smaller is better. Unlike a condition
+        number it tells a fast motion from a slow one.
     """
 
     plain: float
     weighted: float
     equilibrated: float
+    deviation: float
 
 
 def triangle(model: InverseModel, motion: Trajectory, weights: FloatArray) -> FloatArray:
@@ -61,4 +66,11 @@ def condition_numbers(
     norms = np.linalg.norm(weighted, axis=0)
     equilibrated = weighted / np.where(norms > 0.0, norms, 1.0)
     plain = triangle(model, motion, np.ones(len(torque_limit)))
-    return ConditionNumbers(*(float(np.linalg.cond(r)) for r in (plain, weighted, equilibrated)))
+    sigma = np.maximum(np.linalg.svd(weighted, compute_uv=False), np.finfo(float).tiny)
+    deviation = np.sqrt(len(motion.position)) * np.exp(-np.mean(np.log(sigma)))
+    return ConditionNumbers(
+        plain=float(np.linalg.cond(plain)),
+        weighted=float(np.linalg.cond(weighted)),
+        equilibrated=float(np.linalg.cond(equilibrated)),
+        deviation=float(deviation),
+    )

@@ -54,7 +54,8 @@ def design_excitation(
 ) -> Design:
     """Find the motion with the least condition number of the weighted base regressor.
 
-    Minimises log κ_p (see `ExcitationCost`) by L-BFGS from random starts, sharpening p from 1
+    (Or with the least mean deviation: `DesignSettings.criterion`.) Minimises log κ_p, or the mean
+    of log 1/σ (see `ExcitationCost`), by L-BFGS from random starts, sharpening p from 1
     to 16. The work is bounded by iterations: the same seed gives the same motion unless the time
     limit ends it early. The result is scaled until every sample keeps every limit.
 
@@ -74,7 +75,8 @@ def design_excitation(
     # The matrices are small: threads of the linear algebra would cost more than they bring.
     with threadpool_limits(limits=1, user_api="blas"):
         random, found = search.run(began + settings.time_limit)
-    best, numbers = min(found, key=lambda pair: pair[1].weighted)
+    judged = "weighted" if settings.criterion == "condition" else "deviation"
+    best, numbers = min(found, key=lambda pair: float(getattr(pair[1], judged)))
     periods = np.vstack([best.position] * settings.repeats + [best.position[:1]])
     rates = np.vstack([best.velocity] * settings.repeats + [best.velocity[:1]])
     accelerations = np.vstack([best.acceleration] * settings.repeats + [best.acceleration[:1]])
@@ -97,6 +99,6 @@ def _median(numbers: list[ConditionNumbers]) -> ConditionNumbers:
     return ConditionNumbers(
         *(
             float(np.median([getattr(number, name) for number in numbers]))
-            for name in ("plain", "weighted", "equilibrated")
+            for name in ("plain", "weighted", "equilibrated", "deviation")
         )
     )

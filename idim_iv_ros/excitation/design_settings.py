@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.excitation.cost import Criterion
 from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.excitation.limits import MotionLimits
 from idim_iv_ros.excitation.start_posture import require_inside
@@ -35,6 +36,8 @@ class DesignSettings:
         s, after which the best so far is taken.
     start : (n_joints,) or None
         Posture at rest in rad (m); None: chosen by the design.
+    criterion : "condition" or "precision"
+        Least condition number, or least standard deviations.
     """
 
     period: float = 10.0
@@ -44,6 +47,7 @@ class DesignSettings:
     seed: int = 1
     time_limit: float = 120.0
     start: FloatArray | None = None
+    criterion: Criterion = "condition"
 
 
 def require_possible(

@@ -24,6 +24,8 @@ class Excitation:
         The worst first.
     torque_noise : float
         Share of each torque limit that `parameters` assumes.
+    criterion : str
+        What the design minimised.
     document : mapping
         All figures, as they are written to JSON.
     """
@@ -31,6 +33,7 @@ class Excitation:
     design: Design
     parameters: tuple[PredictedParameter, ...]
     torque_noise: float
+    criterion: str
     document: Mapping[str, object] = field(repr=False)
 
 
@@ -104,4 +107,4 @@ def excite(
             {**p.__dict__, "relative_std": p.relative_std, "bad": p.bad} for p in parameters
         ],
     }
-    return Excitation(design, parameters, torque_noise, document)
+    return Excitation(design, parameters, torque_noise, settings.criterion, document)

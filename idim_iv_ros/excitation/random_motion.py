@@ -11,7 +11,7 @@ from idim_iv_ros.excitation.limit_use import limit_use
 from idim_iv_ros.excitation.limits import motion_limits
 from idim_iv_ros.excitation.trajectory import Trajectory
 
-_HARMONICS = 7
+_HIGHEST_FREQUENCY = 2.0  # Hz
 _SHRINK = 0.8
 _ATTEMPTS = 20
 
@@ -19,9 +19,10 @@ _ATTEMPTS = 20
 def random_motion(
     configuration: Configuration, *, duration: float, rate: float, seed: int
 ) -> Trajectory:
-    """One period of a random Fourier series, at rest at both ends and within every limit.
+    """One period of a random Fourier series up to 2 Hz, at rest at both ends, within every limit.
 
-    Nothing is optimised; `design_excitation` does that.
+    Fast, unlike a motion designed for its condition number, which is the same at any speed; but
+    nothing is optimised. `design_excitation` does that.
 
     Parameters
     ----------
@@ -45,7 +46,7 @@ def random_motion(
     limits = motion_limits(model, configuration)
     random = np.random.default_rng(seed)
     joints = len(limits.lower)
-    basis = FourierBasis(duration, _HARMONICS)
+    basis = FourierBasis(duration, round(_HIGHEST_FREQUENCY * duration))
     shapes = basis.shapes(np.arange(round(duration * rate) + 1) / rate)
     coefficients = random.normal(size=(basis.size, joints))
     posture = limits.middle + limits.half_range * random.uniform(-0.2, 0.2, joints)

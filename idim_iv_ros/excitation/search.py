@@ -64,6 +64,7 @@ class Search:
             start=settings.start,
             power=1.0,
             weight=1.0,
+            criterion=settings.criterion,
         )
         self.planned = _RANDOM_STARTS * _FIRST[2] + _KEPT * sum(step[2] for step in _LATER)
         self.done = 0
@@ -132,7 +133,9 @@ class Search:
 
     def _show(self, bound: float) -> None:
         self.best = min(self.best, bound)
-        self.progress(f"condition number < {self.best:.4g}", min(self.done / self.planned, 1.0))
+        condition = self.settings.criterion == "condition"
+        what = "condition number <" if condition else "mean deviation"
+        self.progress(f"{what} {self.best:.4g}", min(self.done / self.planned, 1.0))
 
     def _feasible(self, x: FloatArray) -> tuple[Trajectory, ConditionNumbers] | None:
         """Scale a motion about its start posture until every sample keeps every limit."""

@@ -17,6 +17,7 @@ from idim_iv_ros.excitation import (
 from idim_iv_ros.excitation.cost import ExcitationCost
 from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.excitation.heights import moving_frames
+from idim_iv_ros.excitation.search import Search
 from tests.excitation.conftest import FLOOR, SETTINGS
 from tests.excitation.independent import assert_limits_hold, assert_signals_agree, lowest, torques
 
@@ -82,6 +83,43 @@ def test_condition_numbers_are_those_of_the_regressor(arm2, design) -> None:
     assert design.after.plain == pytest.approx(np.linalg.cond(plain), rel=1e-6)
     assert design.after.weighted == pytest.approx(np.linalg.cond(weighted), rel=1e-6)
     assert design.after.equilibrated == pytest.approx(np.linalg.cond(unit), rel=1e-6)
+
+
+def test_precision_gives_smaller_deviations_than_the_condition_number(arm2, design) -> None:
+    """Deviations of least squares by numpy; the motion of least condition number is slower."""
+    _, model, limits = arm2
+    precise = design_excitation(model, limits, replace(SETTINGS, criterion="precision"))
+    deviations = []
+    for made in (design, precise):
+        motion = made.period
+        matrix = model.matrix(motion.position, motion.velocity, motion.acceleration)
+        rows = (matrix / limits.torque[:, None]).reshape(-1, matrix.shape[2])
+        covariance = np.linalg.inv(rows.T @ rows)
+        deviations.append(np.sqrt(np.diag(covariance)))
+        size = np.linalg.slogdet(covariance)[1] / (2 * matrix.shape[2])
+        assert made.after.deviation == pytest.approx(np.sqrt(len(matrix)) * np.exp(size), rel=1e-6)
+        assert made.use.within(limits)
+    assert precise.after.deviation < 0.8 * design.after.deviation
+    ratio = deviations[1] / deviations[0]
+    assert np.median(ratio) < 0.9
+    assert np.sum(ratio < 1.0) >= 10
+    assert design.after.weighted < precise.after.weighted
+
+
+@pytest.mark.parametrize("criterion", ["condition", "precision"])
+def test_gradient_of_the_criterion_is_that_of_differences(arm2, criterion) -> None:
+    _, model, limits = arm2
+    settings = replace(SETTINGS, criterion=criterion)
+    search = Search(model, limits, moving_frames(model.robot), settings, lambda stage, share: None)
+    cost = replace(search.cost, power=2.0, weight=10.0)
+    random = np.random.default_rng(3)
+    x = 0.3 * random.normal(size=len(limits.lower) * (1 + search.basis.size))
+    _, gradient = cost(x)
+    for place in random.choice(len(x), 5, replace=False):
+        step = np.zeros(len(x))
+        step[place] = 1e-5
+        numerical = (cost(x + step)[0] - cost(x - step)[0]) / 2e-5
+        assert gradient[place] == pytest.approx(numerical, rel=2e-3, abs=1e-4)
 
 
 def test_design_beats_random_motions(design) -> None:

@@ -106,6 +106,22 @@ def test_acceleration_belongs_to_the_torque_on_the_joints(arm):
     np.testing.assert_allclose(needed[moving], result.applied_torque[moving], atol=1e-9)
 
 
+def test_a_disturbance_acts_on_the_joints_and_is_not_commanded(arm):
+    random = np.random.default_rng(5)
+    disturbance = random.normal(size=arm.position_reference.shape) * 2.0
+    result = followed(arm, arm.law, disturbance=disturbance)
+    needed = inverse_dynamics(
+        arm.robot, arm.truth, result.position, result.velocity, result.acceleration
+    )
+    moving = np.all(result.velocity != 0.0, axis=1)
+    np.testing.assert_allclose(needed[moving], result.applied_torque[moving], atol=1e-9)
+    # Held from its sample on: at the sample itself the mean of both sides acts.
+    before = np.vstack([disturbance[:1], disturbance[:-1]])
+    command = np.vstack([result.torque[:1], result.torque[:-1]])
+    expected = 0.5 * (command + before + result.torque + disturbance)
+    np.testing.assert_allclose(result.applied_torque, expected, atol=1e-9)
+
+
 def test_acceleration_is_what_central_differences_of_the_velocity_approach(arm):
     smooth = dataclasses.replace(arm.truth, coulomb=np.zeros(7))
     result = simulate_closed_loop(

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.signal import welch
 
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.simulated_arms import arm2, arm6, arm7, record
@@ -35,6 +36,31 @@ def test_encoder_shows_whole_steps(arm):
     steps = recording.position / 1e-3
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
     assert np.abs(recording.position - recording.truth.position).max() <= 0.5001e-3
+
+
+def test_disturbance_has_its_size_and_bandwidth_and_shows_in_the_effort(arm):
+    """The controller answers it: effort and motion together hold it, to the last N m."""
+    recording = record(
+        arm, 1, position_noise=0.0, torque_noise=0.0, disturbance=np.array([1.5, 0.4])
+    )
+    truth = recording.truth
+    needed = inverse_dynamics(
+        arm.robot, arm.truth, truth.position, truth.velocity, truth.acceleration
+    )
+    acting = needed - truth.torque
+    np.testing.assert_allclose(acting[200:].std(axis=0), [1.5, 0.4], rtol=0.25)
+    frequency, density = welch(acting[:, 0], fs=arm.rate, nperseg=500)
+    low = density[(frequency > 1.0) & (frequency < 5.0)].mean()
+    at_cutoff = density[(frequency > 8.0) & (frequency < 12.0)].mean()
+    assert 0.25 < at_cutoff / low < 0.8
+
+
+def test_stamps_jitter_but_never_turn_back(arm):
+    recording = record(arm, 1, stamp_jitter=4e-4)
+    error = recording.time - np.arange(len(recording.time)) / arm.rate
+    assert np.std(error) == pytest.approx(3.3e-4, rel=0.1)  # clipped at 0.45 ms
+    assert np.all(np.diff(recording.time) > 0.0)
+    np.testing.assert_array_equal(recording.effort, record(arm, 1).effort)
 
 
 @pytest.mark.parametrize("ratio", [1, 2, 3, 4])

@@ -60,6 +60,25 @@ def test_untested_instruments_tell_nothing_and_say_why(white):
     assert "smoothed measurements" in judged.sentence
 
 
+def left(percent, p_value=1e-9):
+    return HypothesisTest(
+        "H0", "joint: position", 9.0, 10, 300, p_value, None, 0.001, None, percent
+    )
+
+
+def test_a_residual_that_follows_the_motion_is_a_model_error_though_the_instruments_are_valid(
+    white,
+):
+    verdict = judge_joint(VALID, white, [left(12.3), left(0.2, 0.4)])
+    assert verdict.verdict == "model error here"
+    assert "follows the position (12 % of the torque, p = 1e-09)" in verdict.sentence
+    both = judge_joint(rejected(5.0), white, [left(12.3)])
+    assert both.verdict == "model error here"
+    assert "follows the position (12 %" in both.sentence and "5 % of the torque" in both.sentence
+    assert judge_joint(VALID, white, [left(1.4)]).verdict == "stands"
+    assert judge_joint(VALID, white, [left(12.3, 0.4)]).verdict == "stands"
+
+
 def test_overall_is_the_least_favourable_joint(white, coloured):
     good, slow = judge_joint(VALID, white), judge_joint(VALID, coloured)
     bad, unknown = judge_joint(rejected(5.0), white), judge_joint(UNTESTED, white)

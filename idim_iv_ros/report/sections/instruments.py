@@ -22,8 +22,9 @@ _SPECIFIED = (
     "shows in the torque alone. H0 says that nothing of the motion is left in the residual: it is "
     "unrelated to functions of the simulated position, speed and acceleration that the model does "
     "not hold. Rejected: an effect is missing that depends on what is named, of about the size "
-    "given. Accepted: no such effect is seen above the noise; what depends on time, frequency or "
-    "events is not looked for here."
+    "given; below 2 % of the torque it is not held against the model, for what the filters smear "
+    "around a reversal reaches that. Accepted: no such effect is seen above the noise; what "
+    "depends on time, frequency or events is not looked for here."
 )
 _EXOGENOUS = (
     "H0 says that the measured motion is unrelated to the torque noise (exogenous, γ = 0). "

@@ -1,0 +1,55 @@
+"""Effects by name: each draws its own shape from random numbers."""
+
+from benchmarks.withheld_effects.effects import (
+    actuation,
+    friction,
+    outside,
+    parametric,
+    transmission,
+)
+from benchmarks.withheld_effects.effects.effect import Draw, Effect
+
+STRUCTURAL: dict[str, Draw] = {
+    draw.__name__: draw
+    for draw in (
+        friction.stribeck,
+        friction.nonlinear_viscous,
+        friction.asymmetric_friction,
+        friction.load_dependent_friction,
+        friction.position_dependent_friction,
+        friction.friction_drift,
+        friction.presliding,
+        transmission.backlash,
+        transmission.elasticity,
+        actuation.time_delay,
+        actuation.torque_saturation,
+        transmission.position_ripple,
+        transmission.spring,
+        transmission.encoder_eccentricity,
+        transmission.joint_coupling,
+        actuation.controller_mismatch,
+    )
+}
+PARAMETRIC: dict[str, Draw] = {
+    draw.__name__: draw
+    for draw in (
+        parametric.payload,
+        parametric.link_inertia,
+        parametric.gravity_direction,
+        parametric.torque_gain,
+        parametric.friction_level,
+        parametric.drive_inertia,
+    )
+}
+OUTSIDE: dict[str, Draw] = {
+    draw.__name__: draw
+    for draw in (
+        outside.contact_pulses,
+        outside.one_sided_stop,
+        outside.random_bursts,
+        outside.sensor_dropout,
+    )
+}
+EFFECTS = {**STRUCTURAL, **PARAMETRIC, **OUTSIDE}
+
+__all__ = ["EFFECTS", "OUTSIDE", "PARAMETRIC", "STRUCTURAL", "Draw", "Effect"]

@@ -1,0 +1,151 @@
+"""Write the cells of the benchmark: opaque folders of bags, and the labels sealed elsewhere.
+
+    python -m benchmarks.withheld_effects.generate --subset fast --out DIR
+
+DIR/cells/NAME/ holds robot.yaml, the URDF and recording_1.mcap to recording_3.mcap.
+DIR/options.json says which cells are to be diagnosed with an effect left out.
+DIR/labels.sealed.json is the truth, DIR/labels.sha256 its hash.
+A run that was stopped goes on where it was.
+"""
+
+import argparse
+import hashlib
+import json
+import os
+import shutil
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+
+from benchmarks.withheld_effects.cells import MASTER_SEED, Cell, chosen_cells
+from benchmarks.withheld_effects.robot import given_robot
+from benchmarks.withheld_effects.session import Session, make_session
+from idim_iv_ros.recording import JointTopic, write_bag
+
+LABELS, SEAL, OPTIONS = "labels.sealed.json", "labels.sha256", "options.json"
+
+
+def cell_name(cell: Cell, master: int) -> str:
+    """Twelve hexadecimal digits that tell nothing; their order is not that of the list."""
+    return hashlib.sha256(f"{master}/{cell.index}".encode()).hexdigest()[:12]
+
+
+def generate(out: Path, subset: str, *, master: int = MASTER_SEED, processes: int = 2) -> None:
+    """Write all cells of a subset that are not there yet, then seal their labels.
+
+    Raises
+    ------
+    ValueError
+        `out` holds other cells, or sealed labels of other cells.
+    RuntimeError
+        Some cells could not be made; the others are written, and nothing is sealed.
+    """
+    cells = {cell_name(cell, master): cell for cell in chosen_cells(subset, master)}
+    write_cells(out, cells, master=master, processes=processes)
+
+
+def write_cells(out: Path, cells: dict[str, Cell], *, master: int, processes: int) -> None:
+    """Write these cells, by name, and seal their labels (errors as in `generate`)."""
+    (out / "cells").mkdir(parents=True, exist_ok=True)
+    strangers = {folder.name for folder in (out / "cells").iterdir()} - set(cells)
+    if strangers:
+        raise ValueError(f"{out} holds {len(strangers)} cells of another subset or seed")
+    missing = [name for name in sorted(cells) if not (out / "cells" / name).is_dir()]
+    if not missing and (out / LABELS).is_file():
+        return
+    if (out / LABELS).is_file():
+        raise ValueError(f"{out}: labels are sealed, but cells are missing; use an empty folder")
+    started = time.perf_counter()
+    # One thread each: the processes share the cores.
+    os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        jobs = {pool.submit(write_cell, out, name, cells[name], master): name for name in missing}
+        failed = []
+        for number, job in enumerate(as_completed(jobs), start=1):
+            error = job.exception()
+            if error is not None:
+                failed.append(f"{jobs[job]}: {error!r}")
+            said = failed[-1] if error is not None else f"{jobs[job]} {job.result():.1f} s"
+            elapsed = time.perf_counter() - started
+            print(f"{number}/{len(missing)} {said}, {elapsed:.0f} s in all", flush=True)
+    if failed:
+        raise RuntimeError("cells that could not be made: " + "; ".join(failed))
+    seal(out, cells, master)
+
+
+def write_cell(out: Path, name: str, cell: Cell, master: int) -> float:
+    """Write one cell and its label; the folder takes its name when it is whole. Seconds taken."""
+    started = time.perf_counter()
+    made = make_session(cell, master)
+    making = out / ".making" / name
+    shutil.rmtree(making, ignore_errors=True)
+    making.mkdir(parents=True)
+    given = given_robot(cell.robot)
+    shutil.copyfile(given.yaml, making / "robot.yaml")
+    shutil.copyfile(given.urdf, making / given.urdf.name)
+    _write_bags(making, made, given.joints)
+    label = out / ".sealed" / f"{name}.json"
+    label.parent.mkdir(exist_ok=True)
+    part = label.with_suffix(f".{os.getpid()}.part")
+    part.write_text(json.dumps(made.label), encoding="utf-8")
+    part.replace(label)
+    making.rename(out / "cells" / name)
+    return time.perf_counter() - started
+
+
+def _write_bags(folder: Path, made: Session, joints: tuple[str, ...]) -> None:
+    for number, (record, start) in enumerate(zip(made.records, made.starts, strict=True), start=1):
+        stamps = start + record.time
+        write_bag(
+            folder / f"recording_{number}.mcap",
+            [
+                JointTopic(
+                    "/joint_states",
+                    joints,
+                    stamps,
+                    record.position,
+                    record.velocity,
+                    record.effort,
+                ),
+                JointTopic(
+                    "/joint_reference",
+                    joints,
+                    stamps,
+                    record.position_reference,
+                    record.velocity_reference,
+                ),
+            ],
+        )
+
+
+def seal(out: Path, cells: dict[str, Cell], master: int) -> str:
+    """Gather the labels into one file, write its SHA-256 beside it, and return the hash."""
+    folder = out / ".sealed"
+    labels = {
+        name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
+        for name in sorted(cells)
+    }
+    text = json.dumps({"master_seed": master, "cells": labels}, indent=1) + "\n"
+    options = {name: ["--without", cell.without] for name, cell in cells.items() if cell.without}
+    (out / OPTIONS).write_text(json.dumps(dict(sorted(options.items())), indent=1) + "\n")
+    (out / LABELS).write_text(text, encoding="utf-8")
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    (out / SEAL).write_text(f"{digest}  {LABELS}\n", encoding="utf-8")
+    shutil.rmtree(folder)
+    shutil.rmtree(out / ".making", ignore_errors=True)
+    return digest
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--subset", choices=["full", "fast"], default="fast")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--seed", type=int, default=MASTER_SEED)
+    parser.add_argument("--processes", type=int, default=2)
+    arguments = parser.parse_args()
+    generate(arguments.out, arguments.subset, master=arguments.seed, processes=arguments.processes)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,168 @@
+"""Section V of the paper on the simulated TX40: every sentence, over several noise seeds.
+
+Where a sentence of the paper does not hold on the simulated robot, the test asserts what was
+measured instead and says why.
+"""
+
+import re
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.paper_tx40 import claims
+from benchmarks.paper_tx40.experiment import (
+    APPROPRIATE,
+    EMPTY_BAND,
+    HUNDRED,
+    INAPPROPRIATE,
+    MODEL_ERROR,
+    Reproduction,
+    reproduce,
+)
+from benchmarks.paper_tx40.page import page
+from benchmarks.paper_tx40.published import TABLE_1
+
+QUICK = (1, 2)
+FULL = (1, 2, 3, 4, 5)
+
+
+@pytest.fixture(
+    scope="module",
+    params=[QUICK, pytest.param(FULL, marks=pytest.mark.slow)],
+    ids=["quick", "full"],
+)
+def runs(request: pytest.FixtureRequest, tmp_path_factory) -> list[Reproduction]:
+    folder: Path = tmp_path_factory.mktemp("paper")
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        return list(pool.map(reproduce, request.param, [folder] * len(request.param)))
+
+
+def orders(run: Reproduction, name: str) -> float:
+    return float(np.median([r.ar_order for r in run.results[name].residuals]))
+
+
+def rejected(run: Reproduction, name: str) -> list[str]:
+    tests = run.results[name].instruments.tests[1:]
+    assert all(test.accepted is not None for test in tests)
+    return [test.scope for test in tests if not test.accepted]
+
+
+def test_appropriate_filtering_converges_in_three_iterations(runs) -> None:
+    for run in runs:
+        assert run.results[APPROPRIATE].converged
+        assert run.results[APPROPRIATE].iterations <= 4
+    assert np.median([run.results[APPROPRIATE].iterations for run in runs]) <= 3
+
+
+def test_the_28_essential_parameters_are_found_from_60(runs) -> None:
+    """MX4 has 20 % in the paper, too: it may be missed on one recording."""
+    for run in runs:
+        parameters = run.results[APPROPRIATE].parameters
+        assert len(parameters) == 60
+        found = {p.name for p in parameters if p.essential}
+        assert len(set(TABLE_1) - found) <= 1
+        assert set(TABLE_1) - found <= {"MX4", "XX3"}
+        assert len(found) <= 36
+
+
+def test_estimates_are_those_of_table_1(runs) -> None:
+    for run in runs:
+        for parameter in run.results[APPROPRIATE].parameters:
+            truth = run.truth[parameter.name]
+            assert abs(parameter.value - truth) < 4.5 * parameter.std, parameter.name
+        assert claims.near_truth(run).holds
+
+
+@pytest.mark.parametrize("name", [APPROPRIATE, INAPPROPRIATE, HUNDRED])
+def test_the_instruments_are_accepted_at_all_joints_with_any_filtering(runs, name) -> None:
+    for run in runs:
+        assert rejected(run, name) == []
+        assert run.results[name].verdict.verdict in ("stands", "oversampled, refined")
+
+
+def test_appropriate_residual_is_nearly_white_and_gaussian(runs) -> None:
+    """The paper calls it white. Here neighbours share up to a tenth of their variance.
+
+    The disturbance ends at 10 Hz as a first-order low-pass does, and a test sees that: σ by the
+    white formula is up to 1.5 times too small.
+    """
+    for run in runs:
+        for residual in run.results[APPROPRIATE].residuals:
+            assert np.abs(residual.acf[1:]).max() < 0.45
+            assert 0.9 < residual.sigma_understatement < 1.6
+            assert abs(residual.excess_kurtosis) < 1.0
+
+
+def test_inappropriate_residual_is_coloured_and_gaussian(runs) -> None:
+    for run in runs:
+        for residual in run.results[INAPPROPRIATE].residuals:
+            assert residual.white is False
+            assert residual.sigma_understatement > 3.0
+            assert abs(residual.excess_kurtosis) < 0.5
+
+
+def test_order_near_50_is_that_of_matlabs_decimation_filter(runs) -> None:
+    """With a filter that leaves no empty band the same residual takes 9 to 25 coefficients."""
+    for run in runs:
+        assert 40 <= orders(run, EMPTY_BAND) <= 60
+        assert 8 <= orders(run, INAPPROPRIATE) <= 25
+
+
+def test_order_falls_with_the_rate(runs) -> None:
+    """The paper's falls from 50 to 10, a fifth like the rate; ours from 14 to 2 or 3."""
+    for run in runs:
+        assert orders(run, HUNDRED) <= 0.4 * orders(run, INAPPROPRIATE)
+
+
+def test_white_formula_promises_half_the_standard_deviation_or_less(runs) -> None:
+    for run in runs:
+        first = {p.name: p.white_std for p in run.results[APPROPRIATE].parameters}
+        dense = run.results[INAPPROPRIATE].parameters
+        ratio = np.median([p.white_std / first[p.name] for p in dense if p.name in TABLE_1])
+        assert 0.2 < ratio < 0.6
+
+
+def test_refined_standard_deviation_is_the_first_again_and_its_residual_white(runs) -> None:
+    for run in runs:
+        outcome = claims.honest_again(run)
+        assert outcome.holds, outcome.ours
+        assert claims.whitened(run).holds
+
+
+def test_without_gravity_the_error_is_found_at_the_first_joints_and_not_at_the_last(runs) -> None:
+    """By the instruments or by the residual that follows the motion.
+
+    The paper's Wald test rejects at joints 1 to 4. These loops have integral action, so that the
+    motion hardly shows the error: the Wald test alone rejects at some of joints 1 to 3.
+    """
+    for run in runs:
+        result = run.results[MODEL_ERROR]
+        wrong = {v.joint for v in result.verdicts if v.verdict == "model error here"}
+        assert {"joint_1", "joint_2", "joint_3"} <= wrong <= {f"joint_{k}" for k in range(1, 5)}
+        assert set(rejected(run, MODEL_ERROR)) <= {f"joint_{k}" for k in range(1, 5)}
+        assert result.verdict.verdict == "model error here"
+
+
+def test_without_gravity_the_estimates_are_incompatible_with_table_1(runs) -> None:
+    for run in runs:
+        assert claims.incompatible(run).holds
+        parameters = {p.name: p for p in run.results[MODEL_ERROR].parameters}
+        for name in ("ZZ2", "ZZ3"):
+            p = parameters[name]
+            assert abs(p.value - run.truth[name]) > 3.0 * p.std
+
+
+def test_the_report_sets_every_table_and_figure_beside_the_papers(runs) -> None:
+    text = page(runs)
+    for words in (
+        "Table 1:",
+        "Table 2:",
+        "Table 3:",
+        *[f"figures {k} and {k + 1}" for k in (1, 3, 5)],
+    ):
+        assert words in text
+    assert text.count("<tr") > 28 + 28 + 21 + len(claims.CLAIMS)
+    assert "nan" not in re.sub(r"<script.*?</script>", "", text, flags=re.S).lower()

@@ -1,0 +1,103 @@
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.signal import butter, sosfiltfilt
+
+from benchmarks.withheld_effects.drive import altered
+from benchmarks.withheld_effects.robot import altered_inertials, given_inertials, given_robot
+from benchmarks.withheld_effects.world import Runaway, record, with_drive
+from tests.benchmarks.withheld_effects.sessions import courses, silent, world
+
+
+@pytest.mark.parametrize("robot", ["arm2", "arm6"])
+def test_without_effects_the_torque_is_pinocchios_inverse_dynamics(robot):
+    noise = world(robot).sensors.torque
+    true = silent(world(robot))
+    course = courses(robot, 8.0)[0]
+    found = record(true, course.position, course.velocity, seed=1)
+    period = true.controller.period
+    velocity = np.gradient(found.position, period, axis=0)
+    acceleration = (
+        np.roll(found.position, -1, 0) - 2.0 * found.position + np.roll(found.position, 1, 0)
+    ) / period**2
+    model = pin.buildModelFromUrdf(str(true.given.urdf))
+    for k in range(model.nv):
+        model.inertias[k + 1] = pin.Inertia(
+            true.inertials.mass[k], true.inertials.centre[k], true.inertials.inertia[k]
+        )
+    data = model.createData()
+    motion = zip(found.position, velocity, acceleration, strict=True)
+    torque = np.array([pin.rnea(model, data, *instant) for instant in motion])
+    torque += true.drive.inertia * acceleration + true.drive.viscous_forward * velocity
+    torque += true.drive.dry_forward * np.sign(velocity)
+    low = butter(4, 20.0, fs=1.0 / period, output="sos")
+    gap = sosfiltfilt(low, found.clean_effort - torque, axis=0)
+    for j in range(model.nv):
+        slow = np.abs(velocity[:, j]) < 0.02
+        moving = np.convolve(slow, np.ones(161), "same") == 0.0
+        moving[:300] = moving[-300:] = False
+        assert moving.sum() > 1000
+        # Far below the noise that the recordings get (0.2 of its deviation passes the filter).
+        assert np.sqrt(np.mean(gap[moving, j] ** 2)) < 0.04 * noise[j]
+
+
+def test_a_joint_under_less_than_its_dry_friction_does_not_move_at_all():
+    true = silent(world())
+    drive = true.drive._replace(
+        dry_forward=np.array([60.0, 25.0]), dry_backward=np.array([60.0, 25.0])
+    )
+    still = np.tile(true.given.centre, (500, 1))
+    found = record(with_drive(true, drive), still, np.zeros_like(still), seed=1)
+    assert np.abs(found.link - still).max() < 1e-10
+
+
+def test_a_delay_shifts_the_torque_by_itself():
+    true = silent(world())
+    late = with_drive(true, altered(true.drive, 0, delay=3.4e-3))
+    pulse = np.zeros((400, 2))
+    pulse[100:, 0] = 5.0
+    moved = []
+    for each in (true, late):
+        # Frictionless, so that the first torque of the pulse moves the joint.
+        none = np.zeros(2)
+        each = with_drive(each, each.drive._replace(dry_forward=none, dry_backward=none))
+        still = np.tile(each.given.centre, (400, 1))
+
+        def feedforward(_, position):
+            return np.concatenate([np.zeros((len(position) - 400, 2)), pulse])
+
+        law = each.controller._replace(kp=none, kd=none)
+        each = replace(each, controller=law, feedforward=feedforward, gravity=np.zeros(3))
+        moved.append(record(each, still, np.zeros_like(still), seed=1).link[:, 0])
+    swing = moved[0] - moved[0][0]
+    time = np.arange(400) * 1e-3
+    shifted = np.interp(time - 3.4e-3, time, swing)
+    assert np.abs(moved[1] - moved[1][0] - shifted).max() < 5e-3 * swing.max()
+
+
+def test_altered_bodies_are_bodies():
+    given = given_inertials(given_robot("arm7"))
+    for seed in range(20):
+        true = altered_inertials(given, np.random.default_rng(seed))
+        moments = np.linalg.eigvalsh(true.inertia)
+        assert (moments[:, 0] > 0.0).all()
+        assert (moments[:, 0] + moments[:, 1] >= moments[:, 2]).all()
+        assert (np.abs(true.mass / given.mass - 1.0) >= 0.1 - 1e-9).all()
+
+
+def test_a_robot_that_runs_away_is_refused():
+    true = world()
+    unstable = replace(true, controller=true.controller._replace(kp=-50.0 * true.controller.kp))
+    course = courses("arm2", 8.0)[0]
+    with pytest.raises(Runaway):
+        record(unstable, course.position, course.velocity, seed=1)
+
+
+def test_the_robot_settles_before_it_is_recorded():
+    course = courses("arm2", 8.0)[0]
+    found = record(silent(world()), course.position, course.velocity, seed=1)
+    # It hangs below the first reference by what its weight does to the controller's gain.
+    assert np.abs(found.link[0] - course.position[0]).max() > 1e-3
+    assert np.ptp(found.link[:10], axis=0).max() < 1e-6

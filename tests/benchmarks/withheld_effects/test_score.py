@@ -1,0 +1,196 @@
+import hashlib
+import json
+import shlex
+import sys
+
+import pytest
+from statsmodels.stats.proportion import proportion_confint
+
+from benchmarks.withheld_effects.generate import LABELS, OPTIONS, SEAL
+from benchmarks.withheld_effects.run import run
+from benchmarks.withheld_effects.score import score
+from benchmarks.withheld_effects.tables import page_lines, pair_f1, wilson
+from benchmarks.withheld_effects.verdict import Verdict, judge
+
+
+def truth(effect, joint="joint_1", rho=2.0, kind="structural", joints=()):
+    return {
+        "effect": effect,
+        "kind": kind,
+        "joint": joint,
+        "joints": list(joints),
+        "rho_wanted": rho,
+        "rho": rho,
+        "reached": True,
+        "measure": "refit",
+    }
+
+
+def label(*effects, group="single", altered=True):
+    return {
+        "group": group,
+        "robot": "arm2",
+        "altered": altered,
+        "motion": "rich",
+        "without": None,
+        "effects": list(effects),
+        "residual_rms": {
+            "with": {"joint_1": 0.2, "joint_2": 0.1},
+            "without": {"joint_1": 0.1, "joint_2": 0.1},
+        },
+    }
+
+
+def cause(effect, joint="joint_1", kind="structural", alike=(), before=0.2, after=0.1):
+    return {
+        "effect": effect,
+        "kind": kind,
+        "joint": joint,
+        "indistinguishable_from": [
+            {"effect": name, "joint": place, "correlation": 0.97} for name, place in alike
+        ],
+        "torque_gap": {"before": before, "after": after},
+    }
+
+
+def gap(*causes, verdict="structural", not_testable=()):
+    return {
+        "format": "idim_iv_ros/gap/1",
+        "verdict": verdict,
+        "causes": list(causes),
+        "not_testable": [{"effect": name, "joint": None} for name in not_testable],
+    }
+
+
+def judged(label, document):
+    return judge(label, Verdict.read(document), 1.0)
+
+
+def test_the_right_effect_at_the_right_joint_is_right():
+    found = judged(label(truth("stribeck")), gap(cause("stribeck")))
+    assert found.first
+    assert found.found == (True,)
+    assert not found.false_alarms
+    assert found.shrinkage == pytest.approx(1.0)
+
+
+def test_the_right_effect_at_another_joint_is_a_false_alarm():
+    found = judged(label(truth("stribeck")), gap(cause("stribeck", "joint_2")))
+    assert not found.first
+    assert found.effect_first
+    assert found.false_alarms == ("stribeck[joint_2]",)
+    assert found.shrinkage == 0.0
+
+
+def test_the_truth_inside_the_indistinguishable_set_is_right():
+    alike = gap(cause("elasticity", alike=[("time_delay", "joint_1")]))
+    found = judged(label(truth("time_delay")), alike)
+    assert found.first
+    assert found.set_size == 2
+
+
+def test_either_joint_of_a_coupling_is_right():
+    coupled = label(truth("joint_coupling", "joint_2", joints=["joint_2", "joint_1"]))
+    assert judged(coupled, gap(cause("joint_coupling", "joint_1"))).first
+
+
+def test_half_of_the_possible_shrinkage_counts_half():
+    half = (1.0 - 0.375) ** 0.5
+    found = judged(label(truth("stribeck")), gap(cause("stribeck", before=1.0, after=half)))
+    assert found.shrinkage == pytest.approx(0.5)
+
+
+def test_parametric_causes_are_true_of_an_altered_robot_only():
+    payload = gap(cause("payload", None, kind="parametric"), verdict="parametric")
+    assert not judged(label(group="none"), payload).false_alarms
+    assert judged(label(group="none", altered=False), payload).false_alarms
+
+
+def test_naming_something_outside_the_catalogue_is_a_false_alarm():
+    outside = label(truth("contact_pulses", None, kind="outside"), group="outside")
+    assert judged(outside, gap(cause("position_ripple"))).false_alarms
+    assert not judged(outside, gap(verdict="unknown")).false_alarms
+
+
+def test_saying_that_a_recording_cannot_tell_is_an_admission():
+    poor = label(truth("elasticity"), group="poor")
+    assert judged(poor, gap(verdict="none", not_testable=["elasticity"])).admitted
+    assert not judged(poor, gap(verdict="none")).admitted
+
+
+def test_f1_of_a_pair_half_found_and_one_made_up():
+    pair = label(truth("stribeck"), truth("spring"), group="pair")
+    found = judged(pair, gap(cause("stribeck"), cause("time_delay")))
+    assert pair_f1([found]) == pytest.approx(0.5)
+    assert pair_f1([]) is None
+
+
+def test_another_format_is_refused():
+    with pytest.raises(ValueError, match="gap/1"):
+        Verdict.read({"format": "idim_iv_ros/gap/2"})
+
+
+@pytest.mark.parametrize(("hits", "total"), [(0, 100), (5, 100), (31, 34), (34, 34)])
+def test_wilson_agrees_with_statsmodels(hits, total):
+    expected = proportion_confint(hits, total, method="wilson")
+    assert wilson(hits, total) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.fixture
+def benchmark(tmp_path):
+    labels = {"a" * 12: label(truth("stribeck")), "b" * 12: label(group="none", altered=False)}
+    for name in labels:
+        folder = tmp_path / "cells" / name
+        folder.mkdir(parents=True)
+        (folder / "recording_1.mcap").touch()
+    text = json.dumps({"cells": labels})
+    (tmp_path / LABELS).write_text(text)
+    (tmp_path / SEAL).write_text(hashlib.sha256(text.encode()).hexdigest() + "  labels\n")
+    (tmp_path / OPTIONS).write_text(json.dumps({"b" * 12: ["--without", "spring"]}))
+    return tmp_path
+
+
+def command(tmp_path, body):
+    script = tmp_path / "diagnose.py"
+    script.write_text(
+        "import json, pathlib, sys\n"
+        "out = pathlib.Path(sys.argv[sys.argv.index('--out') + 1])\n" + body
+    )
+    return f"{shlex.quote(sys.executable)} {shlex.quote(str(script))}"
+
+
+def test_a_run_is_scored_and_goes_on_where_it_was(benchmark):
+    answer = gap(cause("stribeck"))
+    always = command(
+        benchmark,
+        f"(out / 'gap.json').write_text({json.dumps(answer)!r})\n"
+        "(out / 'called.json').write_text(json.dumps(sys.argv[1:]))\n",
+    )
+    assert run(benchmark, always) == 0
+    called = json.loads((benchmark / "verdicts" / ("b" * 12) / "called.json").read_text())
+    assert called[-2:] == ["--without", "spring"]
+    assert called[0].endswith("recording_1.mcap")
+    scored = score(benchmark)
+    page = "\n".join(page_lines(scored))
+    assert "| false alarm on none, given parameters | 100.0 % (1/1" in page
+    assert "| right effect and joint first, ρ ≥ 0.6 | 100.0 % (1/1" in page
+    assert "| none: none → stribeck | 1 |" in page
+    # Judged already: a command that fails is not called again.
+    assert run(benchmark, command(benchmark, "sys.exit(3)\n")) == 0
+
+
+def test_a_cell_without_a_verdict_is_counted_with_its_reason(benchmark):
+    assert run(benchmark, command(benchmark, "sys.exit('no effort in the bag')\n")) == 2
+    scored = score(benchmark)
+    assert not scored.judged
+    assert "| no verdict: no effort in the bag | 2 |" in "\n".join(page_lines(scored))
+
+
+def test_labels_changed_after_the_first_verdict_are_refused(benchmark):
+    always = command(benchmark, f"(out / 'gap.json').write_text({json.dumps(gap())!r})\n")
+    run(benchmark, always)
+    text = json.dumps({"cells": {}})
+    (benchmark / LABELS).write_text(text)
+    (benchmark / SEAL).write_text(hashlib.sha256(text.encode()).hexdigest() + "  labels\n")
+    with pytest.raises(ValueError, match="other labels"):
+        score(benchmark)
