@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import math
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,8 @@ from typing import Any
 
 from scipy.stats import norm
 
-from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.nodes.documents import write_document
 
 FORMAT = "idim_iv_ros/history/1"
 FILE = "history.json"
@@ -107,15 +107,7 @@ class EstimateHistory:
             "format": FORMAT,
             "identifications": [dataclasses.asdict(each) for each in self.entries],
         }
-        temporary = self._path.with_name(f".{self._path.name}.part")
-        try:
-            with temporary.open("w", encoding="utf-8") as stream:
-                json.dump(document, stream, indent=1, ensure_ascii=False, allow_nan=False)
-                stream.flush()
-                os.fsync(stream.fileno())
-            temporary.replace(self._path)
-        except OSError as error:
-            raise UsageError(f"{self._path}: cannot be written: {error.strerror}") from error
+        write_document(self._path, document)
 
     def drifts(self, significance: float) -> list[Drift]:
         """Compare the last identification with the first that is comparable.

@@ -1,9 +1,7 @@
 """From result.json to messages."""
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from builtin_interfaces.msg import Time
 
@@ -15,10 +13,9 @@ from idim_iv_interfaces.msg import (
     ResidualDiagnosis,
 )
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.nodes.documents import Document, number, read_document
 from idim_iv_ros.report.write import REPORT, RESULT
 from idim_iv_ros.result import FORMAT
-
-Document = Mapping[str, Any]
 
 
 def read_result(folder: Path) -> Document:
@@ -29,14 +26,7 @@ def read_result(folder: Path) -> Document:
     DataError
         There is none, or it is of another format.
     """
-    path = folder / RESULT
-    try:
-        document: Document = json.loads(path.read_text(encoding="utf-8"))
-        if document["format"] != FORMAT:
-            raise DataError(f"{path}: its format is not {FORMAT}")
-        return document
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise DataError(f"{path}: cannot be read as a result") from error
+    return read_document(folder / RESULT, FORMAT)
 
 
 def result_message(
@@ -73,11 +63,13 @@ def _result(
     message = IdentificationResult(
         parameters=_estimates(document, stamp, bags),
         instruments=[_test(each) for each in document["instruments"]["tests"]],
+        instruments_source=document["instruments"]["source"],
+        specification=[_test(each) for each in document["specification"]["tests"]],
         exogeneity=[_test(each) for each in document["exogeneity"]["tests"]],
         residuals=[_residual(each) for each in document["residuals"]],
         verdict=document["verdict"]["sentence"],
-        relative_error_percent=_number(fit["relative_error_percent"]),
-        condition_number=_number(fit["condition_number"]),
+        relative_error_percent=number(fit["relative_error_percent"]),
+        condition_number=number(fit["condition_number"]),
         samples=fit["samples"],
         effort_unit=document["effort_unit"],
         refined=refined is not None,
@@ -94,9 +86,10 @@ def _estimates(document: Document, stamp: Time, bags: Sequence[str]) -> Paramete
         robot=document["robot"],
         estimator=document["estimator"],
         converged=document["converged"],
+        convergence_note=document["convergence_note"],
         iterations=0 if document["estimator"] == "idim-ls" else document["iterations"],
         estimates=[_parameter(each) for each in document["parameters"]],
-        covariance=[_number(each) for row in document["covariance"] for each in row],
+        covariance=[number(each) for row in document["covariance"] for each in row],
         bags=list(bags),
     )
     message.header.stamp = stamp
@@ -110,7 +103,7 @@ def _parameter(each: Document) -> ParameterEstimate:
         expression=each["expression"],
         unit=each["unit"],
         essential=each["essential"],
-        **{name: _number(each[name]) for name in numbers},
+        **{name: number(each[name]) for name in numbers},
     )
 
 
@@ -128,7 +121,7 @@ def _test(each: Document) -> InstrumentTest:
         df=each["df"] or 0,
         df_denom=each["df_denom"] or 0,
         reason=each["reason"] or "",
-        **{name: _number(each[name]) for name in numbers},
+        **{name: number(each[name]) for name in numbers},
     )
 
 
@@ -145,9 +138,5 @@ def _residual(each: Document) -> ResidualDiagnosis:
         colour=colours[each["white"]],
         verdict=each["verdict"],
         sentence=each["sentence"],
-        **{name: _number(each[name]) for name in numbers},
+        **{name: number(each[name]) for name in numbers},
     )
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else float(value)

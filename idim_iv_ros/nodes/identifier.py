@@ -8,7 +8,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -18,14 +17,15 @@ from idim_iv_interfaces import action, srv
 from idim_iv_interfaces.msg import BagClosed
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import IdimError
-from idim_iv_ros.nodes.deferred import DeferredActionServer, Later, create_deferred_service
 from idim_iv_ros.nodes.entry import run_node
+from idim_iv_ros.nodes.gap_publisher import GapPublisher
 from idim_iv_ros.nodes.identifier_report import work_diagnosis
 from idim_iv_ros.nodes.identifier_settings import IdentifierSettings
 from idim_iv_ros.nodes.job import Job, JobListener
 from idim_iv_ros.nodes.job_queue import JobQueue
 from idim_iv_ros.nodes.job_request import requested_job
 from idim_iv_ros.nodes.parameters import changed, declare
+from idim_iv_ros.nodes.request_server import RequestServer
 from idim_iv_ros.nodes.result_publisher import ResultPublisher
 
 _LOOK = 0.1  # s between two looks whether a job takes too long
@@ -39,8 +39,8 @@ ABOUT = """identifier: identify the dynamic parameters of a robot from its bags.
   ros2 action send_goal --feedback /identifier/identify idim_iv_interfaces/action/Identify \\
     "{bags: [BAG]}"
 
-With -p auto:=true every bag that the recorder closes is identified. Topics: ~/estimates and
-~/result (latched), /diagnostics. Parameters: ros2 param describe /identifier NAME."""
+With -p auto:=true every bag that the recorder closes is identified. Topics: ~/estimates,
+~/result and ~/gap (latched), /diagnostics. Parameters: ros2 param describe /identifier NAME."""
 
 
 class Identifier:
@@ -59,17 +59,29 @@ class Identifier:
         self._settings = declare(node, IdentifierSettings)
         self._configuration = self._loaded()
         self._failure = ""
-        self._goals: dict[bytes, Job] = {}
         self._publisher = ResultPublisher(node, Path(self._settings.output_directory))
+        self._gaps = GapPublisher(node, Path(self._settings.output_directory))
         self._guard = node.create_guard_condition(self._poll)
         self._jobs = JobQueue(lambda: self._settings, self._guard.trigger, self._ended)
-        create_deferred_service(node, srv.Identify, "~/identify", self._asked)
-        create_deferred_service(node, srv.Diagnose, "~/diagnose", self._asked_to_diagnose)
-        self._actions = DeferredActionServer(
-            node, action.Identify, "~/identify", self._accepted, self._cancel
-        )
-        self._diagnose_actions = DeferredActionServer(
-            node, action.Diagnose, "~/diagnose", self._accepted_diagnosis, lambda goal: None
+        self._servers = (
+            RequestServer(
+                node,
+                "~/identify",
+                srv.Identify,
+                action.Identify,
+                self._submit,
+                self._jobs.cancel,
+                lambda: self._publisher.last,
+            ),
+            RequestServer(
+                node,
+                "~/diagnose",
+                srv.Diagnose,
+                action.Diagnose,
+                self._submit_diagnosis,
+                self._jobs.cancel,
+                lambda: self._gaps.last,
+            ),
         )
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         node.create_subscription(BagClosed, "recorder/bag_closed", self._bag_closed, 10)
@@ -79,6 +91,7 @@ class Identifier:
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
         self._publisher.publish_last(self._settings.drift_significance)
+        self._gaps.publish_last()
 
     def close(self) -> None:
         """End the job that is worked on, and answer all requests."""
@@ -87,47 +100,16 @@ class Identifier:
         if executor is not None:
             for _ in range(_TURNS):
                 executor.spin_once(timeout_sec=0.0)
-        self._actions.destroy()
-        self._diagnose_actions.destroy()
+        for server in self._servers:
+            server.destroy()
         self.node.destroy_node()
 
     def _loaded(self) -> Configuration | None:
         path = self._settings.configuration
         return load_configuration(Path(path)) if path else None
 
-    def _asked(self, request: Any, later: Later) -> None:
-        def ended(success: bool, message: str) -> None:
-            later.send(self._answer(srv.Identify.Response(), success, message))
-
-        self._submit(request, JobListener(lambda: None, lambda stage, share: None, ended))
-
-    def _accepted(self, goal: ServerGoalHandle) -> None:
-        key = bytes(goal.goal_id.uuid)
-
-        def progress(stage: str, share: float) -> None:
-            goal.publish_feedback(action.Identify.Feedback(stage=stage, progress=share))
-
-        def ended(success: bool, message: str) -> None:
-            self._goals.pop(key, None)
-            result = self._answer(action.Identify.Result(), success, message)
-            self._actions.finish(goal, result)
-
-        job = self._submit(goal.request, JobListener(goal.execute, progress, ended))
-        if job is not None:
-            self._goals[key] = job
-
-    def _cancel(self, goal: ServerGoalHandle) -> None:
-        job = self._goals.get(bytes(goal.goal_id.uuid))
-        if job is not None:
-            self._jobs.cancel(job)
-
-    def _asked_to_diagnose(self, _: Any, later: Later) -> None:
-        later.send(srv.Diagnose.Response(success=False, message=_NO_DIAGNOSIS))
-
-    def _accepted_diagnosis(self, goal: ServerGoalHandle) -> None:
-        goal.execute()
-        result = action.Diagnose.Result(success=False, message=_NO_DIAGNOSIS)
-        self._diagnose_actions.finish(goal, result)
+    def _submit_diagnosis(self, _: Any, listener: JobListener) -> None:
+        listener.ended(False, _NO_DIAGNOSIS)
 
     def _bag_closed(self, message: BagClosed) -> None:
         if self._settings.auto:
@@ -165,12 +147,6 @@ class Identifier:
             self.node.get_logger().error(self._failure)
         job.listener.ended(job.success, job.message)
         self._report()
-
-    def _answer(self, response: Any, success: bool, message: str) -> Any:
-        response.success, response.message = success, message
-        if success:
-            response.result = self._publisher.last
-        return response
 
     def _poll(self) -> None:
         self._jobs.poll()

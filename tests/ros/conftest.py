@@ -95,10 +95,10 @@ ARM2 = ROOT / "config" / "arm2.yaml"
 
 @pytest.fixture(scope="session")
 def simulated_bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with `bag-1.mcap` and `bag-2.mcap`, six seconds each of the arm with two joints."""
+    """A folder with `bag-1.mcap` and `bag-2.mcap`, ten seconds each of the arm with two joints."""
     folder = tmp_path_factory.mktemp("simulated")
     configuration = load_configuration(ARM2)
-    motion = random_motion(configuration, duration=6.0, rate=1000.0, seed=1)
+    motion = random_motion(configuration, duration=10.0, rate=1000.0, seed=1)
     simulate(configuration, folder / "bag.mcap", motion, seeds=(1, 2))
     return folder
 

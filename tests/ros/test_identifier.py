@@ -45,6 +45,13 @@ def test_service_answers_with_the_result_and_publishes_it_latched(served, truth)
     assert [p.value for p in result.parameters.estimates] == [
         p["value"] for p in document["parameters"]
     ]
+    tests = document["specification"]["tests"]
+    assert [(t.scope, t.p_value) for t in result.specification] == [
+        (t["scope"], t["p_value"]) for t in tests
+    ]
+    assert "joint_2: speed" in {t.scope for t in result.specification}
+    assert result.instruments_source == document["instruments"]["source"]
+    assert result.parameters.convergence_note == document["convergence_note"]
     assert (results(served) / result.files[1]).read_text().startswith("<!DOCTYPE html>")
     # As text: a NaN is not equal to itself.
     assert str(served.latched()) == str(result)
@@ -165,7 +172,7 @@ def test_changed_parameter_is_flagged(identifier, simulated_bags: Path, tmp_path
     worn = tmp_path / "worn.yaml"
     worn.write_text(text.replace("Fc1: 1.5012", "Fc1: 1.8012"))
     configuration = load_configuration(worn)
-    motion = random_motion(configuration, duration=6.0, rate=1000.0, seed=1)
+    motion = random_motion(configuration, duration=10.0, rate=1000.0, seed=1)
     simulate(configuration, tmp_path / "worn.mcap", motion)
     (tmp_path / "first.mcap").write_bytes((simulated_bags / "bag-1.mcap").read_bytes())
     client = identifier(bag_directory=tmp_path)
