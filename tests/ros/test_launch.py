@@ -3,44 +3,53 @@
 import ast
 import os
 from dataclasses import fields
-from pathlib import Path
 
 import pytest
 
 from idim_iv_ros.nodes.identifier_settings import IdentifierSettings
 from idim_iv_ros.nodes.recorder_settings import RecorderSettings
+from idim_iv_ros.nodes.simulator_settings import SimulatorSettings
+from tests.ros.launch_file import launched_nodes
 from tests.ros.processes import ROOT
 
 NODES = {"demo": ["identifier", "recorder", "robot_simulator"], "robot": ["identifier", "recorder"]}
 PARAMETERS = {
-    "recorder": {field.name for field in fields(RecorderSettings)},
-    "identifier": {field.name for field in fields(IdentifierSettings)},
-    "robot_simulator": {"configuration"},
+    "recorder": RecorderSettings,
+    "identifier": IdentifierSettings,
+    "robot_simulator": SimulatorSettings,
 }
-
-
-def nodes(path: Path) -> dict[str, set[str]]:
-    """Executable of each Node in a launch file, with the parameters that it is given."""
-    found = {}
-    for call in ast.walk(ast.parse(path.read_text())):
-        if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "Node":
-            given = {keyword.arg: keyword.value for keyword in call.keywords}
-            assert ast.literal_eval(given["package"]) == "idim_iv_ros"
-            (parameters,) = given["parameters"].elts
-            names = {ast.literal_eval(key) for key in parameters.keys}
-            found[ast.literal_eval(given["executable"])] = names
-    return found
 
 
 @pytest.mark.parametrize("name", NODES)
 def test_launch_file_starts_executables_that_exist_with_parameters_they_have(name: str) -> None:
     path = ROOT / "launch" / f"{name}.launch.py"
     compile(path.read_text(), path, "exec")
-    found = nodes(path)
+    found = launched_nodes(path, configuration="arm.yaml")
     assert sorted(found) == NODES[name]
     for executable, parameters in found.items():
         assert os.access(ROOT / "scripts" / executable, os.X_OK)
-        assert parameters <= PARAMETERS[executable]
+        types = {each.name: type(each.default) for each in fields(PARAMETERS[executable])}
+        assert {key: type(value) for key, value in parameters.items()}.items() <= types.items()
+
+
+def test_defaults_of_the_arguments_are_what_the_nodes_get() -> None:
+    nodes = launched_nodes(ROOT / "launch" / "robot.launch.py", configuration="arm.yaml")
+    assert nodes["recorder"] == {"configuration": "arm.yaml", "bag_directory": "bags"}
+    assert nodes["identifier"]["bag_directory"] == "bags"
+    assert nodes["identifier"]["auto"] is False
+    demo = launched_nodes(ROOT / "launch" / "demo.launch.py", configuration="arm.yaml")
+    assert demo["identifier"]["auto"] is True
+
+
+def test_demo_discovers_on_this_machine_only() -> None:
+    text = (ROOT / "launch" / "demo.launch.py").read_text()
+    calls = [each for each in ast.walk(ast.parse(text)) if isinstance(each, ast.Call)]
+    settings = [
+        tuple(ast.literal_eval(argument) for argument in call.args)
+        for call in calls
+        if getattr(call.func, "id", "") == "SetEnvironmentVariable"
+    ]
+    assert settings == [("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")]
 
 
 @pytest.mark.parametrize("name", NODES)
