@@ -1,8 +1,10 @@
 """Running a node until a signal: clean shutdown, one line for whatever goes wrong."""
 
+import os
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
@@ -40,8 +42,11 @@ def run_node(name: str, make: Callable[[], Closable], about: str, arguments: Seq
         signal.signal(number, lambda *_: stop.set())
     try:
         try:
-            rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
-            running = make()
+            with warnings.catch_warnings():
+                # Of a node that cannot be made rclpy warns, too, that it cannot be unmade.
+                warnings.simplefilter("ignore", RuntimeWarning)
+                rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
+                running = make()
         except IdimError:
             raise
         except Exception as error:  # what rclpy raises has no common class
@@ -68,9 +73,15 @@ def _spin(executor: SingleThreadedExecutor, node: Node, stop: threading.Event) -
 
 def _start_failure(error: Exception) -> str:
     text = one_line(error)
-    if "security" in text.lower():
+    if "security libraries" in text:
         return (
             "DDS security is switched on (ROS_SECURITY_ENABLE) but this Fast DDS was built "
             "without it: use a full ROS 2 installation, or unset ROS_SECURITY_ENABLE"
+        )
+    if os.environ.get("ROS_SECURITY_ENABLE") == "true":
+        return (
+            f"DDS security is switched on (ROS_SECURITY_ENABLE) and cannot begin ({text}): does "
+            "ROS_SECURITY_KEYSTORE hold an enclave for this node? The ROS 2 wheels of PyPI have "
+            "no DDS security"
         )
     return f"cannot start: {text}"

@@ -1,6 +1,7 @@
 """Real nodes on loopback, in a domain of their own."""
 
 import os
+import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -88,6 +89,18 @@ def configuration(tmp_path: Path) -> Path:
         "signals:\n  joint_states: /joint_states\n  reference: /joint_reference\n"
     )
     return path
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path):
+    """Six megabytes."""
+    folder = tmp_path / "small"
+    folder.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=6m", "tmpfs", folder])
+    if mounted.returncode:
+        pytest.skip("mounting a small disk needs root")
+    yield folder
+    subprocess.run(["umount", "-l", folder], check=True)
 
 
 ARM2 = ROOT / "config" / "arm2.yaml"

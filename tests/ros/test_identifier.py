@@ -201,6 +201,20 @@ def test_limits_of_a_job_are_one_line(served) -> None:
         assert "max_bag_size" in answer.message
 
 
+def test_full_disk_is_one_line_and_the_node_goes_on(identifier, small_disk: Path) -> None:
+    client = identifier(output_directory=small_disk / "results")
+    ballast = small_disk / "ballast"
+    ballast.write_bytes(bytes(os.statvfs(small_disk).f_bavail * 4096 - 8192))
+    answer = client.identify("bag-1.mcap", estimator="idim-ls")
+    assert not answer.success
+    assert "No space left on device" in answer.message
+    assert "\n" not in answer.message
+    assert client.failure().endswith(answer.message)
+    ballast.unlink()
+    assert client.identify("bag-1.mcap", estimator="idim-ls").success
+    assert "Traceback" not in client.process.errors.read_text()
+
+
 def test_diagnosis_is_refused_in_one_line(served) -> None:
     service = served.node.create_client(Diagnose, f"/{served.name}/diagnose")
     served.observer.until(service.service_is_ready, "the service")
