@@ -13,6 +13,12 @@ def files(*patterns: str) -> list[str]:
     return sorted(path.as_posix() for pattern in patterns for path in Path().glob(pattern))
 
 
+source = Path(__file__).resolve().parent
+for name in ("pyproject.toml", "README.md"):
+    # With --symlink-install colcon runs this file in a folder of links that lacks these two.
+    if not Path(name).exists():
+        Path(name).symlink_to(source / name)
+
 setup(
     version="0.1.0",
     python_requires=">=3.10",
