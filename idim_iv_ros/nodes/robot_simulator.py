@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from idim_iv_ros.configuration import Configuration, load_configuration
-from idim_iv_ros.errors import IdimError, UsageError
+from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
 from idim_iv_ros.nodes.entry import run_node
 from idim_iv_ros.nodes.motion_plan import REST, commanded, published
@@ -169,6 +169,8 @@ class RobotSimulator:
                 self._playback.play(topics)
             except IdimError as error:
                 self._problem = str(error)
+            except Exception as error:  # the next motion may be one that can be planned
+                self._problem = f"defect in idim_iv_ros ({one_line(error)})"
             finally:
                 self._planning.release()
 
