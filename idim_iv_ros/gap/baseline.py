@@ -1,0 +1,168 @@
+"""The refit: the model that every candidate is added to, and the rows that it leaves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.estimation import (
+    IdimIvEstimate,
+    InstrumentSources,
+    ObservationRows,
+    idim_iv,
+    instrument_sources,
+    observation_rows,
+    triangles_of_rows,
+)
+from idim_iv_ros.gap.bandwidth import widened
+from idim_iv_ros.gap.slip import simulated_slips
+from idim_iv_ros.gap.smooth_motion import SmoothMotion, smooth_motions
+from idim_iv_ros.model import DynamicParameters, InverseModel
+from idim_iv_ros.preparation import PreparedRegression, prepare, require_excitation
+from idim_iv_ros.recording import Recording
+
+FloatArray = NDArray[np.float64]
+
+_FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The refit of the given model to the recordings, and what candidates are made from.
+
+    The model has no offsets: a constant torque is an effect, found as the others are.
+
+    Attributes
+    ----------
+    prepared : PreparedRegression
+    rows : tuple of ObservationRows
+    estimate : IdimIvEstimate
+    sources : InstrumentSources
+    recordings : tuple of (r,) int, one for each joint
+        Which recording each row belongs to.
+    places : tuple of (r,) int, one for each joint
+        Which decimated sample of its recording each row is.
+    motions : tuple of SmoothMotion
+    """
+
+    prepared: PreparedRegression
+    rows: tuple[ObservationRows, ...]
+    estimate: IdimIvEstimate
+    sources: InstrumentSources
+    recordings: tuple[NDArray[np.int64], ...]
+    places: tuple[NDArray[np.int64], ...]
+    motions: tuple[SmoothMotion, ...]
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names, in the order of the configuration."""
+        return tuple(self.prepared.configuration.robot.joints)
+
+    @property
+    def row_rate(self) -> float:
+        """Rows per second."""
+        return self.prepared.motions[0].signals.rate / self.prepared.cutoffs.factor
+
+    def at(self, values: FloatArray) -> "Baseline":
+        """Return the same with the candidates' torques computed at other parameters (b,)."""
+        links, whole = _parameters(self.prepared.model, values)
+        motions = tuple(motion.with_parameters(links, whole) for motion in self.motions)
+        return replace(self, motions=motions)
+
+    def counting(self, joint: int, values: Sequence[FloatArray]) -> FloatArray:
+        """Rows of one joint (r, …) from decimated values (m, …) of each recording."""
+        return np.concatenate(
+            [part[motion.kept[:, joint]] for part, motion in zip(values, self.motions, strict=True)]
+        )
+
+
+def baseline(recordings: Sequence[Recording], configuration: Configuration) -> Baseline:
+    """Refit the model without offsets by IDIM-IV.
+
+    Raises
+    ------
+    UsageError, DataError
+        As `identify`.
+    """
+    configuration = widened(recordings, without_offsets(configuration))
+    prepared = prepare(recordings, configuration)
+    rows = observation_rows(prepared.model, prepared.motions)
+    require_excitation(prepared, triangles_of_rows(rows))
+    sources = instrument_sources(
+        prepared.configuration, prepared.model, prepared.motions, prepared.cutoffs
+    )
+    estimate = idim_iv(
+        rows,
+        sources.sources,
+        sources.starts,
+        tolerance=configuration.identification.tolerance,
+        max_iterations=configuration.identification.max_iterations,
+    )
+    links, whole = _parameters(prepared.model, estimate.linear.values)
+    motions = smooth_motions(
+        prepared.model.robot,
+        links,
+        whole,
+        prepared.motions,
+        [recording.start for recording in recordings],
+        estimate.instruments,
+        simulated_slips(prepared, estimate),
+        prepared.cutoffs.decimation,
+    )
+    joints = range(len(configuration.robot.joints))
+    return Baseline(
+        prepared,
+        rows,
+        estimate,
+        sources,
+        tuple(_recordings(prepared, joint) for joint in joints),
+        tuple(_places(prepared, joint) for joint in joints),
+        motions,
+    )
+
+
+def without_offsets(configuration: Configuration) -> Configuration:
+    """Return the configuration with a model that has no torque offsets."""
+    section = configuration.identification
+    names = [name for name in section.exclude if not name.startswith("off")]
+    friction = [term for term in section.friction if term != "offset"]
+    changed = section.model_copy(update={"friction": friction, "exclude": names})
+    return configuration.model_copy(update={"identification": changed})
+
+
+def _parameters(
+    model: InverseModel, values: FloatArray
+) -> tuple[DynamicParameters, DynamicParameters]:
+    """Dynamics of the links alone and of everything.
+
+    Where the drive inertia is grouped into a link's, the given one is taken out of it.
+    """
+    whole = model.dynamic_parameters(values)
+    drives = np.zeros(len(model.robot.joints))
+    named = {name for name in model.base.names if name.startswith("Ia")}
+    for joint in range(len(drives)):
+        if f"Ia{joint + 1}" not in named:
+            drives[joint] = -model.robot.given.drive_inertia[joint]
+    nothing = np.zeros_like(drives)
+    links = replace(
+        whole,
+        drive_inertia=drives,
+        viscous=nothing,
+        coulomb=nothing,
+        offset=nothing,
+        coupling_inertia=np.zeros_like(whole.coupling_inertia),
+        coupling_viscous=np.zeros_like(whole.coupling_viscous),
+        coupling_coulomb=np.zeros_like(whole.coupling_coulomb),
+    )
+    return links, whole
+
+
+def _recordings(prepared: PreparedRegression, joint: int) -> NDArray[np.int64]:
+    counts = [int(motion.kept[:, joint].sum()) for motion in prepared.motions]
+    return np.repeat(np.arange(len(counts)), counts)
+
+
+def _places(prepared: PreparedRegression, joint: int) -> NDArray[np.int64]:
+    return np.concatenate([np.flatnonzero(m.kept[:, joint]) for m in prepared.motions])

@@ -1,0 +1,128 @@
+"""What every effect of the catalogue tells about itself."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.gap.result import EffectParameter, Family
+from idim_iv_ros.gap.smooth_motion import SmoothMotion
+
+FloatArray = NDArray[np.float64]
+Shape = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Place:
+    """The joint of an effect, from 0, and the second one of a coupling."""
+
+    joint: int
+    other: int | None = None
+
+
+@dataclass(frozen=True)
+class Extent:
+    """What the recordings cover, (n_joints,) each unless said otherwise.
+
+    Attributes
+    ----------
+    low, high : rad (m)
+        Positions.
+    slowest, fastest : rad/s (m/s)
+        Speed below which rows do not count, and the highest.
+    load, torque : N m (N)
+        Largest torque of the links, and of the joint.
+    duration : float
+        s, from the start of the first to the end of the last recording.
+    row_rate : float
+        Hz.
+    """
+
+    low: FloatArray
+    high: FloatArray
+    slowest: FloatArray
+    fastest: FloatArray
+    load: FloatArray
+    torque: FloatArray
+    duration: float
+    row_rate: float
+
+
+class Effect(ABC):
+    """One effect that a simulator may lack.
+
+    Its torque is linear in its coefficients for a given *shape*, a tuple of numbers that enter
+    otherwise (a speed, a wave number, a delay); shapes are searched on a grid and refined.
+    """
+
+    name: ClassVar[str]
+    family: ClassVar[Family]
+    look_alikes: ClassVar[tuple[str, ...]] = ()
+    excitation: ClassVar[str]
+    unit: ClassVar[str] = "N m"
+
+    def places(self, joints: int) -> list[Place]:
+        """Where it may sit: at each joint."""
+        return [Place(joint) for joint in range(joints)]
+
+    @abstractmethod
+    def grid(self, place: Place, extent: Extent) -> list[Shape]:
+        """Shapes to try first."""
+
+    @abstractmethod
+    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """Torque of unit coefficients, (s, k) by joint: what the motor must bring up more."""
+
+    @abstractmethod
+    def parameters(
+        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+    ) -> dict[str, EffectParameter]:
+        """Numbers that mean something to an engineer; deviations are those of the coefficients."""
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        """Whether physics allows these coefficients: by default the first is not negative."""
+        return bool(coefficients[0] >= 0.0)
+
+    def free_numbers(self, shape: Shape) -> int:
+        """How many numbers of the shape the search may choose."""
+        return len(shape)
+
+    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+        """Shapes near one: each number larger and smaller by the factor 1 + step."""
+        near = []
+        for place, number in enumerate(shape):
+            for factor in (1.0 + step, 1.0 / (1.0 + step)):
+                near.append((*shape[:place], number * factor, *shape[place + 1 :]))
+        return near
+
+    def longer(self, shape: Shape, place: Place, extent: Extent) -> list[Shape]:
+        """Shapes with one more term; none by default."""
+        return []
+
+
+def direction(speed: FloatArray) -> FloatArray:
+    """Sign of the speed."""
+    return np.asarray(np.sign(speed))
+
+
+def column(joint: int, values: FloatArray) -> dict[int, FloatArray]:
+    """Return one column at one joint."""
+    return {joint: values[:, None]}
+
+
+def logarithmic(low: float, high: float, count: int) -> FloatArray:
+    """Count numbers from low to high, evenly spaced in their logarithm."""
+    return np.asarray(np.geomspace(low, max(high, 1.01 * low), count))
+
+
+def number(value: float, std: float | None, unit: str) -> EffectParameter:
+    """One parameter, as plain floats."""
+    return EffectParameter(float(value), None if std is None else float(std), unit)
+
+
+def terms(name: str, values: Sequence[float], unit: str) -> dict[str, EffectParameter]:
+    """Numbered parameters without deviations: name_1, name_2 …"""
+    return {f"{name}_{k}": number(value, None, unit) for k, value in enumerate(values, start=1)}

@@ -1,0 +1,60 @@
+"""An encoder disc off its centre."""
+
+import numpy as np
+
+from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape, number
+from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.gap.smooth_motion import SmoothMotion
+
+_NAMES = ("sine", "cosine", "sine_2", "cosine_2")
+
+
+class EncoderEccentricity(Effect):
+    """q_measured = q + sine sin q + cosine cos q (+ twice a turn); shape: 1 or 2 terms.
+
+    The model is evaluated at the wrong position: to first order all torques move.
+    """
+
+    name = "encoder_eccentricity"
+    family = "position"
+    look_alikes = ("spring", "position_ripple")
+    excitation = "fast full turns, or a second encoder on the link"
+    unit = "rad"
+
+    def grid(self, place: Place, extent: Extent) -> list[Shape]:
+        """Once, or once and twice a turn."""
+        return [(1.0,), (2.0,)]
+
+    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+        """None."""
+        return []
+
+    def free_numbers(self, shape: Shape) -> int:
+        """See the grid."""
+        return 0
+
+    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """See the class."""
+        q = motion.position[:, place.joint]
+        small = 1e-4
+        errors = [np.sin(q), np.cos(q)]
+        if shape[0] == 2.0:
+            errors += [np.sin(2 * q), np.cos(2 * q)]
+        parts = [motion.moved(place.joint, -small * e, links=False) / small for e in errors]
+        return {
+            joint: np.column_stack([part[:, joint] for part in parts])
+            for joint in range(motion.position.shape[1])
+        }
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        """Small errors only: no disc is further out than 50 mrad."""
+        return bool(np.max(np.abs(coefficients)) < 0.05)
+
+    def parameters(
+        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+    ) -> dict[str, EffectParameter]:
+        """Amplitudes."""
+        return {
+            name: number(coefficients[k], deviations[k], "rad")
+            for k, name in enumerate(_NAMES[: len(coefficients)])
+        }

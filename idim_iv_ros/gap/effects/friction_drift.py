@@ -1,0 +1,51 @@
+"""Friction that changes during the session: warm-up."""
+
+import numpy as np
+
+from idim_iv_ros.gap.effects.effect import (
+    Effect,
+    Extent,
+    FloatArray,
+    Place,
+    Shape,
+    logarithmic,
+    number,
+)
+from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.gap.smooth_motion import SmoothMotion
+
+
+class FrictionDrift(Effect):
+    """exp(−t / time_constant) · (coulomb sign(dq) + viscous dq), t since the first recording.
+
+    Shape: time constant, s.
+    """
+
+    name = "friction_drift"
+    family = "time"
+    look_alikes = ("nonlinear_viscous",)
+    excitation = "one motion repeated at the start, in the middle and at the end of the session"
+
+    def grid(self, place: Place, extent: Extent) -> list[Shape]:
+        """From a twentieth of the session to three of it, which is a straight line."""
+        return [(float(t),) for t in logarithmic(0.05 * extent.duration, 3 * extent.duration, 8)]
+
+    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """See the class."""
+        v = motion.velocity[:, place.joint]
+        fading = np.exp(-motion.time / shape[0])
+        return {place.joint: fading[:, None] * np.column_stack([motion.slip[:, place.joint], v])}
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        """Friction may fall or rise."""
+        return True
+
+    def parameters(
+        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+    ) -> dict[str, EffectParameter]:
+        """What fades, and how fast."""
+        return {
+            "time_constant": number(shape[0], None, "s"),
+            "coulomb": number(coefficients[0], deviations[0], "N m"),
+            "viscous": number(coefficients[1], deviations[1], "N m s/rad"),
+        }

@@ -1,0 +1,70 @@
+"""Dry friction that grows with the load of the transmission."""
+
+import numpy as np
+
+from idim_iv_ros.gap.effects.effect import (
+    Effect,
+    Extent,
+    FloatArray,
+    Place,
+    Shape,
+    number,
+)
+from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.gap.smooth_motion import SmoothMotion
+
+
+class LoadDependentFriction(Effect):
+    """sign(dq) · scale (|τ| / scale)^exponent · (driving or driven); τ: torque of the links.
+
+    Shape: exponent, scale (the largest load), and 1 where both directions of the power flow have
+    a coefficient of their own. A gear that is driven loses less or more than one that drives.
+    """
+
+    name = "load_dependent_friction"
+    family = "load"
+    look_alikes = ("position_dependent_friction", "torque_saturation")
+    excitation = "one path with two payloads, or slowly through postures of high and low gravity"
+
+    def grid(self, place: Place, extent: Extent) -> list[Shape]:
+        """Exponents about one, one or two coefficients."""
+        scale = float(extent.load[place.joint])
+        if scale <= 0.0:
+            return []
+        return [(e, scale, two) for e in (0.8, 1.0, 1.3) for two in (0.0, 1.0)]
+
+    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+        """Exponents between 0.6 and 1.6."""
+        exponent, scale, two = shape
+        near = (exponent * (1.0 + step), exponent / (1.0 + step))
+        return [(min(max(e, 0.6), 1.6), scale, two) for e in near]
+
+    def free_numbers(self, shape: Shape) -> int:
+        """See the grid."""
+        return 1
+
+    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """See the class."""
+        exponent, scale, two = shape
+        v, load = motion.velocity[:, place.joint], motion.load[:, place.joint]
+        whole = scale * (np.abs(load) / scale) ** exponent * motion.slip[:, place.joint]
+        if not two:
+            return {place.joint: whole[:, None]}
+        driving = load * v > 0.0
+        return {place.joint: np.column_stack([whole * driving, whole * ~driving])}
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        """Friction: both grow with the load."""
+        return bool(np.all(coefficients >= 0.0))
+
+    def parameters(
+        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+    ) -> dict[str, EffectParameter]:
+        """Coefficients of friction when driving and when driven."""
+        last = len(coefficients) - 1
+        return {
+            "driving": number(coefficients[0], deviations[0], ""),
+            "driven": number(coefficients[last], deviations[last], ""),
+            "exponent": number(shape[0], None, ""),
+            "scale": number(shape[1], None, "N m"),
+        }

@@ -1,0 +1,52 @@
+"""Viscous friction that is not proportional to the speed."""
+
+import numpy as np
+
+from idim_iv_ros.gap.effects.effect import (
+    Effect,
+    Extent,
+    FloatArray,
+    Place,
+    Shape,
+    column,
+    number,
+)
+from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.gap.smooth_motion import SmoothMotion
+
+_POWERS = (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0)
+
+
+class NonlinearViscous(Effect):
+    """coefficient · |dq|^power · sign(dq); shape: power.
+
+    Friction that grows more slowly than the speed is common: powers below one belong to it.
+    """
+
+    name = "nonlinear_viscous"
+    family = "velocity"
+    look_alikes = ("stribeck", "friction_drift")
+    excitation = "stretches of constant speed over the whole range of speeds"
+
+    def grid(self, place: Place, extent: Extent) -> list[Shape]:
+        """Powers from 0.3 to 3, not around 1, which the model has."""
+        return [(power,) for power in _POWERS]
+
+    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """See the class."""
+        v = motion.velocity[:, place.joint]
+        return column(place.joint, np.abs(v) ** shape[0] * motion.slip[:, place.joint])
+
+    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+        """Powers stay between 0.2 and 4."""
+        near = super().neighbours(shape, step, extent)
+        return [(min(max(power, 0.2), 4.0),) for (power,) in near]
+
+    def parameters(
+        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+    ) -> dict[str, EffectParameter]:
+        """Torque at 1 rad/s, and the power."""
+        return {
+            "coefficient": number(coefficients[0], deviations[0], "N m at 1 rad/s"),
+            "power": number(shape[0], None, ""),
+        }

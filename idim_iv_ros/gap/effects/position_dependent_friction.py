@@ -1,0 +1,87 @@
+"""Dry friction that depends on the position: a bent shaft, a worn or tight spot."""
+
+import numpy as np
+
+from idim_iv_ros.gap.effects.effect import (
+    Effect,
+    Extent,
+    FloatArray,
+    Place,
+    Shape,
+    number,
+)
+from idim_iv_ros.gap.effects.waves import (
+    MOST_WAVES,
+    near_waves,
+    wave_numbers,
+    wave_parameters,
+    waves,
+)
+from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.gap.smooth_motion import SmoothMotion
+
+_SPOT = -1.0  # first number of the shape of a tight spot; wave numbers are positive
+
+
+class PositionDependentFriction(Effect):
+    """sign(dq) · (waves of the position, or height · exp(−((q − centre) / width)²)).
+
+    Shape: wave numbers n_k, or −1, centre, width of a tight spot.
+    """
+
+    name = "position_dependent_friction"
+    family = "position"
+    look_alikes = ("load_dependent_friction", "position_ripple")
+    excitation = "the same places in both directions, slowly"
+
+    def grid(self, place: Place, extent: Extent) -> list[Shape]:
+        """One wave, or one spot."""
+        low, high = extent.low[place.joint], extent.high[place.joint]
+        span = float(high - low)
+        if span <= 0.0:
+            return []
+        spots = [
+            (_SPOT, float(centre), width * span)
+            for width in (0.06, 0.15)
+            for centre in np.linspace(low, high, 25)
+        ]
+        return [(float(n),) for n in wave_numbers(place, extent)] + spots
+
+    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+        """Nearby wave numbers, centres and widths."""
+        if shape[0] != _SPOT:
+            return near_waves(shape, step, float(np.max(extent.high - extent.low)))
+        _, centre, width = shape
+        moved = [(_SPOT, centre + sign * step * width, width) for sign in (1.0, -1.0)]
+        return [*moved, (_SPOT, centre, width * (1 + step)), (_SPOT, centre, width / (1 + step))]
+
+    def longer(self, shape: Shape, place: Place, extent: Extent) -> list[Shape]:
+        """One wave more."""
+        if shape[0] == _SPOT or len(shape) >= MOST_WAVES:
+            return []
+        return [(*shape, float(n)) for n in wave_numbers(place, extent)]
+
+    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """See the class."""
+        q = motion.position[:, place.joint]
+        sign = motion.slip[:, place.joint]
+        if shape[0] == _SPOT:
+            _, centre, width = shape
+            return {place.joint: (np.exp(-(((q - centre) / width) ** 2)) * sign)[:, None]}
+        return {place.joint: waves(q, shape) * sign[:, None]}
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        """Any phase; a spot may be tight or loose."""
+        return True
+
+    def parameters(
+        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+    ) -> dict[str, EffectParameter]:
+        """Wave numbers and amplitudes, or place, width and height of the spot."""
+        if shape[0] != _SPOT:
+            return wave_parameters(shape, coefficients, deviations)
+        return {
+            "centre": number(shape[1], None, "rad"),
+            "width": number(shape[2], None, "rad"),
+            "height": number(coefficients[0], deviations[0], "N m"),
+        }

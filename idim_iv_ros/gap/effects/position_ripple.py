@@ -1,0 +1,51 @@
+"""Torque that ripples with the position: cogging, teeth, ripple of the motor's current."""
+
+import numpy as np
+
+from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape
+from idim_iv_ros.gap.effects.waves import (
+    MOST_WAVES,
+    near_waves,
+    wave_numbers,
+    wave_parameters,
+    waves,
+)
+from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.gap.smooth_motion import SmoothMotion
+
+
+class PositionRipple(Effect):
+    """Σ sine_k sin(n_k q) + cosine_k cos(n_k q), the same in both directions; shape: n_k."""
+
+    name = "position_ripple"
+    family = "position"
+    look_alikes = ("spring", "position_dependent_friction")
+    excitation = "slow constant speed over many periods, in both directions"
+
+    def grid(self, place: Place, extent: Extent) -> list[Shape]:
+        """One wave."""
+        return [(float(n),) for n in wave_numbers(place, extent)]
+
+    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+        """Nearby wave numbers."""
+        return near_waves(shape, step, float(np.max(extent.high - extent.low)))
+
+    def longer(self, shape: Shape, place: Place, extent: Extent) -> list[Shape]:
+        """One wave more."""
+        if len(shape) >= MOST_WAVES:
+            return []
+        return [(*shape, float(n)) for n in wave_numbers(place, extent)]
+
+    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """See the class."""
+        return {place.joint: waves(motion.position[:, place.joint], shape)}
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        """Any phase."""
+        return True
+
+    def parameters(
+        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+    ) -> dict[str, EffectParameter]:
+        """Wave numbers and amplitudes."""
+        return wave_parameters(shape, coefficients, deviations)

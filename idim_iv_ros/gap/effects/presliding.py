@@ -1,0 +1,73 @@
+"""Pre-sliding: dry friction that builds up over a small displacement after a reversal."""
+
+import numpy as np
+from numba import njit
+
+from idim_iv_ros.gap.effects.effect import (
+    Effect,
+    Extent,
+    FloatArray,
+    Place,
+    Shape,
+    logarithmic,
+    number,
+)
+from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.gap.smooth_motion import SmoothMotion
+
+_MOST = 3
+
+
+@njit(cache=True)
+def bristle(position: FloatArray, span: float) -> FloatArray:
+    """Deflection (s,) of a Maxwell-slip element, −1 to 1, at rest at the start."""
+    deflection = np.zeros(len(position))
+    for k in range(1, len(position)):
+        value = deflection[k - 1] + (position[k] - position[k - 1]) / span
+        deflection[k] = min(max(value, -1.0), 1.0)
+    return deflection
+
+
+class Presliding(Effect):
+    """Σ level_k (z_k − sign(dq)), z_k a bristle that slips after span_k; shape: the spans.
+
+    Replaces as much of the Coulomb friction by springs that slip (Maxwell-slip).
+    """
+
+    name = "presliding"
+    family = "velocity"
+    look_alikes = ("stribeck", "backlash")
+    excitation = "many small reversals of different sizes, at different rates"
+
+    def grid(self, place: Place, extent: Extent) -> list[Shape]:
+        """Spans from 0.1 mrad to a tenth of the range."""
+        span = float(extent.high[place.joint] - extent.low[place.joint])
+        if span <= 0.0:
+            return []
+        return [(float(s),) for s in logarithmic(1e-4, max(0.15 * span, 1e-3), 16)]
+
+    def longer(self, shape: Shape, place: Place, extent: Extent) -> list[Shape]:
+        """One more bristle."""
+        if len(shape) >= _MOST:
+            return []
+        return [(*shape, *other) for other in self.grid(place, extent)]
+
+    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """See the class."""
+        q = np.ascontiguousarray(motion.position[:, place.joint])
+        sign = motion.slip[:, place.joint]
+        return {place.joint: np.column_stack([bristle(q, span) - sign for span in shape])}
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        """All bristles are springs."""
+        return bool(np.all(coefficients >= 0.0))
+
+    def parameters(
+        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+    ) -> dict[str, EffectParameter]:
+        """Spans and levels."""
+        found: dict[str, EffectParameter] = {}
+        for k, span in enumerate(shape):
+            found[f"span_{k + 1}"] = number(span, None, "rad")
+            found[f"level_{k + 1}"] = number(coefficients[k], deviations[k], "N m")
+        return found

@@ -1,0 +1,57 @@
+"""Stribeck effect: dry friction that falls as a joint starts to slide."""
+
+import numpy as np
+
+from idim_iv_ros.gap.effects.effect import (
+    Effect,
+    Extent,
+    FloatArray,
+    Place,
+    Shape,
+    column,
+    logarithmic,
+    number,
+)
+from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.gap.smooth_motion import SmoothMotion
+
+_EXPONENTS = (0.6, 1.0, 2.0)
+
+
+class Stribeck(Effect):
+    """excess · exp(−(|dq| / speed)^exponent) · sign(dq); shape: speed, exponent.
+
+    Static friction exceeds sliding friction: the excess is not negative.
+    """
+
+    name = "stribeck"
+    family = "velocity"
+    look_alikes = ("nonlinear_viscous", "presliding")
+    excitation = "slow sweeps in both directions: a fifth of the time below the Stribeck speed"
+
+    def grid(self, place: Place, extent: Extent) -> list[Shape]:
+        """Speeds from the slowest that counts to a third of the fastest."""
+        j = place.joint
+        speeds = logarithmic(extent.slowest[j], 0.35 * extent.fastest[j], 8)
+        return [(float(speed), exponent) for speed in speeds for exponent in _EXPONENTS]
+
+    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """See the class."""
+        speed, exponent = shape
+        v = motion.velocity[:, place.joint]
+        return column(place.joint, np.exp(-((np.abs(v) / speed) ** exponent)) * motion.slip[:, place.joint])
+
+    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+        """Exponents stay between 0.5 and 2.5."""
+        near = super().neighbours(shape, step, extent)
+        return [(speed, min(max(exponent, 0.5), 2.5)) for speed, exponent in near]
+
+    def parameters(
+        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+    ) -> dict[str, EffectParameter]:
+        """Excess, speed and exponent."""
+        return {
+            "excess": number(coefficients[0], deviations[0], "N m"),
+            "speed": number(shape[0], None, "rad/s"),
+            "exponent": number(shape[1], None, ""),
+        }

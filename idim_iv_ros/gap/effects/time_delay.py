@@ -1,0 +1,42 @@
+"""A torque that acts later than its command."""
+
+import numpy as np
+
+from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape, number
+from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.gap.smooth_motion import SmoothMotion
+
+_DELAYS = (0.001, 0.002, 0.004, 0.008, 0.014, 0.022)
+
+
+class TimeDelay(Effect):
+    """The logged command leads the torque by `delay`: τ(t + delay) − τ(t); shape: delay, s.
+
+    The slow current loop of a drive is the same to first order.
+    """
+
+    name = "time_delay"
+    family = "frequency"
+    look_alikes = ("elasticity", "nonlinear_viscous")
+    excitation = "energy above 2 Hz and sharp reversals"
+    unit = ""
+
+    def grid(self, place: Place, extent: Extent) -> list[Shape]:
+        """From 1 to 22 ms."""
+        return [(delay,) for delay in _DELAYS]
+
+    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """See the class."""
+        torque = motion.torque[:, place.joint]
+        later = np.interp(motion.time + shape[0], motion.time, torque)
+        return {place.joint: (later - torque)[:, None]}
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        """The whole torque is late, not a part of it (the shape bends with longer delays)."""
+        return bool(coefficients[0] > 0.0 and (coefficients[0] < 2.0 or shape[0] >= _DELAYS[-1]))
+
+    def parameters(
+        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+    ) -> dict[str, EffectParameter]:
+        """The delay, to first order: shape times coefficient."""
+        return {"delay": number(shape[0] * coefficients[0], shape[0] * deviations[0], "s")}

@@ -1,0 +1,188 @@
+"""Every effect at every joint, each with the shape that fits best."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.effects.effect import Effect, Extent, Place, Shape
+from idim_iv_ros.gap.likelihood import Colour, Columns, Fit, Regression, Scan
+
+FloatArray = NDArray[np.float64]
+
+_STEPS = (0.3, 0.15, 0.07)
+_CHANGES = 4  # of a shape at each step, at most
+# One term more must bring this many times what it would by chance.
+_WORTH = 12.0
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect at a place with its best shape, beside a model.
+
+    Attributes
+    ----------
+    effect : Effect
+    place : Place
+    shape : Shape
+    columns : Columns
+        Rows (r_j, k) by joint.
+    fit : Fit
+        With the candidate in the model.
+    gain : float
+        Of the logarithm of the concentrated likelihood.
+    numbers : int
+        Coefficients and shape: what the candidate may choose.
+    tried : int
+        Shapes on its grid.
+    """
+
+    effect: Effect
+    place: Place
+    shape: Shape
+    columns: Columns
+    fit: Fit
+    gain: float
+    numbers: int
+    tried: int
+
+    @property
+    def coefficients(self) -> FloatArray:
+        """Those of this candidate: the last of the fit."""
+        return self.fit.coefficients[-self.width :]
+
+    @property
+    def width(self) -> int:
+        """How many columns it has."""
+        return int(next(iter(self.columns.values())).shape[1])
+
+    @property
+    def key(self) -> tuple[str, int, int | None]:
+        """Effect and place."""
+        return self.effect.name, self.place.joint, self.place.other
+
+
+def extent(data: Baseline) -> Extent:
+    """What the recordings cover."""
+    motions = data.motions
+    speed = np.max([np.abs(m.velocity).max(axis=0) for m in motions], axis=0)
+    return Extent(
+        low=np.min([m.position.min(axis=0) for m in motions], axis=0),
+        high=np.max([m.position.max(axis=0) for m in motions], axis=0),
+        slowest=np.asarray(data.prepared.minimum_speed),
+        fastest=np.asarray(speed),
+        load=np.max([np.abs(m.load).max(axis=0) for m in motions], axis=0),
+        torque=np.max([np.abs(m.torque).max(axis=0) for m in motions], axis=0),
+        duration=float(max(m.time[-1] for m in motions)),
+        row_rate=data.row_rate,
+    )
+
+
+def rows_of(data: Baseline, effect: Effect, place: Place, shapes: Sequence[Shape]) -> list[Columns]:
+    """Rows of the regression for each shape; all shapes are decimated at once."""
+    made = [[effect.columns(motion, place, shape) for shape in shapes] for motion in data.motions]
+    blocks: list[dict[int, FloatArray]] = [{} for _ in shapes]
+    for joint in made[0][0]:
+        rows = data.counting(
+            joint,
+            [
+                motion.rows(np.hstack([columns[joint] for columns in per_motion]))
+                for motion, per_motion in zip(data.motions, made, strict=True)
+            ],
+        )
+        start = 0
+        for block, columns in zip(blocks, made[0], strict=True):
+            width = columns[joint].shape[1]
+            block[joint] = rows[:, start : start + width]
+            start += width
+    return list(blocks)
+
+
+@dataclass(frozen=True)
+class Search:
+    """Search beside a model that is already fitted.
+
+    Attributes
+    ----------
+    data : Baseline
+    extent : Extent
+    regression : Regression
+    fit : Fit
+    """
+
+    data: Baseline
+    extent: Extent
+    regression: Regression
+    fit: Fit
+
+    def best(self, effect: Effect, place: Place) -> Candidate | None:
+        """Return the candidate with its best shape, None where no shape is possible."""
+        grid = effect.grid(place, self.extent)
+        if not grid:
+            return None
+        scan = self.regression.scan(self.fit)
+        shape, score = self._scan(scan, effect, place, grid)
+        tried = len(grid)
+        if shape is None:
+            return None
+        shape, score = self._refined(scan, effect, place, shape, score)
+        while True:
+            longer = effect.longer(shape, place, self.extent)
+            if not longer:
+                break
+            tried += len(longer)
+            more, higher = self._scan(scan, effect, place, longer)
+            if more is None:
+                break
+            more, higher = self._refined(scan, effect, place, more, higher)
+            if higher - score < 2.0 * _WORTH:
+                break
+            shape, score = more, higher
+        columns = rows_of(self.data, effect, place, [shape])[0]
+        return self._fitted(effect, place, shape, columns, tried)
+
+    def _fitted(
+        self, effect: Effect, place: Place, shape: Shape, columns: Columns, tried: int
+    ) -> Candidate | None:
+        fit = refit(self.regression.with_columns(columns), self.fit.colours)
+        width = next(iter(columns.values())).shape[1]
+        if not effect.admissible(shape, fit.coefficients[-width:]):
+            return None
+        gain = fit.log_likelihood - self.fit.log_likelihood
+        return Candidate(
+            effect, place, shape, columns, fit, gain, width + effect.free_numbers(shape), tried
+        )
+
+    def _scan(
+        self, scan: Scan, effect: Effect, place: Place, shapes: Sequence[Shape]
+    ) -> tuple[Shape | None, float]:
+        best: Shape | None = None
+        highest = -1.0
+        for shape, columns in zip(
+            shapes, rows_of(self.data, effect, place, shapes), strict=True
+        ):
+            score, coefficients = scan.score(columns)
+            if score > highest and effect.admissible(shape, coefficients):
+                best, highest = shape, score
+        return best, highest
+
+    def _refined(
+        self, scan: Scan, effect: Effect, place: Place, shape: Shape, score: float
+    ) -> tuple[Shape, float]:
+        for step in _STEPS:
+            for _ in range(_CHANGES):
+                near = effect.neighbours(shape, step, self.extent)
+                if not near:
+                    return shape, score
+                better, higher = self._scan(scan, effect, place, near)
+                if better is None or higher <= score + 0.01:
+                    break
+                shape, score = better, higher
+        return shape, score
+
+
+def refit(regression: Regression, colours: Sequence[Colour]) -> Fit:
+    """Fit with the colours refined from those of a smaller model."""
+    return regression.fit(colours, steps=2)
