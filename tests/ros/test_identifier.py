@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import sys
 import time
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from idim_iv_ros import load_configuration
 from idim_iv_ros.excitation import random_motion
 from idim_iv_ros.simulated_recording import simulate
 from tests.ros.conftest import ARM2
+from tests.ros.identifier_client import IdentifierClient
+from tests.ros.processes import Process
 from tests.ros.true_parameters import require_truth
 
 OK, WARN, ERROR = 0, 1, 2
@@ -185,6 +188,20 @@ def test_changed_parameter_is_flagged(identifier, simulated_bags: Path, tmp_path
     limit = statistics.pop("limit (σ)")
     flagged = {key for key, value in statistics.items() if abs(value) > limit}
     assert flagged == {"Fc1 (σ)"}
+
+
+def test_idim_iv_serve_is_the_identifier(
+    simulated_bags: Path, tmp_path: Path, stack, observer
+) -> None:
+    command = [str(Path(sys.executable).parent / "idim-iv"), "serve", "--config", str(ARM2)]
+    folders = ["--bags", str(simulated_bags), "--out", str(tmp_path / "out")]
+    process = Process([*command, *folders], tmp_path, "identifier")
+    stack.callback(process.end)
+    client = IdentifierClient(observer, process)
+    stack.callback(client.close)
+    assert client.identify("bag-1.mcap", estimator="idim-ls").success
+    assert len(list((tmp_path / "out").glob("*/result.json"))) == 1
+    assert process.finish() == 0
 
 
 def test_limits_of_a_job_are_one_line(served) -> None:
