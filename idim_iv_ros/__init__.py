@@ -11,9 +11,11 @@ if TYPE_CHECKING:
     from idim_iv_ros.configuration import Configuration, load_configuration
     from idim_iv_ros.errors import DataError, IdimError, UsageError
     from idim_iv_ros.excitation import Trajectory, excite, read_trajectory
+    from idim_iv_ros.gap.diagnosis import diagnose
+    from idim_iv_ros.gap.result import GapResult
     from idim_iv_ros.identification import identify, identify_recordings
     from idim_iv_ros.recording import Recording, import_table, read_recordings, write_bag
-    from idim_iv_ros.report import write_report
+    from idim_iv_ros.report import write_gap_report, write_report
     from idim_iv_ros.result import IdentificationResult
     from idim_iv_ros.usability import CheckReport, check
 
@@ -21,12 +23,14 @@ __all__ = [
     "CheckReport",
     "Configuration",
     "DataError",
+    "GapResult",
     "IdentificationResult",
     "IdimError",
     "Recording",
     "Trajectory",
     "UsageError",
     "check",
+    "diagnose",
     "excite",
     "identify",
     "identify_recordings",
@@ -35,6 +39,7 @@ __all__ = [
     "read_recordings",
     "read_trajectory",
     "write_bag",
+    "write_gap_report",
     "write_report",
 ]
 
@@ -42,9 +47,11 @@ _MODULES = {
     "configuration": ("Configuration", "load_configuration"),
     "errors": ("DataError", "IdimError", "UsageError"),
     "excitation": ("Trajectory", "excite", "read_trajectory"),
+    "gap.diagnosis": ("diagnose",),
+    "gap.result": ("GapResult",),
     "identification": ("identify", "identify_recordings"),
     "recording": ("Recording", "import_table", "read_recordings", "write_bag"),
-    "report": ("write_report",),
+    "report": ("write_gap_report", "write_report"),
     "result": ("IdentificationResult",),
     "usability": ("CheckReport", "check"),
 }

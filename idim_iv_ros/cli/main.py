@@ -7,6 +7,7 @@ import typer
 from rich.console import Console
 
 from idim_iv_ros.cli.check import check_command
+from idim_iv_ros.cli.diagnose import diagnose_command
 from idim_iv_ros.cli.excite import excite_command
 from idim_iv_ros.cli.identify import identify_command
 from idim_iv_ros.cli.import_table import import_command
@@ -17,7 +18,8 @@ from idim_iv_ros.errors import IdimError
 
 application = typer.Typer(
     name="idim-iv",
-    help="Identify robot dynamics from ROS 2 recordings, and test whether to believe the answer.",
+    help="Identify robot dynamics from ROS 2 recordings, test whether to believe the answer, and "
+    "say why a simulator and its robot differ.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -26,6 +28,7 @@ application = typer.Typer(
 application.command("import")(import_command)
 application.command("check")(check_command)
 application.command("identify")(identify_command)
+application.command("diagnose")(diagnose_command)
 application.command("record")(record_command)
 application.command("serve")(serve_command)
 application.command("excite")(excite_command)

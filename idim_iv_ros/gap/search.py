@@ -75,6 +75,7 @@ def extent(data: Baseline) -> Extent:
         fastest=np.asarray(speed),
         load=np.max([np.abs(m.load).max(axis=0) for m in motions], axis=0),
         torque=np.max([np.abs(m.torque).max(axis=0) for m in motions], axis=0),
+        inertia=np.mean([np.einsum("sii->i", m.inertia) / len(m.time) for m in motions], axis=0),
         duration=float(max(m.time[-1] for m in motions)),
         row_rate=data.row_rate,
     )

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from idim_iv_ros.estimation import Instruments
 from idim_iv_ros.model import DynamicParameters, RobotModel
 from idim_iv_ros.signals import Motion, ParallelDecimation, zero_phase_butterworth
-from idim_iv_ros.simulation import inverse_dynamics
+from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
 
 FloatArray = NDArray[np.float64]
 
 # Of the decimation cut-off: below this share the measured motion counts.
-_MEASURED_BELOW = 0.25
+_MEASURED_BELOW = 0.9
 _ORDER = 2
 # Samples for each decimated row at which candidates are computed, at least.
 SAMPLES_PER_ROW = 5
@@ -71,6 +71,11 @@ class SmoothMotion:
     def torque(self) -> FloatArray:
         """(s, n_joints) N m: torque of the refit."""
         return self._torque(self.whole)
+
+    @cached_property
+    def inertia(self) -> FloatArray:
+        """(s, n_joints, n_joints) kg m²: mass matrix of the links alone."""
+        return mass_matrix(self.robot, self.links, self.position)
 
     def moved(self, joint: int, shift: FloatArray, *, links: bool) -> FloatArray:
         """Change of all torques (s, n_joints) when a joint moves by a small `shift` (s,) rad.

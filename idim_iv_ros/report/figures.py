@@ -15,6 +15,7 @@ Figure = dict[str, Any]
 # Okabe and Ito: told apart by readers with any colour vision, and in grey by their lightness.
 INK, MUTED, GRID = "#1f2933", "#5f6b7a", "#e3e7ec"
 BLUE, ORANGE, GREEN, GREY = "#0072b2", "#d55e00", "#009e73", "#8a94a3"
+PALE = "#adb6c2"  # a wide line beneath thin ones
 SHADE = "rgba(138, 148, 163, 0.22)"
 
 _FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"

@@ -1,12 +1,8 @@
 """report.html: one file that opens without a network."""
 
-from importlib import resources
-
-from plotly.offline import get_plotlyjs
-
-from idim_iv_ros.report.markup import Html, join, tag
+from idim_iv_ros.report.markup import Html, tag
 from idim_iv_ros.report.numerals import with_unit
-from idim_iv_ros.report.script import SCRIPT
+from idim_iv_ros.report.page import page
 from idim_iv_ros.report.sections.glossary import glossary_section
 from idim_iv_ros.report.sections.instruments import instruments_section
 from idim_iv_ros.report.sections.parameters import parameters_section
@@ -37,19 +33,10 @@ def report_html(result: IdentificationResult) -> str:
     result : IdentificationResult
         What `identify` found.
     """
-    head = tag(
-        "head",
-        tag("meta", charset="utf-8"),
-        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        tag("title", f"{result.robot}: identification"),
-        tag("style", Html(resources.files(__package__).joinpath("report.css").read_text("utf-8"))),
-        tag("script", Html(get_plotlyjs())),
-    )
-    body = tag(
-        "body",
+    return page(
+        f"{result.robot}: identification",
         _banner(result),
-        tag(
-            "main",
+        [
             verdict_section(result),
             parameters_section(result),
             torque_section(result),
@@ -58,10 +45,8 @@ def report_html(result: IdentificationResult) -> str:
             processing_section(result),
             provenance_section(result),
             glossary_section(),
-        ),
-        tag("script", Html(SCRIPT)),
+        ],
     )
-    return join(Html("<!DOCTYPE html>\n"), tag("html", head, body, lang="en"), "\n")
 
 
 def _banner(result: IdentificationResult) -> Html:

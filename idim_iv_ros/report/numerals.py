@@ -30,6 +30,12 @@ def number(value: float | None, digits: int = 3) -> str:
     return fixed(value, digits - 1 - _exponent(value, digits))
 
 
+def round_number(value: float, digits: int = 3) -> str:
+    """Return a number without the zeros at its end: a bound or a tick, not a measurement."""
+    text = number(value, digits)
+    return text.rstrip("0").rstrip(".") if "." in text and "·" not in text else text
+
+
 def fixed(value: float, decimals: int) -> str:
     """Return a number with that many decimals; below 0 the digits before the point are rounded."""
     rounded = round(value, decimals)

@@ -3,11 +3,17 @@
 SCRIPT = """
 const config = {displayModeBar: false, responsive: true};
 const figures = [];
-for (const script of document.querySelectorAll('script[data-figure]')) {
-  const place = document.getElementById(script.dataset.figure);
+const draw = (script, place) => {
   const drawing = JSON.parse(script.textContent);
   Plotly.newPlot(place, drawing.data, drawing.layout, config);
   figures.push(place);
+};
+for (const script of document.querySelectorAll('script[data-figure]')) {
+  const place = document.getElementById(script.dataset.figure);
+  // What is folded has no width yet.
+  const fold = place.closest('details:not([open])');
+  if (fold) fold.addEventListener('toggle', () => draw(script, place), {once: true});
+  else draw(script, place);
 }
 const refit = () => figures.forEach(place => Plotly.Plots.resize(place));
 window.addEventListener('beforeprint', refit);

@@ -1,6 +1,7 @@
 """Time series thinned for a plot, and where they have gaps."""
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,17 +48,17 @@ def thin(series: JointSeries) -> PlotSeries:
     step = float(np.median(np.diff(time)))
     widest = max(1.5 * step, (time[-1] - time[0]) / 1000.0)
     ends = np.flatnonzero(np.diff(time) > widest)
-    chosen = np.union1d(_peaks(measured, residual), np.concatenate([ends, ends + 1]))
+    chosen = np.union1d(peaks([measured, residual]), np.concatenate([ends, ends + 1]))
     breaks = np.searchsorted(chosen, ends) + 1
 
-    def interrupted(values: FloatArray) -> FloatArray:
+    def broken(values: FloatArray) -> FloatArray:
         return np.insert(values[chosen].astype(float), breaks, np.nan)
 
     return PlotSeries(
-        interrupted(time),
-        interrupted(measured),
-        interrupted(np.asarray(series.predicted)),
-        interrupted(residual),
+        broken(time),
+        broken(measured),
+        broken(np.asarray(series.predicted)),
+        broken(residual),
         np.column_stack([time[ends], time[ends + 1]]),
     )
 
@@ -72,13 +73,38 @@ def contiguous_runs(series: JointSeries) -> list[slice]:
     return [slice(first, last) for first, last in itertools.pairwise(bounds)]
 
 
-def _peaks(measured: FloatArray, residual: FloatArray) -> NDArray[np.int64]:
-    count = len(measured)
-    if count <= 4 * _BUCKETS:
+def peaks(curves: Sequence[FloatArray], buckets: int = _BUCKETS) -> NDArray[np.int64]:
+    """Return the rows that a plot of these curves needs.
+
+    Each of `buckets` equal pieces keeps the rows where a curve is smallest and largest; a short
+    series is kept whole.
+    """
+    count = len(curves[0])
+    if count <= 4 * buckets:
         return np.arange(count)
-    bounds = np.linspace(0, count, _BUCKETS + 1).astype(int)
+    bounds = np.linspace(0, count, buckets + 1).astype(int)
     chosen: list[Any] = [0, count - 1]
     for first, last in itertools.pairwise(bounds):
-        for values in (measured[first:last], residual[first:last]):
+        for curve in curves:
+            values = curve[first:last]
             chosen += [first + int(np.argmin(values)), first + int(np.argmax(values))]
     return np.unique(chosen)
+
+
+def interrupted(
+    time: FloatArray, values: FloatArray, chosen: NDArray[np.int64], step: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return chosen rows of a curve with NaN where rows are further apart than `step`.
+
+    Gaps narrower than a thousandth of the recording are drawn through.
+    """
+    if len(time) < 2:
+        return time, values
+    widest = max(1.5 * step, (time[-1] - time[0]) / 1000.0)
+    ends = np.flatnonzero(np.diff(time) > widest)
+    rows = np.union1d(chosen, np.concatenate([ends, ends + 1]))
+    breaks = np.searchsorted(rows, ends) + 1
+    return (
+        np.insert(time[rows].astype(float), breaks, np.nan),
+        np.insert(values[rows].astype(float), breaks, np.nan),
+    )

@@ -1,16 +1,19 @@
 """The files of a result: both complete or neither."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.gap.result import GapResult
+from idim_iv_ros.report.gap_html import gap_report_html
+from idim_iv_ros.report.gap_json import gap_text
 from idim_iv_ros.report.html import report_html
 from idim_iv_ros.report.json_result import result_text
 from idim_iv_ros.result import IdentificationResult
 
-RESULT, REPORT = "result.json", "report.html"
+RESULT, GAP, REPORT = "result.json", "gap.json", "report.html"
 
 
 def write_report(result: IdentificationResult, out: Path) -> tuple[Path, Path]:
@@ -42,8 +45,34 @@ def write_report(result: IdentificationResult, out: Path) -> tuple[Path, Path]:
     return out / RESULT, out / REPORT
 
 
+def write_gap_report(result: GapResult, out: Path) -> tuple[Path, Path]:
+    """Write gap.json and report.html, both complete or neither.
+
+    Parameters
+    ----------
+    result : GapResult
+        What `diagnose` found.
+    out : Path
+        Folder; created if it does not exist.
+
+    Returns
+    -------
+    Path, Path
+        gap.json and report.html.
+
+    Raises
+    ------
+    UsageError
+        The folder cannot be written.
+    """
+    texts = {out / GAP: gap_text(result), out / REPORT: gap_report_html(result)}
+    with require_writable(out, (GAP, REPORT)):
+        _write_together(texts)
+    return out / GAP, out / REPORT
+
+
 @contextmanager
-def require_writable(out: Path) -> Iterator[None]:
+def require_writable(out: Path, names: Sequence[str] = (RESULT, REPORT)) -> Iterator[None]:
     """Make sure, before long work, that its results can be written afterwards.
 
     The folder is created if it does not exist, and removed again (with the parents that were
@@ -53,6 +82,8 @@ def require_writable(out: Path) -> Iterator[None]:
     ----------
     out : Path
         Folder of the results.
+    names : sequence of str
+        Of the files that will be written there.
 
     Raises
     ------
@@ -63,7 +94,7 @@ def require_writable(out: Path) -> Iterator[None]:
     try:
         try:
             _create(out, created)
-            _probe(out)
+            _probe(out, names)
         except OSError as error:
             raise _refusal(out, error) from error
         yield
@@ -84,11 +115,11 @@ def _create(out: Path, created: list[Path]) -> None:
         created.append(folder)
 
 
-def _probe(out: Path) -> None:
-    for name in (RESULT, REPORT):
+def _probe(out: Path, names: Sequence[str]) -> None:
+    for name in names:
         if (out / name).is_dir():
             raise IsADirectoryError(f"{name} is a folder there")
-    probe = _temporary(out / RESULT)
+    probe = _temporary(out / names[0])
     try:
         probe.write_bytes(b"\0")
     finally:

@@ -52,7 +52,7 @@ def test_two_bags_are_used_together(run, config, bag, tmp_path: Path) -> None:
     assert len(json.loads((tmp_path / "results" / "result.json").read_text())["bags"]) == 2
 
 
-@pytest.mark.parametrize("command", ["import", "check", "identify", "excite"])
+@pytest.mark.parametrize("command", ["import", "check", "identify", "diagnose", "excite"])
 def test_help_shows_an_example(run, command: str) -> None:
     done = run(command, "--help")
     assert done.status == 0
@@ -62,5 +62,5 @@ def test_help_shows_an_example(run, command: str) -> None:
 def test_installed_command_starts() -> None:
     command = Path(sys.executable).with_name("idim-iv")
     done = subprocess.run([command, "--help"], capture_output=True, text=True, check=True)
-    for name in ("import", "check", "identify", "excite"):
+    for name in ("import", "check", "identify", "diagnose", "excite"):
         assert name in done.stdout

@@ -1,40 +1,75 @@
 """Play between motor and link."""
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
-from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape, number
+from idim_iv_ros.gap.effects.effect import (
+    Effect,
+    Extent,
+    FloatArray,
+    Place,
+    Shape,
+    logarithmic,
+    number,
+)
+from idim_iv_ros.gap.effects.two_masses import transmitted
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 
+_FLANKS = (12.0, 25.0, 50.0)  # Hz, of the link on a flank
+_DAMPING = 0.3  # times critical, of the flanks
+
 
 class Backlash(Effect):
-    """The link is half the gap behind the motor on the side from which it is pushed.
+    """Two masses with a dead zone: the link flies free while the load changes its side.
 
-    The flanks change where the torque of the links changes its sign, over a time that the shape
-    gives in seconds. Moves the torques of all joints.
+    Moves the torques of all joints. Shape: gap rad, stiffness of the flanks N m/rad, their damping.
     """
 
     name = "backlash"
     family = "load"
     look_alikes = ("elasticity", "presliding")
     excitation = "slow motion through postures where the load changes its sign"
-    unit = "rad"
+    unit = ""
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
-        """Times of a change from 10 to 80 ms, with damping (a tenth of the load) or without."""
-        return [(0.01,), (0.02,), (0.04,), (0.08,)]
+        """Gaps from 0.1 to 40 mrad."""
+        inertia = float(extent.inertia[place.joint])
+        if inertia <= 0.0:
+            return []
+        shapes: list[Shape] = []
+        for frequency in _FLANKS:
+            stiffness = inertia * (2.0 * np.pi * frequency) ** 2
+            damping = 2.0 * _DAMPING * float(np.sqrt(stiffness * inertia))
+            shapes += [(float(gap), stiffness, damping) for gap in logarithmic(1e-4, 0.04, 9)]
+        return shapes
+
+    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+        """Gap and flanks; their damping follows."""
+        gap, stiffness, damping = shape
+        root = float(np.sqrt(1.0 + step))
+        return [
+            (gap * (1.0 + step), stiffness, damping),
+            (gap / (1.0 + step), stiffness, damping),
+            (gap, stiffness * (1.0 + step), damping * root),
+            (gap, stiffness / (1.0 + step), damping / root),
+        ]
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""
-        load = motion.load[:, place.joint]
-        side = gaussian_filter1d(np.sign(load), shape[0] * motion.rate)
-        small = 1e-4
-        change = motion.moved(place.joint, -0.5 * small * side, links=True) / small
-        return {joint: change[:, [joint]] for joint in range(change.shape[1])}
+        gap, stiffness, damping = shape
+        return transmitted(motion, place.joint, stiffness, damping, gap)
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        """The whole change, not a part of it."""
+        return bool(0.3 < coefficients[0] < 3.0)
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
-        """The gap."""
-        return {"gap": number(coefficients[0], deviations[0], "rad")}
+        """Gap and flanks."""
+        relative = deviations[0] / coefficients[0]
+        return {
+            "gap": number(shape[0], shape[0] * relative, "rad"),
+            "stiffness": number(shape[1], None, "N m/rad"),
+            "damping": number(shape[2], None, "N m s/rad"),
+        }

@@ -35,6 +35,8 @@ class Extent:
         Speed below which rows do not count, and the highest.
     load, torque : N m (N)
         Largest torque of the links, and of the joint.
+    inertia : kg m² (kg)
+        Mean of the links' about the joint.
     duration : float
         s, from the start of the first to the end of the last recording.
     row_rate : float
@@ -47,6 +49,7 @@ class Extent:
     fastest: FloatArray
     load: FloatArray
     torque: FloatArray
+    inertia: FloatArray
     duration: float
     row_rate: float
 

@@ -17,8 +17,9 @@ from idim_iv_ros.gap.smooth_motion import SmoothMotion
 class LoadDependentFriction(Effect):
     """sign(dq) · scale (|τ| / scale)^exponent · (driving or driven); τ: torque of the links.
 
-    Shape: exponent, scale (the largest load), and 1 where both directions of the power flow have
-    a coefficient of their own. A gear that is driven loses less or more than one that drives.
+    Shape: exponent, scale (the largest load), 1 where both directions of the power flow have a
+    coefficient of their own (a gear that is driven loses less or more than one that drives), and
+    1 where the load is the motor's whole torque instead of that of the links.
     """
 
     name = "load_dependent_friction"
@@ -31,13 +32,14 @@ class LoadDependentFriction(Effect):
         scale = float(extent.load[place.joint])
         if scale <= 0.0:
             return []
-        return [(e, scale, two) for e in (0.8, 1.0, 1.3) for two in (0.0, 1.0)]
+        both = (0.0, 1.0)
+        return [(e, scale, two, all_) for e in (0.8, 1.0, 1.3) for two in both for all_ in both]
 
     def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
         """Exponents between 0.6 and 1.6."""
-        exponent, scale, two = shape
+        exponent, scale, two, motor = shape
         near = (exponent * (1.0 + step), exponent / (1.0 + step))
-        return [(min(max(e, 0.6), 1.6), scale, two) for e in near]
+        return [(min(max(e, 0.6), 1.6), scale, two, motor) for e in near]
 
     def free_numbers(self, shape: Shape) -> int:
         """See the grid."""
@@ -45,8 +47,9 @@ class LoadDependentFriction(Effect):
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""
-        exponent, scale, two = shape
-        v, load = motion.velocity[:, place.joint], motion.load[:, place.joint]
+        exponent, scale, two, motor = shape
+        v = motion.velocity[:, place.joint]
+        load = (motion.torque if motor else motion.load)[:, place.joint]
         whole = scale * (np.abs(load) / scale) ** exponent * motion.slip[:, place.joint]
         if not two:
             return {place.joint: whole[:, None]}
@@ -67,4 +70,5 @@ class LoadDependentFriction(Effect):
             "driven": number(coefficients[last], deviations[last], ""),
             "exponent": number(shape[0], None, ""),
             "scale": number(shape[1], None, "N m"),
+            "motor_torque": number(shape[3], None, ""),
         }

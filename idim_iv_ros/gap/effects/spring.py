@@ -36,10 +36,8 @@ class Spring(Effect):
         return {place.joint: np.column_stack([q**k for k in range(4)])}
 
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
-        """A spring pulls back at least on average."""
-        q = np.linspace(*shape, 50)
-        torque = np.polyval(coefficients[::-1], q)
-        return bool(np.polyfit(q, torque, 1)[0] > -np.ptp(torque) / np.ptp(q))
+        """Any: the model absorbs what looks like gravity, and what is left has no sign."""
+        return True
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray

@@ -18,7 +18,7 @@ _PAPER = (
 
 def provenance_section(result: IdentificationResult) -> Html:
     """Return everything that is needed to obtain the same numbers again."""
-    bags = " ".join(_quoted(bag.path) for bag in result.bags)
+    bags = " ".join(quoted(bag.path) for bag in result.bags)
     estimator = "" if result.estimator == "idim-iv" else f" --estimator {result.estimator}"
     command = f"idim-iv identify {bags} --config robot.yaml --out results{estimator}"
     return section(
@@ -30,28 +30,31 @@ def provenance_section(result: IdentificationResult) -> Html:
         tag("p", f"The method: {_PAPER}. Name the version of the software below with it."),
         tag(
             "div",
-            _facts("Software", dict(result.software)),
-            _facts("Time spent", _timing(result)),
+            facts("Software", dict(result.software)),
+            facts("Time spent", time_spent(result.timing)),
             css="grid pair",
         ),
         tag("h3", "Configuration"),
-        tag("pre", _yaml(result.configuration)),
+        tag("pre", yaml_text(result.configuration)),
     )
 
 
-def _facts(title: str, facts: dict[str, str]) -> Html:
-    rows = [tag("tr", tag("th", name, scope="row"), cell(value)) for name, value in facts.items()]
+def facts(title: str, known: dict[str, str]) -> Html:
+    """Return names and values as a table."""
+    rows = [tag("tr", tag("th", name, scope="row"), cell(value)) for name, value in known.items()]
     return tag("table", tag("caption", title), tag("tbody", rows), css="facts")
 
 
-def _timing(result: IdentificationResult) -> dict[str, str]:
-    spent = {stage: with_unit(seconds, "s", 2) for stage, seconds in result.timing.items()}
+def time_spent(timing: dict[str, float]) -> dict[str, str]:
+    """Return the time of each stage and of all, in words."""
+    spent = {stage: with_unit(seconds, "s", 2) for stage, seconds in timing.items()}
     if spent:
-        spent["all"] = with_unit(sum(result.timing.values()), "s", 2)
+        spent["all"] = with_unit(sum(timing.values()), "s", 2)
     return spent
 
 
-def _yaml(configuration: dict[str, object]) -> str:
+def yaml_text(configuration: dict[str, object]) -> str:
+    """Return a configuration as it is written in the robot's file."""
     writer: Any = YAML(typ="safe", pure=True)
     writer.default_flow_style = None
     writer.sort_base_mapping_type_on_output = False
@@ -61,6 +64,7 @@ def _yaml(configuration: dict[str, object]) -> str:
     return text.getvalue()
 
 
-def _quoted(path: str) -> str:
+def quoted(path: str) -> str:
+    """Return a path as a shell takes it."""
     safe = path and all(letter.isalnum() or letter in "/._-+" for letter in path)
     return path if safe else "'" + path.replace("'", "'\\''") + "'"

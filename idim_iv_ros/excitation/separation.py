@@ -1,0 +1,20 @@
+"""What to record so that two effects that look alike can be told apart."""
+
+from idim_iv_ros.excitation.segment import EFFECTS, NOT_REVEALED
+
+
+def separating_motion(first: str, second: str) -> str:
+    """Return in words which segments of ``excite --for diagnosis`` separate two effects.
+
+    A segment that reveals one effect and not the other separates them; where there is none,
+    those that reveal either are named. Empty where nothing is known of both.
+    """
+    apart = [kind for kind, effects in EFFECTS.items() if (first in effects) != (second in effects)]
+    either = [kind for kind, effects in EFFECTS.items() if first in effects or second in effects]
+    needs = [NOT_REVEALED[each] for each in (first, second) if each in NOT_REVEALED]
+    kinds = apart or either
+    if kinds:
+        names = " and ".join(filter(None, (", ".join(kinds[:-1]), kinds[-1])))
+        plural = "s" if len(kinds) > 1 else ""
+        needs.insert(0, f"the segment{plural} {names} of idim-iv excite --for diagnosis")
+    return "; ".join(needs)

@@ -1,0 +1,87 @@
+"""Link behind a shaft or a play, driven by the motor's measured motion.
+
+M δ̈ = T(δ, δ̇) − τ: the link moves by δ against the motor, M its inertia about the joint, τ the
+torque that it would need if it followed the motor, T what the transmission gives.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from idim_iv_ros.gap.smooth_motion import SmoothMotion
+
+FloatArray = NDArray[np.float64]
+
+_STEPS_PER_PERIOD = 25.0  # of the transmission's natural frequency
+
+
+def transmitted(
+    motion: SmoothMotion, joint: int, stiffness: float, damping: float, gap: float
+) -> dict[int, FloatArray]:
+    """Change of all torques (s, 1) by joint, against a rigid transmission.
+
+    Parameters
+    ----------
+    stiffness, damping
+        N m/rad, N m s/rad, of the shaft or of the flanks.
+    gap
+        Play, rad.
+    """
+    inertia = motion.inertia[:, :, joint]
+    own = np.maximum(inertia[:, joint], 1e-3 * np.max(np.abs(inertia[:, joint])) + 1e-12)
+    frequency = np.sqrt(stiffness / float(np.min(own))) / (2.0 * np.pi)
+    steps = max(1, int(np.ceil(_STEPS_PER_PERIOD * frequency / motion.rate)))
+    torque, acceleration = _relative(
+        np.ascontiguousarray(motion.load[:, joint]),
+        np.ascontiguousarray(own),
+        1.0 / motion.rate,
+        stiffness,
+        damping,
+        0.5 * gap,
+        steps,
+    )
+    changes = {other: inertia[:, [other]] * acceleration[:, None] for other in range(inertia.shape[1])}
+    changes[joint] = (torque - motion.load[:, joint])[:, None]
+    return changes
+
+
+@njit(cache=True)
+def _relative(
+    load: FloatArray,
+    inertia: FloatArray,
+    step: float,
+    stiffness: float,
+    damping: float,
+    half_gap: float,
+    steps: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Transmitted torque and relative acceleration, (s,) each; starts in static equilibrium."""
+    samples = len(load)
+    torque, acceleration = np.zeros(samples), np.zeros(samples)
+    side = 1.0 if load[0] >= 0.0 else -1.0
+    shift = -load[0] / stiffness - side * half_gap
+    speed = 0.0
+    small = step / steps
+    for k in range(samples):
+        total = 0.0
+        rate = 0.0
+        count = steps if k < samples - 1 else 1
+        for i in range(count):
+            share = i / steps
+            after = min(k + 1, samples - 1)
+            needed = (1.0 - share) * load[k] + share * load[after]
+            mass = (1.0 - share) * inertia[k] + share * inertia[after]
+            bent = shift - min(max(shift, -half_gap), half_gap)
+            given = 0.0
+            if bent != 0.0 or half_gap == 0.0:
+                given = -stiffness * bent - damping * speed
+                if half_gap > 0.0 and given * bent > 0.0:
+                    given = 0.0
+            change = (given - needed) / mass
+            total += given
+            rate += change
+            speed += small * change
+            shift += small * speed
+        torque[k] = total / count
+        acceleration[k] = rate / count
+    return torque, acceleration

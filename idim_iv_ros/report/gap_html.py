@@ -1,0 +1,60 @@
+"""report.html of a diagnosis: one file that opens without a network."""
+
+from idim_iv_ros.gap.result import GapResult
+from idim_iv_ros.report.gap_sections.causes import causes_section
+from idim_iv_ros.report.gap_sections.glossary import gap_glossary_section
+from idim_iv_ros.report.gap_sections.limits import limits_section
+from idim_iv_ros.report.gap_sections.orders import orders_section
+from idim_iv_ros.report.gap_sections.provenance import gap_provenance_section, notes_section
+from idim_iv_ros.report.gap_sections.residuals import residuals_section
+from idim_iv_ros.report.gap_sections.stages import stages_section
+from idim_iv_ros.report.gap_sections.torque import torque_section
+from idim_iv_ros.report.gap_sections.tracking import tracking_section
+from idim_iv_ros.report.gap_sections.verdict import verdict_section
+from idim_iv_ros.report.gap_sections.where import where_section
+from idim_iv_ros.report.gap_words import duration
+from idim_iv_ros.report.markup import Html, tag
+from idim_iv_ros.report.numerals import with_unit
+from idim_iv_ros.report.page import page
+
+
+def gap_report_html(result: GapResult) -> str:
+    """Return the report of a diagnosis as one self-contained HTML document.
+
+    Parameters
+    ----------
+    result : GapResult
+        What `diagnose` found.
+    """
+    sections = [
+        ("Verdict", "verdict", verdict_section(result)),
+        ("Shrinkage", "stages", stages_section(result)),
+        ("Causes", "causes", causes_section(result)),
+        ("Regimes", "where", where_section(result)),
+        ("Residual", "residuals", residuals_section(result)),
+        ("Orders", "orders", orders_section(result)),
+        ("Torque", "torque", torque_section(result)),
+        ("Tracking", "tracking", tracking_section(result)),
+        ("Cannot tell", "limits", limits_section(result)),
+        ("Notes", "notes", notes_section(result)),
+        ("Repeat", "repeat", gap_provenance_section(result)),
+        ("Glossary", "glossary", gap_glossary_section()),
+    ]
+    shown = [(words, anchor, part) for words, anchor, part in sections if part is not None]
+    return page(
+        f"{result.robot}: sim-to-real gap",
+        _banner(result, [(words, anchor) for words, anchor, _ in shown]),
+        [part for *_, part in shown],
+        styles=("report.css", "gap.css"),
+    )
+
+
+def _banner(result: GapResult, links: list[tuple[str, str]]) -> Html:
+    joints = f"{len(result.joints)} joint{'s' if len(result.joints) != 1 else ''}"
+    seconds = with_unit(duration(result), "s")
+    return tag(
+        "header",
+        tag("h1", result.robot, tag("span", " sim-to-real gap")),
+        tag("p", f"Diagnosis of {joints} from {seconds} of recording"),
+        tag("nav", [tag("a", words, href=f"#{anchor}") for words, anchor in links]),
+    )

@@ -1,0 +1,189 @@
+"""Each accepted cause: what, how large, why it is believed, what it may be mistaken for."""
+
+from idim_iv_ros.excitation.separation import separating_motion
+from idim_iv_ros.gap.result import Cause, Gap, GapResult, Unexplained
+from idim_iv_ros.report.gap_words import effect_at, effect_words, small_unit, torque_unit
+from idim_iv_ros.report.markup import Html, join, section, sentence, tag
+from idim_iv_ros.report.numerals import (
+    cell,
+    known,
+    measured_cells,
+    number,
+    p_value,
+    percent,
+    with_unit,
+)
+
+
+def causes_section(result: GapResult) -> Html:
+    """Return one card for each cause, and what no cause explains."""
+    cards = [_card(result, cause, place + 1) for place, cause in enumerate(result.causes)]
+    if result.unexplained is not None:
+        cards.append(_unexplained(result.unexplained))
+    if not cards:
+        cards.append(
+            tag(
+                "p",
+                "No effect of the catalogue is accepted: none helps on data that was held out by "
+                "more than chance would. What this recording cannot show is listed below.",
+            )
+        )
+    left_out = ", ".join(effect_words(each) for each in result.without)
+    return section(
+        "What causes it",
+        "causes",
+        tag("p", f"Left out of the catalogue on request: {left_out}.", css="warning")
+        if left_out
+        else None,
+        cards,
+    )
+
+
+def _card(result: GapResult, cause: Cause, rank: int) -> Html:
+    kind = "structural" if cause.kind == "structural" else "parametric"
+    badge = tag("span", kind, css=f"badge {'bad' if kind == 'structural' else 'fair'}")
+    title = effect_at(cause.effect, cause.joint, cause.other_joint)
+    return tag(
+        "article",
+        tag("h3", f"{rank}. {title[:1].upper()}{title[1:]} ", badge),
+        tag("p", cause.sentence),
+        tag(
+            "div",
+            tag("div", _parameters(cause), _evidence(cause)),
+            tag("div", _gaps(result, cause), _rivals(cause)),
+            css="grid pair",
+        ),
+        css="cause",
+    )
+
+
+def _parameters(cause: Cause) -> Html | None:
+    if not cause.parameters:
+        return None
+    rows = [
+        tag(
+            "tr",
+            tag("th", name.replace("_", " "), scope="row"),
+            measured_cells(each.value, each.std),
+            tag("td", each.unit, css="unit"),
+        )
+        for name, each in cause.parameters.items()
+    ]
+    head = tag(
+        "tr",
+        tag("th", "Parameter", scope="col"),
+        tag("th", "Value", scope="col", css="num"),
+        tag("th", "± 95 %", scope="col"),
+        tag("th", "Unit", scope="col"),
+    )
+    return tag("table", tag("thead", head), tag("tbody", rows))
+
+
+def _evidence(cause: Cause) -> Html:
+    evidence = cause.evidence
+    name = "2 log likelihood ratio" if cause.kind == "structural" else "Wald statistic"
+    gain = None if evidence.held_out_gain is None else 100.0 * evidence.held_out_gain
+    facts = [
+        (name, number(evidence.statistic)),
+        ("p-value, all candidates counted", p_value(evidence.p_value)),
+        ("Residual energy that goes on held-out blocks", percent(gain)),
+        ("Held-out blocks on which it helps", evidence.folds_positive or "–"),
+    ]
+    rows = [tag("tr", tag("th", what, scope="row"), cell(value)) for what, value in facts]
+    return tag("table", tag("tbody", rows), css="facts")
+
+
+def _gaps(result: GapResult, cause: Cause) -> Html:
+    place = cause.joint or "all joints"
+    unit = torque_unit(result, cause.joint)
+    rows = [_gap(f"Torque gap, {place}", cause.torque_gap, 1.0, unit)]
+    if cause.simulation_gap is not None:
+        small = small_unit(result, cause.joint)
+        rows.append(_gap(f"Tracking error, {place}", cause.simulation_gap, 1e3, small))
+    else:
+        rows.append(tag("p", tag("small", "Tracking error: no closed loop could be simulated.")))
+    return join(rows)
+
+
+def _gap(title: str, gap: Gap, factor: float, unit: str) -> Html:
+    before, after = (with_unit(factor * each, unit) for each in (gap.before, gap.after))
+    return tag(
+        "div",
+        tag("p", tag("b", title), f": {before} → {after}"),
+        _meter(gap),
+        tag("p", tag("small", _shrinkage(gap))),
+        css="shrinkage",
+    )
+
+
+def _shrinkage(gap: Gap) -> str:
+    if gap.shrinkage is None or not known(gap.shrinkage):
+        return "shrinkage cannot be told"
+    interval = ""
+    if gap.ci95 is not None and known(gap.ci95[0]) and known(gap.ci95[1]):
+        low, high = (number(100.0 * each, 2) for each in gap.ci95)
+        interval = f" ({low} to {high} %)"
+    of = "of what lies above the noise floor" if gap.noise_floor is not None else "of it"
+    return f"{percent(100.0 * gap.shrinkage)}{interval} {of} goes"
+
+
+def _meter(gap: Gap) -> Html | None:
+    if gap.shrinkage is None or not known(gap.shrinkage):
+        return None
+    share = min(max(gap.shrinkage, 0.0), 1.0)
+    parts = [tag("i", css="full effect", style=f"left:0;width:{100.0 * share:.1f}%")]
+    if gap.ci95 is not None and known(gap.ci95[0]) and known(gap.ci95[1]):
+        low, high = (min(max(each, 0.0), 1.0) for each in gap.ci95)
+        width = 100.0 * (high - low)
+        parts.append(tag("i", css="whisker", style=f"left:{100.0 * low:.1f}%;width:{width:.1f}%"))
+    return tag("div", parts, css="track meter")
+
+
+def _rivals(cause: Cause) -> Html:
+    if not cause.indistinguishable_from:
+        return tag("p", tag("b", "Told apart"), " from every other effect that is testable here.")
+    items = []
+    for rival in cause.indistinguishable_from:
+        motion = separating_motion(cause.effect, rival.effect)
+        items.append(
+            tag(
+                "li",
+                tag("b", effect_at(rival.effect, rival.joint)),
+                f" (correlation {number(rival.correlation, 3)}). ",
+                sentence(f"To separate them: {motion}") if motion else None,
+            )
+        )
+    return tag(
+        "div",
+        tag("p", tag("b", "Cannot be told from"), ", on this recording:"),
+        tag("ul", items),
+        css="warning",
+    )
+
+
+def _unexplained(unexplained: Unexplained) -> Html:
+    return tag(
+        "article",
+        tag("h3", f"Not in the catalogue, at {unexplained.joint} ", _open_badge("unknown")),
+        tag(
+            "p",
+            f"{percent(100.0 * unexplained.share)} of the residual energy above the noise floor "
+            f"at {unexplained.joint} {_FAMILIES[unexplained.family]} in a way that no effect of "
+            f"the catalogue has: {unexplained.where}.",
+        ),
+        css="cause",
+    )
+
+
+_FAMILIES = {
+    "velocity": "follows the speed",
+    "position": "follows the position",
+    "load": "follows the load",
+    "time": "follows the time",
+    "frequency": "follows the frequency",
+    "event": "comes in single events,",
+}
+
+
+def _open_badge(words: str) -> Html:
+    return tag("span", words, css="badge open")

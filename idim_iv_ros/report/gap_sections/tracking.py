@@ -1,0 +1,85 @@
+"""Tracking error of the robot, and of its simulation before and after."""
+
+from typing import Any
+
+import numpy as np
+
+from idim_iv_ros.gap.result import GapResult, TrackingSeries
+from idim_iv_ros.report.figures import BLUE, INK, PALE, Figure, axis, embed, figure, legend, typed
+from idim_iv_ros.report.gap_words import small_unit
+from idim_iv_ros.report.markup import Html, section, tag
+from idim_iv_ros.report.series import FloatArray, peaks
+
+_HEIGHT = 230
+_BUCKETS = 220
+_FEW = 3
+
+
+def tracking_section(result: GapResult) -> Html | None:
+    """Return one plot for each joint (its first recording), or None without simulations."""
+    firsts: dict[str, TrackingSeries] = {}
+    for series in result.tracking:
+        if len(series.time):
+            firsts.setdefault(series.joint, series)
+    if not firsts:
+        return None
+    plots = [_joint(result, series, index) for index, series in enumerate(firsts.values())]
+    missing = any(each.before is None or each.after is None for each in firsts.values())
+    return section(
+        "Tracking error in closed loop",
+        "tracking",
+        tag(
+            "p",
+            "Reference minus position, of the robot and of its simulation under the same "
+            "controller and references. Tracking errors scale with the inverse of the gains: "
+            "compare them at these gains only, and judge the model by its torque gap. The first "
+            "recording of each joint is drawn.",
+            css="explanation",
+        ),
+        legend(
+            ("line", PALE, "robot"),
+            ("line", INK, "simulated, before"),
+            ("line", BLUE, "simulated, after"),
+        ),
+        tag("p", "A line is missing where the simulation diverged.") if missing else None,
+        tag("div", plots, css="grid one" if len(plots) <= _FEW else "grid two"),
+    )
+
+
+def _joint(result: GapResult, series: TrackingSeries, index: int) -> Html:
+    words = f"Tracking error of {series.joint}, robot and simulations, over time"
+    return tag(
+        "div",
+        tag("h3", series.joint, tag("small", f" {series.bag}")),
+        embed(
+            _drawing(series, small_unit(result, series.joint)), f"tracking-{index}", _HEIGHT, words
+        ),
+        css="plot",
+    )
+
+
+def _drawing(series: TrackingSeries, unit: str) -> Figure:
+    curves: list[tuple[str, FloatArray | None, str, float]] = [
+        ("robot", series.measured, PALE, 2.6),
+        ("before", series.before, INK, 1.1),
+        ("after", series.after, BLUE, 1.2),
+    ]
+    shown = [
+        (name, values, colour, width)
+        for name, values, colour, width in curves
+        if values is not None
+    ]
+    chosen = peaks([values for _, values, _, _ in shown], _BUCKETS)
+    data: list[dict[str, Any]] = [
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "x": typed(np.asarray(series.time)[chosen]),
+            "y": typed(1e3 * np.asarray(values)[chosen]),
+            "line": {"color": colour, "width": width},
+            "hovertemplate": f"{name} %{{y:.3g}} {unit} at %{{x:.3f}} s<extra></extra>",
+        }
+        for name, values, colour, width in shown
+    ]
+    axes = {"xaxis": axis("Time, s"), "yaxis": axis(f"Tracking error, {unit}", nticks=6)}
+    return figure(data, axes, hovermode="closest")

@@ -1,0 +1,114 @@
+"""The command around a diagnosis; what it computes is made up here."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from idim_iv_ros.cli.diagnose import run_diagnosis
+from idim_iv_ros.errors import DataError, IdimError, UsageError
+from idim_iv_ros.report import read_gap
+from tests.report.sample_gap import CASES, Case, sample_gap, with_first_joint_named
+
+EFFECTS = ("payload", "stribeck", "backlash")
+
+
+class StandIn:
+    """Takes what the command passes on, and returns a diagnosis that was made before."""
+
+    def __init__(self, case: Case = "both", error: Exception | None = None) -> None:
+        self.case, self.error = case, error
+        self.calls: list[tuple] = []
+
+    def __call__(self, bags, configuration, *, without=(), progress=None):
+        self.calls.append((tuple(bags), configuration.robot.joints, without))
+        progress("candidates", 0.5)
+        if self.error is not None:
+            raise self.error
+        return sample_gap(2, self.case)
+
+
+@pytest.fixture
+def diagnose(config, tmp_path: Path, capsys, monkeypatch) -> Callable[..., str]:
+    """Run the command's own function with a stand-in and return what it prints."""
+    monkeypatch.setenv("COLUMNS", "140")
+
+    def call(stand_in: StandIn, without: tuple[str, ...] = (), out: Path | None = None) -> str:
+        place = out or tmp_path / "why"
+        bags = [Path("a.mcap"), Path("b.mcap")]
+        run_diagnosis(bags, config(), place, without, diagnose=stand_in, effects=EFFECTS)
+        return capsys.readouterr().out
+
+    return call
+
+
+def test_verdict_causes_stages_and_limits_are_printed(diagnose, tmp_path: Path) -> None:
+    printed = " ".join(diagnose(StandIn("both")).split())
+    result = sample_gap(2, "both")
+    assert printed.index("Verdict: parametric and structural") < printed.index("Causes")
+    assert " ".join(result.summary.split()) in printed
+    for words in ("payload", "stribeck", "0.62 → 0.225 N m", "96 % (90 to 100 %)", "presliding"):
+        assert words in printed
+    for words in ("given model", "+ stribeck at joint_2", "noise floor", "torque saturation"):
+        assert words in printed
+    assert str(tmp_path / "why" / "report.html") in printed
+
+
+def test_both_files_are_written(diagnose, tmp_path: Path) -> None:
+    diagnose(StandIn())
+    out = tmp_path / "why"
+    assert sorted(path.name for path in out.iterdir()) == ["gap.json", "report.html"]
+    assert read_gap(out / "gap.json")["verdict"] == "both"
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_verdict_fits_on_a_screen(diagnose, case: Case) -> None:
+    assert 5 < len(diagnose(StandIn(case)).splitlines()) < 60
+
+
+def test_effects_are_left_out_once(diagnose) -> None:
+    stand_in = StandIn()
+    diagnose(stand_in, without=("stribeck", "payload", "stribeck"))
+    ((bags, joints, without),) = stand_in.calls
+    assert bags == (Path("a.mcap"), Path("b.mcap"))
+    assert joints == ["joint_1", "joint_2"]
+    assert without == ("stribeck", "payload")
+
+
+def test_an_effect_that_does_not_exist_is_refused_with_the_names(diagnose, tmp_path: Path) -> None:
+    stand_in = StandIn()
+    with pytest.raises(UsageError, match=r"strybeck.*payload, stribeck, backlash") as refusal:
+        diagnose(stand_in, without=("strybeck",))
+    assert refusal.value.exit_status == 2
+    assert "\n" not in str(refusal.value)
+    assert stand_in.calls == []
+    assert not (tmp_path / "why").exists()
+
+
+@pytest.mark.parametrize("error", [DataError("too short"), UsageError("no such file")])
+def test_a_refusal_leaves_no_folder(diagnose, tmp_path: Path, error: IdimError) -> None:
+    with pytest.raises(type(error)):
+        diagnose(StandIn(error=error))
+    assert not (tmp_path / "why").exists()
+
+
+def test_a_place_that_cannot_be_written_is_refused_before_the_work(
+    diagnose, tmp_path: Path
+) -> None:
+    taken = tmp_path / "taken"
+    (taken / "gap.json").mkdir(parents=True)
+    stand_in = StandIn()
+    with pytest.raises(UsageError, match=r"gap\.json is a folder"):
+        diagnose(stand_in, out=taken)
+    assert stand_in.calls == []
+
+
+def test_brackets_in_names_are_printed_as_they_are(config, tmp_path: Path, capsys) -> None:
+    def stand_in(bags, configuration, *, without=(), progress=None):
+        return with_first_joint_named(sample_gap(2, "structural"), "[red]arm[/]")
+
+    run_diagnosis([], config(), tmp_path / "why", (), diagnose=stand_in, effects=EFFECTS)
+    assert "[red]arm[/]" in "".join(capsys.readouterr().out.split())
+    document = json.loads((tmp_path / "why" / "gap.json").read_text(encoding="utf-8"))
+    assert document["joints"][0] == "[red]arm[/]"

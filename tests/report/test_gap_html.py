@@ -1,0 +1,188 @@
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.gap.result import GapResult, NotTestable
+from idim_iv_ros.report import gap_report_html
+from tests.report.sample_gap import CASES, Case, sample_gap, with_first_joint_named
+from tests.report.test_html import Page
+
+NASTY = """<script>alert(1)</script>&'"<b>"""
+
+
+def _page(result: GapResult) -> Page:
+    return Page(gap_report_html(result))
+
+
+@pytest.mark.parametrize("joints", [1, 2, 6, 7])
+@pytest.mark.parametrize("case", CASES)
+def test_every_diagnosis_becomes_a_well_formed_page(joints: int, case: Case) -> None:
+    if joints == 1 and case in ("structural", "both"):
+        pytest.skip("the sample's causes are at joint 2")
+    result = sample_gap(max(joints, 2), case)
+    if joints == 1:
+        result = _only_first(result)
+    page = _page(result)
+    assert page.open == []
+    assert len(page.figures) == 4 * joints
+    assert result.summary in page.text
+    anchors = [attrs["id"] for _, attrs in page.elements if "id" in attrs]
+    assert len(anchors) == len(set(anchors))
+
+
+def _only_first(result: GapResult) -> GapResult:
+    return replace(
+        result,
+        joints=result.joints[:1],
+        joint_types=result.joint_types[:1],
+        joint_gaps=result.joint_gaps[:1],
+        series=result.series[:1],
+        tracking=result.tracking[:1],
+        confusability=result.confusability[:1],
+    )
+
+
+@pytest.mark.parametrize("given", [False, True])
+@pytest.mark.parametrize("floor", [False, True])
+@pytest.mark.parametrize("tracking", [False, True])
+def test_what_is_unknown_is_left_out_or_said(given: bool, floor: bool, tracking: bool) -> None:
+    text = gap_report_html(sample_gap(2, "both", given=given, floor=floor, tracking=tracking))
+    page = Page(text)
+    assert ('<th scope="row">given model</th>' in text) == given
+    assert ("<small>unknown</small>" in text) == (not floor)
+    assert ("Tracking error in closed loop" in page.text) == tracking
+    assert "nan" not in page.text.split()
+
+
+def test_the_page_loads_nothing_from_anywhere() -> None:
+    text = gap_report_html(sample_gap(2, "both"))
+    for name, attributes in Page(text).elements:
+        assert name not in {"link", "iframe", "img", "base", "object", "embed"}
+        assert "src" not in attributes
+        assert (attributes.get("href") or "#").startswith("#")
+    styles = re.findall(r"<style>(.*?)</style>", text, re.DOTALL)
+    assert not any("url(" in style or "@import" in style for style in styles)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_link_of_the_page_has_its_target(case: Case) -> None:
+    elements = _page(sample_gap(2, case, tracking=False)).elements
+    anchors = {attributes.get("id") for _, attributes in elements}
+    targets = [attributes["href"] for name, attributes in elements if name == "a"]
+    assert targets
+    assert all(target is not None and target[1:] in anchors for target in targets)
+
+
+def test_the_verdict_comes_first_then_shrinkage_then_causes() -> None:
+    result = sample_gap(2, "both")
+    text = _page(result).text
+    places = [text.index(each) for each in (result.summary, "How far the gap", "What causes it")]
+    assert places == sorted(places)
+
+
+def test_a_cause_shows_its_numbers_and_what_it_is_mistaken_for() -> None:
+    text = _page(sample_gap(2, "structural")).text
+    for words in (
+        *("Stribeck at joint_2", "1.62±", "0.121±", "0.620", "0.225", "6 of 6", "47"),
+        *("presliding at joint_2", "correlation 0.970", "18.020±"),
+    ):
+        assert words in text.replace("\N{NARROW NO-BREAK SPACE}", "").replace(" ±", "±"), words
+    assert "segments creep and reversals of idim-iv excite --for diagnosis" in text
+    assert re.search(r"96.% \(90 to 100 %\) of what lies above the noise floor goes", text)
+
+
+def test_a_given_model_that_is_wrong_is_drawn_only_where_numbers_are_the_cause() -> None:
+    def rows(case: Case) -> str:
+        page = _page(sample_gap(2, case))
+        labels = [a.get("aria-label") or "" for _, a in page.elements]
+        return next(label for label in labels if label.startswith("Residual of joint_2"))
+
+    assert rows("structural").endswith("refit, extended")
+    assert rows("parametric").endswith("given, refit")
+    assert rows("both").endswith("given, refit, extended")
+
+
+def test_with_many_joints_only_those_with_causes_are_unfolded() -> None:
+    page = _page(sample_gap(6, "structural"))
+    folds = [attrs for name, attrs in page.elements if name == "details"]
+    shown = [("open" in attrs) for attrs in folds if attrs.get("class") == "plot"]
+    assert shown == [False, True, False, False, False, True]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_joint_named_like_a_script_is_only_text(case: Case) -> None:
+    plain = _page(sample_gap(2, case))
+    page = _page(with_first_joint_named(sample_gap(2, case), NASTY))
+    names = [name for name, _ in page.elements]
+    assert names.count("script") == [name for name, _ in plain.elements].count("script")
+    assert NASTY in page.text
+    assert page.open == []
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_no_number_is_shown_with_more_digits_than_it_has(case: Case) -> None:
+    for words in _page(sample_gap(6, case)).words:
+        assert not re.search(r"\d\.\d{6,}|\b(nan|inf|None)\b", words)
+
+
+def test_no_name_of_a_field_is_shown() -> None:
+    result = sample_gap(2, "both")
+    text = _page(result).text
+    for field in (*vars(result), *vars(result.causes[0]), *vars(result.regimes[0])):
+        if "_" in field:
+            assert field not in text
+
+
+def test_joints_that_cannot_be_tested_for_the_same_reason_share_a_row() -> None:
+    result = sample_gap(6, "none")
+    each = [NotTestable("backlash", joint, "too slow", "creep") for joint in result.joints]
+    text = _page(replace(result, not_testable=tuple(each))).text
+    assert "joint_1, joint_2, joint_3, joint_4, joint_5, joint_6" in text
+    assert text.count("Too slow.") == 1
+
+
+def test_hours_of_many_joints_stay_a_small_file() -> None:
+    short = len(gap_report_html(sample_gap(6, "both", seconds=60.0)))
+    long = len(gap_report_html(sample_gap(6, "both", seconds=3600.0)))
+    assert long < 1.15 * short
+    assert long < 8_000_000
+
+
+def test_a_prismatic_joint_has_newtons_and_millimetres() -> None:
+    result = replace(sample_gap(2, "structural"), joint_types=("prismatic", "revolute"))
+    page = _page(result)
+    assert {"Torque, N", "Torque, N m", "Tracking, mm", "Tracking, mrad"} <= set(page.words)
+
+
+def test_a_joint_that_stands_still_or_has_no_rows_is_no_error() -> None:
+    result = sample_gap(2, "structural")
+    rows = np.zeros_like(result.series[0].speed)
+    still = replace(result.series[0], speed=rows, position=rows, since_reversal=rows)
+    columns = [name for name in vars(still) if name not in ("joint", "step")]
+    empty = replace(result.series[1], **dict.fromkeys(columns, np.zeros(0)))
+    page = _page(replace(result, series=(still, empty)))
+    assert page.open == []
+    assert "nan" not in page.text
+
+
+def test_a_diagnosis_that_could_do_nothing_still_has_its_page() -> None:
+    result = replace(
+        sample_gap(2, "unknown"),
+        joint_gaps=(),
+        regimes=(),
+        findings=(),
+        not_testable=(),
+        stages=(),
+        confusability=(),
+        series=(),
+        tracking=(),
+        unexplained=None,
+        extended_parameters={},
+        timing={},
+    )
+    page = _page(result)
+    assert page.open == []
+    assert page.figures == []
+    assert result.summary in page.text
