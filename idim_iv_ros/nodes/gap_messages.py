@@ -1,7 +1,6 @@
 """From gap.json to messages."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from builtin_interfaces.msg import Time
 
@@ -17,22 +16,10 @@ from idim_iv_interfaces.msg import (
     UntestableEffect,
 )
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.gap.result import FORMAT
-from idim_iv_ros.nodes.documents import Document, number, read_document
-from idim_iv_ros.report.write import REPORT
+from idim_iv_ros.nodes.documents import Document, number
+from idim_iv_ros.report.write import GAP, REPORT
 
-GAP = "gap.json"
-
-
-def read_gap(folder: Path) -> Document:
-    """Return the content of the gap.json in a folder.
-
-    Raises
-    ------
-    DataError
-        There is none, or it is of another format.
-    """
-    return read_document(folder / GAP, FORMAT)
+_NO_CHANGE: Document = {"before": None, "after": None, "shrinkage": None, "ci95": None}
 
 
 def gap_message(document: Document, stamp: Time, bags: Sequence[str], folder: str) -> GapReport:
@@ -41,7 +28,7 @@ def gap_message(document: Document, stamp: Time, bags: Sequence[str], folder: st
     Parameters
     ----------
     document
-        Content of gap.json.
+        Content of gap.json, as `idim_iv_ros.report.gap_format.read_gap` returns it.
     stamp
         When the diagnosis ended.
     bags
@@ -64,9 +51,9 @@ def _report(document: Document, stamp: Time, bags: Sequence[str], folder: str) -
     where = document["where"]
     unexplained = document["unexplained"] or {}
     message = GapReport(
-        robot=document.get("robot", ""),
+        robot=document["robot"],
         verdict=document["verdict"],
-        summary=document.get("summary", ""),
+        summary=document["summary"],
         causes=[_cause(each) for each in document["causes"]],
         unexplained_joint=unexplained.get("joint") or "",
         unexplained_family=unexplained.get("family") or "",
@@ -74,11 +61,13 @@ def _report(document: Document, stamp: Time, bags: Sequence[str], folder: str) -
         unexplained_where=unexplained.get("where") or "",
         joints=[_joint(each) for each in where["joints"]],
         regimes=[_regime(each) for each in where["regimes"]],
+        findings=document["findings"],
         not_testable=[_untestable(each) for each in document["not_testable"]],
-        without=list(document.get("without", [])),
+        notes=document["notes"],
+        without=document["without"],
         bags=list(bags),
         files=[f"{folder}/{name}" for name in (GAP, REPORT)],
-        duration=float(sum(document.get("timing", {}).values())),
+        duration=sum(value or 0.0 for value in document["timing"].values()),
     )
     joints = [each.joint for each in message.joints]
     message.stages = [_stage(each, joints) for each in document["stages"]]
@@ -92,16 +81,16 @@ def _cause(each: Document) -> GapCause:
         effect=each["effect"],
         kind=each["kind"],
         joint=each["joint"] or "",
-        other_joint=each.get("other_joint") or "",
+        other_joint=each["other_joint"] or "",
         parameters=[_parameter(name, value) for name, value in each["parameters"].items()],
         statistic=number(evidence["statistic"]),
         p_value=number(evidence["p_value"]),
         held_out_gain=number(evidence["held_out_gain"]),
-        folds_positive=str(evidence["folds_positive"]),
+        folds_positive=evidence["folds_positive"],
         indistinguishable_from=[_rival(rival) for rival in each["indistinguishable_from"]],
         torque_gap=_change(each["torque_gap"]),
-        simulation_gap=_change(each["simulation_gap"] or {"before": None, "after": None}),
-        sentence=each.get("sentence", ""),
+        simulation_gap=_change(each["simulation_gap"] or _NO_CHANGE),
+        sentence=each["sentence"],
     )
 
 
@@ -127,12 +116,12 @@ def _rival(each: Document) -> GapRival:
 
 
 def _change(each: Document) -> GapChange:
-    low, high = _interval(each.get("ci95"))
+    low, high = _interval(each["ci95"])
     return GapChange(
         before=number(each["before"]),
         after=number(each["after"]),
         noise_floor=number(each.get("noise_floor")),
-        shrinkage=number(each.get("shrinkage")),
+        shrinkage=number(each["shrinkage"]),
         shrinkage_low=low,
         shrinkage_high=high,
     )
@@ -145,7 +134,7 @@ def _joint(each: Document) -> GapJoint:
         relative_percent=number(each["relative_percent"]),
         share=number(each["share"]),
         noise_floor=number(each["noise_floor"]),
-        floor_origin=each.get("floor_origin", ""),
+        floor_origin=each["floor_origin"],
     )
 
 
@@ -155,7 +144,7 @@ def _regime(each: Document) -> GapRegime:
     return GapRegime(
         joint=each["joint"],
         axis=each["axis"],
-        unit=each.get("unit", ""),
+        unit=each["unit"],
         lift_low=low,
         lift_high=high,
         **{name: number(each[name]) for name in numbers},
@@ -164,14 +153,14 @@ def _regime(each: Document) -> GapRegime:
 
 def _stage(each: Document, joints: Sequence[str]) -> GapStage:
     torque, tracking = each["torque_rms"], each["tracking_rms"] or {}
-    intervals = [_interval(each.get("torque_ci95", {}).get(joint)) for joint in joints]
+    intervals = [_interval(each["torque_ci95"].get(joint)) for joint in joints]
     return GapStage(
         stage=each["stage"],
-        torque_rms=[number(torque[joint]) for joint in joints],
+        torque_rms=[number(torque.get(joint)) for joint in joints],
         torque_rms_low=[low for low, _ in intervals],
         torque_rms_high=[high for _, high in intervals],
         tracking_rms=[number(tracking.get(joint)) for joint in joints],
-        note=each.get("note", ""),
+        note=each["note"],
     )
 
 
@@ -181,7 +170,7 @@ def _untestable(each: Document) -> UntestableEffect:
         joint=each["joint"] or "",
         reason=each["reason"],
         excitation_needed=each["excitation_needed"],
-        smallest=each.get("smallest", ""),
+        smallest=each["smallest"],
     )
 
 

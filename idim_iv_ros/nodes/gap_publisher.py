@@ -8,9 +8,11 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from idim_iv_interfaces.msg import GapReport
-from idim_iv_ros.errors import DataError
+from idim_iv_ros.errors import IdimError
 from idim_iv_ros.nodes.documents import read_document, write_document
-from idim_iv_ros.nodes.gap_messages import gap_message, read_gap
+from idim_iv_ros.nodes.gap_messages import gap_message
+from idim_iv_ros.report.gap_format import read_gap
+from idim_iv_ros.report.write import GAP
 
 FORMAT = "idim_iv_ros/last_gap/1"
 FILE = "last_gap.json"
@@ -39,7 +41,7 @@ class GapPublisher:
         try:
             kept = read_document(path, FORMAT)
             self._publish(int(kept["stamp"]), kept["bags"], Path(kept["folder"]).name)
-        except (DataError, KeyError, TypeError, ValueError) as error:
+        except (IdimError, KeyError, TypeError, ValueError) as error:
             self._node.get_logger().warning(f"{path}: {error}")
 
     def add(self, stamp: int, bags: Sequence[str], folder: str) -> None:
@@ -56,10 +58,8 @@ class GapPublisher:
 
         Raises
         ------
-        DataError
-            Its gap.json cannot be read.
-        UsageError
-            It cannot be kept.
+        IdimError
+            Its gap.json cannot be read, or it cannot be kept.
         """
         self._publish(stamp, bags, folder)
         kept = {"format": FORMAT, "stamp": stamp, "bags": list(bags), "folder": folder}
@@ -67,5 +67,5 @@ class GapPublisher:
 
     def _publish(self, stamp: int, bags: Sequence[str], folder: str) -> None:
         time = Time(sec=stamp // 1_000_000_000, nanosec=stamp % 1_000_000_000)
-        self.last = gap_message(read_gap(self._directory / folder), time, bags, folder)
+        self.last = gap_message(read_gap(self._directory / folder / GAP), time, bags, folder)
         self._reports.publish(self.last)

@@ -1,4 +1,4 @@
-"""The process that identifies: one request as JSON on stdin, events as JSON lines on stdout.
+"""The process that identifies or diagnoses: a request on stdin, events on stdout, JSON lines.
 
 Events: ``{"stage": text, "progress": 0 to 1}``, then ``{"message": verdict}`` or
 ``{"error": one line}``. It ends when its stdin is closed, so that it never outlives its node.
@@ -15,9 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.errors import IdimError, one_line
+from idim_iv_ros.errors import IdimError, UsageError, one_line
+from idim_iv_ros.gap.result import GapResult
 from idim_iv_ros.identification import identify
-from idim_iv_ros.report import write_report
+from idim_iv_ros.report import write_gap_report, write_report
+from idim_iv_ros.stopwatch import Progress
 
 _FEEDBACK_PERIOD = 0.05  # s
 _NICE = 5  # recorder and controllers on the same machine come first
@@ -69,6 +71,11 @@ def _work(request: Mapping[str, Any], send: Send) -> str:
             last = (stage, time.monotonic())
             send({"stage": stage, "progress": share})
 
+    work = {"identification": _identify, "diagnosis": _diagnose}[request["task"]]
+    return work(request, configuration, progress)
+
+
+def _identify(request: Mapping[str, Any], configuration: Configuration, progress: Progress) -> str:
     result = identify(
         [Path(bag) for bag in request["bags"]],
         configuration,
@@ -78,3 +85,22 @@ def _work(request: Mapping[str, Any], send: Send) -> str:
     progress("writing", 1.0)
     write_report(result, Path(request["out"]))
     return result.verdict.sentence
+
+
+def _diagnose(request: Mapping[str, Any], configuration: Configuration, progress: Progress) -> str:
+    # Here, so that an identification does not load them.
+    from idim_iv_ros.gap.catalogue import EFFECTS
+    from idim_iv_ros.gap.diagnosis import diagnose
+
+    for name in request["without"]:
+        if name not in EFFECTS:
+            raise UsageError(f"without: {name!r} is no effect; there are {', '.join(EFFECTS)}")
+    result: GapResult = diagnose(
+        [Path(bag) for bag in request["bags"]],
+        configuration,
+        without=tuple(request["without"]),
+        progress=progress,
+    )
+    progress("writing", 1.0)
+    write_gap_report(result, Path(request["out"]))
+    return " ".join(result.summary.split())

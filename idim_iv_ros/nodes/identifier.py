@@ -1,8 +1,10 @@
 """The node `identifier`: parameters of a robot from its bags, on request or from every new bag."""
 
 import sys
+import time
 from collections.abc import Sequence
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +25,17 @@ from idim_iv_ros.nodes.identifier_report import work_diagnosis
 from idim_iv_ros.nodes.identifier_settings import IdentifierSettings
 from idim_iv_ros.nodes.job import Job, JobListener
 from idim_iv_ros.nodes.job_queue import JobQueue
-from idim_iv_ros.nodes.job_request import requested_job
+from idim_iv_ros.nodes.job_request import (
+    RequestedJob,
+    requested_diagnosis,
+    requested_identification,
+)
 from idim_iv_ros.nodes.parameters import changed, declare
 from idim_iv_ros.nodes.request_server import RequestServer
 from idim_iv_ros.nodes.result_publisher import ResultPublisher
 
 _LOOK = 0.1  # s between two looks whether a job takes too long
 _TURNS = 10  # of the executor, in which the last results are sent
-_NO_DIAGNOSIS = "diagnose is not part of this version: only identify is"
 
 ABOUT = """identifier: identify the dynamic parameters of a robot from its bags.
 
@@ -69,7 +74,7 @@ class Identifier:
                 "~/identify",
                 srv.Identify,
                 action.Identify,
-                self._submit,
+                partial(self._submit, requested_identification),
                 self._jobs.cancel,
                 lambda: self._publisher.last,
             ),
@@ -78,7 +83,7 @@ class Identifier:
                 "~/diagnose",
                 srv.Diagnose,
                 action.Diagnose,
-                self._submit_diagnosis,
+                partial(self._submit, requested_diagnosis),
                 self._jobs.cancel,
                 lambda: self._gaps.last,
             ),
@@ -108,9 +113,6 @@ class Identifier:
         path = self._settings.configuration
         return load_configuration(Path(path)) if path else None
 
-    def _submit_diagnosis(self, _: Any, listener: JobListener) -> None:
-        listener.ended(False, _NO_DIAGNOSIS)
-
     def _bag_closed(self, message: BagClosed) -> None:
         if self._settings.auto:
 
@@ -119,12 +121,13 @@ class Identifier:
                     self._failure = f"{message.bag}: {why}"
 
             listener = JobListener(lambda: None, lambda stage, share: None, ended)
-            self._submit(srv.Identify.Request(bags=[message.bag]), listener)
+            request = srv.Identify.Request(bags=[message.bag])
+            self._submit(requested_identification, request, listener)
 
-    def _submit(self, request: Any, listener: JobListener) -> Job | None:
+    def _submit(self, requested: RequestedJob, request: Any, listener: JobListener) -> Job | None:
         """Queue a job; None if it was refused, and the listener was told why."""
         try:
-            job = requested_job(request, self._settings, self._configuration, listener)
+            job = requested(request, self._settings, self._configuration, listener)
             self._jobs.submit(job)
             return job
         except IdimError as error:
@@ -135,7 +138,7 @@ class Identifier:
     def _ended(self, job: Job) -> None:
         if job.success:
             try:
-                self._publisher.add(job, self._settings)
+                self._publish(job)
                 self._failure = ""
                 self.node.get_logger().info(f"{', '.join(job.names)}: {job.message}")
             except IdimError as error:
@@ -147,6 +150,15 @@ class Identifier:
             self.node.get_logger().error(self._failure)
         job.listener.ended(job.success, job.message)
         self._report()
+
+    def _publish(self, job: Job) -> None:
+        """Publish and keep what a job has found."""
+        if job.task == "identification":
+            self._publisher.add(job, self._settings)
+        else:
+            assert job.folder is not None
+            stamp = self.node.get_clock().now().nanoseconds or time.time_ns()
+            self._gaps.add(stamp, job.names, job.folder.name)
 
     def _poll(self) -> None:
         self._jobs.poll()

@@ -1,12 +1,14 @@
-"""One identification that was asked for, and who asked."""
+"""One identification or diagnosis that was asked for, and who asked."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from idim_iv_ros.configuration import Configuration
 
 WAITING = "waiting"
+Task = Literal["identification", "diagnosis"]
 
 
 @dataclass(frozen=True)
@@ -34,12 +36,17 @@ class Job:
 
     Attributes
     ----------
+    task : str
+        What is asked for: ``identification`` or ``diagnosis``.
     bags : tuple of Path
         Absolute, inside the bag directory.
     names : tuple of str
         The same, relative to it.
     configuration : Configuration
     estimator : str
+        Of an identification.
+    without : tuple of str
+        Effects that a diagnosis does not consider.
     timeout : float
         s, from the start of the work.
     listener : JobListener
@@ -52,12 +59,14 @@ class Job:
         What is done now.
     """
 
+    task: Task
     bags: tuple[Path, ...]
     names: tuple[str, ...]
     configuration: Configuration
-    estimator: str
     timeout: float
     listener: JobListener
+    estimator: str = ""
+    without: tuple[str, ...] = ()
     folder: Path | None = None
     message: str = ""
     success: bool = False

@@ -1,4 +1,4 @@
-"""Identifications one after the other, each in a process of its own."""
+"""Jobs one after the other, each in a process of its own."""
 
 import queue
 import shutil
@@ -62,9 +62,9 @@ class JobQueue:
         settings = self._settings()
         if self.running is not None or self._waiting:
             if settings.when_busy == REFUSE:
-                raise UsageError("busy with another identification; when_busy is refuse")
+                raise UsageError("busy with another job; when_busy is refuse")
             if len(self._waiting) >= settings.queue_limit:
-                raise UsageError(f"busy: {len(self._waiting)} identifications wait already")
+                raise UsageError(f"busy: {len(self._waiting)} jobs wait already")
         self._waiting.append(job)
         job.listener.progress(WAITING, 0.0)
         self._wake()
@@ -110,12 +110,14 @@ class JobQueue:
         settings = self._settings()
         source = job.configuration.source
         try:
-            folder = _new_folder(Path(settings.output_directory))
+            folder = _new_folder(Path(settings.output_directory), job.task)
             request = {
+                "task": job.task,
                 "bags": [str(bag) for bag in job.bags],
                 "configuration": job.configuration.model_dump(mode="json", exclude_unset=True),
                 "source": None if source is None else str(source),
                 "estimator": job.estimator,
+                "without": job.without,
                 "out": str(folder),
                 "memory_limit": settings.memory_limit,
                 "file_limit": settings.max_bag_size,
@@ -161,10 +163,10 @@ def _untimely(status: int) -> str:
     return f"the worker ended with status {status}"
 
 
-def _new_folder(directory: Path) -> Path:
-    """Make a folder that is named by the time."""
+def _new_folder(directory: Path, task: str) -> Path:
+    """Make a folder that is named by task and time."""
     directory.mkdir(parents=True, exist_ok=True)
-    stamp = time.strftime("identification_%Y_%m_%d-%H_%M_%S")
+    stamp = time.strftime(f"{task}_%Y_%m_%d-%H_%M_%S")
     for number in range(1, 1000):
         folder = directory.resolve() / (stamp if number == 1 else f"{stamp}_{number}")
         try:

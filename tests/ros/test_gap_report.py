@@ -10,8 +10,11 @@ from builtin_interfaces.msg import Time
 
 from idim_iv_interfaces.msg import GapReport
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.nodes.gap_messages import gap_message, read_gap
+from idim_iv_ros.nodes.gap_messages import gap_message
 from idim_iv_ros.nodes.gap_publisher import GapPublisher
+from idim_iv_ros.report.gap_format import read_gap
+from idim_iv_ros.report.gap_json import gap_document
+from tests.report.sample_gap import CASES, Case, sample_gap
 
 EXAMPLE = Path(__file__).with_name("gap.json")  # written by hand, after the design
 
@@ -26,7 +29,8 @@ def results(tmp_path: Path) -> Path:
 
 
 def report(results: Path) -> GapReport:
-    return gap_message(read_gap(results / "diagnosis"), Time(sec=7), ["a.mcap"], "diagnosis")
+    document = read_gap(results / "diagnosis" / "gap.json")
+    return gap_message(document, Time(sec=7), ["a.mcap"], "diagnosis")
 
 
 def test_message_holds_what_gap_json_holds(results: Path) -> None:
@@ -74,6 +78,10 @@ def test_message_says_where_the_gap_lies_and_how_it_shrinks(results: Path) -> No
     assert list(given.tracking_rms) == [0.001, 0.004]
     assert (extended.stage, list(extended.torque_rms)) == ("+stribeck[joint_2]", [0.19, 0.41])
     assert extended.note == "the loop diverges"
+    assert list(message.findings) == [
+        "joint_2, below 0.1 rad/s: 61 % of the gap in 9 % of the samples"
+    ]
+    assert list(message.notes) == ["no repeats"]
     (untestable,) = message.not_testable
     assert (untestable.effect, untestable.joint) == ("gravity_direction", "")
     assert untestable.reason == "the axes are vertical"
@@ -105,6 +113,18 @@ def test_nothing_unexplained_is_empty(results: Path) -> None:
     message = gap_message(document, Time(), [], "diagnosis")
     assert (message.unexplained_joint, message.unexplained_where) == ("", "")
     assert isnan(message.unexplained_share)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_verdict_becomes_a_message(case: Case) -> None:
+    result = sample_gap(case=case, given=case != "none", tracking=case != "both")
+    message = gap_message(gap_document(result), Time(), [], "diagnosis")
+    assert (message.verdict, message.summary) == (result.verdict, result.summary)
+    assert [each.sentence for each in message.causes] == [each.sentence for each in result.causes]
+    assert [each.joint for each in message.joints] == list(result.joints)
+    assert [each.stage for each in message.stages] == [each.name for each in result.stages]
+    assert len(message.regimes) == len(result.regimes)
+    assert (message.unexplained_joint == "") == (result.unexplained is None)
 
 
 @pytest.mark.parametrize("key", ["verdict", "causes", "unexplained", "where", "stages"])

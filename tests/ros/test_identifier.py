@@ -12,7 +12,6 @@ import pytest
 from action_msgs.msg import GoalStatus
 
 from idim_iv_interfaces.msg import ParameterEstimates
-from idim_iv_interfaces.srv import Diagnose
 from idim_iv_ros import load_configuration
 from idim_iv_ros.excitation import random_motion
 from idim_iv_ros.simulated_recording import simulate
@@ -111,7 +110,7 @@ def test_calls_are_answered_while_a_job_runs(served) -> None:
             begin = time.perf_counter()
             refused = served.identify("bag-2.mcap")
             seconds.append(time.perf_counter() - begin)
-            assert refused.message == "busy with another identification; when_busy is refuse"
+            assert refused.message == "busy with another job; when_busy is refuse"
         assert max(seconds) < PROMPT
         assert served.wait(goal.cancel_goal_async()).goals_canceling
         served.wait(goal.get_result_async())
@@ -125,7 +124,7 @@ def test_requests_wait_for_each_other_and_a_waiting_goal_can_be_cancelled(served
         goal = served.goal("bag-1.mcap", feedback=feedback)
         third = served.ask("bag-2.mcap", estimator="idim-ls")
         refused = served.identify("bag-2.mcap")
-        assert refused.message == "busy: 2 identifications wait already"
+        assert refused.message == "busy: 2 jobs wait already"
         assert served.wait(goal.cancel_goal_async()).goals_canceling
         assert served.wait(goal.get_result_async()).status == GoalStatus.STATUS_CANCELED
         assert [each.stage for each in feedback] == ["waiting"]
@@ -230,12 +229,3 @@ def test_full_disk_is_one_line_and_the_node_goes_on(identifier, small_disk: Path
     ballast.unlink()
     assert client.identify("bag-1.mcap", estimator="idim-ls").success
     assert "Traceback" not in client.process.errors.read_text()
-
-
-def test_diagnosis_is_refused_in_one_line(served) -> None:
-    service = served.node.create_client(Diagnose, f"/{served.name}/diagnose")
-    served.observer.until(service.service_is_ready, "the service")
-    answer = served.wait(service.call_async(Diagnose.Request(bags=["bag-1.mcap"])))
-    served.node.destroy_client(service)
-    assert not answer.success
-    assert answer.message == "diagnose is not part of this version: only identify is"
