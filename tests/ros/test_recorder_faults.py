@@ -110,6 +110,17 @@ def test_publisher_that_returns_best_effort_is_subscribed_anew(
     assert len(numbers(only_bag(bags))) == 200
 
 
+def test_publishers_with_different_qos_are_all_heard(recorder, robot, observer, bags: Path) -> None:
+    recorder(autostart=True)
+    both = [{"name": "/joint_states", "qos": qos} for qos in ("reliable", "best_effort")]
+    robot.begin(count=100, topics=both).run()
+    observer.received(200)
+    observer.diagnosed("/joint_states", "its publishers offer different QoS", WARN)
+    observer.diagnosed("/joint_states", "2 publishers: lost messages cannot be counted", WARN)
+    observer.call("stop")
+    assert np.array_equal(np.sort(numbers(only_bag(bags))), np.repeat(np.arange(100.0), 2))
+
+
 def test_content_that_changes_is_reported(
     recorder, robot, observer, bags: Path, configuration: Path
 ) -> None:
