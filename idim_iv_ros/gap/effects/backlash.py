@@ -16,13 +16,17 @@ from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 
 _FLANKS = (12.0, 25.0, 50.0)  # Hz, of the link on a flank
+# Of the bending of the flanks under the largest load.
+_LEAST_GAP = 0.3
 _DAMPING = 0.3  # times critical, of the flanks
 
 
 class Backlash(Effect):
     """Two masses with a dead zone: the link flies free while the load changes its side.
 
-    Moves the torques of all joints. Shape: gap rad, stiffness of the flanks N m/rad, their damping.
+    Moves the torques of all joints. Shape: gap rad, stiffness of the flanks N m/rad, their
+    damping, and the largest load. With flanks that bend further under it than the gap is wide, it
+    is a shaft.
     """
 
     name = "backlash"
@@ -36,27 +40,33 @@ class Backlash(Effect):
         inertia = float(extent.inertia[place.joint])
         if inertia <= 0.0:
             return []
+        load = float(extent.load[place.joint])
         shapes: list[Shape] = []
         for frequency in _FLANKS:
             stiffness = inertia * (2.0 * np.pi * frequency) ** 2
             damping = 2.0 * _DAMPING * float(np.sqrt(stiffness * inertia))
-            shapes += [(float(gap), stiffness, damping) for gap in logarithmic(1e-4, 0.04, 9)]
-        return shapes
+            shapes += [(float(gap), stiffness, damping, load) for gap in logarithmic(1e-4, 0.04, 9)]
+        return [shape for shape in shapes if _wide(shape)]
 
     def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
         """Gap and flanks; their damping follows."""
-        gap, stiffness, damping = shape
+        gap, stiffness, damping, load = shape
         root = float(np.sqrt(1.0 + step))
-        return [
-            (gap * (1.0 + step), stiffness, damping),
-            (gap / (1.0 + step), stiffness, damping),
-            (gap, stiffness * (1.0 + step), damping * root),
-            (gap, stiffness / (1.0 + step), damping / root),
+        near: list[Shape] = [
+            (gap * (1.0 + step), stiffness, damping, load),
+            (gap / (1.0 + step), stiffness, damping, load),
+            (gap, stiffness * (1.0 + step), damping * root, load),
+            (gap, stiffness / (1.0 + step), damping / root, load),
         ]
+        return [shape for shape in near if _wide(shape)]
+
+    def free_numbers(self, shape: Shape) -> int:
+        """Gap and flanks."""
+        return 2
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""
-        gap, stiffness, damping = shape
+        gap, stiffness, damping, _ = shape
         return transmitted(motion, place.joint, stiffness, damping, gap)
 
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
@@ -73,3 +83,9 @@ class Backlash(Effect):
             "stiffness": number(shape[1], None, "N m/rad"),
             "damping": number(shape[2], None, "N m s/rad"),
         }
+
+
+def _wide(shape: Shape) -> bool:
+    """Whether the gap shows beside the bending of its flanks."""
+    gap, stiffness, _, load = shape
+    return gap * stiffness > _LEAST_GAP * load

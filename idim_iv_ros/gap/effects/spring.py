@@ -6,12 +6,20 @@ from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Sh
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 
-_UNITS = ("N m", "N m/rad", "N m/rad²", "N m/rad³")
+_CUBIC, _HARDENING, _SOFTENING = 0.0, 1.0, 2.0
+_CENTRES = 9
+_WIDTHS = (0.1, 0.2, 0.4, 0.8)  # of the range
 _NAMES = ("constant", "linear", "quadratic", "cubic")
+_UNITS = ("N m", "N m/rad", "N m/rad²", "N m/rad³")
 
 
 class Spring(Effect):
-    """Polynomial of the position, up to the third power; shape: lowest and highest position."""
+    """A smooth function of the position, the same in both directions.
+
+    Shape: law, lowest and highest position (outside them it is constant), centre, width; law 0: a
+    cubic polynomial, 1: constant + linear q + bent sinh((q − centre) / width) (it hardens), 2: the
+    same with arctan (it softens). Of a linear spring the model absorbs what looks like gravity.
+    """
 
     name = "spring"
     family = "position"
@@ -19,21 +27,43 @@ class Spring(Effect):
     excitation = "the whole range of the joint, slowly"
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
-        """The range that was seen."""
-        return [(float(extent.low[place.joint]), float(extent.high[place.joint]))]
-
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
-        """None."""
-        return []
+        """All laws, centres over the range, four widths."""
+        low, high = float(extent.low[place.joint]), float(extent.high[place.joint])
+        if high <= low:
+            return []
+        bent = [
+            (law, low, high, float(centre), width * (high - low))
+            for law in (_HARDENING, _SOFTENING)
+            for centre in np.linspace(low, high, _CENTRES)
+            for width in _WIDTHS
+        ]
+        return [(_CUBIC, low, high, 0.0, 1.0), *bent]
 
     def free_numbers(self, shape: Shape) -> int:
-        """See the grid."""
-        return 0
+        """Centre and width of the bent ones."""
+        return 0 if shape[0] == _CUBIC else 2
+
+    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+        """Nearby centres and widths."""
+        law, low, high, centre, width = shape
+        if law == _CUBIC:
+            return []
+        widest, narrowest = (high - low), 0.05 * (high - low)
+        return [
+            (law, low, high, centre + step * width, width),
+            (law, low, high, centre - step * width, width),
+            (law, low, high, centre, min(width * (1.0 + step), widest)),
+            (law, low, high, centre, max(width / (1.0 + step), narrowest)),
+        ]
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""
-        q = np.clip(motion.position[:, place.joint], *shape)
-        return {place.joint: np.column_stack([q**k for k in range(4)])}
+        law, low, high, centre, width = shape
+        q = np.clip(motion.position[:, place.joint], low, high)
+        if law == _CUBIC:
+            return {place.joint: np.column_stack([q**k for k in range(4)])}
+        bend = np.sinh if law == _HARDENING else np.arctan
+        return {place.joint: np.column_stack([np.ones_like(q), q, bend((q - centre) / width)])}
 
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
         """Any: the model absorbs what looks like gravity, and what is left has no sign."""
@@ -43,10 +73,17 @@ class Spring(Effect):
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
         """Coefficients, and the range in which they hold."""
+        law, low, high, centre, width = shape
+        names = list(_NAMES) if law == _CUBIC else [*_NAMES[:2], "bent"]
+        units = list(_UNITS) if law == _CUBIC else [*_UNITS[:2], "N m"]
         found = {
-            name: number(coefficients[k], deviations[k], _UNITS[k])
-            for k, name in enumerate(_NAMES)
+            name: number(value, std, unit)
+            for name, value, std, unit in zip(names, coefficients, deviations, units, strict=True)
         }
-        found["lowest"] = number(shape[0], None, "rad")
-        found["highest"] = number(shape[1], None, "rad")
+        found["lowest"] = number(low, None, "rad")
+        found["highest"] = number(high, None, "rad")
+        if law != _CUBIC:
+            found["hardening"] = number(1.0 if law == _HARDENING else 0.0, None, "")
+            found["centre"] = number(centre, None, "rad")
+            found["width"] = number(width, None, "rad")
         return found

@@ -6,14 +6,14 @@ from idim_iv_ros.gap.effects.effect import Extent, FloatArray, Place, Shape, num
 from idim_iv_ros.gap.result import EffectParameter
 
 MOST_WAVES = 3
-_PERIODS = 1.5  # in the range of the joint, at least: fewer are a spring
+_PERIODS = 2.5  # in the range of the joint, at least: fewer are a spring
 _FINEST = 4.0  # steps of the grid in one period of resolution, 2π / range
 _MOST = 400
 _HIGHEST = 250.0  # 1/rad: finer than the teeth of a gear
 
 
 def wave_numbers(place: Place, extent: Extent) -> FloatArray:
-    """Wave numbers 1/rad from one and a half periods in the range of the joint on.
+    """Wave numbers 1/rad from two and a half periods in the range of the joint on.
 
     The finest is what the slowest motion that counts shows below the rows' Nyquist frequency.
     """

@@ -1,0 +1,201 @@
+"""Which effects explain what the refit leaves: found one after the other, each beside the others."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.effects.effect import Effect, Place
+from idim_iv_ros.gap.likelihood import Fit, Regression
+from idim_iv_ros.gap.search import Candidate, Search, extent
+
+FloatArray = NDArray[np.float64]
+
+MOST_EFFECTS = 4
+# Logarithm of the likelihood that an effect must bring beyond its penalty.
+LEAST_SUPPORT = 8.0
+# Share of the whitened residual's energy that it must explain.
+LEAST_SHARE = 0.01
+# Candidates that bring this much less are not better or worse.
+ALIKE = 6.0
+LEAST_CORRELATION = 0.5
+
+
+@dataclass(frozen=True)
+class Found:
+    """An accepted effect and what cannot be told from it."""
+
+    candidate: Candidate
+    rivals: tuple[tuple[Candidate, float], ...]
+
+
+@dataclass(frozen=True)
+class Attribution:
+    """Outcome of the search.
+
+    Attributes
+    ----------
+    regression : Regression
+        Of the refit.
+    refit : Fit
+        Without effects.
+    found : tuple of Found
+        In the order in which they were accepted.
+    extended : Regression
+    fit : Fit
+        With all accepted effects.
+    """
+
+    regression: Regression
+    refit: Fit
+    found: tuple[Found, ...]
+    extended: Regression
+    fit: Fit
+
+
+def support(candidate: Candidate, regression: Regression) -> float:
+    """Gain of the log-likelihood less the penalty of its numbers (Schwarz)."""
+    rows = sum(len(regression.joints[joint].torque) for joint in _own_joints(candidate))
+    return candidate.gain - 0.5 * candidate.numbers * float(np.log(max(rows, 2)))
+
+
+def attribute(
+    data: Baseline,
+    regression: Regression,
+    catalogue: Sequence[Effect],
+    progress: Callable[[str, float], None] | None = None,
+) -> Attribution:
+    """Accept the best effect beside those accepted before, until none is worth it."""
+    refit = regression.fit()
+    covered = extent(data)
+    found: list[Found] = []
+    current, fit = regression, refit
+    while len(found) < MOST_EFFECTS:
+        search = Search(data, covered, current, fit)
+        candidates = _all(search, catalogue, found, progress)
+        best = max(candidates, key=lambda each: support(each, regression), default=None)
+        if best is None or not worth(best, regression):
+            break
+        rivals = alike(search, best, candidates)
+        found.append(Found(best, rivals))
+        current, fit = current.with_columns(best.columns), best.fit
+        if len(found) > 1:
+            found, current, fit = _revised(data, regression, refit, found, catalogue)
+    return Attribution(regression, refit, tuple(found), current, fit)
+
+
+def worth(candidate: Candidate, regression: Regression) -> bool:
+    """Whether a candidate is supported and large enough to matter."""
+    rows = sum(len(regression.joints[joint].torque) for joint in _own_joints(candidate))
+    share = 1.0 - np.exp(-2.0 * candidate.gain / rows)
+    return bool(support(candidate, regression) >= LEAST_SUPPORT and share >= LEAST_SHARE)
+
+
+def alike(
+    search: Search, best: Candidate, candidates: Sequence[Candidate]
+) -> tuple[tuple[Candidate, float], ...]:
+    """Candidates as good as the best whose torque is much the same: (candidate, correlation)."""
+    least = support(best, search.regression) - ALIKE
+    scan = search.regression.scan(search.fit)
+    close = []
+    for other in candidates:
+        if other is best or support(other, search.regression) < least:
+            continue
+        correlation = _correlation(scan, best, other)
+        if correlation >= LEAST_CORRELATION:
+            close.append((other, correlation))
+    return tuple(close)
+
+
+def _correlation(scan, first: Candidate, second: Candidate) -> float:  # type: ignore[no-untyped-def]
+    """Of the torques that both add, whitened, less what the model absorbs."""
+    one = scan.whiten(_torque(first))
+    two = scan.whiten(_torque(second))
+    energy = float(scan.normal(one, one)[0, 0] * scan.normal(two, two)[0, 0])
+    if energy <= 0.0 or not set(one) & set(two):
+        return 0.0
+    return float(abs(scan.normal(one, two)[0, 0]) / np.sqrt(energy))
+
+
+def _torque(candidate: Candidate) -> dict[int, FloatArray]:
+    return {
+        joint: (rows @ candidate.coefficients)[:, None] for joint, rows in candidate.columns.items()
+    }
+
+
+def _own_joints(candidate: Candidate) -> list[int]:
+    place = candidate.place
+    return [place.joint] if place.other is None else [place.joint, place.other]
+
+
+def _all(
+    search: Search,
+    catalogue: Sequence[Effect],
+    found: Sequence[Found],
+    progress: Callable[[str, float], None] | None,
+) -> list[Candidate]:
+    taken = {each.candidate.key for each in found}
+    jobs: list[tuple[Effect, Place]] = [
+        (effect, place)
+        for effect in catalogue
+        for place in effect.places(len(search.data.joints))
+        if (effect.name, place.joint, place.other) not in taken
+    ]
+    candidates = []
+    for number, (effect, place) in enumerate(jobs):
+        if progress is not None:
+            joint = search.data.joints[place.joint]
+            progress(f"trying {effect.name} at {joint}", number / len(jobs))
+        candidate = search.best(effect, place)
+        if candidate is not None:
+            candidates.append(candidate)
+    return candidates
+
+
+def _revised(
+    data: Baseline,
+    regression: Regression,
+    refit: Fit,
+    found: list[Found],
+    catalogue: Sequence[Effect],
+) -> tuple[list[Found], Regression, Fit]:
+    """Look at each effect again beside the others: its shape, its rivals, whether it is needed."""
+    covered = extent(data)
+    by_name = {effect.name: effect for effect in catalogue}
+    kept = list(found)
+    for number in range(len(found)):
+        this = kept[number] if number < len(kept) else None
+        if this is None:
+            break
+        others = regression
+        for other in kept:
+            if other is not this:
+                others = others.with_columns(other.candidate.columns)
+        fit = others.fit(refit.colours)
+        search = Search(data, covered, others, fit)
+        options = {this.candidate.key: (this.candidate.effect, this.candidate.place)}
+        joint = this.candidate.place.joint
+        for name in by_name:
+            for place in by_name[name].places(len(data.joints)):
+                if name in this.candidate.effect.look_alikes and place.joint == joint:
+                    options[(name, place.joint, place.other)] = (by_name[name], place)
+        for rival, _ in this.rivals:
+            options[rival.key] = (rival.effect, rival.place)
+        taken = {other.candidate.key for other in kept if other is not this}
+        again = [
+            search.best(effect, place) for key, (effect, place) in options.items() if key not in taken
+        ]
+        usable = [candidate for candidate in again if candidate is not None]
+        best = max(usable, key=lambda each: support(each, regression), default=None)
+        if best is None or not worth(best, regression):
+            kept.remove(this)
+        else:
+            kept[number] = replace(
+                this, candidate=best, rivals=alike(search, best, usable)
+            )
+    current = regression
+    for each in kept:
+        current = current.with_columns(each.candidate.columns)
+    return kept, current, current.fit(refit.colours)
