@@ -6,9 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import NormalDist
 from typing import Any
-
-from scipy.stats import norm
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.nodes.documents import write_document
@@ -131,7 +130,7 @@ class EstimateHistory:
         first = next((each for each in self.entries if _comparable(each, last)), None)
         if first is None:
             return []
-        limit = float(norm.isf(significance / (2.0 * len(last.values))))
+        limit = -NormalDist().inv_cdf(significance / (2.0 * len(last.values)))
         drifts = []
         for name, (value, std) in last.values.items():
             value_then, std_then = first.values[name]

@@ -16,8 +16,8 @@ from idim_iv_interfaces.msg import (
     UntestableEffect,
 )
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.formats import GAP, REPORT
 from idim_iv_ros.nodes.documents import Document, number
-from idim_iv_ros.report.write import GAP, REPORT
 
 _NO_CHANGE: Document = {"before": None, "after": None, "shrinkage": None, "ci95": None}
 
@@ -28,7 +28,7 @@ def gap_message(document: Document, stamp: Time, bags: Sequence[str], folder: st
     Parameters
     ----------
     document
-        Content of gap.json, as `idim_iv_ros.report.gap_format.read_gap` returns it.
+        Content of gap.json.
     stamp
         When the diagnosis ended.
     bags

@@ -9,10 +9,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from idim_iv_interfaces.msg import GapReport
 from idim_iv_ros.errors import IdimError
+from idim_iv_ros.formats import GAP, GAP_FORMAT
 from idim_iv_ros.nodes.documents import read_document, write_document
 from idim_iv_ros.nodes.gap_messages import gap_message
-from idim_iv_ros.report.gap_format import read_gap
-from idim_iv_ros.report.write import GAP
 
 FORMAT = "idim_iv_ros/last_gap/1"
 FILE = "last_gap.json"
@@ -67,5 +66,6 @@ class GapPublisher:
 
     def _publish(self, stamp: int, bags: Sequence[str], folder: str) -> None:
         time = Time(sec=stamp // 1_000_000_000, nanosec=stamp % 1_000_000_000)
-        self.last = gap_message(read_gap(self._directory / folder / GAP), time, bags, folder)
+        document = read_document(self._directory / folder / GAP, GAP_FORMAT)
+        self.last = gap_message(document, time, bags, folder)
         self._reports.publish(self.last)

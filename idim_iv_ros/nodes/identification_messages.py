@@ -13,9 +13,8 @@ from idim_iv_interfaces.msg import (
     ResidualDiagnosis,
 )
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.formats import IDENTIFICATION_FORMAT, REPORT, RESULT
 from idim_iv_ros.nodes.documents import Document, number, read_document
-from idim_iv_ros.report.write import REPORT, RESULT
-from idim_iv_ros.result import FORMAT
 
 
 def read_result(folder: Path) -> Document:
@@ -26,7 +25,7 @@ def read_result(folder: Path) -> Document:
     DataError
         There is none, or it is of another format.
     """
-    return read_document(folder / RESULT, FORMAT)
+    return read_document(folder / RESULT, IDENTIFICATION_FORMAT)
 
 
 def result_message(
