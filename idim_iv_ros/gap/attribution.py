@@ -9,13 +9,11 @@ from numpy.typing import NDArray
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.effects.effect import Effect, Place
 from idim_iv_ros.gap.likelihood import Fit, Regression
-from idim_iv_ros.gap.search import Candidate, Search, extent
+from idim_iv_ros.gap.search import Candidate, Grids, Search, extent
 
 FloatArray = NDArray[np.float64]
 
 MOST_EFFECTS = 4
-# Logarithm of the likelihood that an effect must bring beyond its penalty.
-LEAST_SUPPORT = 8.0
 # Share of the whitened residual's energy that it must explain.
 LEAST_SHARE = 0.01
 # Candidates that bring this much less are not better or worse.
@@ -56,9 +54,13 @@ class Attribution:
 
 
 def support(candidate: Candidate, regression: Regression) -> float:
-    """Gain of the log-likelihood less the penalty of its numbers (Schwarz)."""
+    """Gain of the log-likelihood less the penalty of its numbers (Schwarz) and of the search.
+
+    Each coefficient costs half the logarithm of the rows, the grid the logarithm of its size.
+    """
     rows = sum(len(regression.joints[joint].torque) for joint in _own_joints(candidate))
-    return candidate.gain - 0.5 * candidate.numbers * float(np.log(max(rows, 2)))
+    cost = 0.5 * candidate.numbers * float(np.log(max(rows, 2)))
+    return candidate.gain - cost - float(np.log(candidate.tried))
 
 
 def attribute(
@@ -72,17 +74,20 @@ def attribute(
     covered = extent(data)
     found: list[Found] = []
     current, fit = regression, refit
-    while len(found) < MOST_EFFECTS:
-        search = Search(data, covered, current, fit)
-        candidates = _all(search, catalogue, found, progress)
+    grids: Grids = {}
+    known: dict[tuple[Effect, Place], Candidate | None] = {}
+    for _ in range(MOST_EFFECTS):
+        search = Search(data, covered, current, fit, grids)
+        candidates = _all(search, catalogue, found, known, progress)
         best = max(candidates, key=lambda each: support(each, regression), default=None)
+        best = None if best is None else search.again(best)
         if best is None or not worth(best, regression):
             break
-        rivals = alike(search, best, candidates)
-        found.append(Found(best, rivals))
+        found.append(Found(best, alike(search, best, candidates)))
         current, fit = current.with_columns(best.columns), best.fit
         if len(found) > 1:
-            found, current, fit = _revised(data, regression, refit, found, catalogue)
+            found, current, fit = _revised(search, regression, refit, found, catalogue)
+        _forget(known, set(best.columns))
     return Attribution(regression, refit, tuple(found), current, fit)
 
 
@@ -90,7 +95,7 @@ def worth(candidate: Candidate, regression: Regression) -> bool:
     """Whether a candidate is supported and large enough to matter."""
     rows = sum(len(regression.joints[joint].torque) for joint in _own_joints(candidate))
     share = 1.0 - np.exp(-2.0 * candidate.gain / rows)
-    return bool(support(candidate, regression) >= LEAST_SUPPORT and share >= LEAST_SHARE)
+    return bool(support(candidate, regression) >= candidate.effect.least_support and share >= LEAST_SHARE)
 
 
 def alike(
@@ -101,7 +106,7 @@ def alike(
     scan = search.regression.scan(search.fit)
     close = []
     for other in candidates:
-        if other is best or support(other, search.regression) < least:
+        if other.key == best.key or support(other, search.regression) < least:
             continue
         correlation = _correlation(scan, best, other)
         if correlation >= LEAST_CORRELATION:
@@ -134,6 +139,7 @@ def _all(
     search: Search,
     catalogue: Sequence[Effect],
     found: Sequence[Found],
+    known: dict[tuple[Effect, Place], Candidate | None],
     progress: Callable[[str, float], None] | None,
 ) -> list[Candidate]:
     taken = {each.candidate.key for each in found}
@@ -143,38 +149,48 @@ def _all(
         for place in effect.places(len(search.data.joints))
         if (effect.name, place.joint, place.other) not in taken
     ]
-    candidates = []
     for number, (effect, place) in enumerate(jobs):
+        if (effect, place) in known:
+            continue
         if progress is not None:
             joint = search.data.joints[place.joint]
             progress(f"trying {effect.name} at {joint}", number / len(jobs))
-        candidate = search.best(effect, place)
-        if candidate is not None:
-            candidates.append(candidate)
-    return candidates
+        known[(effect, place)] = search.best(effect, place)
+    candidates = [known[job] for job in jobs]
+    return [candidate for candidate in candidates if candidate is not None]
+
+
+def _forget(known: dict[tuple[Effect, Place], Candidate | None], joints: set[int]) -> None:
+    """Drop what was found at joints whose residual has changed since."""
+    for effect, place in list(known):
+        if place.joint in joints or place.other in joints:
+            del known[(effect, place)]
 
 
 def _revised(
-    data: Baseline,
+    before: Search,
     regression: Regression,
     refit: Fit,
     found: list[Found],
     catalogue: Sequence[Effect],
 ) -> tuple[list[Found], Regression, Fit]:
     """Look at each effect again beside the others: its shape, its rivals, whether it is needed."""
-    covered = extent(data)
+    data, covered, grids = before.data, before.extent, before.grids
+    newest = found[-1]
     by_name = {effect.name: effect for effect in catalogue}
     kept = list(found)
     for number in range(len(found)):
         this = kept[number] if number < len(kept) else None
         if this is None:
             break
+        if this is not newest and not set(this.candidate.columns) & set(newest.candidate.columns):
+            continue
         others = regression
         for other in kept:
             if other is not this:
                 others = others.with_columns(other.candidate.columns)
         fit = others.fit(refit.colours)
-        search = Search(data, covered, others, fit)
+        search = Search(data, covered, others, fit, grids)
         options = {this.candidate.key: (this.candidate.effect, this.candidate.place)}
         joint = this.candidate.place.joint
         for name in by_name:

@@ -232,6 +232,8 @@ class Scan:
         """
         white = self.whiten(columns)
         energy = self.energy(white)
+        if not np.isfinite(energy).all():
+            return 0.0, np.zeros(len(energy))
         normal = self.normal(white, white)
         usable = np.diag(normal) > LEAST_INDEPENDENT * energy
         coefficients = np.zeros(len(energy))

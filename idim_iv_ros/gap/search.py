@@ -101,6 +101,9 @@ def rows_of(data: Baseline, effect: Effect, place: Place, shapes: Sequence[Shape
     return list(blocks)
 
 
+Grids = dict[tuple[str, Place, tuple[Shape, ...]], list[Columns]]
+
+
 @dataclass(frozen=True)
 class Search:
     """Search beside a model that is already fitted.
@@ -111,12 +114,15 @@ class Search:
     extent : Extent
     regression : Regression
     fit : Fit
+    grids : dict
+        Rows of grids that were made before: the motion does not change.
     """
 
     data: Baseline
     extent: Extent
     regression: Regression
     fit: Fit
+    grids: Grids
 
     def best(self, effect: Effect, place: Place) -> Candidate | None:
         """Return the candidate with its best shape, None where no shape is possible."""
@@ -124,7 +130,7 @@ class Search:
         if not grid:
             return None
         scan = self.regression.scan(self.fit)
-        shape, score = self._scan(scan, effect, place, grid)
+        shape, score = self._scan(scan, effect, place, grid, keep=True)
         tried = len(grid)
         if shape is None:
             return None
@@ -134,7 +140,7 @@ class Search:
             if not longer:
                 break
             tried += len(longer)
-            more, higher = self._scan(scan, effect, place, longer)
+            more, higher = self._longer(scan, effect, place, shape, longer)
             if more is None:
                 break
             more, higher = self._refined(scan, effect, place, more, higher)
@@ -157,16 +163,51 @@ class Search:
         )
 
     def _scan(
-        self, scan: Scan, effect: Effect, place: Place, shapes: Sequence[Shape]
+        self,
+        scan: Scan,
+        effect: Effect,
+        place: Place,
+        shapes: Sequence[Shape],
+        *,
+        keep: bool = False,
     ) -> tuple[Shape | None, float]:
         best: Shape | None = None
         highest = -1.0
-        for shape, columns in zip(
-            shapes, rows_of(self.data, effect, place, shapes), strict=True
-        ):
+        for shape, columns in zip(shapes, self._rows(effect, place, shapes, keep), strict=True):
             score, coefficients = scan.score(columns)
             if score > highest and effect.admissible(shape, coefficients):
                 best, highest = shape, score
+        return best, highest
+
+    def _rows(
+        self, effect: Effect, place: Place, shapes: Sequence[Shape], keep: bool
+    ) -> list[Columns]:
+        if not keep:
+            return rows_of(self.data, effect, place, shapes)
+        key = (effect.name, place, tuple(shapes))
+        if key not in self.grids:
+            self.grids[key] = rows_of(self.data, effect, place, shapes)
+        return self.grids[key]
+
+    def again(self, candidate: Candidate) -> Candidate | None:
+        """Fit a candidate of another search, as it is, beside this model."""
+        return self._fitted(
+            candidate.effect, candidate.place, candidate.shape, candidate.columns, candidate.tried
+        )
+
+    def _longer(
+        self, scan: Scan, effect: Effect, place: Place, shape: Shape, longer: Sequence[Shape]
+    ) -> tuple[Shape | None, float]:
+        """As `_scan`, from the rows of the shape and of the added terms, which were made before."""
+        own = rows_of(self.data, effect, place, [shape])[0]
+        terms = [tuple(each[len(shape) :]) for each in longer]
+        best: Shape | None = None
+        highest = -1.0
+        for whole, term in zip(longer, self._rows(effect, place, terms, True), strict=True):
+            columns = {joint: np.hstack([own[joint], term[joint]]) for joint in own}
+            score, coefficients = scan.score(columns)
+            if score > highest and effect.admissible(whole, coefficients):
+                best, highest = whole, score
         return best, highest
 
     def _refined(

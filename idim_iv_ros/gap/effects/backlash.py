@@ -32,8 +32,8 @@ class Backlash(Effect):
     name = "backlash"
     family = "load"
     look_alikes = ("elasticity", "presliding")
+    least_support = 25.0
     excitation = "slow motion through postures where the load changes its sign"
-    unit = ""
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Gaps from 0.1 to 40 mrad."""

@@ -65,7 +65,9 @@ class Effect(ABC):
     family: ClassVar[Family]
     look_alikes: ClassVar[tuple[str, ...]] = ()
     excitation: ClassVar[str]
-    unit: ClassVar[str] = "N m"
+    # Logarithm of the likelihood that the effect must bring beyond its penalty. More where its
+    # torque is made of high derivatives: noise of the encoders is then in both sides.
+    least_support: ClassVar[float] = 8.0
 
     def places(self, joints: int) -> list[Place]:
         """Where it may sit: at each joint."""

@@ -28,8 +28,8 @@ class Elasticity(Effect):
     name = "elasticity"
     family = "frequency"
     look_alikes = ("time_delay", "backlash")
+    least_support = 25.0
     excitation = "a sweep to twice the resonance, small amplitude"
-    unit = ""
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Resonances from 3 to 100 Hz, lightly and well damped."""

@@ -19,7 +19,6 @@ class EncoderEccentricity(Effect):
     family = "position"
     look_alikes = ("spring", "position_ripple")
     excitation = "fast full turns, or a second encoder on the link"
-    unit = "rad"
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Once, or once and twice a turn."""

@@ -38,9 +38,10 @@ class NonlinearViscous(Effect):
         return column(place.joint, np.abs(v) ** shape[0] * motion.slip[:, place.joint])
 
     def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
-        """Powers stay between 0.2 and 4."""
+        """Powers stay between 0.2 and 4, and away from one."""
         near = super().neighbours(shape, step, extent)
-        return [(min(max(power, 0.2), 4.0),) for (power,) in near]
+        low, high = (0.2, 0.8) if shape[0] < 1.0 else (1.25, 4.0)
+        return [(min(max(power, low), high),) for (power,) in near]
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray

@@ -6,7 +6,7 @@ from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Sh
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 
-_DELAYS = (0.001, 0.002, 0.004, 0.008, 0.014, 0.022)
+_DELAYS = (0.0003, 0.0006, 0.001, 0.002, 0.004, 0.008, 0.014, 0.022)
 
 
 class TimeDelay(Effect):
@@ -18,12 +18,17 @@ class TimeDelay(Effect):
     name = "time_delay"
     family = "frequency"
     look_alikes = ("elasticity", "nonlinear_viscous")
+    least_support = 25.0
     excitation = "energy above 2 Hz and sharp reversals"
-    unit = ""
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
-        """From 1 to 22 ms."""
+        """From 0.3 to 22 ms."""
         return [(delay,) for delay in _DELAYS]
+
+    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+        """Delays down to a tenth of a millisecond."""
+        near = super().neighbours(shape, step, extent)
+        return [(max(delay, 1e-4),) for (delay,) in near]
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""
@@ -33,7 +38,7 @@ class TimeDelay(Effect):
 
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
         """The whole torque is late, not a part of it (the shape bends with longer delays)."""
-        return bool(coefficients[0] > 0.0 and (coefficients[0] < 2.0 or shape[0] >= _DELAYS[-1]))
+        return bool(0.4 < coefficients[0] < 2.5)
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray

@@ -25,7 +25,6 @@ class TorqueSaturation(Effect):
     family = "load"
     look_alikes = ("load_dependent_friction", "nonlinear_viscous")
     excitation = "high accelerations with a payload, up to the torque limit"
-    unit = ""
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Knees from 15 to 95 % of the largest torque."""

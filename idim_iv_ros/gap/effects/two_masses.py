@@ -12,6 +12,7 @@ from idim_iv_ros.gap.smooth_motion import SmoothMotion
 
 FloatArray = NDArray[np.float64]
 
+_LEAST_INERTIA = 0.05  # of the largest along the motion
 _STEPS_PER_PERIOD = 25.0  # of the transmission's natural frequency
 
 
@@ -28,7 +29,8 @@ def transmitted(
         Play, rad.
     """
     inertia = motion.inertia[:, :, joint]
-    own = np.maximum(inertia[:, joint], 1e-3 * np.max(np.abs(inertia[:, joint])) + 1e-12)
+    most = float(np.max(np.abs(inertia[:, joint]))) + 1e-12
+    own = np.maximum(inertia[:, joint], _LEAST_INERTIA * most)  # of an estimate, it may be negative
     frequency = np.sqrt(stiffness / float(np.min(own))) / (2.0 * np.pi)
     steps = max(1, int(np.ceil(_STEPS_PER_PERIOD * frequency / motion.rate)))
     torque, acceleration = _relative(
@@ -74,8 +76,12 @@ def _relative(
             bent = shift - min(max(shift, -half_gap), half_gap)
             given = 0.0
             if bent != 0.0 or half_gap == 0.0:
-                given = -stiffness * bent - damping * speed
-                if half_gap > 0.0 and given * bent > 0.0:
+                # Damping at the end of the step: it is stable however strong.
+                later = (speed - small * (stiffness * bent + needed) / mass) / (
+                    1.0 + small * damping / mass
+                )
+                given = -stiffness * bent - damping * later
+                if half_gap > 0.0 and given * bent > 0.0:  # flanks push and do not pull
                     given = 0.0
             change = (given - needed) / mass
             total += given

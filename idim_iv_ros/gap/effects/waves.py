@@ -7,7 +7,7 @@ from idim_iv_ros.gap.result import EffectParameter
 
 MOST_WAVES = 3
 _PERIODS = 2.5  # in the range of the joint, at least: fewer are a spring
-_FINEST = 4.0  # steps of the grid in one period of resolution, 2π / range
+_FINEST = 3.0  # steps of the grid in one period of resolution, 2π / range
 _MOST = 400
 _HIGHEST = 250.0  # 1/rad: finer than the teeth of a gear
 
@@ -30,8 +30,10 @@ def wave_numbers(place: Place, extent: Extent) -> FloatArray:
 def waves(position: FloatArray, numbers: Shape) -> FloatArray:
     """Sine and cosine of each wave number, (s, 2 k)."""
     phase = np.outer(position, numbers)
-    both = np.stack([np.sin(phase), np.cos(phase)], axis=2)
-    return np.asarray(both.reshape(len(position), -1))
+    both = np.empty((len(position), 2 * len(numbers)))
+    np.sin(phase, out=both[:, ::2])
+    np.cos(phase, out=both[:, 1::2])
+    return both
 
 
 def near_waves(shape: Shape, step: float, place_range: float) -> list[Shape]:
