@@ -3,7 +3,21 @@
 colcon reads ``python_requires`` and the version only from here.
 """
 
+from pathlib import Path
+
 from setuptools import setup
+
+
+def files(*patterns: str) -> list[str]:
+    """Files beside this one, as the names relative to it that `data_files` takes."""
+    return sorted(path.as_posix() for pattern in patterns for path in Path().glob(pattern))
+
+
+source = Path(__file__).resolve().parent
+for name in ("pyproject.toml", "README.md"):
+    # With --symlink-install colcon runs this file in a folder of links that lacks these two.
+    if not Path(name).exists():
+        Path(name).symlink_to(source / name)
 
 setup(
     version="0.1.0",
@@ -11,6 +25,9 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/idim_iv_ros"]),
         ("share/idim_iv_ros", ["package.xml"]),
-        ("lib/idim_iv_ros", ["scripts/recorder", "scripts/robot_simulator"]),
+        ("share/idim_iv_ros/launch", files("launch/*.launch.py")),
+        ("share/idim_iv_ros/config", files("config/*.yaml", "config/*.urdf")),
+        ("share/idim_iv_ros/security", ["security/policy.xml"]),
+        ("lib/idim_iv_ros", ["scripts/recorder", "scripts/identifier", "scripts/robot_simulator"]),
     ],
 )

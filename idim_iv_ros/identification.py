@@ -22,7 +22,7 @@ from idim_iv_ros.estimation import (
 from idim_iv_ros.preparation import prepare, read_configured, require_excitation
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.result import IdentificationResult
-from idim_iv_ros.stopwatch import Progress, Stopwatch
+from idim_iv_ros.stopwatch import Progress, Stopwatch, part_of
 from idim_iv_ros.validation import validate
 
 FloatArray = NDArray[np.float64]
@@ -113,7 +113,7 @@ def _identify(
             sources.starts,
             tolerance=configuration.identification.tolerance,
             max_iterations=configuration.identification.max_iterations,
-            progress=watch.progress,
+            progress=part_of(watch.progress, 0.5, 0.85),
         )
         linear, matrices = estimate.linear, estimate.instruments.matrices
     watch.stage("validation", 0.85)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.formats import IDENTIFICATION_FORMAT
 from idim_iv_ros.recording import ClockQuality, Note
 from idim_iv_ros.statistics import (
     HypothesisTest,
@@ -15,7 +16,7 @@ from idim_iv_ros.statistics import (
 
 FloatArray = NDArray[np.float64]
 
-FORMAT = "idim_iv_ros/identification/1"
+FORMAT = IDENTIFICATION_FORMAT
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,14 @@ from types import TracebackType
 Progress = Callable[[str, float], None]
 
 
+def part_of(progress: Progress | None, begin: float, end: float) -> Progress | None:
+    """Return what a stage reports its own share to, 0 to 1, as `begin` to `end` of the whole."""
+    if progress is None:
+        return None
+    whole = progress
+    return lambda stage, share: whole(stage, begin + (end - begin) * share)
+
+
 class Stopwatch:
     """Context manager that adds the seconds of each stage to `timing`.
 

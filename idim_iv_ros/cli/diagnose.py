@@ -11,9 +11,9 @@ from idim_iv_ros.cli.arguments import Bags, Config, Out, progress_bar
 from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.formats import GAP, REPORT
 from idim_iv_ros.gap.result import GapResult
 from idim_iv_ros.report import require_writable, write_gap_report
-from idim_iv_ros.report.write import GAP, REPORT
 from idim_iv_ros.stopwatch import Progress
 
 

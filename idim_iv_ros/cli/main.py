@@ -12,6 +12,7 @@ from idim_iv_ros.cli.excite import excite_command
 from idim_iv_ros.cli.identify import identify_command
 from idim_iv_ros.cli.import_table import import_command
 from idim_iv_ros.cli.record import record_command
+from idim_iv_ros.cli.serve import serve_command
 from idim_iv_ros.cli.simulate import simulate_command
 from idim_iv_ros.errors import IdimError
 
@@ -29,6 +30,7 @@ application.command("check")(check_command)
 application.command("identify")(identify_command)
 application.command("diagnose")(diagnose_command)
 application.command("record")(record_command)
+application.command("serve")(serve_command)
 application.command("excite")(excite_command)
 application.command("simulate")(simulate_command)
 

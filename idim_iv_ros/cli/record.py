@@ -1,10 +1,8 @@
 """`idim-iv record`."""
 
-import typer
-
 from idim_iv_ros.cli.arguments import Config, Out
+from idim_iv_ros.cli.start_node import start_node
 from idim_iv_ros.configuration import load_configuration
-from idim_iv_ros.errors import UsageError
 
 
 def record_command(config: Config, out: Out) -> None:
@@ -15,15 +13,5 @@ def record_command(config: Config, out: Out) -> None:
     Example: idim-iv record --config ur5.yaml --out bags
     """
     load_configuration(config)
-    try:
-        from idim_iv_ros.nodes.recorder import run
-    except ModuleNotFoundError as error:
-        raise UsageError(
-            f"the Python package {error.name} is not installed: source a ROS 2 workspace with "
-            "idim_iv_interfaces, or pip install '.[ros]' ./idim_iv_interfaces"
-        ) from error
-    parameters = {"configuration": config.resolve(), "bag_directory": out, "autostart": "true"}
-    arguments = ["idim-iv", "--ros-args"]
-    for name, value in parameters.items():
-        arguments += ["-p", f"{name}:={value}"]
-    raise typer.Exit(run(arguments))
+    parameters = {"configuration": config.resolve(), "bag_directory": out, "autostart": True}
+    start_node("recorder", parameters)

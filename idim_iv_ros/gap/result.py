@@ -6,9 +6,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.formats import GAP_FORMAT
+
 FloatArray = NDArray[np.float64]
 
-FORMAT = "idim_iv_ros/gap/1"
+FORMAT = GAP_FORMAT
 
 Verdict = Literal["none", "parametric", "structural", "both", "unknown"]
 Kind = Literal["parametric", "structural"]

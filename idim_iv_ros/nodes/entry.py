@@ -1,8 +1,10 @@
 """Running a node until a signal: clean shutdown, one line for whatever goes wrong."""
 
+import os
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
@@ -29,7 +31,8 @@ class Closable(Protocol):
 def run_node(name: str, make: Callable[[], Closable], about: str, arguments: Sequence[str]) -> int:
     """Run a node until SIGINT or SIGTERM and return the exit status.
 
-    A callback that fails is logged in one line; the node goes on.
+    A callback that fails is logged in one line; the node goes on. While it is closed it still has
+    its executor.
     """
     if {"-h", "--help"} & set(arguments[1:]):
         print(about)
@@ -39,13 +42,18 @@ def run_node(name: str, make: Callable[[], Closable], about: str, arguments: Seq
         signal.signal(number, lambda *_: stop.set())
     try:
         try:
-            rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
-            running = make()
+            with warnings.catch_warnings():
+                # Of a node that cannot be made rclpy warns, too, that it cannot be unmade.
+                warnings.simplefilter("ignore", RuntimeWarning)
+                rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
+                running = make()
         except IdimError:
             raise
         except Exception as error:  # what rclpy raises has no common class
             raise UsageError(_start_failure(error)) from error
-        _spin(running.node, stop)
+        executor = SingleThreadedExecutor()
+        executor.add_node(running.node)
+        _spin(executor, running.node, stop)
         running.close()
     except IdimError as error:
         print(f"{name}: {error}", file=sys.stderr)
@@ -55,9 +63,7 @@ def run_node(name: str, make: Callable[[], Closable], about: str, arguments: Seq
     return 0
 
 
-def _spin(node: Node, stop: threading.Event) -> None:
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
+def _spin(executor: SingleThreadedExecutor, node: Node, stop: threading.Event) -> None:
     while not stop.is_set():
         try:
             executor.spin_once(timeout_sec=_WAIT)
@@ -67,9 +73,15 @@ def _spin(node: Node, stop: threading.Event) -> None:
 
 def _start_failure(error: Exception) -> str:
     text = one_line(error)
-    if "security" in text.lower():
+    if "security libraries" in text:
         return (
             "DDS security is switched on (ROS_SECURITY_ENABLE) but this Fast DDS was built "
             "without it: use a full ROS 2 installation, or unset ROS_SECURITY_ENABLE"
+        )
+    if os.environ.get("ROS_SECURITY_ENABLE") == "true":
+        return (
+            f"DDS security is switched on (ROS_SECURITY_ENABLE) and cannot begin ({text}): does "
+            "ROS_SECURITY_KEYSTORE hold an enclave for this node? The ROS 2 wheels of PyPI have "
+            "no DDS security"
         )
     return f"cannot start: {text}"

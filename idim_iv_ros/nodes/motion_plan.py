@@ -45,7 +45,7 @@ def commanded(
     ------
     UsageError
         Fewer than two points, times that do not increase, numbers that are not finite, or a
-        motion of more than an hour.
+        motion of less than a sample or more than an hour.
     """
     numbers = [times, positions] + ([] if velocities is None else [velocities])
     if len(times) < 2:
@@ -54,6 +54,8 @@ def commanded(
         raise UsageError("joint_trajectory: a number is not finite")
     if times[0] < 0.0 or np.any(np.diff(times) <= 0.0):
         raise UsageError("joint_trajectory: time_from_start does not increase")
+    if times[-1] - times[0] < 1.0 / rate:
+        raise UsageError(f"joint_trajectory: shorter than one sample, {1.0 / rate:g} s")
     if times[-1] > _LONGEST:
         raise UsageError(f"joint_trajectory: longer than {_LONGEST:g} s")
     grid = np.arange(int((times[-1] - times[0]) * rate) + 1) / rate + times[0]

@@ -1,17 +1,18 @@
 """The node `robot_simulator`: a robot in real time whose true parameters are known."""
 
+import contextlib
 import json
 import sys
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
@@ -19,11 +20,13 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from idim_iv_ros.configuration import Configuration, load_configuration
-from idim_iv_ros.errors import IdimError, UsageError
+from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
 from idim_iv_ros.nodes.entry import run_node
 from idim_iv_ros.nodes.motion_plan import REST, commanded, published
+from idim_iv_ros.nodes.parameters import changed, declare
 from idim_iv_ros.nodes.playback import Playback
+from idim_iv_ros.nodes.simulator_settings import SimulatorSettings
 from idim_iv_ros.recording.read import DESCRIPTION
 from idim_iv_ros.simulated_robot import simulated_robot
 
@@ -51,17 +54,17 @@ class RobotSimulator:
 
     def __init__(self) -> None:
         self.node = node = Node("robot_simulator")
-        configuration, self._rate = self._declared()
-        urdf = configuration.robot.urdf
-        assert urdf is not None
+        self._settings = declare(node, SimulatorSettings)
+        configuration, urdf, self._rate = _loaded(Path(self._settings.configuration))
         text = urdf.read_text(encoding="utf-8")
         self._configuration = configuration
         self._robot = simulated_robot(configuration, text, urdf.name)
         limits = self._robot.robot.limits
         middle = 0.5 * (limits.lower + limits.upper)
         self._reference = np.where(np.isfinite(middle), middle, 0.0)
+        self._compile()
         topics, _ = published(
-            configuration, self._robot, self._rate, self._reference, None, self._value("seed")
+            configuration, self._robot, self._rate, self._reference, None, self._settings.seed
         )
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_publisher(String, DESCRIPTION, latched).publish(String(data=text))
@@ -83,6 +86,8 @@ class RobotSimulator:
         node.create_subscription(JointTrajectory, "~/joint_trajectory", self._command, 1)
         node.create_service(Trigger, "~/move", self._move)
         node.create_timer(0.1, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._apply)
         self._playback.start()
 
     def close(self) -> None:
@@ -90,44 +95,23 @@ class RobotSimulator:
         self._playback.end()
         self.node.destroy_node()
 
+    def _compile(self) -> None:
+        """Plan a short motion, so that what is compiled at first use does not delay ~/move."""
+        with contextlib.suppress(IdimError):  # without joint limits there are no random motions
+            random_motion(self._configuration, duration=1.0, rate=self._rate, seed=1)
+
     def _now(self) -> int:
         return int(self.node.get_clock().now().nanoseconds)
 
-    def _declared(self) -> tuple[Configuration, float]:
-        """Declare the parameters; configuration and rate of the references in Hz."""
-        texts = {
-            "configuration": "the robot's YAML file",
-            "trajectory": "CSV file that ~/move plays; empty: a random motion",
-        }
+    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         try:
-            for name, text in texts.items():
-                about = ParameterDescriptor(description=text, read_only=name == "configuration")
-                self.node.declare_parameter(name, "", about)
-            about = ParameterDescriptor(description="duration of the random motion, s")
-            about.floating_point_range = [FloatingPointRange(from_value=1.0, to_value=3600.0)]
-            self.node.declare_parameter("motion_duration", 10.0, about)
-            for name, text in (("seed", "of the noise"), ("motion_seed", "of the random motion")):
-                about = ParameterDescriptor(description=text)
-                about.integer_range = [IntegerRange(from_value=0, to_value=2**31)]
-                self.node.declare_parameter(name, 1, about)
-        except Exception as error:  # rclpy has one class for each thing that can be wrong
-            raise UsageError(f"parameter: {' '.join(str(error).split())}") from error
-        path = self._value("configuration")
-        if not path:
-            raise UsageError("name the robot: --ros-args -p configuration:=ROBOT.yaml")
-        configuration = load_configuration(Path(path))
-        if configuration.robot.urdf is None:
-            raise UsageError(f"{path}: robot.urdf is needed to simulate")
-        period = configuration.controller.period
-        rate = configuration.simulated_robot.rate or (1.0 / period if period else _FASTEST)
-        if rate > _FASTEST + 1e-6:
-            raise UsageError(
-                f"{path}: simulated_robot.rate: {rate:g} Hz; at most {_FASTEST:g} Hz in real time"
-            )
-        return configuration, float(rate)
+            changed(self._settings, parameters)
+        except IdimError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
 
-    def _value(self, name: str) -> Any:
-        return self.node.get_parameter(name).value
+    def _apply(self, parameters: Sequence[Parameter]) -> None:
+        self._settings = changed(self._settings, parameters)
 
     def _command(self, message: JointTrajectory) -> None:
         def trajectory() -> Trajectory:
@@ -154,13 +138,13 @@ class RobotSimulator:
 
     def _move(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         def trajectory() -> Trajectory:
-            if self._value("trajectory"):
-                return read_trajectory(Path(self._value("trajectory")))
+            if self._settings.trajectory:
+                return read_trajectory(Path(self._settings.trajectory))
             return random_motion(
                 self._configuration,
-                duration=self._value("motion_duration"),
+                duration=self._settings.motion_duration,
                 rate=self._rate,
-                seed=self._value("motion_seed"),
+                seed=self._settings.motion_seed,
             )
 
         response.message = self._plan(trajectory) or "planning, then moving"
@@ -180,11 +164,13 @@ class RobotSimulator:
                     self._rate,
                     self._reference,
                     trajectory(),
-                    self._value("seed"),
+                    self._settings.seed,
                 )
                 self._playback.play(topics)
             except IdimError as error:
                 self._problem = str(error)
+            except Exception as error:  # the next motion may be one that can be planned
+                self._problem = f"defect in idim_iv_ros ({one_line(error)})"
             finally:
                 self._planning.release()
 
@@ -199,6 +185,21 @@ class RobotSimulator:
         problem, self._problem = self._problem or self._playback.failure, ""
         if problem:
             self.node.get_logger().error(problem)
+
+
+def _loaded(path: Path) -> tuple[Configuration, Path, float]:
+    """Configuration, its URDF, and the rate of the references in Hz."""
+    configuration = load_configuration(path)
+    urdf = configuration.robot.urdf
+    if urdf is None:
+        raise UsageError(f"{path}: robot.urdf is needed to simulate")
+    period = configuration.controller.period
+    rate = configuration.simulated_robot.rate or (1.0 / period if period else _FASTEST)
+    if rate > _FASTEST + 1e-6:
+        raise UsageError(
+            f"{path}: simulated_robot.rate: {rate:g} Hz; at most {_FASTEST:g} Hz in real time"
+        )
+    return configuration, urdf, float(rate)
 
 
 def run(arguments: Sequence[str]) -> int:

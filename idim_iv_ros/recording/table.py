@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.io import loadmat
 
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.recording.write import JointTopic, write_bag
@@ -199,6 +198,8 @@ def _load(path: Path, key: str | None) -> Any:
         with np.load(path, allow_pickle=False) as archive:
             variables = {name: archive[name] for name in archive.files}
     else:
+        from scipy.io import loadmat  # here, because a recorder starts faster without it
+
         variables = {k: v for k, v in loadmat(path).items() if not k.startswith("__")}
     if key is None and len(variables) == 1:
         return next(iter(variables.values()))

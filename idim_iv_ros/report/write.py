@@ -6,14 +6,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.formats import GAP, REPORT, RESULT
 from idim_iv_ros.gap.result import GapResult
 from idim_iv_ros.report.gap_html import gap_report_html
 from idim_iv_ros.report.gap_json import gap_text
 from idim_iv_ros.report.html import report_html
 from idim_iv_ros.report.json_result import result_text
 from idim_iv_ros.result import IdentificationResult
-
-RESULT, GAP, REPORT = "result.json", "gap.json", "report.html"
 
 
 def write_report(result: IdentificationResult, out: Path) -> tuple[Path, Path]:

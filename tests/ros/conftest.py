@@ -1,6 +1,7 @@
 """Real nodes on loopback, in a domain of their own."""
 
 import os
+import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -14,7 +15,11 @@ os.environ["RCUTILS_COLORIZED_OUTPUT"] = "0"
 
 import rclpy
 
-from tests.ros.processes import Observer, Process, Robot, start_recorder
+from idim_iv_ros import load_configuration
+from idim_iv_ros.excitation import random_motion
+from idim_iv_ros.simulated_recording import simulate
+from tests.ros.identifier_client import IdentifierClient
+from tests.ros.processes import ROOT, Observer, Process, Robot, start_node, start_recorder
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -84,3 +89,69 @@ def configuration(tmp_path: Path) -> Path:
         "signals:\n  joint_states: /joint_states\n  reference: /joint_reference\n"
     )
     return path
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path):
+    """Six megabytes."""
+    folder = tmp_path / "small"
+    folder.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=6m", "tmpfs", folder])
+    if mounted.returncode:
+        pytest.skip("mounting a small disk needs root")
+    yield folder
+    subprocess.run(["umount", "-l", folder], check=True)
+
+
+ARM2 = ROOT / "config" / "arm2.yaml"
+
+
+@pytest.fixture(scope="session")
+def simulated_bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with `bag-1.mcap` and `bag-2.mcap`, ten seconds each of the arm with two joints."""
+    folder = tmp_path_factory.mktemp("simulated")
+    configuration = load_configuration(ARM2)
+    motion = random_motion(configuration, duration=10.0, rate=1000.0, seed=1)
+    simulate(configuration, folder / "bag.mcap", motion, seeds=(1, 2))
+    return folder
+
+
+@pytest.fixture
+def identifier(
+    simulated_bags: Path, tmp_path: Path, stack: ExitStack, observer: Observer
+) -> Callable[..., IdentifierClient]:
+    """Start an identifier with parameters."""
+
+    def start(*remappings: str, **parameters: object) -> IdentifierClient:
+        values = {"bag_directory": simulated_bags, **parameters}
+        return start_identifier(stack, tmp_path, observer, *remappings, **values)
+
+    return start
+
+
+@pytest.fixture(scope="module")
+def served(
+    simulated_bags: Path, tmp_path_factory: pytest.TempPathFactory, observer: Observer
+) -> Iterator[IdentifierClient]:
+    """An identifier that the tests of a file share; they leave its parameters as they were."""
+    folder = tmp_path_factory.mktemp("served")
+    announced = "recorder/bag_closed:=/announced"
+    with ExitStack() as stack:
+        yield start_identifier(stack, folder, observer, announced, bag_directory=simulated_bags)
+
+
+def start_identifier(
+    stack: ExitStack, folder: Path, observer: Observer, *remappings: str, **parameters: object
+) -> IdentifierClient:
+    """Start an identifier that writes into the folder `results` in `folder`."""
+    values = {
+        "configuration": ARM2,
+        "output_directory": folder / "results",
+        "status_period": 0.2,
+        **parameters,
+    }
+    process = start_node("identifier", folder, *remappings, **values)
+    stack.callback(process.end)
+    client = IdentifierClient(observer, process)
+    stack.callback(client.close)
+    return client

@@ -120,18 +120,34 @@ class Robot(Process):
         self.busy = False
 
 
-def start_recorder(folder: Path, **parameters: object) -> Process:
-    """Start a recorder with parameters, under a name that none had before.
+def start_node(executable: str, folder: Path, *remappings: str, **parameters: object) -> Process:
+    """Start a node with parameters, under a name that none had before.
 
     One that is killed is still known to the others for a while, and its services seem to be there.
     """
-    name = f"recorder_{next(_numbers)}"
-    arguments = [sys.executable, str(ROOT / "scripts" / "recorder"), "--ros-args"]
-    arguments += ["-r", f"__node:={name}"]
-    for parameter, value in {"minimum_free_disk": 0, "status_period": 0.2, **parameters}.items():
+    name = f"{executable}_{next(_numbers)}"
+    arguments = [sys.executable, str(ROOT / "scripts" / executable), "--ros-args"]
+    for remapping in (f"__node:={name}", *remappings):
+        arguments += ["-r", remapping]
+    for parameter, value in parameters.items():
         text = str(value).lower() if isinstance(value, bool) else str(value)
         arguments += ["-p", f"{parameter}:={text}"]
     return Process(arguments, folder, name)
+
+
+def start_launched(executable: str, folder: Path, parameters: dict[str, object]) -> Process:
+    """Start a node as launch_ros does: under its own name, with parameters in a file."""
+    file = folder / f"{executable}.parameters.yaml"
+    file.write_text(json.dumps({"/**": {"ros__parameters": parameters}}))
+    script = str(ROOT / "scripts" / executable)
+    arguments = [sys.executable, script, "--ros-args", "--params-file", str(file)]
+    return Process(arguments, folder, executable)
+
+
+def start_recorder(folder: Path, **parameters: object) -> Process:
+    """Start a recorder with parameters that suit tests."""
+    defaults = {"minimum_free_disk": 0, "status_period": 0.2}
+    return start_node("recorder", folder, **{**defaults, **parameters})
 
 
 class Observer:
@@ -206,11 +222,15 @@ class Observer:
         return self._request(Trigger, f"/{self.name}/{name}", Trigger.Request())
 
     def set(self, **values: object):
+        """Set parameters of the recorder."""
+        return self.set_on(self.name, **values)
+
+    def set_on(self, node: str, **values: object):
         parameters = [
             Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
         ]
         request = SetParameters.Request(parameters=parameters)
-        return self._request(SetParameters, f"/{self.name}/set_parameters", request).results
+        return self._request(SetParameters, f"/{node}/set_parameters", request).results
 
     def _request(self, kind, name: str, request):
         client = self.node.create_client(kind, name)

@@ -35,7 +35,7 @@ def test_index_lists_package_and_executables_start(
     assert Path(get_package_prefix("idim_iv_ros")) == prefix
     assert (Path(get_package_share_directory("idim_iv_ros")) / "package.xml").is_file()
     found = executables(prefix, "idim_iv_ros")
-    assert set(found) == {"recorder", "robot_simulator"}
+    assert set(found) == {"recorder", "identifier", "robot_simulator"}
     (site,) = prefix.glob("lib/python*/site-packages")
     monkeypatch.setenv("PYTHONPATH", str(site))
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:{os.environ['PATH']}")
@@ -48,31 +48,43 @@ def test_index_lists_package_and_executables_start(
         observer.until(lambda: node in observer.node.get_node_names(), node)  # noqa: B023
 
 
-@pytest.mark.load
-def test_colcon_builds_both_packages_and_the_recorder_starts(tmp_path: Path, observer) -> None:
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A scratch folder in whose environment `builder` colcon can build the messages."""
     tomllib = pytest.importorskip("tomllib")  # Python 3.11
-    builder = tmp_path / "builder"
-    subprocess.run([sys.executable, "-m", "venv", builder], check=True)
+    folder = tmp_path_factory.mktemp("workspace")
+    subprocess.run([sys.executable, "-m", "venv", folder / "builder"], check=True)
     document = tomllib.loads((ROOT / "idim_iv_interfaces" / "pyproject.toml").read_text())
     needed = [*document["build-system"]["requires"], "colcon-common-extensions", "colcon-ros"]
-    pip = [str(builder / "bin" / "python"), "-m", "pip", "install", "-q", *needed]
+    pip = [str(folder / "builder" / "bin" / "python"), "-m", "pip", "install", "-q", *needed]
     subprocess.run(pip, check=True, capture_output=True)
-    workspace = tmp_path / "ws"
-    workspace.mkdir()
+    return folder
+
+
+@pytest.mark.load
+@pytest.mark.parametrize("option", ["--merge-install", "--symlink-install"])
+def test_colcon_builds_both_packages_and_the_recorder_starts(
+    workspace: Path, tmp_path: Path, option: str, observer
+) -> None:
+    builder = workspace / "builder"
     paths = f"{builder / 'bin'}:{os.environ['PATH']}"
     built = subprocess.run(
-        ["colcon", "build", "--base-paths", ROOT, ROOT / "idim_iv_interfaces"],
-        cwd=workspace,
+        ["colcon", "build", option, "--base-paths", ROOT, ROOT / "idim_iv_interfaces"],
+        cwd=tmp_path,
         env={**os.environ, "PATH": paths, "CMAKE_PREFIX_PATH": str(builder)},
         capture_output=True,
         text=True,
     )
     assert built.returncode == 0, built.stderr
     assert "2 packages finished" in built.stdout
-    setup = workspace / "install" / "setup.bash"
-    path = workspace / "install" / "idim_iv_ros" / "lib" / "idim_iv_ros" / "recorder"
+    setup = tmp_path / "install" / "setup.bash"
+    find = "from ament_index_python import get_package_prefix as p; print(p('idim_iv_ros'))"
     python = Path(sys.executable).parent
-    command = f". {setup}; PATH={python}:$PATH exec {path} --ros-args -r __node:={NODE}_colcon"
-    process = Process(["bash", "-c", command], tmp_path, f"{NODE}_colcon")
+    node = f"{NODE}_{option.strip('-').replace('-', '_')}"
+    command = (
+        f'. {setup}; PATH={python}:$PATH; prefix=$(python -c "{find}"); '
+        f"exec $prefix/lib/idim_iv_ros/recorder --ros-args -r __node:={node}"
+    )
+    process = Process(["bash", "-c", command], tmp_path, node)
     observer.follow(process)
     assert process.finish() == 0

@@ -2,6 +2,7 @@
 
 import json
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,12 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from idim_iv_ros import identify, load_configuration
+from idim_iv_ros import load_configuration
 from idim_iv_ros.recording import read_recordings
-from tests.ros.processes import ROOT, Process, only_bag
+from tests.ros.identifier_client import JOB, IdentifierClient
+from tests.ros.launch_file import launched_nodes
+from tests.ros.processes import ROOT, Process, only_bag, start_launched
+from tests.ros.true_parameters import require_truth
 
 START = 90.0  # s: on a new machine the simulation is compiled first
 CONFIG = ROOT / "config" / "arm2.yaml"
@@ -38,11 +42,24 @@ def move(observer) -> Trigger.Response:
     return observer._request(Trigger, "/robot_simulator/move", Trigger.Request())
 
 
-def test_recorded_motion_identifies_the_true_parameters(
-    recorder, simulator, observer, bags: Path
+@pytest.fixture
+def demo(tmp_path: Path, stack, observer) -> IdentifierClient:
+    """The nodes of demo.launch.py; the observer follows its recorder."""
+    folders = {name: str(tmp_path / name) for name in ("bags", "results")}
+    nodes = launched_nodes(ROOT / "launch" / "demo.launch.py", configuration=str(CONFIG), **folders)
+    processes = {name: start_launched(name, tmp_path, given) for name, given in nodes.items()}
+    for process in processes.values():
+        stack.callback(process.end)
+    observer.follow(processes["recorder"])
+    client = IdentifierClient(observer, processes["identifier"])
+    stack.callback(client.close)
+    return client
+
+
+def test_demo_identifies_the_true_parameters_from_a_recorded_motion(
+    demo, observer, tmp_path: Path
 ) -> None:
-    simulator(motion_duration=6.0)
-    recorder(configuration=str(CONFIG))
+    """Simulator, recorder, bag, identifier: as announced, and once more on request."""
     truths: list[String] = []
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     heard = observer.node.create_subscription(
@@ -60,7 +77,7 @@ def test_recorded_motion_identifies_the_true_parameters(
     observer.node.destroy_subscription(heard_moving)
     assert observer.call("stop").success
     observer.node.destroy_subscription(heard)
-    bag = only_bag(bags)
+    bag = only_bag(tmp_path / "bags")
     status = observer.next_status()
     assert sum(topic.lost for topic in status.topics) == 0
     configuration = load_configuration(CONFIG)
@@ -68,12 +85,31 @@ def test_recorded_motion_identifies_the_true_parameters(
         [bag], joints=configuration.robot.joints, reference="/joint_reference"
     )
     assert abs(recording.rate - 1000.0) < 1.0
-    result = identify([bag], configuration)
-    truth = json.loads(truths[0].data)
-    deviations = [abs(p.value - truth[p.name]) / p.std for p in result.parameters]
-    assert np.mean(np.array(deviations) < 3.0) > 0.8, dict(
-        zip([p.name for p in result.parameters], deviations, strict=True)
+    observer.until(lambda: "joint_2" in demo.diagnostics, "the result of the announced bag", JOB)
+    announced = demo.latched().parameters
+    answer = demo.identify(bag.name)
+    assert answer.success, answer.message
+    require_truth(answer.result.parameters, json.loads(truths[0].data))
+    assert list(announced.bags) == [bag.name]
+    assert announced.estimates == answer.result.parameters.estimates
+
+
+@pytest.mark.load
+def test_first_move_begins_at_once_where_nothing_was_compiled(
+    simulator, observer, monkeypatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    simulator(motion_duration=2.0)
+    places: list[float] = []
+    heard = observer.node.create_subscription(
+        JointState, "/joint_reference", lambda message: places.append(message.position[0]), 10
     )
+    observer.until(lambda: len(places) > 100, "references", START)
+    begin = time.perf_counter()
+    assert move(observer).success
+    observer.until(lambda: abs(places[-1] - places[0]) > 1e-3, "the motion", START)
+    assert time.perf_counter() - begin < 2.0
+    observer.node.destroy_subscription(heard)
 
 
 def test_joint_trajectory_is_followed(simulator, recorder, observer, bags: Path) -> None:
@@ -119,4 +155,23 @@ def test_start_without_configuration_is_one_line(tmp_path: Path) -> None:
     script = str(ROOT / "scripts" / "robot_simulator")
     process = Process([sys.executable, script], tmp_path, "alone")
     assert process.process.wait(20) == 2
-    assert process.errors.read_text().startswith("robot_simulator: name the robot")
+    lines = process.errors.read_text().splitlines()
+    assert lines == [
+        "robot_simulator: parameter configuration: name it: --ros-args -p configuration:=ROBOT.yaml"
+    ]
+
+
+def test_wrong_parameters_are_refused_when_set(simulator, observer, tmp_path: Path) -> None:
+    simulator()
+    broken = tmp_path / "motion.csv"
+    broken.write_text("nothing\n")
+    for name, value, words in (
+        ("motion_duration", 0.1, "range"),
+        ("seed", -1, "range"),
+        ("configuration", "other.yaml", "read-only"),
+        ("trajectory", str(tmp_path / "missing.csv"), "missing.csv"),
+        ("trajectory", str(broken), "motion.csv"),
+    ):
+        (result,) = observer.set_on("robot_simulator", **{name: value})
+        assert not result.successful
+        assert words in result.reason, result.reason

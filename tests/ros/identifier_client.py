@@ -1,0 +1,119 @@
+"""What users of the identifier do: ask, listen, cancel, watch."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.action import ActionClient
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from idim_iv_interfaces.action import Identify as IdentifyAction
+from idim_iv_interfaces.msg import IdentificationResult
+from idim_iv_interfaces.srv import Identify
+from tests.ros.processes import Observer, Process
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+JOB = 60.0  # s; on a new machine the simulation is compiled first
+
+
+class IdentifierClient:
+    """Asks one identifier; the observer spins."""
+
+    def __init__(self, observer: Observer, process: Process) -> None:
+        self.observer, self.process, self.name = observer, process, process.name
+        self.node = observer.node
+        self.diagnostics: dict[str, tuple[int, str, dict[str, str]]] = {}
+        self._heard = self.node.create_subscription(
+            DiagnosticArray, "/diagnostics", self._diagnosis, 10
+        )
+        observer.until(lambda: "identification" in self.diagnostics, "the identifier", JOB)
+        self.service = self.node.create_client(Identify, f"/{self.name}/identify")
+        self.action = ActionClient(self.node, IdentifyAction, f"/{self.name}/identify")
+        observer.until(self.service.service_is_ready, "the service")
+        observer.until(self.action.server_is_ready, "the action")
+
+    def close(self) -> None:
+        self.action.destroy()
+        self.node.destroy_client(self.service)
+        self.node.destroy_subscription(self._heard)
+
+    def _diagnosis(self, message: DiagnosticArray) -> None:
+        for each in message.status:
+            node, _, what = each.name.partition(": ")
+            if node == self.name:
+                values = {pair.key: pair.value for pair in each.values}
+                self.diagnostics[what] = (each.level[0], each.message, values)
+
+    def ask(self, *bags: str | Path, **request: object):
+        """Call the service and return the future."""
+        return self.service.call_async(Identify.Request(bags=[str(bag) for bag in bags], **request))
+
+    def identify(self, *bags: str | Path, **request: object) -> Identify.Response:
+        return self.wait(self.ask(*bags, **request))
+
+    def wait(self, future, timeout: float = JOB):
+        self.observer.until(future.done, "an answer", timeout)
+        return future.result()
+
+    def goal(self, *bags: str | Path, feedback: list | None = None, **request: object):
+        """Send a goal and return its handle."""
+        goal = IdentifyAction.Goal(bags=[str(bag) for bag in bags], **request)
+        heard = [] if feedback is None else feedback
+        return self.wait(
+            self.action.send_goal_async(goal, lambda message: heard.append(message.feedback))
+        )
+
+    def latched(self, topic: str = "result", kind: type = IdentificationResult):
+        """What a subscriber that starts now is told."""
+        heard: list = []
+        subscription = self.node.create_subscription(
+            kind, f"/{self.name}/{topic}", heard.append, LATCHED
+        )
+        self.observer.until(lambda: heard, f"a message on {topic}")
+        self.node.destroy_subscription(subscription)
+        return heard[-1]
+
+    def failure(self) -> str:
+        """Wait until the diagnostics tell that the last job failed, and why."""
+        told = self.diagnostics
+        self.observer.until(lambda: told["identification"][0] == 2, "a failure", JOB)
+        return told["identification"][1]
+
+    @contextmanager
+    def parameters(self, **values: object) -> Iterator[None]:
+        """Set parameters for a while."""
+        before = {name: parameter_value_to_python(self.parameter(name)[0]) for name in values}
+        assert self.set(**values).successful
+        yield
+        assert self.set(**before).successful
+
+    def worker(self) -> int:
+        """Process id of the worker, as the diagnostics tell it."""
+        key = "worker (process id)"
+        told = self.diagnostics
+        self.observer.until(lambda: told["identification"][2][key] != "none", "a worker")
+        return int(told["identification"][2][key])
+
+    def parameter(self, name: str) -> tuple[object, float]:
+        """Value of a parameter, and the seconds until it was known."""
+        client = self.node.create_client(GetParameters, f"/{self.name}/get_parameters")
+        self.observer.until(client.service_is_ready, "get_parameters")
+        begin = time.perf_counter()
+        (value,) = self.wait(client.call_async(GetParameters.Request(names=[name]))).values
+        seconds = time.perf_counter() - begin
+        self.node.destroy_client(client)
+        return value, seconds
+
+    def set(self, **values: object):
+        parameters = [
+            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+        ]
+        client = self.node.create_client(SetParameters, f"/{self.name}/set_parameters")
+        self.observer.until(client.service_is_ready, "set_parameters")
+        answer = self.wait(client.call_async(SetParameters.Request(parameters=parameters)))
+        self.node.destroy_client(client)
+        return answer.results[0]

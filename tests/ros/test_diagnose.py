@@ -1,0 +1,91 @@
+"""The identifier asked for a diagnosis."""
+
+import json
+from importlib.util import find_spec
+
+import pytest
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+
+from idim_iv_interfaces.action import Diagnose as DiagnoseAction
+from idim_iv_interfaces.msg import GapReport
+from idim_iv_interfaces.srv import Diagnose
+from idim_iv_ros.nodes.job_request import DIAGNOSIS
+
+HERE = find_spec(DIAGNOSIS) is not None
+diagnosing = pytest.mark.skipif(not HERE, reason="this version has no diagnosis")
+LONG = 300.0  # s
+
+
+@pytest.fixture
+def service(served):
+    client = served.node.create_client(Diagnose, f"/{served.name}/diagnose")
+    served.observer.until(client.service_is_ready, "the service")
+    yield client
+    served.node.destroy_client(client)
+
+
+@pytest.fixture
+def action(served):
+    client = ActionClient(served.node, DiagnoseAction, f"/{served.name}/diagnose")
+    served.observer.until(client.server_is_ready, "the action")
+    yield client
+    client.destroy()
+
+
+@pytest.mark.skipif(HERE, reason="this version has a diagnosis")
+def test_version_without_diagnosis_says_so_in_one_line(served, service, action) -> None:
+    line = "diagnose is not part of this version: only identify is"
+    answer = served.wait(service.call_async(Diagnose.Request(bags=["bag-1.mcap"])))
+    assert (answer.success, answer.message) == (False, line)
+    goal = served.wait(action.send_goal_async(DiagnoseAction.Goal(bags=["bag-1.mcap"])))
+    ended = served.wait(goal.get_result_async())
+    assert (ended.status, ended.result.message) == (GoalStatus.STATUS_ABORTED, line)
+
+
+@diagnosing
+def test_service_answers_with_the_report_and_publishes_it_latched(served, service) -> None:
+    request = Diagnose.Request(bags=["bag-1.mcap", "bag-2.mcap"], without=["backlash"])
+    answer = served.wait(service.call_async(request), LONG)
+    assert answer.success, answer.message
+    report = answer.result
+    assert list(report.bags) == ["bag-1.mcap", "bag-2.mcap"]
+    assert list(report.without) == ["backlash"]
+    results = served.process.errors.parent / "results"
+    document = json.loads((results / report.files[0]).read_text())
+    assert (report.verdict, report.summary) == (document["verdict"], document["summary"])
+    assert [each.joint for each in report.joints] == document["joints"]
+    assert str(served.latched("gap", GapReport)) == str(report)
+
+
+@diagnosing
+def test_action_gives_feedback_and_a_goal_can_be_cancelled(served, action) -> None:
+    stages: list[str] = []
+    goal = served.wait(
+        action.send_goal_async(
+            DiagnoseAction.Goal(bags=["bag-1.mcap"]),
+            lambda message: stages.append(message.feedback.stage),
+        )
+    )
+    served.observer.until(lambda: len(set(stages)) > 1, "work in the worker", LONG)
+    assert served.wait(goal.cancel_goal_async()).goals_canceling
+    assert served.wait(goal.get_result_async()).status == GoalStatus.STATUS_CANCELED
+
+
+@diagnosing
+@pytest.mark.parametrize(
+    ("request_", "words"),
+    [
+        ({"bags": []}, "at least one bag"),
+        ({"bags": ["../bag-1.mcap"]}, "'..' is not allowed"),
+        ({"without": ["phlogiston"]}, "'phlogiston' is no effect"),
+        ({"without": ["backlash"] * 101}, "101 effects; at most 100"),
+        ({"timeout": -1.0}, "is no time"),
+    ],
+)
+def test_bad_request_is_one_line(served, service, request_, words: str) -> None:
+    request = Diagnose.Request(**{"bags": ["bag-1.mcap"], **request_})
+    answer = served.wait(service.call_async(request))
+    assert not answer.success
+    assert words in answer.message
+    assert "\n" not in answer.message

@@ -1,0 +1,231 @@
+"""What a user of the identifier relies on."""
+
+import json
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from action_msgs.msg import GoalStatus
+
+from idim_iv_interfaces.msg import ParameterEstimates
+from idim_iv_ros import load_configuration
+from idim_iv_ros.excitation import random_motion
+from idim_iv_ros.simulated_recording import simulate
+from tests.ros.conftest import ARM2
+from tests.ros.identifier_client import IdentifierClient
+from tests.ros.processes import Process
+from tests.ros.true_parameters import require_truth
+
+OK, WARN, ERROR = 0, 1, 2
+PROMPT = 0.2  # s
+
+
+@pytest.fixture(scope="module")
+def truth(simulated_bags: Path) -> dict[str, float]:
+    return json.loads((simulated_bags / "bag.truth.json").read_text())
+
+
+def results(client) -> Path:
+    return client.process.errors.parent / "results"
+
+
+def test_service_answers_with_the_result_and_publishes_it_latched(served, truth) -> None:
+    answer = served.identify("bag-1.mcap")
+    assert answer.success, answer.message
+    result = answer.result
+    require_truth(result.parameters, truth)
+    assert list(result.parameters.bags) == ["bag-1.mcap"]
+    covariance = np.reshape(result.parameters.covariance, (len(truth), len(truth)))
+    stds = [parameter.std for parameter in result.parameters.estimates]
+    assert np.allclose(np.sqrt(np.diag(covariance)), stds)
+    assert np.abs(covariance - np.diag(np.diag(covariance))).max() > 0.0
+    document = json.loads((results(served) / result.files[0]).read_text())
+    assert [p.value for p in result.parameters.estimates] == [
+        p["value"] for p in document["parameters"]
+    ]
+    tests = document["specification"]["tests"]
+    assert [(t.scope, t.p_value) for t in result.specification] == [
+        (t["scope"], t["p_value"]) for t in tests
+    ]
+    assert "joint_2: speed" in {t.scope for t in result.specification}
+    assert result.instruments_source == document["instruments"]["source"]
+    assert result.parameters.convergence_note == document["convergence_note"]
+    assert (results(served) / result.files[1]).read_text().startswith("<!DOCTYPE html>")
+    # As text: a NaN is not equal to itself.
+    assert str(served.latched()) == str(result)
+    assert str(served.latched("estimates", ParameterEstimates)) == str(result.parameters)
+    served.observer.until(lambda: "joint_2" in served.diagnostics, "the verdicts")
+    for residual in result.residuals:
+        level, sentence, _ = served.diagnostics[residual.joint]
+        wanted = {"stands": OK, "model error here": ERROR}.get(residual.verdict, WARN)
+        assert (level, sentence) == (wanted, residual.sentence)
+
+
+def test_action_gives_feedback_and_the_same_estimates(served, truth) -> None:
+    feedback: list = []
+    goal = served.goal("bag-2.mcap", feedback=feedback)
+    assert goal.accepted
+    answer = served.wait(goal.get_result_async())
+    assert (answer.status, answer.result.success) == (GoalStatus.STATUS_SUCCEEDED, True)
+    result = answer.result.result
+    require_truth(result.parameters, truth)
+    stages = [each.stage for each in feedback]
+    for stage in ("reading", "regressor", "validation", "writing"):
+        assert stage in stages
+    shares = [each.progress for each in feedback]
+    assert shares == sorted(shares)
+    assert 0.0 <= shares[0] < shares[-1] <= 1.0
+    assert str(served.latched()) == str(result)
+
+
+def test_cancelled_goal_ends_within_a_second_and_its_worker_is_gone(served) -> None:
+    before = set(results(served).rglob("*"))
+    goal = served.goal("bag-1.mcap", "bag-2.mcap")
+    worker = served.worker()
+    os.kill(worker, 0)
+    begin = time.perf_counter()
+    assert served.wait(goal.cancel_goal_async()).goals_canceling
+    answer = served.wait(goal.get_result_async())
+    assert time.perf_counter() - begin < 1.0
+    assert (answer.status, answer.result.message) == (GoalStatus.STATUS_CANCELED, "cancelled")
+    with pytest.raises(ProcessLookupError):
+        os.kill(worker, 0)
+    assert set(results(served).rglob("*")) == before
+
+
+def test_calls_are_answered_while_a_job_runs(served) -> None:
+    with served.parameters(when_busy="refuse"):
+        feedback: list = []
+        goal = served.goal("bag-1.mcap", "bag-2.mcap", feedback=feedback)
+        served.observer.until(lambda: len(feedback) > 3, "work in the worker")
+        seconds = []
+        for _ in range(5):
+            value, taken = served.parameter("when_busy")
+            assert value.string_value == "refuse"
+            seconds.append(taken)
+            begin = time.perf_counter()
+            refused = served.identify("bag-2.mcap")
+            seconds.append(time.perf_counter() - begin)
+            assert refused.message == "busy with another job; when_busy is refuse"
+        assert max(seconds) < PROMPT
+        assert served.wait(goal.cancel_goal_async()).goals_canceling
+        served.wait(goal.get_result_async())
+
+
+def test_requests_wait_for_each_other_and_a_waiting_goal_can_be_cancelled(served) -> None:
+    with served.parameters(queue_limit=2):
+        first = served.ask("bag-1.mcap", estimator="idim-ls")
+        served.worker()
+        feedback: list = []
+        goal = served.goal("bag-1.mcap", feedback=feedback)
+        third = served.ask("bag-2.mcap", estimator="idim-ls")
+        refused = served.identify("bag-2.mcap")
+        assert refused.message == "busy: 2 jobs wait already"
+        assert served.wait(goal.cancel_goal_async()).goals_canceling
+        assert served.wait(goal.get_result_async()).status == GoalStatus.STATUS_CANCELED
+        assert [each.stage for each in feedback] == ["waiting"]
+        assert list(served.wait(first).result.parameters.bags) == ["bag-1.mcap"]
+        last = served.wait(third).result.parameters
+        assert (list(last.bags), last.estimator, last.iterations) == (["bag-2.mcap"], "idim-ls", 0)
+    served.observer.until(lambda: "σ" in served.diagnostics["drift"][1], "the comparison")
+    level, sentence, _ = served.diagnostics["drift"]
+    assert level == OK, sentence
+    assert sentence.startswith("no parameter differs from bag-1.mcap by more than")
+
+
+def test_last_result_survives_a_kill_and_the_worker_does_not(identifier, observer) -> None:
+    client = identifier()
+    result = client.identify("bag-1.mcap", estimator="idim-ls").result
+    feedback: list = []
+    client.goal("bag-1.mcap", "bag-2.mcap", feedback=feedback)
+    observer.until(lambda: len(feedback) > 1, "work in the worker")
+    worker = client.worker()
+    client.process.kill()
+
+    def gone() -> bool:
+        status = Path(f"/proc/{worker}/status")
+        return not status.exists() or "State:\tZ" in status.read_text()
+
+    observer.until(gone, "the end of the worker")
+    assert str(identifier().latched()) == str(result)
+
+
+def test_goal_of_a_node_that_is_interrupted_is_answered(identifier) -> None:
+    client = identifier()
+    goal = client.goal("bag-1.mcap", "bag-2.mcap")
+    worker = client.worker()
+    future = goal.get_result_async()
+    client.process.process.send_signal(signal.SIGINT)
+    answer = client.wait(future)
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert answer.result.message == "the identifier was shut down"
+    assert client.process.process.wait(10) == 0
+    with pytest.raises(ProcessLookupError):
+        os.kill(worker, 0)
+    assert "Traceback" not in client.process.errors.read_text()
+
+
+def test_changed_parameter_is_flagged(identifier, simulated_bags: Path, tmp_path: Path) -> None:
+    text = ARM2.read_text().replace("urdf: ", f"urdf: {ARM2.parent}/")
+    worn = tmp_path / "worn.yaml"
+    worn.write_text(text.replace("Fc1: 1.5012", "Fc1: 1.8012"))
+    configuration = load_configuration(worn)
+    motion = random_motion(configuration, duration=10.0, rate=1000.0, seed=1)
+    simulate(configuration, tmp_path / "worn.mcap", motion)
+    (tmp_path / "first.mcap").write_bytes((simulated_bags / "bag-1.mcap").read_bytes())
+    client = identifier(bag_directory=tmp_path)
+    for bag in ("first.mcap", "worn.mcap"):
+        assert client.identify(bag, estimator="idim-ls").success
+    client.observer.until(lambda: client.diagnostics["drift"][0] == WARN, "the drift")
+    _, sentence, values = client.diagnostics["drift"]
+    assert sentence.endswith("changed since first.mcap")
+    statistics = {key: float(value) for key, value in values.items() if key.endswith(" (σ)")}
+    limit = statistics.pop("limit (σ)")
+    flagged = {key for key, value in statistics.items() if abs(value) > limit}
+    assert flagged == {"Fc1 (σ)"}
+
+
+def test_idim_iv_serve_is_the_identifier(
+    simulated_bags: Path, tmp_path: Path, stack, observer
+) -> None:
+    command = [str(Path(sys.executable).parent / "idim-iv"), "serve", "--config", str(ARM2)]
+    folders = ["--bags", str(simulated_bags), "--out", str(tmp_path / "out")]
+    process = Process([*command, *folders], tmp_path, "identifier")
+    stack.callback(process.end)
+    client = IdentifierClient(observer, process)
+    stack.callback(client.close)
+    assert client.identify("bag-1.mcap", estimator="idim-ls").success
+    assert len(list((tmp_path / "out").glob("*/result.json"))) == 1
+    assert process.finish() == 0
+
+
+def test_limits_of_a_job_are_one_line(served) -> None:
+    answer = served.identify("bag-1.mcap", timeout=0.05)
+    assert not answer.success
+    assert answer.message == "ended after 0.05 s without a result"
+    with served.parameters(memory_limit=100_000_000):
+        answer = served.identify("bag-1.mcap", "bag-2.mcap")
+        assert not answer.success
+        assert answer.message.startswith("not enough memory"), answer.message
+    with served.parameters(max_bag_size=1000):
+        answer = served.identify("bag-1.mcap")
+        assert not answer.success
+        assert "max_bag_size" in answer.message
+
+
+def test_full_disk_is_one_line_and_the_node_goes_on(identifier, small_disk: Path) -> None:
+    client = identifier(output_directory=small_disk / "results")
+    ballast = small_disk / "ballast"
+    ballast.write_bytes(bytes(os.statvfs(small_disk).f_bavail * 4096 - 8192))
+    answer = client.identify("bag-1.mcap", estimator="idim-ls")
+    assert not answer.success
+    assert "No space left on device" in answer.message
+    assert "\n" not in answer.message
+    assert client.failure().endswith(answer.message)
+    ballast.unlink()
+    assert client.identify("bag-1.mcap", estimator="idim-ls").success
+    assert "Traceback" not in client.process.errors.read_text()
