@@ -22,6 +22,8 @@ ALIKE = 6.0
 LEAST_CORRELATION = 0.5
 # Of the support of a flexible function, what an effect of the catalogue must reach to be named.
 FIT_OF_THE_NAMED = 0.75
+# Of the support of a named effect at the same joint, what such a function must bring beside it.
+LEAST_BESIDE_A_NAME = 0.33
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,7 @@ def attribute(
     for _ in range(MOST_EFFECTS):
         search = Search(data, covered, current, fit, grids)
         candidates = _all(search, catalogue, found, known, progress)
+        candidates = [each for each in candidates if _not_a_patch(each, found, regression)]
         best = named_first(candidates, regression)
         best = None if best is None else search.again(best)
         if best is None or not worth(best, regression):
@@ -177,6 +180,26 @@ def _all(
         known[(effect, place)] = search.best(effect, place)
     candidates = [known[job] for job in jobs]
     return [candidate for candidate in candidates if candidate is not None]
+
+
+def _not_a_patch(
+    candidate: Candidate, found: Sequence[Found], regression: Regression
+) -> bool:
+    """Whether a function without a name is more than the misfit of a named effect.
+
+    The shape of an effect is never exactly that of the catalogue: what a flexible function of the
+    same family explains beside it, or a little beside it at the same joint, is no other cause.
+    """
+    if not isinstance(candidate.effect, Generic):
+        return True
+    for other in (each.candidate for each in found):
+        if isinstance(other.effect, Generic) or not set(other.columns) & set(candidate.columns):
+            continue
+        same = other.effect.family == candidate.effect.family
+        least = LEAST_BESIDE_A_NAME * support(other, regression)
+        if same or support(candidate, regression) < least:
+            return False
+    return True
 
 
 def _forget(known: dict[tuple[Effect, Place], Candidate | None], joints: set[int]) -> None:

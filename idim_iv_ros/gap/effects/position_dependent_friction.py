@@ -21,6 +21,7 @@ from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 
 _PERIODS = 0.7  # in the range of the joint, at least
+_BEYOND = 0.2  # of the range: a spot may lie outside, its flank inside
 _SPOT = -1.0  # first number of the shape of a tight spot; wave numbers are positive
 
 
@@ -43,8 +44,8 @@ class PositionDependentFriction(Effect):
             return []
         spots = [
             (_SPOT, float(centre), width * span)
-            for width in (0.06, 0.15)
-            for centre in np.linspace(low, high, 25)
+            for width in (0.06, 0.15, 0.35)
+            for centre in np.linspace(low - _BEYOND * span, high + _BEYOND * span, 31)
         ]
         return [(float(n),) for n in wave_numbers(place, extent, _PERIODS)] + spots
 
