@@ -12,6 +12,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import Trajectory
 from idim_iv_ros.recording import JointTopic, write_bag
+from idim_iv_ros.simulated_effects import read_extended_model
 from idim_iv_ros.simulated_robot import SimulatedRobot, simulated_robot
 from idim_iv_ros.simulation import SimulatedRecording
 from idim_iv_ros.stopwatch import Progress, Stopwatch
@@ -56,6 +57,7 @@ def simulate(
     trajectory: Trajectory,
     *,
     seeds: Sequence[int] = (1,),
+    effects: Path | None = None,
     progress: Progress | None = None,
 ) -> tuple[list[SimulatedBag], Path]:
     """Write one bag for each seed, and the true base parameters beside them.
@@ -71,11 +73,14 @@ def simulate(
         The bag; with several seeds ``-SEED`` is put before its suffix.
     trajectory : Trajectory
         References; the robot starts on its first sample.
+    effects : Path or None
+        A diagnosis (`gap.json`): the robot is its extended model, with its causes.
 
     Returns
     -------
     list of SimulatedBag, Path
-        The bags, and the JSON file ``{name: value}`` of the true base parameters.
+        The bags, and the JSON file ``{name: value}`` of the true base parameters, with effects
+        also ``{"effects": […]}``.
 
     Raises
     ------
@@ -92,7 +97,8 @@ def simulate(
     if not out.parent.is_dir():
         raise UsageError(f"{out}: no folder {out.parent}")
     text = urdf.read_text(encoding="utf-8")
-    robot = simulated_robot(configuration, text, urdf.name)
+    extended = None if effects is None else read_extended_model(effects)
+    robot = simulated_robot(configuration, text, urdf.name, extended)
     bags = []
     with Stopwatch(progress) as watch:
         for count, seed in enumerate(seeds):
@@ -103,8 +109,19 @@ def simulate(
             write_bag(path, recorded_topics(configuration, robot, record), robot_description=text)
             bags.append(_summary(path, seed, record, robot.robot.joint_types))
     truth = out.with_name(out.stem + TRUTH)
+    content: dict[str, object] = dict(robot.truth)
+    if effects is not None:
+        content["effects"] = [
+            {
+                "effect": effect.effect,
+                "joint": effect.joint,
+                "other_joint": effect.other_joint,
+                "parameters": dict(effect.parameters),
+            }
+            for effect in robot.effects
+        ]
     try:
-        truth.write_text(json.dumps(robot.truth, indent=1) + "\n", encoding="utf-8")
+        truth.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     except OSError as error:
         raise UsageError(f"{truth}: cannot be written: {error.strerror or error}") from error
     return bags, truth

@@ -10,8 +10,10 @@ from idim_iv_ros.configuration import Configuration, SimulatedRobotSection
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation import Trajectory
 from idim_iv_ros.model import DynamicParameters, RobotModel, build_inverse_model
+from idim_iv_ros.simulated_effects import ExtendedModel
 from idim_iv_ros.simulation import (
     ControlLaw,
+    SimulatedEffect,
     SimulatedRecording,
     control_law,
     record_simulated_robot,
@@ -37,6 +39,8 @@ class SimulatedRobot:
     law : ControlLaw
     settings : SimulatedRobotSection
         Noise, rates and delay.
+    effects : tuple of SimulatedEffect
+        What it has beyond `parameters`.
     """
 
     robot: RobotModel
@@ -45,6 +49,7 @@ class SimulatedRobot:
     parameters: DynamicParameters
     law: ControlLaw
     settings: SimulatedRobotSection
+    effects: tuple[SimulatedEffect, ...] = ()
 
     def record(self, trajectory: Trajectory, seed: int) -> SimulatedRecording:
         """Run a trajectory and record it; `seed` is that of all noise.
@@ -85,6 +90,7 @@ class SimulatedRobot:
                 disturbance_bandwidth=settings.disturbance_bandwidth,
                 stamp_jitter=settings.stamp_jitter,
                 plant_oversampling=max(oversampling, 1),
+                effects=self.effects,
             )
         except ValueError as error:
             raise UsageError(f"simulated_robot.rate: {error}") from error
@@ -96,10 +102,16 @@ class SimulatedRobot:
         return recording
 
 
-def simulated_robot(configuration: Configuration, urdf: str, source: str) -> SimulatedRobot:
+def simulated_robot(
+    configuration: Configuration,
+    urdf: str,
+    source: str,
+    extended: ExtendedModel | None = None,
+) -> SimulatedRobot:
     """Build the robot that a configuration describes under `simulated_robot`.
 
-    Its model has every friction term and drive inertia, whatever `identification` leaves out.
+    Its model has every friction term and drive inertia, whatever `identification` leaves out. The
+    parameters of an extended model take the place of those of the configuration.
 
     Raises
     ------
@@ -126,6 +138,10 @@ def simulated_robot(configuration: Configuration, urdf: str, source: str) -> Sim
                 f"is not a base parameter of this robot; they are {', '.join(truth)}"
             )
         truth[name] = value
+    effects: tuple[SimulatedEffect, ...] = ()
+    if extended is not None:
+        truth |= extended.known_parameters(truth)
+        effects = extended.known_effects(model.robot.joints)
     law = control_law(configuration.controller, len(model.robot.joints))
     if settings.delay is not None:
         law = replace(law, delay=settings.delay)
@@ -136,6 +152,7 @@ def simulated_robot(configuration: Configuration, urdf: str, source: str) -> Sim
         parameters=model.dynamic_parameters(np.array(list(truth.values()))),
         law=law,
         settings=settings,
+        effects=effects,
     )
 
 

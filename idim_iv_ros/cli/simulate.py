@@ -32,13 +32,21 @@ def simulate_command(
         list[int] | None,
         typer.Option(min=0, help="Of the noise; several write several bags, BAG-SEED.mcap."),
     ] = None,
+    effects: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="gap.json",
+            help="A diagnosis: the robot has its extended parameters and its accepted effects.",
+        ),
+    ] = None,
 ) -> None:
     """Write the recording of a simulated robot, whose true parameters are known.
 
     The robot is that of the URDF, with what the configuration says under `simulated_robot`. Beside
-    the bag stands BAG.truth.json with its true base parameters.
+    the bag stands BAG.truth.json with its true base parameters. With --effects it is the extended
+    model of `idim-iv diagnose`.
 
-    Example: idim-iv simulate --config config/tx40.yaml --out tx40.mcap --seed 1 --seed 2
+    Example: idim-iv simulate --config config/tx40.yaml --out tx40.mcap --effects gap.json --seed 1
     """
     configuration = load_configuration(config)
     with progress_bar() as progress:
@@ -50,7 +58,12 @@ def simulate_command(
         else:
             motion = read_trajectory(trajectory)
         bags, truth = simulate(
-            configuration, out, motion, seeds=tuple(seed or [1]), progress=progress
+            configuration,
+            out,
+            motion,
+            seeds=tuple(seed or [1]),
+            effects=effects,
+            progress=progress,
         )
     console = Console()
     console.print(_table(configuration.robot.joints, bags))

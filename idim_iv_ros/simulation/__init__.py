@@ -3,6 +3,7 @@
 from idim_iv_ros.simulation.closed_loop import ClosedLoopResult, simulate_closed_loop
 from idim_iv_ros.simulation.controller import ControlLaw, control_law
 from idim_iv_ros.simulation.controller_fit import ControllerFit, fit_controller
+from idim_iv_ros.simulation.effects import SimulatedEffect
 from idim_iv_ros.simulation.inverse_dynamics import inverse_dynamics, mass_matrix
 from idim_iv_ros.simulation.recorded_robot import (
     SimulatedRecording,
@@ -15,6 +16,7 @@ __all__ = [
     "ControlLaw",
     "ControllerFit",
     "ReferenceFilter",
+    "SimulatedEffect",
     "SimulatedRecording",
     "control_law",
     "filter_reference",

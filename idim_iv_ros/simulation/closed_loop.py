@@ -1,6 +1,7 @@
 """Simulation of the closed loop: the source of the instruments and of simulated robots."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,18 @@ from idim_iv_ros.simulation.closed_loop_kernel import (
     run_closed_loop,
 )
 from idim_iv_ros.simulation.controller import ControlLaw
+from idim_iv_ros.simulation.effect_kernel import Effects
+from idim_iv_ros.simulation.effect_signals import (
+    LawParts,
+    delays,
+    encoder_error,
+    mismatched,
+    true_state,
+)
+from idim_iv_ros.simulation.effect_tables import affected_robot
+from idim_iv_ros.simulation.effects import JointEffect, SimulatedEffect, joint_effects
 from idim_iv_ros.simulation.plant import plant, workspace
+from idim_iv_ros.simulation.shaft import Shaft, link_positions
 
 FloatArray = NDArray[np.float64]
 
@@ -34,7 +46,8 @@ class ClosedLoopResult:
     rate : float
         Hz.
     position, velocity : (n_samples, n_joints)
-        rad, rad/s (m, m/s). Fewer samples than the references have if it diverged.
+        rad, rad/s (m, m/s). Fewer samples than the references have if it diverged. Of the motor,
+        where motor and link are two masses.
     acceleration : (n_samples, n_joints)
         rad/s² (m/s²). The held torque steps at control instants, and the acceleration with it;
         where a sample falls on a step this is the mean of both sides, which central differences
@@ -46,6 +59,11 @@ class ClosedLoopResult:
         mean of both sides.
     diverged : str or None
         Why the simulation ended early, in words; None if it did not.
+    measured_position, measured_velocity : (n_samples, n_joints)
+        What the encoders show and the control sees: `position`, `velocity` but for the effect
+        `encoder_eccentricity`.
+    link_position, link_velocity : (n_samples, n_joints)
+        `position`, `velocity` but for the effects `elasticity` and `backlash`.
     """
 
     rate: float
@@ -55,6 +73,10 @@ class ClosedLoopResult:
     torque: FloatArray
     applied_torque: FloatArray
     diverged: str | None
+    measured_position: FloatArray
+    measured_velocity: FloatArray
+    link_position: FloatArray
+    link_velocity: FloatArray
 
 
 def simulate_closed_loop(
@@ -69,6 +91,8 @@ def simulate_closed_loop(
     initial_velocity: FloatArray,
     disturbance: FloatArray | None = None,
     plant_step: float | None = None,
+    effects: Sequence[SimulatedEffect] | None = None,
+    start_time: float = 0.0,
 ) -> ClosedLoopResult:
     """Simulate a robot under its control law, from the first to the last reference sample.
 
@@ -88,63 +112,140 @@ def simulate_closed_loop(
         (n_samples, n_joints) rad, rad/s. A law that uses a velocity reference which is not
         given gets central differences of the position reference.
     initial_position, initial_velocity
-        (n_joints,) rad, rad/s.
+        (n_joints,) rad, rad/s, as the encoders show them. Links behind a shaft start where
+        gravity holds them.
     disturbance
         (n_samples, n_joints) N m (N): torque on the joints that no model explains and no command
         holds, each value from its sample to the next.
     plant_step
         Longest time step of the plant, s; default: the control period divided into equal steps
-        of at most 0.5 ms.
+        of at most 0.5 ms. An elastic shaft may need shorter ones.
+    effects
+        What the robot has beyond `parameters` (docs/simulation.md).
+    start_time
+        s since the start of the session, for friction that drifts.
+
+    Raises
+    ------
+    UsageError
+        An effect that is not known, or whose parameters cannot be (see `effects`, `shaft`).
     """
     position_reference = np.asarray(position_reference, dtype=float)
-    samples, joints = position_reference.shape
-    order = robot.order
-    place = np.argsort(order)
+    joints = position_reference.shape[1]
     period = 1.0 / rate if law.period is None else law.period
     step = period / math.ceil(period / PLANT_STEP - 1e-6) if plant_step is None else plant_step
-
-    def tree(values: FloatArray) -> FloatArray:
-        return np.ascontiguousarray(np.asarray(values, dtype=float)[..., order])
-
-    velocity = np.zeros_like(position_reference)
-    if law.uses_velocity_reference and velocity_reference is not None:
-        velocity = np.asarray(velocity_reference, dtype=float)
-    elif law.uses_velocity_reference and samples > 1:
-        velocity = np.gradient(position_reference, 1.0 / rate, axis=0)
-    feedforward = np.zeros_like(velocity) if law.feedforward is None else law.feedforward
-    kp, kd, ki = law.torque_gains
-    loop = Loop(
-        kp=tree(kp),
-        kd=tree(kd),
-        ki=tree(ki),
-        limit=tree(law.torque_limit),
-        position=tree(position_reference),
-        velocity=tree(velocity),
-        feedforward=tree(feedforward),
-        disturbance=tree(np.zeros_like(velocity) if disturbance is None else disturbance),
-        rate=float(rate),
-        period=float(period),
-        delay=float(law.delay),
-        plant_step=float(step),
+    present = joint_effects(effects or (), robot.joints)
+    q, dq = np.array(initial_position, dtype=float), np.array(initial_velocity, dtype=float)
+    arrays: Effects | None = None
+    shafts: tuple[Shaft, ...] = ()
+    if present:
+        q, dq = true_state(present, q, dq)
+        affected = affected_robot(robot, parameters, present, start_time=start_time, position=q)
+        dynamics, arrays, shafts = affected.plant, affected.effects, affected.shafts
+        step = min(step, affected.longest_step)
+    else:
+        dynamics = plant(robot, parameters)
+    behind = [shaft.joint for shaft in shafts]
+    loop = _loop(
+        robot, law, present, position_reference, velocity_reference, disturbance, rate, step
     )
-    dynamics = plant(robot, parameters)
-    trace = Trace(*(np.zeros((samples, joints)) for _ in range(5)))
-    outcome, joint, recorded, time = run_closed_loop(
-        dynamics,
-        loop,
-        tree(initial_position).copy(),
-        tree(initial_velocity).copy(),
-        trace,
-        workspace(dynamics),
+    links = link_positions(robot, parameters, shafts, q) if shafts else q
+    state = (
+        np.concatenate([values[robot.order], linked[behind]])
+        for values, linked in ((q, links), (dq, dq))
+    )
+    samples = len(position_reference)
+    coordinates = joints + len(shafts)
+    trace = Trace(
+        *(np.zeros((samples, coordinates)) for _ in range(3)),
+        *(np.zeros((samples, joints)) for _ in range(2)),
+    )
+    outcome, coordinate, recorded, time = run_closed_loop(
+        dynamics, arrays, loop, *state, trace, workspace(dynamics)
     )
     diverged = None
     if outcome == TOO_FAST:
-        unit = "rad/s" if robot.joint_types[order[joint]] == "revolute" else "m/s"
-        name = robot.joints[order[joint]]
+        joint = robot.order[coordinate] if coordinate < joints else behind[coordinate - joints]
+        unit = "rad/s" if robot.joint_types[joint] == "revolute" else "m/s"
+        name = robot.joints[joint]
         diverged = f"joint {name} passed {SPEED_LIMIT:g} {unit} at {time:.3f} s"
     elif outcome != COMPLETED:
         diverged = f"the mass matrix is not positive definite at {time:.3f} s"
-    position, speed, acceleration, torque, applied = (
-        np.ascontiguousarray(values[:recorded, place]) for values in trace
+    recorded_trace = Trace(*(values[:recorded] for values in trace))
+    return _result(rate, recorded_trace, robot, present, behind, diverged)
+
+
+def _loop(
+    robot: RobotModel,
+    law: ControlLaw,
+    effects: tuple[JointEffect, ...],
+    position_reference: FloatArray,
+    velocity_reference: FloatArray | None,
+    disturbance: FloatArray | None,
+    rate: float,
+    plant_step: float,
+) -> Loop:
+    """References, gains and delays in tree order."""
+
+    def tree(values: FloatArray) -> FloatArray:
+        return np.ascontiguousarray(np.asarray(values, dtype=float)[..., robot.order])
+
+    samples, joints = position_reference.shape
+    speed = np.zeros_like(position_reference)
+    if law.uses_velocity_reference or effects:
+        if velocity_reference is not None:
+            speed = np.asarray(velocity_reference, dtype=float)
+        elif samples > 1:
+            speed = np.gradient(position_reference, 1.0 / rate, axis=0)
+    feedforward = np.zeros_like(speed) if law.feedforward is None else law.feedforward
+    parts = mismatched(LawParts(*law.torque_gains, feedforward), effects, speed, rate)
+    return Loop(
+        kp=tree(parts.kp),
+        kd=tree(parts.kd),
+        ki=tree(parts.ki),
+        limit=tree(law.torque_limit),
+        position=tree(position_reference),
+        velocity=tree(speed if law.uses_velocity_reference else np.zeros_like(speed)),
+        feedforward=tree(parts.feedforward),
+        disturbance=tree(np.zeros_like(speed) if disturbance is None else disturbance),
+        rate=float(rate),
+        period=float(1.0 / rate if law.period is None else law.period),
+        delay=tree(law.delay + delays(effects, joints)),
+        plant_step=float(plant_step),
     )
-    return ClosedLoopResult(rate, position, speed, acceleration, torque, applied, diverged)
+
+
+def _result(
+    rate: float,
+    trace: Trace,
+    robot: RobotModel,
+    effects: tuple[JointEffect, ...],
+    behind: list[int],
+    diverged: str | None,
+) -> ClosedLoopResult:
+    """Order the columns of a trace as the robot's joints; `behind`: joints with a shaft."""
+    place = np.argsort(robot.order)
+    position, speed, acceleration, torque, applied = (
+        np.ascontiguousarray(values[:, place]) for values in trace
+    )
+    measured, measured_speed, link, link_speed = position, speed, position, speed
+    if effects:
+        error, slope = encoder_error(effects, position)
+        measured, measured_speed = position + error, speed * (1.0 + slope)
+    if behind:
+        link, link_speed = position.copy(), speed.copy()
+        link[:, behind] = trace.position[:, len(place) :]
+        link_speed[:, behind] = trace.velocity[:, len(place) :]
+    return ClosedLoopResult(
+        rate=rate,
+        position=position,
+        velocity=speed,
+        acceleration=acceleration,
+        torque=torque,
+        applied_torque=applied,
+        diverged=diverged,
+        measured_position=measured,
+        measured_velocity=measured_speed,
+        link_position=link,
+        link_velocity=link_speed,
+    )

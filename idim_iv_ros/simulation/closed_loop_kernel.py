@@ -12,11 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.simulation import dry_friction, plant_step, rigid_body
+from idim_iv_ros.simulation import dry_friction, effect_kernel, plant_step, rigid_body
 from idim_iv_ros.simulation.compilation import entry, kernel, source_digest
 from idim_iv_ros.simulation.dry_friction import accelerate, slip
+from idim_iv_ros.simulation.effect_kernel import Effects, acting_torque, measure
 from idim_iv_ros.simulation.plant import FloatArray, IntArray, Plant, Workspace
-from idim_iv_ros.simulation.plant_step import advance, prepare
+from idim_iv_ros.simulation.plant_step import advance, prepare, prepare_with_effects
 
 COMPLETED, NOT_POSITIVE_DEFINITE, TOO_FAST = 0, 1, 2
 
@@ -28,7 +29,7 @@ class Loop(NamedTuple):
     """Control law as one PID with feedforward, and the instants of the loop.
 
     kp, kd, ki, limit : (n,); position, velocity, feedforward, disturbance : (n_samples, n) at
-    `rate` (Hz); period, delay, plant_step : s. Joints in tree order.
+    `rate` (Hz); delay : (n,) s; period, plant_step : s. Joints in tree order.
     """
 
     kp: FloatArray
@@ -41,12 +42,12 @@ class Loop(NamedTuple):
     disturbance: FloatArray
     rate: float
     period: float
-    delay: float
+    delay: FloatArray
     plant_step: float
 
 
 class Trace(NamedTuple):
-    """What the loop records, (n_samples, n) each."""
+    """What the loop records, (n_samples, n) each; motion of the links behind shafts follows."""
 
     position: FloatArray
     velocity: FloatArray
@@ -98,7 +99,13 @@ def _entry(digest: str) -> Callable[..., Any]:
 
     @entry
     def run(
-        plant: Plant, loop: Loop, q: FloatArray, dq: FloatArray, trace: Trace, work: Workspace
+        plant: Plant,
+        effects: Effects | None,
+        loop: Loop,
+        q: FloatArray,
+        dq: FloatArray,
+        trace: Trace,
+        work: Workspace,
     ) -> tuple[int, int, int, float]:
         """Simulate; q and dq are the initial state and are overwritten.
 
@@ -108,32 +115,49 @@ def _entry(digest: str) -> Callable[..., Any]:
             Samples are those that were recorded before the time at which it ended.
         """
         _ = digest
-        n = q.shape[0]
+        n, coordinates = loop.kp.shape[0], q.shape[0]
         samples = trace.position.shape[0]
         tolerance = 1e-9 * min(loop.period, 1.0 / loop.rate)
-        whole = math.floor(loop.delay / loop.period + 1e-6)
-        fraction = max(loop.delay - whole * loop.period, 0.0)
-        if fraction < 1e-6 * loop.period:
-            fraction = 0.0
-        pending = np.zeros((whole + 2, n))
+        whole, fraction = np.zeros(n, np.int64), np.zeros(n)
+        for i in range(n):
+            whole[i] = math.floor(loop.delay[i] / loop.period + 1e-6)
+            fraction[i] = max(loop.delay[i] - whole[i] * loop.period, 0.0)
+            if fraction[i] < 1e-6 * loop.period:
+                fraction[i] = 0.0
+        ring = whole.max() + 2
+        pending = np.zeros((ring, n))
         resting, mode, spare_mode = first_modes(plant, dq)
         integral, applied, acting = np.zeros(n), np.zeros(n), np.zeros(n)
         before, mean = np.zeros(n), np.zeros(n)
-        ddq, spare, rest = np.zeros(n), np.zeros(n), np.zeros(n)
-        middle, predicted = np.zeros(n), np.zeros(n)
-        controls = arrivals = recorded = 0
+        ddq, spare, rest = np.zeros(coordinates), np.zeros(coordinates), np.zeros(coordinates)
+        middle, predicted = np.zeros(coordinates), np.zeros(coordinates)
+        arrivals = np.zeros(n, np.int64)
+        controls = recorded = 0
         time = 0.0
         while True:
             before[:] = acting
             if controls * loop.period <= time + tolerance:
-                command(loop, time, q, dq, integral, pending[controls % (whole + 2)])
+                row = controls % ring
+                if effects is None:
+                    command(loop, time, q, dq, integral, pending[row])
+                else:
+                    measure(effects, q, dq)
+                    command(
+                        loop, time, effects.measured[0], effects.measured[1], integral, pending[row]
+                    )
                 if controls == 0:
-                    before[:] = pending[0] + loop.disturbance[0]
-                    applied[:] = pending[0]
+                    for i in range(n):
+                        applied[i] = pending[0, i]
+                        if effects is not None:
+                            applied[i] = acting_torque(effects, i, applied[i])
+                    before[:] = applied + loop.disturbance[0]
                 controls += 1
-            if arrivals * loop.period + fraction <= time + tolerance:
-                applied[:] = pending[max(arrivals - whole, 0) % (whole + 2)]
-                arrivals += 1
+            for i in range(n):
+                if arrivals[i] * loop.period + fraction[i] <= time + tolerance:
+                    applied[i] = pending[max(arrivals[i] - whole[i], 0) % ring, i]
+                    if effects is not None:
+                        applied[i] = acting_torque(effects, i, applied[i])
+                    arrivals[i] += 1
             sampled = recorded / loop.rate <= time + tolerance
             sample = recorded if sampled else recorded - 1
             for i in range(n):
@@ -142,25 +166,36 @@ def _entry(digest: str) -> Callable[..., Any]:
                 for i in range(n):
                     mean[i] = 0.5 * (before[i] + acting[i])
                 spare_mode[:] = mode
-                if not prepare(plant, q, dq, dq, rest, mean, 0.0, work):
-                    return NOT_POSITIVE_DEFINITE, 0, recorded, time
-                accelerate(plant, resting, spare_mode, work, spare)
+                spare[:] = ddq
+                # With effects twice: friction may depend on the load, and that on the acceleration.
+                for _ in range(1 if effects is None else 2):
+                    if effects is None:
+                        positive = prepare(plant, q, dq, dq, rest, mean, 0.0, work)
+                    else:
+                        positive = prepare_with_effects(
+                            plant, effects, time, q, dq, dq, spare, spare_mode, mean, 0.0, work
+                        )
+                    if not positive:
+                        return NOT_POSITIVE_DEFINITE, 0, recorded, time
+                    accelerate(plant, resting, spare_mode, work, spare)
                 if recorded == 0:
                     ddq[:] = spare
                 trace.position[recorded] = q
                 trace.velocity[recorded] = dq
                 trace.acceleration[recorded] = spare
-                trace.commanded[recorded] = pending[(controls - 1) % (whole + 2)]
+                trace.commanded[recorded] = pending[(controls - 1) % ring]
                 trace.applied[recorded] = mean
                 recorded += 1
                 if recorded == samples:
                     return COMPLETED, 0, recorded, time
-            until = min(controls * loop.period, arrivals * loop.period + fraction)
-            until = min(until, recorded / loop.rate)
+            until = min(controls * loop.period, recorded / loop.rate)
+            for i in range(n):
+                until = min(until, arrivals[i] * loop.period + fraction[i])
             steps = max(math.ceil((until - time) / loop.plant_step - 1e-6), 1)
             for k in range(steps):
                 if not advance(
-                    plant, q, dq, ddq, acting, (until - time) / steps,
+                    plant, effects, time + k * (until - time) / steps,
+                    q, dq, ddq, acting, (until - time) / steps,
                     resting, mode, middle, predicted, rest, work,
                 ):  # fmt: skip
                     return NOT_POSITIVE_DEFINITE, 0, recorded, time
@@ -180,10 +215,10 @@ def first_modes(plant: Plant, dq: FloatArray) -> tuple[NDArray[np.bool_], IntArr
     resting = np.zeros(contacts, np.bool_)
     mode = np.zeros(contacts, np.int64)
     for c in range(contacts):
-        speed = slip(plant.first, plant.second, c, dq)
+        speed = slip(plant.first, plant.second, plant.direction, c, dq)
         resting[c] = speed == 0.0 and plant.level[c] > 0.0
         mode[c] = 1 if speed > 0.0 else -1 if speed < 0.0 else 0
     return resting, mode, mode.copy()
 
 
-run_closed_loop = _entry(source_digest(rigid_body, dry_friction, plant_step))
+run_closed_loop = _entry(source_digest(rigid_body, dry_friction, effect_kernel, plant_step))

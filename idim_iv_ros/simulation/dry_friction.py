@@ -1,8 +1,8 @@
 """Dry friction that sticks: which contacts hold and with what torque (compiled).
 
 A *contact* opposes one slip speed with a torque up to its level: contact c < n_joints that of
-joint c, the others the sum of two joints' speeds (couplings). It slips (mode is the sign of its
-speed) or is stuck (mode 0, speed exactly zero). Contacts without friction are left out.
+joint c, the others the sum or difference of two joints' speeds (couplings). It slips (mode is the
+sign of its speed) or is stuck (mode 0, speed exactly zero). Contacts without friction are left out.
 """
 
 import math
@@ -52,22 +52,33 @@ def solve(factor: FloatArray, vector: FloatArray) -> None:
 
 
 @kernel
-def slip(first: IntArray, second: IntArray, contact: int, speed: FloatArray) -> float:
+def slip(
+    first: IntArray, second: IntArray, direction: FloatArray, contact: int, speed: FloatArray
+) -> float:
     """Slip speed of a contact (or what `speed` holds: slip acceleration).
 
     The arrays come one by one: a whole plant is costly to pass in the innermost loop.
     """
     one: float = speed[first[contact]]
-    other: float = speed[second[contact]] if second[contact] >= 0 else 0.0
+    if second[contact] < 0:
+        return one
+    other: float = direction[contact] * speed[second[contact]]
     return one + other
 
 
 @kernel
-def push(first: IntArray, second: IntArray, contact: int, amount: float, load: FloatArray) -> None:
+def push(
+    first: IntArray,
+    second: IntArray,
+    direction: FloatArray,
+    contact: int,
+    amount: float,
+    load: FloatArray,
+) -> None:
     """Add a torque along a contact to the joint torques."""
     load[first[contact]] += amount
     if second[contact] >= 0:
-        load[second[contact]] += amount
+        load[second[contact]] += direction[contact] * amount
 
 
 @kernel
@@ -84,14 +95,14 @@ def _hold(plant: Plant, mode: IntArray, work: Workspace, ddq: FloatArray) -> Non
             continue
         row = work.response[count]
         row[:] = 0.0
-        push(plant.first, plant.second, c, 1.0, row)
+        push(plant.first, plant.second, plant.direction, c, 1.0, row)
         solve(work.factor, row)
         for k in range(count):
-            entry = slip(plant.first, plant.second, work.independent[k], row)
+            entry = slip(plant.first, plant.second, plant.direction, work.independent[k], row)
             for j in range(k):
                 entry -= work.schur[count, j] * work.schur[k, j]
             work.schur[count, k] = entry / work.schur[k, k]
-        whole = slip(plant.first, plant.second, c, row)
+        whole = slip(plant.first, plant.second, plant.direction, c, row)
         pivot = whole
         for j in range(count):
             pivot -= work.schur[count, j] ** 2
@@ -101,7 +112,7 @@ def _hold(plant: Plant, mode: IntArray, work: Workspace, ddq: FloatArray) -> Non
         work.independent[count] = c
         count += 1
     for k in range(count):
-        total = slip(plant.first, plant.second, work.independent[k], ddq)
+        total = slip(plant.first, plant.second, plant.direction, work.independent[k], ddq)
         for j in range(k):
             total -= work.schur[k, j] * work.holding[work.independent[j]]
         work.holding[work.independent[k]] = total / work.schur[k, k]
@@ -133,13 +144,14 @@ def _share(plant: Plant, mode: IntArray, holding: FloatArray) -> None:
             continue
         if mode[a] != 0 or mode[b] != 0:
             continue
-        low = max(holding[a] - level[a], holding[b] - level[b])
-        high = min(holding[a] + level[a], holding[b] + level[b])
+        sign = plant.direction[c]
+        low = max(holding[a] - level[a], sign * holding[b] - level[b])
+        high = min(holding[a] + level[a], sign * holding[b] + level[b])
         share = 0.5 * (low + high) if low > high else min(max(0.0, low), high)
         share = min(max(share, -level[c]), level[c])
         holding[c] = share
         holding[a] -= share
-        holding[b] -= share
+        holding[b] -= sign * share
 
 
 @kernel
@@ -167,7 +179,14 @@ def accelerate(
         for c in range(contacts):
             if plant.level[c] > 0.0:
                 if mode[c] != 0:
-                    push(plant.first, plant.second, c, -mode[c] * plant.level[c], ddq)
+                    push(
+                        plant.first,
+                        plant.second,
+                        plant.direction,
+                        c,
+                        -mode[c] * plant.level[c],
+                        ddq,
+                    )
                 else:
                     stuck = True
         solve(work.factor, ddq)
@@ -181,7 +200,7 @@ def accelerate(
                 over = abs(work.holding[c]) / plant.level[c] - 1.0
                 candidate = 1 if work.holding[c] > 0.0 else -1
             else:
-                back = -mode[c] * slip(plant.first, plant.second, c, ddq)
+                back = -mode[c] * slip(plant.first, plant.second, plant.direction, c, ddq)
                 over, candidate = (0.0, 0) if back <= 0.0 else (1e-6, 0)
             if over > max(excess, 1e-12):
                 worst, change, excess = c, candidate, over

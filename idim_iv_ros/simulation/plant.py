@@ -32,6 +32,8 @@ class Plant(NamedTuple):
         Dry friction of each contact, N m or N.
     first, second : (n_contacts,)
         Joints from 0 whose speeds are added; second is -1 for the friction of one joint.
+    direction : (n_contacts,)
+        1, or -1 where the second speed is subtracted.
     """
 
     parent: IntArray
@@ -46,6 +48,7 @@ class Plant(NamedTuple):
     level: FloatArray
     first: IntArray
     second: IntArray
+    direction: FloatArray
 
 
 class Workspace(NamedTuple):
@@ -140,6 +143,7 @@ def plant(robot: RobotModel, parameters: DynamicParameters, *, dissipative: bool
         level=np.maximum(level, 0.0) if dissipative else level,
         first=first,
         second=second,
+        direction=np.ones(len(first)),
     )
 
 

@@ -11,6 +11,12 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.simulation.compilation import kernel
 from idim_iv_ros.simulation.dry_friction import accelerate, factorise, slip
+from idim_iv_ros.simulation.effect_kernel import (
+    Effects,
+    bristles_change,
+    effect_torques,
+    slide_bristles,
+)
 from idim_iv_ros.simulation.plant import FloatArray, IntArray, Plant, Workspace
 from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler, place_links
 
@@ -48,8 +54,56 @@ def prepare(
 
 
 @kernel
+def prepare_with_effects(
+    plant: Plant,
+    effects: Effects,
+    time: float,
+    q: FloatArray,
+    predicted: FloatArray,
+    dq: FloatArray,
+    ddq: FloatArray,
+    mode: IntArray,
+    torque: FloatArray,
+    step: float,
+    work: Workspace,
+) -> bool:
+    """As `prepare`, for the coordinates of `Effects`; sets dry friction levels and damping.
+
+    `ddq` is the last known acceleration, which the load of a joint is taken from.
+    """
+    n = effects.link.shape[0]
+    for i in range(n):
+        effects.link_q[i] = q[effects.link[i]]
+        effects.link_speed[i] = predicted[effects.link[i]]
+    place_links(plant, effects.link_q, work)
+    newton_euler(plant, effects.link_speed, effects.rest, work, work.bias)
+    composite_rigid_body(plant, work, effects.rigid_mass)
+    for i in range(n):
+        effects.load[i] = work.bias[i]
+        for j in range(n):
+            effects.load[i] += effects.rigid_mass[i, j] * ddq[effects.link[j]]
+    effect_torques(plant, effects, time, q, predicted, dq, mode, work.holding, step)
+    for i in range(q.shape[0]):
+        load = -plant.offset[i] - effects.force[i]
+        if i < n:
+            load += torque[i]
+        for j in range(q.shape[0]):
+            load -= plant.damping[i, j] * dq[j]
+            work.mass[i, j] = plant.drive_inertia[i, j] + effects.stiffness[i, j] * 0.25 * step**2
+            work.mass[i, j] += 0.5 * step * plant.damping[i, j]
+        work.load[i] = load
+    for i in range(n):
+        work.load[effects.link[i]] -= work.bias[i]
+        for j in range(n):
+            work.mass[effects.link[i], effects.link[j]] += effects.rigid_mass[i, j]
+    return factorise(work.mass, work.factor)
+
+
+@kernel
 def advance(
     plant: Plant,
+    effects: Effects | None,
+    time: float,
     q: FloatArray,
     dq: FloatArray,
     ddq: FloatArray,
@@ -64,6 +118,7 @@ def advance(
 ) -> bool:
     """Advance q, dq in place by one step under a constant torque; False if M is not positive.
 
+    Without effects numba leaves out the branches of `effects`: there are two machine codes.
     `ddq` (n,) is the acceleration of the previous step on entry and of this one on return.
     """
     n, contacts = q.shape[0], mode.shape[0]
@@ -73,9 +128,20 @@ def advance(
         for i in range(n):
             middle[i] = q[i] + 0.5 * left * dq[i]
             predicted[i] = dq[i] + 0.5 * left * ddq[i]
-        if not prepare(plant, middle, predicted, dq, rest, torque, left, work):
+        if effects is None:
+            positive = prepare(plant, middle, predicted, dq, rest, torque, left, work)
+        else:
+            positive = prepare_with_effects(
+                plant, effects, time, middle, predicted, dq, ddq, mode, torque, left, work
+            )
+        if not positive:
             return False
         accelerate(plant, resting, mode, work, ddq)
+        if effects is not None and bristles_change(effects, dq, ddq, left):
+            prepare_with_effects(
+                plant, effects, time, middle, predicted, dq, ddq, mode, torque, left, work
+            )
+            accelerate(plant, resting, mode, work, ddq)
         _crossings(plant, resting, mode, dq, ddq, left, work.crossing)
         fraction = 1.0
         if attempt < attempts - 1:
@@ -83,15 +149,19 @@ def advance(
                 fraction = min(fraction, work.crossing[c])
         for c in range(contacts):
             if resting[c]:
-                resting[c] = mode[c] == 0 or slip(plant.first, plant.second, c, ddq) == 0.0
+                resting[c] = (
+                    mode[c] == 0 or slip(plant.first, plant.second, plant.direction, c, ddq) == 0.0
+                )
             else:
                 resting[c] = work.crossing[c] <= fraction + TOGETHER
-        time = fraction * left
+        part = fraction * left
+        if effects is not None:
+            slide_bristles(effects, dq, ddq, part)
         for i in range(n):
-            q[i] += time * (dq[i] + 0.5 * time * ddq[i])
-            dq[i] += time * ddq[i]
+            q[i] += part * (dq[i] + 0.5 * part * ddq[i])
+            dq[i] += part * ddq[i]
         _stop(plant, resting, dq)
-        left -= time
+        left -= part
         if left <= TOGETHER * step:
             break
     return True
@@ -112,8 +182,8 @@ def _crossings(
         crossing[c] = 2.0
         if resting[c] or plant.level[c] <= 0.0:
             continue
-        start = mode[c] * slip(plant.first, plant.second, c, dq)
-        end = start + step * mode[c] * slip(plant.first, plant.second, c, ddq)
+        start = mode[c] * slip(plant.first, plant.second, plant.direction, c, dq)
+        end = start + step * mode[c] * slip(plant.first, plant.second, plant.direction, c, ddq)
         if start <= 0.0:
             crossing[c] = 0.0
         elif end <= 0.0:
@@ -136,5 +206,6 @@ def _stop(plant: Plant, resting: NDArray[np.bool_], dq: FloatArray) -> None:
         elif resting[b]:
             dq[a] = 0.0
         else:
-            dq[b] = 0.5 * (dq[b] - dq[a])
-            dq[a] = -dq[b]
+            sign = plant.direction[c]
+            dq[b] = 0.5 * (dq[b] - sign * dq[a])
+            dq[a] = -sign * dq[b]

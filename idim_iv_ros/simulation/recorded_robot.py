@@ -1,6 +1,7 @@
 """What a recorder on a simulated robot would write down."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.simulation.closed_loop import PLANT_STEP, ClosedLoopResult, simulate_closed_loop
 from idim_iv_ros.simulation.controller import ControlLaw
+from idim_iv_ros.simulation.effects import SimulatedEffect
 
 FloatArray = NDArray[np.float64]
 
@@ -64,14 +66,16 @@ def record_simulated_robot(
     disturbance_bandwidth: float = 10.0,
     stamp_jitter: float = 0.0,
     plant_oversampling: int = 4,
+    effects: Sequence[SimulatedEffect] | None = None,
+    start_time: float = 0.0,
 ) -> SimulatedRecording:
     """Simulate a robot from rest on its reference, and record it.
 
     Parameters
     ----------
     robot, parameters, law
-        The robot as it really is. The control sees the true motion; noise and quantisation are
-        those of the recorder.
+        The robot as it really is. The control sees the motion without noise; noise and
+        quantisation are those of the recorder.
     position_reference, velocity_reference
         (n_samples, n_joints) at `rate`, rad, rad/s.
     rate
@@ -92,6 +96,8 @@ def record_simulated_robot(
         stays.
     plant_oversampling
         Plant steps in a control period (more where they would exceed 0.5 ms).
+    effects, start_time
+        See `simulate_closed_loop`; what is recorded is what the encoders show.
 
     Raises
     ------
@@ -127,9 +133,11 @@ def record_simulated_robot(
         initial_velocity=start_velocity,
         disturbance=drift,
         plant_step=period / steps,
+        effects=effects,
+        start_time=start_time,
     )
     rng = np.random.default_rng(seed)
-    position = truth.position[::ratio].copy()
+    position = truth.measured_position[::ratio].copy()
     samples = len(position)
     position += rng.normal(size=position.shape) * position_noise
     step = np.broadcast_to(np.asarray(encoder_resolution, dtype=float), position.shape)

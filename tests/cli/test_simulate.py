@@ -44,3 +44,90 @@ def test_bad_input_is_one_line(run, tmp_path: Path) -> None:
     refused(run("simulate", "--config", config, "--out", bag, "--trajectory", wrong), 2, "elbow")
     refused(run("simulate", "--config", CONFIG / "ur10.yaml", "--out", bag), 2, "effort_unit")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["motion.csv"]
+
+
+def gap_file(path: Path, *causes: dict, parameters: dict | None = None, **changes) -> Path:
+    """What `diagnose` writes, as far as `simulate` reads it."""
+
+    def entries(values: dict) -> dict:
+        return {key: {"value": value, "std": None, "unit": ""} for key, value in values.items()}
+
+    content = {
+        "format": "idim_iv_ros/gap/1",
+        "causes": [
+            {"kind": "structural", "other_joint": None}
+            | cause
+            | {"parameters": entries(cause["parameters"])}
+            for cause in causes
+        ],
+        "extended_parameters": entries(parameters or {}),
+    }
+    path.write_text(json.dumps(content | changes))
+    return path
+
+
+STRIBECK = {"effect": "stribeck", "joint": "joint_2", "parameters": {"excess": 1.0, "speed": 0.2}}
+
+
+def test_robot_of_a_diagnosis_has_its_parameters_and_effects(run, tmp_path: Path) -> None:
+    coupling = {
+        "effect": "joint_coupling", "joint": "joint_1", "other_joint": "joint_2",
+        "parameters": {"direction": -1.0, "coulomb": 0.3},
+    }  # fmt: skip
+    payload = {"effect": "payload", "joint": "joint_2", "parameters": {"mass": 0.4}}
+    gap = gap_file(
+        tmp_path / "gap.json", STRIBECK, coupling, payload, parameters={"Fv2": 0.7, "off1": 0.4}
+    )
+    plain, bag = tmp_path / "plain.mcap", tmp_path / "a.mcap"
+    common = ("--config", CONFIG / "arm2.yaml", "--duration", 2)
+    assert run("simulate", *common, "--out", plain).status == 0
+    outcome = run("simulate", *common, "--out", bag, "--effects", gap)
+    assert outcome.status == 0, outcome.error
+    given = json.loads((tmp_path / "plain.truth.json").read_text())
+    truth = json.loads((tmp_path / "a.truth.json").read_text())
+    effects = truth.pop("effects")
+    assert "effects" not in given
+    assert truth == given | {"Fv2": 0.7, "off1": 0.4}
+    assert [effect["effect"] for effect in effects] == ["stribeck", "joint_coupling", "payload"]
+    assert effects[0]["parameters"] == {"excess": 1.0, "speed": 0.2}
+    assert effects[1]["other_joint"] == "joint_2"
+    assert bag.read_bytes() != plain.read_bytes()
+
+
+def test_bad_diagnosis_is_one_line_with_file_and_key(run, tmp_path: Path) -> None:
+    config, bag, gap = CONFIG / "arm2.yaml", tmp_path / "a.mcap", tmp_path / "gap.json"
+
+    def simulate_must_refuse(*words: str) -> None:
+        outcome = run("simulate", "--config", config, "--out", bag, "--effects", gap)
+        refused(outcome, 2, "gap.json", *words)
+
+    simulate_must_refuse("cannot be read")
+    gap.write_text("{")
+    simulate_must_refuse("not JSON")
+    gap.write_bytes(b"\xff\xfe\x00")
+    simulate_must_refuse("not JSON")
+    gap.write_text("[]")
+    simulate_must_refuse("format")
+    gap_file(gap, format="idim_iv_ros/identification/1")
+    simulate_must_refuse("format")
+    gap_file(gap, causes=None)
+    simulate_must_refuse("causes")
+    gap_file(gap, causes=["stribeck"])
+    simulate_must_refuse("causes[0]")
+    gap_file(gap, STRIBECK, STRIBECK | {"effect": "warp"})
+    simulate_must_refuse("causes[1]", "warp")
+    gap_file(gap, STRIBECK | {"joint": "elbow"})
+    simulate_must_refuse("causes[0]", "elbow")
+    gap_file(gap, STRIBECK | {"joint": 2})
+    simulate_must_refuse("causes[0].joint")
+    gap_file(gap, STRIBECK | {"parameters": {"excess": "much", "speed": 0.1}})
+    simulate_must_refuse("causes[0].parameters.excess.value")
+    gap_file(gap, STRIBECK | {"parameters": {"excess": 1.0}})
+    simulate_must_refuse("causes[0]", "speed is missing")
+    gap_file(gap, parameters={"ZZ9": 1.0})
+    simulate_must_refuse("extended_parameters.ZZ9")
+    gap_file(gap, extended_parameters=None)
+    simulate_must_refuse("extended_parameters")
+    gap_file(gap, parameters={"Fv1": float("inf")})
+    simulate_must_refuse("extended_parameters.Fv1.value", "finite")
+    assert [path.name for path in tmp_path.iterdir()] == ["gap.json"]

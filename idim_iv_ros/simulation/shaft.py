@@ -1,0 +1,161 @@
+"""Joints whose motor and link are two masses: elastic shafts and backlash."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.model.parameters import DynamicParameters, parameter_layout
+from idim_iv_ros.model.regressor import StandardRegressor
+from idim_iv_ros.model.robot import RobotModel
+from idim_iv_ros.simulation.effects import JointEffect
+from idim_iv_ros.simulation.inverse_dynamics import inverse_dynamics, mass_matrix
+
+FloatArray = NDArray[np.float64]
+
+# Gear flanks whose stiffness is not given: natural frequency of motor against link, Hz, and
+# damping ratio. At 300 Hz the flanks give less than backlash does; teeth meet without bouncing far.
+FLANK_FREQUENCY, FLANK_DAMPING = 300.0, 0.3
+
+# A shaft that swings faster is as good as rigid, and is simulated with this pulsation, rad/s.
+FASTEST = 2e4
+
+
+@dataclass(frozen=True)
+class Shaft:
+    """Between the motor and the link of one joint.
+
+    gap in rad (m): dead zone of ± gap/2; stiffness in N m/rad (0: from the inertias), damping in
+    N m s/rad (negative: from the inertias).
+    """
+
+    joint: int
+    gap: float
+    stiffness: float
+    damping: float
+
+
+def shafts_of(effects: Sequence[JointEffect]) -> tuple[Shaft, ...]:
+    """One shaft for each joint with elasticity or backlash; with both, flanks are rigid."""
+    shafts: dict[int, Shaft] = {}
+    for one in sorted(effects, key=lambda one: one.effect):  # backlash first
+        if one.effect == "backlash":
+            v = one.value
+            shafts[one.joint] = Shaft(one.joint, v["gap"], v["stiffness"], v["damping"])
+        elif one.effect == "elasticity":
+            gap = shafts[one.joint].gap if one.joint in shafts else 0.0
+            shafts[one.joint] = Shaft(one.joint, gap, one.value["stiffness"], one.value["damping"])
+    return tuple(shafts.values())
+
+
+def split_drives(
+    robot: RobotModel, parameters: DynamicParameters, joints: Sequence[int]
+) -> DynamicParameters:
+    """Parameters with the same rigid dynamics whose drives have an inertia of their own.
+
+    Base parameters group the inertia of some drives with that of links (joint 1: ZZ1 + Ia1), and
+    a motion of the rigid robot cannot tell them apart. There the drive inertia is that of the
+    given model (`simulator.armature`), taken from the links.
+
+    Raises
+    ------
+    UsageError
+        The drive inertia of one of `joints` is in neither of them, or not positive.
+    """
+    for joint in joints:
+        own, given = parameters.drive_inertia[joint], robot.given.drive_inertia[joint]
+        if own > 0.0:
+            continue
+        name = robot.joints[joint]
+        if own < 0.0:
+            raise UsageError(
+                f"elasticity or backlash at {name} needs a positive drive inertia, "
+                f"not {own:.3g} (Ia{joint + 1})"
+            )
+        taken = None if given <= 0.0 else _link_share(robot, joint)
+        if taken is None:
+            raise UsageError(
+                f"elasticity or backlash at {name} needs its drive inertia, which neither Ia"
+                f"{joint + 1} nor simulator.armature gives"
+            )
+        drive_inertia = parameters.drive_inertia.copy()
+        drive_inertia[joint] = given
+        parameters = replace(
+            parameters,
+            inertial=parameters.inertial - given * taken,
+            drive_inertia=drive_inertia,
+        )
+    return parameters
+
+
+def _link_share(robot: RobotModel, joint: int) -> FloatArray | None:
+    """Inertial parameters (n_joints, 10) that act like one unit of a drive's inertia, or None."""
+    layout = parameter_layout(robot.joint_types, friction=(), drive_inertia=True)
+    random = np.random.default_rng(1)
+    n = len(robot.joints)
+    q, dq, ddq = random.uniform(-2.0, 2.0, (3, 20 * n, n))
+    matrix = StandardRegressor(robot, layout)(q, dq, ddq)
+    rows = matrix.reshape(-1, matrix.shape[2])
+    inertial = np.array([parameter.kind != "Ia" for parameter in layout.parameters])
+    drive = rows[:, layout.names.index(f"Ia{joint + 1}")]
+    share, *_ = np.linalg.lstsq(rows[:, inertial], drive, rcond=1e-10)
+    if np.linalg.norm(rows[:, inertial] @ share - drive) > 1e-6 * np.linalg.norm(drive):
+        return None
+    vector = np.zeros(len(layout.parameters))
+    vector[inertial] = share
+    return layout.dynamic_parameters(vector).inertial
+
+
+def fastest_shaft(
+    robot: RobotModel,
+    parameters: DynamicParameters,
+    shafts: Sequence[Shaft],
+    position: FloatArray,
+) -> tuple[tuple[Shaft, ...], float]:
+    """Shafts with the stiffness and damping that were not given, and the largest pulsation, rad/s.
+
+    Pulsations are those of motor against link at `position` (n_joints,), all other joints free.
+    """
+    if not shafts:
+        return (), 0.0
+    joints = [shaft.joint for shaft in shafts]
+    behind = parameters.drive_inertia.copy()
+    behind[joints] = 0.0
+    mass = mass_matrix(robot, replace(parameters, drive_inertia=behind), position[None])[0]
+    mobility = np.diag(np.linalg.pinv(mass))
+    complete, fastest = [], 0.0
+    for shaft in shafts:
+        link = max(float(mobility[shaft.joint]), 0.0)
+        reduced = 1.0 / (1.0 / float(parameters.drive_inertia[shaft.joint]) + link)
+        stiffness, damping = shaft.stiffness, shaft.damping
+        if stiffness == 0.0:
+            stiffness = reduced * (2.0 * np.pi * FLANK_FREQUENCY) ** 2
+        stiffness = min(stiffness, reduced * FASTEST**2)
+        if damping < 0.0:
+            damping = 2.0 * FLANK_DAMPING * float(np.sqrt(stiffness * reduced))
+        complete.append(replace(shaft, stiffness=stiffness, damping=damping))
+        fastest = max(fastest, float(np.sqrt(stiffness / reduced)))
+    return tuple(complete), fastest
+
+
+def link_positions(
+    robot: RobotModel,
+    parameters: DynamicParameters,
+    shafts: Sequence[Shaft],
+    position: FloatArray,
+) -> FloatArray:
+    """Positions (n_joints,) of the links at rest under gravity behind motors at `position`."""
+    zeros = np.zeros_like(parameters.drive_inertia)
+    links = replace(parameters, drive_inertia=zeros, offset=zeros)
+    position = np.asarray(position, dtype=float)
+    still = np.zeros((1, len(position)))
+    link = position.copy()
+    for _ in range(30):
+        load = inverse_dynamics(robot, links, link[None], still, still)[0]
+        for shaft in shafts:
+            torque = load[shaft.joint]
+            bent = torque / shaft.stiffness + 0.5 * shaft.gap * np.sign(torque)
+            link[shaft.joint] = position[shaft.joint] - bent
+    return link

@@ -1,0 +1,260 @@
+"""Torques of the effects, by formulas written here: model + effect = what acts on the joint."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, simulate_closed_loop
+from tests.simulated_arms import arm2
+
+JOINTS = ("joint_1", "joint_2")
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return arm2(seconds=3.0)
+
+
+def followed(arm, *effects, **changes):
+    law = changes.pop("law", arm.law)
+    parameters = changes.pop("parameters", arm.truth)
+    given = {
+        "rate": arm.rate,
+        "position_reference": arm.position_reference,
+        "velocity_reference": arm.velocity_reference,
+        "initial_position": arm.position_reference[0],
+        "initial_velocity": arm.velocity_reference[0],
+        "effects": effects,
+    }
+    return simulate_closed_loop(arm.robot, parameters, law, **(given | changes))
+
+
+def on(joint, effect, other=None, **parameters):
+    return SimulatedEffect(effect, JOINTS[joint], parameters, None if other is None else other)
+
+
+def surplus(arm, result, parameters=None):
+    """Torque on the joints that the model does not explain, and which samples move."""
+    needed = inverse_dynamics(
+        arm.robot, parameters or arm.truth, result.position, result.velocity, result.acceleration
+    )
+    moving = np.all(result.velocity != 0.0, axis=1)
+    assert moving.sum() > 2000
+    return (result.applied_torque - needed)[moving], moving
+
+
+FORMULAS = {
+    "stribeck": (
+        {"excess": 1.2, "speed": 0.15, "exponent": 1.4},
+        lambda q, v, t: 1.2 * np.exp(-((np.abs(v) / 0.15) ** 1.4)) * np.sign(v),
+    ),
+    "drag": (
+        {"coefficient": 0.4, "power": 2.0},
+        lambda q, v, t: 0.4 * v * np.abs(v),
+    ),
+    "drag that gets weaker": (
+        {"coefficient": -0.05, "power": 3.0},
+        lambda q, v, t: -0.05 * v**3,
+    ),
+    "drag below linear": (
+        {"coefficient": 0.7, "power": 0.5},
+        lambda q, v, t: 0.7 * np.sqrt(np.abs(v)) * np.sign(v),
+    ),
+    "asymmetric_friction": (
+        {"offset": 0.6, "viscous": -0.3},
+        lambda q, v, t: 0.6 - 0.3 * np.abs(v),
+    ),
+    "position_dependent_friction": (
+        {
+            "wave_number_1": 1.0, "sine_1": 0.2, "cosine_1": -0.1,
+            "wave_number_2": 5.0, "sine_2": 0.1,
+            "centre": 0.4, "width": 0.3, "height": 0.5,
+        },
+        lambda q, v, t: np.sign(v) * (
+            0.2 * np.sin(q) - 0.1 * np.cos(q) + 0.1 * np.sin(5.0 * q)
+            + 0.5 * np.exp(-(((q - 0.4) / 0.3) ** 2))
+        ),
+    ),
+    "friction_drift": (
+        {"time_constant": 2.0, "coulomb": 0.8, "viscous": 0.5},
+        lambda q, v, t: np.exp(-(t + 1.5) / 2.0) * (0.8 * np.sign(v) + 0.5 * v),
+    ),
+    "position_ripple": (
+        {
+            "wave_number_1": 40.0, "sine_1": 0.5, "cosine_1": 0.2,
+            "wave_number_2": 80.0, "sine_2": 0.1,
+        },
+        lambda q, v, t: 0.5 * np.sin(40 * q) + 0.2 * np.cos(40 * q) + 0.1 * np.sin(80 * q),
+    ),
+    "spring": (
+        {"constant": 0.5, "linear": 2.0, "quadratic": -0.4, "cubic": 1.0, "highest": 0.5},
+        lambda q, v, t: np.polyval([1.0, -0.4, 2.0, 0.5], np.minimum(q, 0.5)),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize("name", FORMULAS)
+def test_acting_torque_is_the_model_plus_the_formula(arm, name, joint):
+    parameters, formula = FORMULAS[name]
+    effect = "nonlinear_viscous" if name.startswith("drag") else name
+    result = followed(arm, on(joint, effect, **parameters), start_time=1.5)
+    extra, moving = surplus(arm, result)
+    time = np.arange(len(result.position)) / arm.rate
+    q, v = result.position[moving, joint], result.velocity[moving, joint]
+    expected = np.zeros_like(extra)
+    expected[:, joint] = formula(q, v, time[moving])
+    assert np.ptp(expected[:, joint]) > 0.1
+    np.testing.assert_allclose(extra, expected, atol=1e-9)
+    plain = followed(arm)
+    assert np.abs(result.position - plain.position).max() > 1e-4
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_coupling_opposes_the_sum_or_difference_of_two_speeds_on_both_joints(arm, direction):
+    coupling = {"direction": direction, "coulomb": 0.9, "viscous": 0.2}
+    result = followed(arm, on(1, "joint_coupling", "joint_1", **coupling))
+    extra, moving = surplus(arm, result)
+    w = result.velocity[moving, 1] + direction * result.velocity[moving, 0]
+    f = 0.9 * np.sign(w) + 0.2 * w
+    slipping = w != 0.0
+    expected = np.column_stack([direction * f, f])
+    np.testing.assert_allclose(extra[slipping], expected[slipping], atol=1e-9)
+    assert slipping.sum() > 2000
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_friction_follows_the_load_of_the_links(arm, joint):
+    effect = on(
+        joint, "load_dependent_friction", driving=0.1, driven=0.05, exponent=0.8, scale=10.0
+    )
+    result = followed(arm, effect)
+    extra, moving = surplus(arm, result)
+    zero = np.zeros(2)
+    links = dataclasses.replace(
+        arm.truth, drive_inertia=zero, viscous=zero, coulomb=zero, offset=zero
+    )
+    motion = (result.position, result.velocity, result.acceleration)
+    load = inverse_dynamics(arm.robot, links, *motion)[moving, joint]
+    v = result.velocity[moving, joint]
+    share = np.where(load * v > 0.0, 0.1, 0.05)
+    expected = np.sign(v) * 10.0 * (np.abs(load) / 10.0) ** 0.8 * share
+    error = extra[:, joint] - expected
+    # The load is that of an instant before: wrong where it changes sign, small elsewhere.
+    assert np.sqrt(np.mean(error**2)) < 0.01 * np.sqrt(np.mean(expected**2))
+    np.testing.assert_allclose(extra[:, 1 - joint], 0.0, atol=1e-9)
+
+
+def test_bristles_are_maxwell_slip_elements_and_replace_part_of_coulomb_friction(arm):
+    spans, levels = (2e-3, 1e-2), (0.3, 0.2)
+    parameters = {
+        "span_1": spans[0],
+        "level_1": levels[0],
+        "span_2": spans[1],
+        "level_2": levels[1],
+    }
+    result = followed(arm, on(0, "presliding", **parameters))
+    extra, moving = surplus(arm, result)
+    q, v = result.position[:, 0], result.velocity[:, 0]
+    expected = np.zeros(len(q))
+    for span, level in zip(spans, levels, strict=True):
+        z, path = 0.0, np.zeros(len(q))
+        for k in range(1, len(q)):
+            z = min(max(z + (q[k] - q[k - 1]) / span, -1.0), 1.0)
+            path[k] = z
+        expected += level * (path - np.sign(v))
+    error = extra[:, 0] - expected[moving]
+    assert np.sqrt(np.mean(error**2)) < 2e-3
+    assert np.abs(expected[moving]).max() > 0.4
+
+
+def test_bristles_take_no_more_than_the_coulomb_friction(arm):
+    most = on(1, "presliding", span_1=1e-3, level_1=float(arm.truth.coulomb[1]))
+    more = on(1, "presliding", span_1=1e-3, level_1=50.0)
+    np.testing.assert_allclose(followed(arm, more).position, followed(arm, most).position)
+
+
+NEUTRAL = {
+    "stribeck": {"speed": 0.1},
+    "nonlinear_viscous": {},
+    "asymmetric_friction": {},
+    "load_dependent_friction": {},
+    "position_dependent_friction": {"wave_number_1": 3.0},
+    "friction_drift": {"time_constant": 10.0},
+    "presliding": {},
+    "time_delay": {},
+    "torque_saturation": {"knee": 1e9},
+    "position_ripple": {"wave_number_1": 3.0},
+    "spring": {},
+    "encoder_eccentricity": {},
+    "joint_coupling": {},
+    "controller_mismatch": {},
+    "torque_gain": {},
+    "payload": {"mass": 1.0},
+    "gravity_direction": {"angle": 1.0},
+    "drive_inertia": {},
+    "friction_level": {},
+    "link_inertia": {},
+}
+
+
+@pytest.mark.parametrize("effect", NEUTRAL)
+def test_neutral_parameters_change_nothing(arm, effect):
+    short = {
+        "position_reference": arm.position_reference[:800],
+        "velocity_reference": arm.velocity_reference[:800],
+    }
+    other = "joint_2" if effect == "joint_coupling" else None
+    result = followed(arm, on(0, effect, other, **NEUTRAL[effect]), **short)
+    plain = followed(arm, effects=None, **short)
+    for name in ("position", "velocity", "acceleration", "torque", "applied_torque"):
+        np.testing.assert_allclose(
+            getattr(result, name), getattr(plain, name), rtol=1e-10, atol=1e-9
+        )
+    np.testing.assert_array_equal(result.measured_position, result.position)
+    np.testing.assert_array_equal(result.link_position, result.position)
+
+
+def test_friction_that_only_the_sum_keeps_from_driving_is_simulated_whole(arm):
+    """A refit may give Fv < 0 beside a drag that more than makes up for it."""
+    viscous = np.array([-0.4, arm.truth.viscous[1]])
+    parameters = dataclasses.replace(arm.truth, viscous=viscous)
+    drag = on(0, "nonlinear_viscous", coefficient=3.0, power=1.0)
+    result = followed(arm, drag, parameters=parameters)
+    extra, moving = surplus(arm, result, parameters)
+    np.testing.assert_allclose(extra[:, 0], 3.0 * result.velocity[moving, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("effect", "words"),
+    [
+        (SimulatedEffect("warp", "joint_1", {}), ["warp", "stribeck"]),
+        (SimulatedEffect("stribeck", "joint_1", {"speed": 0.1, "sped": 1.0}), ["stribeck", "sped"]),
+        (SimulatedEffect("stribeck", "joint_1", {"excess": 0.1}), ["stribeck", "speed is missing"]),
+        (SimulatedEffect("stribeck", "joint_1", {"speed": 0.0}), ["speed", "positive"]),
+        (SimulatedEffect("stribeck", "joint_1", {"speed": float("nan")}), ["speed", "finite"]),
+        (SimulatedEffect("stribeck", "joint_9", {"speed": 1.0}), ["joint_9", "joint_1"]),
+        (SimulatedEffect("stribeck", None, {"speed": 1.0}), ["joint is missing"]),
+        (SimulatedEffect("presliding", "joint_1", {"span_2": 1.0}), ["level_2 is missing"]),
+        (SimulatedEffect("presliding", "joint_1", {"span": 1.0}), ["unknown parameter span"]),
+        (SimulatedEffect("joint_coupling", "joint_1", {}), ["other_joint"]),
+        (SimulatedEffect("joint_coupling", "joint_1", {}, "joint_1"), ["other_joint"]),
+        (
+            SimulatedEffect("joint_coupling", "joint_1", {"direction": 2.0}, "joint_2"),
+            ["direction", "1 or -1"],
+        ),
+        (SimulatedEffect("time_delay", "joint_1", {"delay": -1.0}), ["delay", "negative"]),
+        (SimulatedEffect("elasticity", "joint_1", {"stiffness": -1.0}), ["stiffness", "positive"]),
+        (
+            SimulatedEffect("spring", "joint_1", {"lowest": 1.0, "highest": 0.0}),
+            ["lowest is not below highest"],
+        ),
+    ],
+)
+def test_what_cannot_be_simulated_is_named(arm, effect, words):
+    with pytest.raises(UsageError) as refused:
+        followed(arm, effect)
+    for word in words:
+        assert word in str(refused.value)
