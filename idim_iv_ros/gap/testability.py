@@ -1,0 +1,361 @@
+"""Which effects a recording can show, from its motion alone: before torque is looked at."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.effects.effect import Effect, Extent, Place, Shape
+from idim_iv_ros.gap.likelihood import Colour, Columns, Fit, Regression, Scan
+from idim_iv_ros.gap.result import Confusability, EffectParameter, NotTestable
+from idim_iv_ros.gap.search import extent, rows_of
+
+FloatArray = NDArray[np.float64]
+
+# Noncentrality of a chi-square at which an effect is seen (gap.md), and the share of the rows'
+# energy below which no effect is accepted.
+_NONCENTRALITY = 20.0
+_LEAST_SHARE = 0.01
+_ABSORBED = 0.995
+_SHAPES = 4
+_LEAST_SESSION = 20.0  # s, for a drift
+_LEAST_TURN = 0.5  # rad, for an error of once a turn
+_TINY = 1e-12
+
+
+@dataclass(frozen=True)
+class Plausible:
+    """Largest size that an engineer would expect; a larger smallest visible size is no test.
+
+    Attributes
+    ----------
+    limit : float
+    of : str
+        ``dry``: its largest torque over the joint's dry friction; ``peak``: over the largest
+        torque; else the parameter with this name, in its unit.
+    least : bool
+        The parameter must be at least `limit` to be seen, instead of at most.
+    """
+
+    limit: float
+    of: str
+    least: bool = False
+
+
+# From the typical ranges of gap.md, generous by about a factor of two.
+PLAUSIBLE: dict[str, Plausible] = {
+    "stribeck": Plausible(1.0, "dry"),
+    "nonlinear_viscous": Plausible(1.5, "dry"),
+    "asymmetric_friction": Plausible(0.5, "dry"),
+    "load_dependent_friction": Plausible(0.4, "driving"),
+    "position_dependent_friction": Plausible(0.5, "dry"),
+    "friction_drift": Plausible(1.0, "dry"),
+    "presliding": Plausible(1.0, "dry"),
+    "backlash": Plausible(0.02, "gap"),
+    "time_delay": Plausible(0.02, "delay"),
+    "torque_saturation": Plausible(0.5, "slope", least=True),
+    "position_ripple": Plausible(0.05, "peak"),
+    "spring": Plausible(0.3, "peak"),
+    "encoder_eccentricity": Plausible(0.01, "size"),
+    "joint_coupling": Plausible(1.0, "dry"),
+}
+_SOFTEST = 5.0  # Hz: resonance of the softest shaft that is plausible
+# Effects whose coefficient is one: their size is in the shape.
+_SHAPED = ("elasticity", "backlash")
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """One effect at one place, with the columns of a few shapes side by side."""
+
+    effect: Effect
+    place: Place
+    shapes: list[Shape]
+    columns: list[Columns]
+
+
+@dataclass(frozen=True)
+class _Measure:
+    """What the motion tells of one candidate."""
+
+    absorbed: float
+    least_absorbed: float
+    smallest: str
+    plausible: bool
+
+
+def testability(
+    data: Baseline,
+    regression: Regression,
+    catalogue: Sequence[Effect],
+    colours: Sequence[Colour],
+    dry_friction: Sequence[float],
+) -> tuple[tuple[Confusability, ...], tuple[NotTestable, ...]]:
+    """Say what the motion can show and what it cannot.
+
+    Parameters
+    ----------
+    regression
+        Of the refit; only its regressor is used, not its torque.
+    colours
+        Noise of each joint, known beforehand or bounded from below (`floor_colours`).
+    dry_friction
+        N m (N), of each joint: the scale of what is plausible.
+    """
+    covered = extent(data)
+    scan = Scan(regression, _without_torque(regression, colours))
+    rows = [len(joint.torque) for joint in regression.joints]
+    tables, refused = [], []
+    for joint, name in enumerate(data.joints):
+        moving = _moves(covered, joint)
+        candidates = []
+        for effect in catalogue:
+            for place in _places(effect, joint, len(data.joints)):
+                reason = _special(effect, joint, covered, moving)
+                made = None if reason else _candidate(data, effect, place, covered)
+                if made is None:
+                    reason = reason or "no shape of it is possible on this motion"
+                    refused.append(NotTestable(effect.name, name, reason, effect.excitation))
+                else:
+                    candidates.append(made)
+        if not candidates:
+            continue
+        measured, correlation = _measured(
+            scan, candidates, covered, joint, rows[joint], dry_friction[joint]
+        )
+        for candidate, measure in zip(candidates, measured, strict=True):
+            refusal = _refusal(candidate, measure, name)
+            if refusal is not None:
+                refused.append(refusal)
+        tables.append(
+            Confusability(
+                joint=name,
+                effects=tuple(candidate.effect.name for candidate in candidates),
+                correlation=correlation,
+                absorbed=np.array([measure.absorbed for measure in measured]),
+                smallest=tuple(measure.smallest for measure in measured),
+            )
+        )
+    return tuple(tables), tuple(refused)
+
+
+def floor_colours(fit: Fit, sigmas: Sequence[float | None]) -> tuple[Colour, ...]:
+    """Colours of a fit with the standard deviations of the noise floor where it is smaller."""
+    return tuple(
+        Colour(colour.model, colour.sigma if sigma is None else min(sigma, colour.sigma))
+        for colour, sigma in zip(fit.colours, sigmas, strict=True)
+    )
+
+
+def dry_friction(data: Baseline) -> tuple[float, ...]:
+    """Dry friction of each joint from the refit, N m (N); 5 % of the peak where it has none."""
+    covered = extent(data)
+    levels = data.prepared.model.dynamic_parameters(data.estimate.linear.values).coulomb
+    return tuple(
+        float(level) if level > 0.01 * peak else 0.05 * float(peak)
+        for level, peak in zip(levels, covered.torque, strict=True)
+    )
+
+
+def _without_torque(regression: Regression, colours: Sequence[Colour]) -> Fit:
+    """Colours alone: nothing of the torque enters."""
+    return Fit(
+        values=np.zeros(regression.parameters),
+        coefficients=np.zeros(0),
+        covariance=np.zeros((0, 0)),
+        colours=tuple(colours),
+        residuals=tuple(np.zeros(len(rows.torque)) for rows in regression.joints),
+        log_likelihood=0.0,
+    )
+
+
+def _moves(covered: Extent, joint: int) -> bool:
+    return bool(
+        covered.high[joint] - covered.low[joint] > 1e-3
+        and covered.fastest[joint] > 1.5 * covered.slowest[joint]
+    )
+
+
+def _special(effect: Effect, joint: int, covered: Extent, moving: bool) -> str:
+    """Why an effect cannot be seen whatever its size; empty where it may be."""
+    span = float(covered.high[joint] - covered.low[joint])
+    if not moving:
+        return f"the joint hardly moves ({span:.2g} rad)"
+    if effect.name == "friction_drift" and covered.duration < _LEAST_SESSION:
+        return f"the session lasts {covered.duration:.2g} s: no warm-up shows in that"
+    if effect.name == "encoder_eccentricity" and span < _LEAST_TURN:
+        return f"the joint turns {span:.2g} rad: an error of once a turn looks constant"
+    return ""
+
+
+def _places(effect: Effect, joint: int, joints: int) -> list[Place]:
+    """Places at a joint; of pairs the one with the next joint."""
+    places = [place for place in effect.places(joints) if place.joint == joint]
+    return places[:1]
+
+
+def _candidate(data: Baseline, effect: Effect, place: Place, covered: Extent) -> _Candidate | None:
+    grid = effect.grid(place, covered)
+    if not grid:
+        return None
+    spread = np.unique(np.linspace(0, len(grid) - 1, _SHAPES).round().astype(int))
+    shapes = [grid[k] for k in spread]
+    return _Candidate(effect, place, shapes, rows_of(data, effect, place, shapes))
+
+
+def _measured(
+    scan: Scan,
+    candidates: Sequence[_Candidate],
+    covered: Extent,
+    joint: int,
+    rows: int,
+    dry: float,
+) -> tuple[list[_Measure], FloatArray]:
+    """Measure all candidates of one joint from one product of all their columns."""
+    blocks = [columns for candidate in candidates for columns in candidate.columns]
+    widths = [next(iter(columns.values())).shape[1] for columns in blocks]
+    touched = sorted({j for columns in blocks for j in columns})
+    lengths = {j: len(columns[j]) for columns in blocks for j in columns}
+    stacked = {
+        j: np.hstack(
+            [
+                columns[j] if j in columns else np.zeros((lengths[j], width))
+                for columns, width in zip(blocks, widths, strict=True)
+            ]
+        )
+        for j in touched
+    }
+    white = scan.whiten(stacked)
+    energy = np.maximum(scan.energy(white), _TINY)
+    left = scan.normal(white, white)
+    own = stacked.get(joint)
+    largest = np.zeros(len(energy)) if own is None else np.abs(own).max(axis=0)
+    needed = max(_NONCENTRALITY, _LEAST_SHARE * rows)
+    ends = np.cumsum(widths)
+    slices = [slice(int(e) - w, int(e)) for e, w in zip(ends, widths, strict=True)]
+    groups, bases, start = [], [], 0
+    for candidate in candidates:
+        own_slices = slices[start : start + len(candidate.shapes)]
+        start += len(candidate.shapes)
+        groups.append(_measure(candidate, own_slices, energy, left, largest, needed, (covered, joint, dry)))
+        bases.append([(part, _basis(left[part, part], energy[part])) for part in own_slices])
+    correlation = np.eye(len(candidates))
+    for a in range(len(candidates)):
+        for b in range(a):
+            values = [
+                np.linalg.norm(one.T @ left[first, second] @ two, 2)
+                for first, one in bases[a]
+                for second, two in bases[b]
+                if one.size and two.size
+            ]
+            correlation[a, b] = correlation[b, a] = min(max(values, default=0.0), 1.0)
+    return groups, correlation
+
+
+def _basis(left: FloatArray, energy: FloatArray) -> FloatArray:
+    """Combinations (k, m) whose unabsorbed rows are orthonormal; absorbed ones are left out."""
+    scale = 1.0 / np.sqrt(energy)
+    values, vectors = np.linalg.eigh(left * np.outer(scale, scale))
+    kept = values > max(1e-4, 1e-6 * float(values.max(initial=0.0)))
+    return np.asarray(scale[:, None] * vectors[:, kept] / np.sqrt(values[kept]))
+
+
+def _measure(
+    candidate: _Candidate,
+    slices: Sequence[slice],
+    energy: FloatArray,
+    left: FloatArray,
+    largest: FloatArray,
+    needed: float,
+    joint: tuple[Extent, int, float],
+) -> _Measure:
+    absorbed = []
+    options: list[tuple[bool, float, str]] = []
+    for shape, part in zip(candidate.shapes, slices, strict=True):
+        rest = np.clip(np.diag(left)[part], 0.0, None)
+        share = rest / energy[part]
+        absorbed.append(1.0 - float(share.max()))
+        if candidate.effect.name in _SHAPED and candidate.effect.name != "elasticity":
+            if rest[0] >= needed and share[0] > 1.0 - _ABSORBED:
+                words, plausible = _judged(candidate, shape, np.ones(1), 0.0, joint)
+                options.append((plausible, float(shape[0]), words))
+            continue
+        size = np.sqrt(needed / np.maximum(rest, _TINY))
+        size[share < 1.0 - _ABSORBED] = np.inf
+        k = int(np.argmin(size * largest[part]))
+        if not np.isfinite(size[k]):
+            continue
+        coefficients = np.zeros(len(size))
+        coefficients[k] = size[k]
+        torque = float(size[k] * largest[part][k])
+        words, plausible = _judged(candidate, shape, coefficients, torque, joint)
+        options.append((plausible, torque, words))
+    options.sort(key=lambda option: (not option[0], option[1]))
+    if not options:
+        return _Measure(float(np.median(absorbed)), min(absorbed), "", False)
+    return _Measure(float(np.median(absorbed)), min(absorbed), options[0][2], options[0][0])
+
+
+def _judged(
+    candidate: _Candidate,
+    shape: Shape,
+    coefficients: FloatArray,
+    torque: float,
+    joint: tuple[Extent, int, float],
+) -> tuple[str, bool]:
+    """Size in words, and whether effects of this size are plausible."""
+    covered, number, dry = joint
+    effect = candidate.effect
+    found = effect.parameters(shape, coefficients, np.zeros(len(coefficients)))
+    words = _in_words(found, torque)
+    if effect.name == "elasticity":
+        softest = float(covered.inertia[number]) * (2.0 * np.pi * _SOFTEST) ** 2
+        stiffness = found["stiffness"].value
+        return f"stiffness {stiffness:.2g} N m/rad", bool(stiffness >= softest)
+    limit = PLAUSIBLE.get(effect.name)
+    if limit is None:
+        return words, True
+    if limit.of == "dry":
+        return words, torque <= limit.limit * dry
+    if limit.of == "peak":
+        return words, torque <= max(limit.limit * float(covered.torque[number]), 0.5 * dry)
+    if limit.of == "size":
+        return words, bool(np.max(np.abs(coefficients)) <= limit.limit)
+    value = max(p.value for name, p in found.items() if name in (limit.of, "driven"))
+    return words, bool(value >= limit.limit if limit.least else value <= limit.limit)
+
+
+_WORDS: tuple[str, ...] = (
+    "gap", "delay", "slope", "driving", "excess", "offset", "height", "sine_1", "cosine_1",
+    "level_1", "coulomb", "viscous", "coefficient", "constant", "linear", "quadratic", "cubic",
+    "bent", "sine", "cosine", "sine_2", "cosine_2", "driven",
+)  # fmt: skip
+
+
+def _in_words(found: dict[str, EffectParameter], torque: float) -> str:
+    """The first parameter that is not zero, with its unit."""
+    for name in _WORDS:
+        if name in found and found[name].value != 0.0:
+            unit = f" {found[name].unit}" if found[name].unit else ""
+            more = "" if found[name].unit == "N m" or torque <= 0.0 else f" (up to {torque:.2g} N m)"
+            return f"{name.replace('_', ' ')} {found[name].value:.2g}{unit}{more}"
+    return f"{torque:.2g} N m"
+
+
+def _refusal(candidate: _Candidate, measure: _Measure, joint: str) -> NotTestable | None:
+    effect = candidate.effect
+    if measure.least_absorbed > _ABSORBED:
+        share = 100.0 * measure.least_absorbed
+        reason = f"the model's own parameters absorb {share:.1f} % of it on this motion"
+        return NotTestable(effect.name, joint, reason, effect.excitation)
+    if not measure.smallest:
+        reason = "its torque stays within the noise at every plausible size"
+        return NotTestable(effect.name, joint, reason, effect.excitation)
+    if not measure.plausible:
+        reason = f"only sizes from {measure.smallest} would be seen, more than is plausible"
+        return NotTestable(effect.name, joint, reason, effect.excitation, measure.smallest)
+    return None
+
+
