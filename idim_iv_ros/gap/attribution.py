@@ -49,6 +49,8 @@ class Attribution:
     extended : Regression
     fit : Fit
         With all accepted effects.
+    tried : int
+        Shapes that were tried at first, over all effects and places.
     """
 
     regression: Regression
@@ -56,6 +58,7 @@ class Attribution:
     found: tuple[Found, ...]
     extended: Regression
     fit: Fit
+    tried: int
 
 
 def support(candidate: Candidate, regression: Regression) -> float:
@@ -80,10 +83,12 @@ def attribute(
     found: list[Found] = []
     current, fit = regression, refit
     grids: Grids = {}
+    tried = 0
     known: dict[tuple[Effect, Place], Candidate | None] = {}
     for _ in range(MOST_EFFECTS):
         search = Search(data, covered, current, fit, grids)
         candidates = _all(search, catalogue, found, known, progress)
+        tried = tried or sum(each.tried for each in candidates)
         candidates = [each for each in candidates if _not_a_patch(each, found, regression)]
         best = named_first(candidates, regression)
         best = None if best is None else search.again(best)
@@ -94,7 +99,7 @@ def attribute(
         if len(found) > 1:
             found, current, fit = _revised(search, regression, refit, found, catalogue)
         _forget(known, set(best.columns))
-    return Attribution(regression, refit, tuple(found), current, fit)
+    return Attribution(regression, refit, tuple(found), current, fit, tried)
 
 
 def named_first(candidates: Sequence[Candidate], regression: Regression) -> Candidate | None:

@@ -34,3 +34,15 @@ STRUCTURAL: tuple[Effect, ...] = (
     EncoderEccentricity(),
     JointCoupling(),
 )
+
+# Every name that a cause may have, parametric ones first.
+EFFECTS: tuple[str, ...] = (
+    "payload",
+    "link_inertia",
+    "gravity_direction",
+    "torque_gain",
+    "friction_level",
+    "drive_inertia",
+    *(effect.name for effect in STRUCTURAL),
+    "controller_mismatch",
+)

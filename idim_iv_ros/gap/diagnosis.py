@@ -1,0 +1,214 @@
+"""From recordings to causes: the whole of `idim-iv diagnose` without its files."""
+
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.gap.attribution import attribute
+from idim_iv_ros.gap.baseline import Baseline, baseline
+from idim_iv_ros.gap.catalogue import STRUCTURAL
+from idim_iv_ros.gap.effects.effect import Place
+from idim_iv_ros.gap.generic import GENERIC
+from idim_iv_ros.gap.held_out import held_out
+from idim_iv_ros.gap.likelihood import Regression
+from idim_iv_ros.gap.noise_floor import noise_floors, repeats_of
+from idim_iv_ros.gap.regression_rows import smooth_regression
+from idim_iv_ros.gap.result import EffectParameter, GapResult, GapSeries
+from idim_iv_ros.gap.structural_causes import (
+    NamedModel,
+    effect_parameters,
+    label,
+    named_model,
+    simulated_effects,
+    structural_causes,
+)
+from idim_iv_ros.gap.tracking import (
+    Tracking,
+    simulated_tracking,
+    simulation_gap,
+    tracking_series,
+    with_tracking,
+)
+from idim_iv_ros.gap.unexplained import unexplained
+from idim_iv_ros.gap.verdict import summary_of, verdict_of
+from idim_iv_ros.gap.where import given_residuals, given_values, picked, reversal_distances, where
+from idim_iv_ros.preparation import read_configured
+from idim_iv_ros.recording import Recording
+from idim_iv_ros.stopwatch import Progress, Stopwatch
+
+FloatArray = NDArray[np.float64]
+
+_REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
+
+
+def diagnose(
+    bags: Sequence[Path],
+    configuration: Configuration,
+    *,
+    without: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> GapResult:
+    """Say where simulator and robot differ, which effect causes it, and how far the gap shrinks.
+
+    Parameters
+    ----------
+    bags
+        Recordings of one robot, used together.
+    configuration
+        See `load_configuration`; the URDF, its `<dynamics>` and `simulator` are the given model.
+    without
+        Effects that are left out of the catalogue.
+    progress
+        Called with a stage in words and the share that is done, 0 to 1.
+
+    Raises
+    ------
+    UsageError, DataError
+        As `identify`.
+    """
+    with threadpool_limits(limits=1, user_api="blas"), Stopwatch(progress) as watch:
+        watch.stage("reading", 0.0)
+        recordings = read_configured(bags, configuration, progress)
+        result = _diagnosed(recordings, configuration, tuple(without), watch)
+    result.timing.update(watch.timing)
+    return result
+
+
+def diagnose_recordings(
+    recordings: Sequence[Recording],
+    configuration: Configuration,
+    *,
+    without: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> GapResult:
+    """Diagnose recordings that were read before; otherwise as `diagnose`."""
+    with threadpool_limits(limits=1, user_api="blas"), Stopwatch(progress) as watch:
+        result = _diagnosed(recordings, configuration, tuple(without), watch)
+    result.timing.update(watch.timing)
+    return result
+
+
+def _diagnosed(
+    recordings: Sequence[Recording],
+    configuration: Configuration,
+    without: tuple[str, ...],
+    watch: Stopwatch,
+) -> GapResult:
+    watch.stage("refit", 0.1)
+    data = baseline(recordings, configuration)
+    regression = smooth_regression(data)
+    watch.stage("attribution", 0.2)
+    catalogue = [effect for effect in STRUCTURAL if effect.name not in without]
+    attribution = attribute(data, regression, [*catalogue, *GENERIC], watch.progress)
+    model = named_model(attribution)
+    watch.stage("held-out gaps", 0.8)
+    repeats = repeats_of(data)
+    floors = noise_floors(data, attribution.extended, attribution.fit, repeats)
+    given = given_values(data)
+    labels = [label(data, found) for found in model.found]
+    tested = held_out(data, model.regression, model.fit, labels, floors, repeats, given)
+    watch.stage("simulated motion", 0.85)
+    tracked = _tracked(data, model, given)
+    simulations = [
+        simulation_gap(
+            tracked[tested.refit + number],
+            tracked[tested.refit + number + 1],
+            found.candidate.place.joint,
+        )
+        for number, found in enumerate(model.found)
+    ]
+    causes = structural_causes(data, model, tested, simulations, attribution.tried)
+    watch.stage("where", 0.95)
+    place = where(data, regression, attribution.refit, floors)
+    rest = unexplained(data, model, floors)
+    causes = sorted(causes, key=lambda cause: -cause.evidence.statistic)
+    verdict = verdict_of(causes, rest)
+    first, last = (tracked[0], tracked[-1]) if tracked else (None, None)
+    return GapResult(
+        robot=data.prepared.model.robot.name,
+        joints=data.joints,
+        joint_types=data.prepared.model.robot.joint_types,
+        bags=tuple(recording.path.name for recording in recordings),
+        software={name: metadata.version(name) for name in _REPORTED},
+        configuration=configuration.model_dump(mode="json", exclude_none=True),
+        without=without,
+        verdict=verdict,
+        summary=summary_of(verdict, causes, rest, place.joint_gaps, without),
+        causes=tuple(causes),
+        unexplained=rest,
+        joint_gaps=place.joint_gaps,
+        regimes=place.regimes,
+        findings=place.findings,
+        not_testable=(),
+        stages=with_tracking(tested.stages(), tracked),
+        confusability=(),
+        series=_series(data, regression, model),
+        tracking=tracking_series(data, first, last),
+        notes=_notes(data, tested.note, [floor.note for floor in floors], tracked),
+        extended_parameters=_extended(data, model),
+    )
+
+
+def _tracked(data: Baseline, model: NamedModel, given: FloatArray | None) -> list[Tracking]:
+    """Tracking of every stage, in their order."""
+    tracked = [] if given is None else [simulated_tracking(data, given)]
+    effects: list[tuple[str, Place, dict[str, EffectParameter]]] = []
+    for number, fit in enumerate(model.fits):
+        if number > 0:
+            candidate = model.found[number - 1].candidate
+            parameters = effect_parameters(model, number - 1)
+            effects.append((candidate.effect.name, candidate.place, parameters))
+        simulated = simulated_effects(data, effects)
+        tracked.append(simulated_tracking(data, fit.values, simulated))
+    return tracked
+
+
+def _series(
+    data: Baseline, regression: Regression, model: NamedModel
+) -> tuple[GapSeries, ...]:
+    residuals = given_residuals(data, regression)
+    made = []
+    for joint, name in enumerate(data.joints):
+        torque = regression.joints[joint].torque
+        time = picked(data, joint, [motion.time for motion in data.motions])
+        made.append(
+            GapSeries(
+                joint=name,
+                time=time,
+                torque=torque,
+                given=None if residuals is None else torque - residuals[joint],
+                refit=torque - model.fits[0].residuals[joint],
+                extended=torque - model.fit.residuals[joint],
+                position=picked(data, joint, [m.position[:, joint] for m in data.motions]),
+                speed=picked(data, joint, [m.velocity[:, joint] for m in data.motions]),
+                load=picked(data, joint, [m.load[:, joint] for m in data.motions]),
+                since_reversal=reversal_distances(data, joint),
+                step=1.0 / data.row_rate,
+            )
+        )
+    return tuple(made)
+
+
+def _notes(
+    data: Baseline, folds: str, floors: Sequence[str], tracked: Sequence[Tracking]
+) -> tuple[str, ...]:
+    notes = [folds, *dict.fromkeys(floors)]
+    notes += [*data.sources.controller]
+    notes += [each.note for each in tracked if each.note]
+    notes += list(data.prepared.reasons)
+    return tuple(dict.fromkeys(note for note in notes if note))
+
+
+def _extended(data: Baseline, model: NamedModel) -> dict[str, EffectParameter]:
+    base = data.prepared.model.base
+    deviations = np.sqrt(np.maximum(np.diag(model.fit.covariance), 0.0))
+    return {
+        name: EffectParameter(float(model.fit.values[k]), float(deviations[k]), base.units[k])
+        for k, name in enumerate(base.names)
+    }
+

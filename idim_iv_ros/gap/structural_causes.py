@@ -1,0 +1,171 @@
+"""From accepted effects to causes with numbers, evidence and a sentence."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from idim_iv_ros.gap.attribution import Attribution, Found
+from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.effects.effect import Place
+from idim_iv_ros.gap.generic import Generic
+from idim_iv_ros.gap.held_out import HeldOut
+from idim_iv_ros.gap.likelihood import Fit, Regression
+from idim_iv_ros.gap.result import Cause, EffectParameter, Evidence, Gap, Rival
+from idim_iv_ros.simulation import SimulatedEffect
+
+
+@dataclass(frozen=True)
+class NamedModel:
+    """The refit with the effects that have a name.
+
+    Attributes
+    ----------
+    found : tuple of Found
+        In the order in which they were accepted.
+    nameless : tuple of Found
+        Functions without a name that explain more than any effect does.
+    regression : Regression
+        With one block for each of `found`.
+    fits : tuple of Fit
+        Of the refit, and with the first, the first two … effects.
+    """
+
+    found: tuple[Found, ...]
+    nameless: tuple[Found, ...]
+    regression: Regression
+    fits: tuple[Fit, ...]
+
+    @property
+    def fit(self) -> Fit:
+        """With all effects."""
+        return self.fits[-1]
+
+
+def named_model(attribution: Attribution) -> NamedModel:
+    """Keep the effects with a name, except those that patch what has none at the same joint."""
+    kept: list[Found] = []
+    nameless: list[Found] = []
+    for each in attribution.found:
+        if isinstance(each.candidate.effect, Generic):
+            nameless.append(each)
+        elif not any(
+            set(other.candidate.columns) & set(each.candidate.columns) for other in nameless
+        ):
+            kept.append(each)
+    regression = attribution.regression
+    fits = [attribution.refit]
+    for each in kept:
+        regression = regression.with_columns(each.candidate.columns)
+        fits.append(regression.fit(fits[-1].colours, steps=2))
+    return NamedModel(tuple(kept), tuple(nameless), regression, tuple(fits))
+
+
+def effect_parameters(model: NamedModel, number: int) -> dict[str, EffectParameter]:
+    """Parameters of one effect in the model with all of them."""
+    candidate = model.found[number].candidate
+    start = sum(model.regression.widths[:number])
+    part = slice(start, start + candidate.width)
+    deviations = np.sqrt(np.maximum(np.diag(model.fit.coefficient_covariance)[part], 0.0))
+    return candidate.effect.parameters(candidate.shape, model.fit.coefficients[part], deviations)
+
+
+def simulated_effects(
+    data: Baseline, causes: Sequence[tuple[str, Place, dict[str, EffectParameter]]]
+) -> list[SimulatedEffect]:
+    """Effects as the simulator takes them."""
+    return [
+        SimulatedEffect(
+            name,
+            data.joints[place.joint],
+            {key: parameter.value for key, parameter in parameters.items()},
+            None if place.other is None else data.joints[place.other],
+        )
+        for name, place, parameters in causes
+    ]
+
+
+def label(data: Baseline, found: Found) -> str:
+    """Name of the stage that an effect adds."""
+    return f"+{found.candidate.effect.name}[{data.joints[found.candidate.place.joint]}]"
+
+
+def structural_causes(
+    data: Baseline,
+    model: NamedModel,
+    tested: HeldOut,
+    simulations: Sequence[Gap | None],
+    tried: int,
+) -> list[Cause]:
+    """One cause for each named effect.
+
+    Parameters
+    ----------
+    tested
+        Held-out residuals of the stages of `model`.
+    simulations
+        Gap of the simulated motion that each effect closes.
+    tried
+        Shapes that were tried in all; every p-value pays for them.
+    """
+    causes = []
+    for number, (found, simulation) in enumerate(zip(model.found, simulations, strict=True)):
+        candidate = found.candidate
+        joint = data.joints[candidate.place.joint]
+        other = candidate.place.other
+        stage = tested.refit + number
+        gap = tested.gap(stage, stage + 1, candidate.place.joint)
+        gain, folds = tested.gain(number)
+        parameters = effect_parameters(model, number)
+        statistic = max(2.0 * candidate.gain, 0.0)
+        causes.append(
+            Cause(
+                effect=candidate.effect.name,
+                kind="structural",
+                joint=joint,
+                other_joint=None if other is None else data.joints[other],
+                parameters=parameters,
+                evidence=Evidence(
+                    statistic=statistic,
+                    p_value=min(1.0, tried * float(chi2.sf(statistic, candidate.numbers))),
+                    held_out_gain=gain,
+                    folds_positive=folds,
+                ),
+                indistinguishable_from=tuple(
+                    Rival(rival.effect.name, data.joints[rival.place.joint], correlation)
+                    for rival, correlation in found.rivals
+                    if not isinstance(rival.effect, Generic)
+                ),
+                torque_gap=gap,
+                simulation_gap=simulation,
+                sentence=_sentence(data, found, gap, gain),
+            )
+        )
+    return causes
+
+
+def _sentence(data: Baseline, found: Found, gap: Gap, gain: float) -> str:
+    candidate = found.candidate
+    joint = data.joints[candidate.place.joint]
+    unit = "N" if data.prepared.model.robot.joint_types[candidate.place.joint] == "prismatic" else "N m"
+    words = candidate.effect.name.replace("_", " ")
+    where = joint
+    if candidate.place.other is not None:
+        where = f"{joint} and {data.joints[candidate.place.other]}"
+    text = (
+        f"{words} at {where}: the torque gap at {joint} falls from {gap.before:.3g} to "
+        f"{gap.after:.3g} {unit} on data not used to fit"
+    )
+    if gap.noise_floor is not None:
+        text += f" (noise {gap.noise_floor:.3g} {unit})"
+    rivals = [
+        f"{rival.effect.name.replace('_', ' ')} at {data.joints[rival.place.joint]}"
+        for rival, _ in found.rivals
+        if not isinstance(rival.effect, Generic)
+    ]
+    if rivals:
+        text += f"; this recording cannot tell it from {', '.join(rivals)}"
+    if gain <= 0.0:
+        text += "; on held-out data it does not help, so do not rely on it"
+    return text

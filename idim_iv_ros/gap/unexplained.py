@@ -1,0 +1,77 @@
+"""What no effect of the catalogue explains: its joint, its family and where it is."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.generic import Generic
+from idim_iv_ros.gap.likelihood import Fit
+from idim_iv_ros.gap.noise_floor import NoiseFloor
+from idim_iv_ros.gap.result import Unexplained
+from idim_iv_ros.gap.structural_causes import NamedModel
+
+FloatArray = NDArray[np.float64]
+
+# Excess kurtosis of the whitened residual, and energy in its largest hundredth, of events.
+_KURTOSIS = 4.0
+_EVENT_SHARE = 0.12
+_LARGEST = 0.01
+_LEAST_SHARE = 0.05
+
+
+def unexplained(
+    data: Baseline, model: NamedModel, floors: Sequence[NoiseFloor]
+) -> Unexplained | None:
+    """Describe the strongest of what has no name; None where there is nothing."""
+    if model.nameless:
+        return _nameless(data, model, floors)
+    found = [_events(data, model.fit, joint) for joint in range(len(data.joints))]
+    present = [each for each in found if each is not None]
+    return max(present, key=lambda each: each.share, default=None)
+
+
+def _nameless(
+    data: Baseline, model: NamedModel, floors: Sequence[NoiseFloor]
+) -> Unexplained:
+    strongest = max(model.nameless, key=lambda each: each.candidate.gain)
+    candidate = strongest.candidate
+    joint = candidate.place.joint
+    effect = candidate.effect
+    assert isinstance(effect, Generic)
+    rows = len(data.rows[joint].torque)
+    share = 1.0 - float(np.exp(-2.0 * candidate.gain / rows))
+    name = data.joints[joint]
+    where = f"{name}: a torque that {effect.words}"
+    if effect.name == "contact beyond a position":
+        side, start = candidate.shape
+        where += f", {'above' if side > 0 else 'below'} {start:.3g} rad"
+    del floors
+    return Unexplained(joint=name, family=effect.family, share=share, where=where)
+
+
+def _events(data: Baseline, fit: Fit, joint: int) -> Unexplained | None:
+    """Short events that do not repeat: the whitened residual has far too many large values."""
+    rows = data.rows[joint]
+    white = fit.colours[joint].apply(fit.residuals[joint], rows.runs)
+    energy = white**2
+    total = float(energy.sum())
+    if total <= 0.0 or len(white) < 200:
+        return None
+    kurtosis = float(np.mean(white**4) / np.mean(energy) ** 2) - 3.0
+    most = np.sort(energy)[-max(1, round(_LARGEST * len(energy))) :]
+    share = float(most.sum()) / total
+    if kurtosis < _KURTOSIS or share < _EVENT_SHARE:
+        return None
+    largest = int(np.argmax(energy))
+    motion = data.motions[int(data.recordings[joint][largest])]
+    time = motion.time[motion.decimation.kept[data.places[joint][largest]]]
+    bag = data.prepared.recordings[int(data.recordings[joint][largest])].path.name
+    return Unexplained(
+        joint=data.joints[joint],
+        family="event",
+        share=share,
+        where=f"{data.joints[joint]}: 1 % of the samples hold {100 * share:.0f} % of the residual's "
+        f"energy, the largest in {bag} {time - motion.time[0]:.1f} s after its start",
+    )

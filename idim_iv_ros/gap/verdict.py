@@ -1,0 +1,49 @@
+"""The verdict in one word and in one paragraph."""
+
+from collections.abc import Sequence
+
+from idim_iv_ros.gap.result import Cause, JointGap, Unexplained, Verdict
+
+
+def verdict_of(causes: Sequence[Cause], rest: Unexplained | None) -> Verdict:
+    """One word: named causes count before what has no name."""
+    kinds = {cause.kind for cause in causes}
+    if kinds == {"parametric", "structural"}:
+        return "both"
+    if "parametric" in kinds:
+        return "parametric" if rest is None else "unknown"
+    if "structural" in kinds:
+        return "structural"
+    return "none" if rest is None else "unknown"
+
+
+def summary_of(
+    verdict: Verdict,
+    causes: Sequence[Cause],
+    rest: Unexplained | None,
+    gaps: Sequence[JointGap],
+    without: Sequence[str],
+) -> str:
+    """One paragraph that a robot engineer can act on."""
+    sentences = []
+    worst = max(gaps, key=lambda gap: gap.share, default=None)
+    if worst is not None and worst.relative_percent is not None:
+        sentences.append(
+            f"The given model misses {worst.relative_percent:.3g} % of the torque at {worst.joint}, "
+            "where the gap is widest."
+        )
+    if verdict == "none":
+        sentences.append(
+            "No effect of the catalogue explains more of it than chance: what is left is noise, or "
+            "too small for these recordings to show."
+        )
+    for cause in causes:
+        sentences.append(cause.sentence[0].upper() + cause.sentence[1:] + ".")
+    if rest is not None:
+        sentences.append(
+            f"Not in the catalogue: {rest.where}; it holds {100 * rest.share:.0f} % of what the refit "
+            "leaves there."
+        )
+    if without:
+        sentences.append(f"Left out of the catalogue on request: {', '.join(without)}.")
+    return " ".join(sentences)
