@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from idim_iv_ros.estimation import Instruments
 from idim_iv_ros.model import DynamicParameters, RobotModel
@@ -69,8 +70,9 @@ class SmoothMotion:
 
     @cached_property
     def torque(self) -> FloatArray:
-        """(s, n_joints) N m: torque of the refit."""
-        return self._torque(self.whole)
+        """(s, n_joints) N m: torque of the refit, its dry friction as it sticks and slips."""
+        slippery = replace(self.whole, coulomb=np.zeros_like(self.whole.coulomb))
+        return self._torque(slippery) + self.whole.coulomb * self.slip
 
     @cached_property
     def inertia(self) -> FloatArray:
@@ -90,8 +92,8 @@ class SmoothMotion:
         velocity[:, joint] += rate
         acceleration[:, joint] += np.gradient(rate, 1.0 / self.rate)
         parameters = self.links if links else self.whole
-        nominal = self.load if links else self.torque
-        return inverse_dynamics(self.robot, parameters, position, velocity, acceleration) - nominal
+        moved = inverse_dynamics(self.robot, parameters, position, velocity, acceleration)
+        return moved - self._torque(parameters)
 
     def rows(self, values: FloatArray) -> FloatArray:
         """Decimate values (s, …) of this grid to all rows (m, …), counting or not."""
@@ -159,7 +161,7 @@ def smooth_motions(
                 position=joined[0][grid],
                 velocity=joined[1][grid],
                 acceleration=joined[2][grid],
-                slip=np.sign(joined[1][grid]) if slip is None else slip[grid],
+                slip=_averaged(np.sign(joined[1]) if slip is None else slip, stride)[grid],
                 decimation=ParallelDecimation(
                     motion.decimation.factor // stride, len(time), motion.decimation.edge
                 ),
@@ -167,6 +169,11 @@ def smooth_motions(
             )
         )
     return tuple(made)
+
+
+def _averaged(slip: FloatArray, stride: int) -> FloatArray:
+    """Mean over the samples of the coarser grid: it keeps when a joint turned."""
+    return np.asarray(uniform_filter1d(slip, stride, axis=0, mode="nearest"))
 
 
 def _stride(factor: int) -> int:
