@@ -23,6 +23,7 @@ from idim_iv_ros.simulation.effect_signals import (
     LawParts,
     delays,
     encoder_error,
+    lags,
     mismatched,
     true_state,
 )
@@ -211,6 +212,7 @@ def _loop(
         rate=float(rate),
         period=float(1.0 / rate if law.period is None else law.period),
         delay=tree(law.delay + delays(effects, joints)),
+        lag=tree(lags(effects, joints)),
         plant_step=float(plant_step),
     )
 

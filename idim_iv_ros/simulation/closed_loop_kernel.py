@@ -29,7 +29,7 @@ class Loop(NamedTuple):
     """Control law as one PID with feedforward, and the instants of the loop.
 
     kp, kd, ki, limit : (n,); position, velocity, feedforward, disturbance : (n_samples, n) at
-    `rate` (Hz); delay : (n,) s; period, plant_step : s. Joints in tree order.
+    `rate` (Hz); delay, lag : (n,) s; period, plant_step : s. Joints in tree order.
     """
 
     kp: FloatArray
@@ -43,6 +43,7 @@ class Loop(NamedTuple):
     rate: float
     period: float
     delay: FloatArray
+    lag: FloatArray
     plant_step: float
 
 
@@ -83,6 +84,20 @@ def command(
         if abs(torque) <= loop.limit[i] or torque * error < 0.0:
             integral[i] += step
         out[i] = min(max(torque, -loop.limit[i]), loop.limit[i])
+
+
+@kernel
+def filter_command(loop: Loop, first: bool, filtered: FloatArray, out: FloatArray) -> None:
+    """Put the command behind the first-order filter of those joints that have one.
+
+    `filtered` (n,) is the filter's state; it starts at the first command.
+    """
+    for i in range(out.shape[0]):
+        if loop.lag[i] > 0.0:
+            if first:
+                filtered[i] = out[i]
+            filtered[i] -= (out[i] - filtered[i]) * math.expm1(-loop.period / loop.lag[i])
+            out[i] = filtered[i]
 
 
 @kernel
@@ -128,7 +143,7 @@ def _entry(digest: str) -> Callable[..., Any]:
         pending = np.zeros((ring, n))
         resting, mode, spare_mode = first_modes(plant, dq)
         integral, applied, acting = np.zeros(n), np.zeros(n), np.zeros(n)
-        before, mean = np.zeros(n), np.zeros(n)
+        before, mean, filtered = np.zeros(n), np.zeros(n), np.zeros(n)
         ddq, spare, rest = np.zeros(coordinates), np.zeros(coordinates), np.zeros(coordinates)
         middle, predicted = np.zeros(coordinates), np.zeros(coordinates)
         arrivals = np.zeros(n, np.int64)
@@ -145,6 +160,7 @@ def _entry(digest: str) -> Callable[..., Any]:
                     command(
                         loop, time, effects.measured[0], effects.measured[1], integral, pending[row]
                     )
+                    filter_command(loop, controls == 0, filtered, pending[row])
                 if controls == 0:
                     for i in range(n):
                         applied[i] = pending[0, i]

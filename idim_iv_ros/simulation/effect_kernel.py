@@ -26,10 +26,14 @@ from idim_iv_ros.simulation.plant import FloatArray, IntArray, Plant
     BRISTLE,
     WAVE,
     SPRING,
-) = range(10)
+    BENT_SPRING,
+    COUPLING,
+) = range(12)
 
 # Dry friction of a joint whose effects leave none at this instant, N m: it can still stick.
 LEAST_LEVEL = 1e-9
+# Speed below which friction is not divided by it, rad/s.
+_LEAST_SPEED = 1e-9
 
 
 class Effects(NamedTuple):
@@ -38,6 +42,7 @@ class Effects(NamedTuple):
     Attributes
     ----------
     kind, joint : (terms,)
+        Joint in tree order; of a coupling its contact.
     value : (terms, 6)
         What the kind needs, see `effect_torques`.
     bristle : (terms,)
@@ -48,8 +53,12 @@ class Effects(NamedTuple):
         Dry friction without effects and bristles.
     damping : (N, N)
         Viscous friction without effects.
-    dry, dissipative : (n,)
-        Joints with dry friction at any time; joints whose friction is kept from driving.
+    model_level, model_damping : (n_contacts,), (N, N)
+        Dry and viscous friction of the model, before bristles take part of it.
+    dry : (n_contacts,)
+        Joints and couplings with dry friction at any time.
+    dissipative : (n,)
+        Joints whose friction is kept from driving.
     start_time : float
         s since the start of the session.
     gain, knee, slope : (n,)
@@ -59,8 +68,8 @@ class Effects(NamedTuple):
     link : (n,)
         Coordinate of each link.
     shaft_joint, shaft_gap, shaft_stiffness, shaft_damping : (N - n,)
-    force, stiffness, link_q, link_speed, rest, load, rigid_mass, measured
-        Written by compiled code.
+    force, stiffness, link_q, link_speed, rest, load, inertial, rigid_mass, measured
+        Written by compiled code. load, inertial (n,): torque of the links, of the drives' inertia.
     """
 
     kind: IntArray
@@ -70,6 +79,8 @@ class Effects(NamedTuple):
     sliding: FloatArray
     level: FloatArray
     damping: FloatArray
+    model_level: FloatArray
+    model_damping: FloatArray
     dry: NDArray[np.bool_]
     dissipative: NDArray[np.bool_]
     start_time: float
@@ -88,6 +99,7 @@ class Effects(NamedTuple):
     link_speed: FloatArray
     rest: FloatArray
     load: FloatArray
+    inertial: FloatArray
     rigid_mass: FloatArray
     measured: FloatArray
 
@@ -180,6 +192,9 @@ def effect_torques(
             effects.stiffness[i, j] = 0.0
     for t in range(effects.kind.shape[0]):
         kind, i, p = effects.kind[t], effects.joint[t], effects.value[t]
+        if kind == COUPLING:
+            _couple(plant, effects, i, p, speed, mode)
+            continue
         if effects.dry[i] and mode[i] != 0:
             sign = float(mode[i])
         elif effects.dry[i]:
@@ -197,9 +212,12 @@ def effect_torques(
         elif kind == ASYMMETRIC:  # offset, viscous
             effects.force[i] += p[0]
             plant.damping[i, i] += sign * p[1]
-        elif kind == LOAD:  # driving, driven, exponent, scale
-            share = p[0] if effects.load[i] * sign > 0.0 else p[1]
-            plant.level[i] += share * p[3] * (abs(effects.load[i]) / p[3]) ** p[2]
+        elif kind == LOAD:  # driving, driven, exponent, scale, motor torque
+            load = effects.load[i]
+            if p[4] != 0.0:
+                load += _drive_torque(plant, effects, i, sign, speed, mode, holding)
+            share = p[0] if load * sign > 0.0 else p[1]
+            plant.level[i] += share * p[3] * (abs(load) / p[3]) ** p[2]
         elif kind == WAVE_FRICTION:  # wave number, sine, cosine
             plant.level[i] += p[1] * math.sin(p[0] * q[i]) + p[2] * math.cos(p[0] * q[i])
         elif kind == BUMP_FRICTION:  # centre, width, height
@@ -219,14 +237,64 @@ def effect_torques(
         elif kind == SPRING:  # constant, linear, quadratic, cubic, lowest, highest
             x = min(max(q[i], p[4]), p[5])
             effects.force[i] += p[0] + x * (p[1] + x * (p[2] + x * p[3]))
+        elif kind == BENT_SPRING:  # bent, centre, width, hardening, lowest, highest
+            x = (min(max(q[i], p[4]), p[5]) - p[1]) / p[2]
+            effects.force[i] += p[0] * (math.sinh(x) if p[3] != 0.0 else math.atan(x))
     for i in range(effects.link.shape[0]):
         if effects.dry[i]:
             plant.level[i] = max(plant.level[i], LEAST_LEVEL)
         if effects.dissipative[i]:
-            bound = -max(plant.level[i], 0.0) / max(abs(speed[i]), 1e-9)
+            bound = -max(plant.level[i], 0.0) / max(abs(speed[i]), _LEAST_SPEED)
             plant.damping[i, i] = max(plant.damping[i, i], bound)
     for k in range(effects.shaft_joint.shape[0]):
         _twist(plant, effects, k, q, dq)
+
+
+@kernel
+def _drive_torque(
+    plant: Plant,
+    effects: Effects,
+    joint: int,
+    sign: float,
+    speed: FloatArray,
+    mode: IntArray,
+    holding: FloatArray,
+) -> float:
+    """What the model adds to the load of the links: drives, friction and offset, no effects.
+
+    `sign`: direction in which the joint moves, or would.
+    """
+    total = plant.offset[joint] + effects.inertial[joint] + sign * effects.model_level[joint]
+    for j in range(speed.shape[0]):
+        total += effects.model_damping[joint, j] * speed[j]
+    for c in range(speed.shape[0], mode.shape[0]):
+        level = effects.model_level[c]
+        friction = mode[c] * level if mode[c] != 0 else min(max(holding[c], -level), level)
+        if plant.first[c] == joint:
+            total += friction
+        elif plant.second[c] == joint:
+            total += plant.direction[c] * friction
+    return total
+
+
+@kernel
+def _couple(
+    plant: Plant, effects: Effects, contact: int, p: FloatArray, speed: FloatArray, mode: IntArray
+) -> None:
+    """Friction of a coupling (coulomb, viscous, power); where both signs meet, its sum resists."""
+    a, b, direction = plant.first[contact], plant.second[contact], plant.direction[contact]
+    w = speed[a] + direction * speed[b]
+    size = max(mode[contact] * w, 0.0) if effects.dry[contact] else abs(w)
+    if p[2] < 1.0:  # its slope at rest has no bound
+        plant.level[contact] = max(p[0] + p[1] * size ** p[2], LEAST_LEVEL)
+        return
+    bound = -max(p[0], 0.0) / max(size, _LEAST_SPEED)
+    damping = p[1] * size ** (p[2] - 1.0) + min(p[0], 0.0) / max(size, _LEAST_SPEED)
+    damping = max(damping, bound)
+    plant.damping[a, a] += damping
+    plant.damping[b, b] += damping
+    plant.damping[a, b] += direction * damping
+    plant.damping[b, a] += direction * damping
 
 
 @kernel

@@ -20,6 +20,15 @@ def delays(effects: Sequence[JointEffect], n: int) -> FloatArray:
     return late
 
 
+def lags(effects: Sequence[JointEffect], n: int) -> FloatArray:
+    """Time constant of the first-order filter behind each joint's law, (n_joints,) s."""
+    late = np.zeros(n)
+    for one in effects:
+        if one.effect == "controller_mismatch":
+            late[one.joint] = one.value["lag"]
+    return late
+
+
 class LawParts(NamedTuple):
     """Torque gains (n_joints,) and feedforward (n_samples, n_joints) of a law."""
 

@@ -55,7 +55,7 @@ def affected_robot(
     place = np.argsort(robot.order)
     base = plant(robot, parameters)
     n, extra = len(robot.joints), len(shafts)
-    kind, joint, value = _terms(effects, place, parameters)
+    kind, joint, value = _terms(effects, place, parameters, first_coupling=len(base.level) + extra)
     dry, dissipative = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     level, damping = base.level.copy(), base.damping.copy()
     frictional = [one for one in effects if one.effect in _FRICTION]
@@ -65,15 +65,16 @@ def affected_robot(
         level[i] = parameters.coulomb[one.joint]
         damping[i, i] = parameters.viscous[one.joint]
         dry[i] |= _is_dry(one)
+    model = _grown(base, level.copy(), damping, extra)
     for i, level_of_bristles in _bristle_levels(kind, joint, value):
         level[i] -= level_of_bristles
     # Where bristles are all of the friction nothing sticks: they hold by themselves.
     dry |= level[:n] > 1e-9 * base.level[:n]
     level[:n] = np.where(dry, level[:n], 0.0)
-    grown = _grown(base, level, damping, extra)
-    grown = _coupled(grown, effects, place)
+    grown = _coupled(_grown(base, level, damping, extra), effects, place)
     current = grown.level.copy()
     current[:n] = np.where(dry, np.maximum(current[:n], LEAST_LEVEL), 0.0)
+    dry_contact = np.concatenate([dry, grown.level[n:] > 0.0])
     link = np.arange(n)
     for k, shaft in enumerate(shafts):
         link[place[shaft.joint]] = n + k
@@ -86,7 +87,9 @@ def affected_robot(
         sliding=np.zeros(len(kind)),
         level=grown.level,
         damping=grown.damping,
-        dry=dry,
+        model_level=np.pad(model.level, (0, len(grown.level) - len(model.level))),
+        model_damping=model.damping,
+        dry=dry_contact,
         dissipative=dissipative,
         start_time=float(start_time),
         gain=gain,
@@ -104,6 +107,7 @@ def affected_robot(
         link_speed=np.zeros(n),
         rest=np.zeros(n),
         load=np.zeros(n),
+        inertial=np.zeros(n),
         rigid_mass=np.zeros((n, n)),
         measured=np.zeros((2, n)),
     )
@@ -130,10 +134,18 @@ def _is_dry(one: JointEffect) -> bool:
 
 
 def _terms(
-    effects: Sequence[JointEffect], place: IntArray, parameters: DynamicParameters
+    effects: Sequence[JointEffect],
+    place: IntArray,
+    parameters: DynamicParameters,
+    *,
+    first_coupling: int,
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Kind, joint (tree order) and values of each term of `effect_kernel.effect_torques`."""
+    """Kind, joint (tree order) and values of each term of `effect_kernel.effect_torques`.
+
+    `first_coupling`: contact of the first `joint_coupling`; the others follow.
+    """
     rows: list[tuple[int, int, list[float]]] = []
+    couplings = 0
     for one in effects:
         i, v = int(place[one.joint]), one.value
         plain = {
@@ -142,7 +154,7 @@ def _terms(
             "asymmetric_friction": (effect_kernel.ASYMMETRIC, ("offset", "viscous")),
             "load_dependent_friction": (
                 effect_kernel.LOAD,
-                ("driving", "driven", "exponent", "scale"),
+                ("driving", "driven", "exponent", "scale", "motor_torque"),
             ),
             "position_dependent_friction": (
                 effect_kernel.BUMP_FRICTION,
@@ -157,6 +169,13 @@ def _terms(
         if one.effect in plain:
             kind, keys = plain[one.effect]
             rows.append((kind, i, [v[key] for key in keys]))
+        if one.effect == "spring" and v["bent"] != 0.0:
+            keys = ("bent", "centre", "width", "hardening", "lowest", "highest")
+            rows.append((effect_kernel.BENT_SPRING, i, [v[key] for key in keys]))
+        if one.effect == "joint_coupling":
+            values = [v[key] for key in ("coulomb", "viscous", "power")]
+            rows.append((effect_kernel.COUPLING, first_coupling + couplings, values))
+            couplings += 1
         if one.effect == "presliding":
             total = sum(group["level_k"] for group in one.numbered.values())
             # What slides cannot exceed the Coulomb friction that it is a part of.
@@ -208,23 +227,16 @@ def _grown(base: Plant, level: FloatArray, damping: FloatArray, extra: int) -> P
 
 
 def _coupled(grown: Plant, effects: Sequence[JointEffect], place: IntArray) -> Plant:
-    """Add a contact and damping for each coupling of two joints."""
+    """Add a contact for each coupling of two joints."""
     for one in effects:
         if one.effect != "joint_coupling":
             continue
-        a, b, sign = place[one.joint], place[one.other_joint], one.value["direction"]
-        damping = grown.damping.copy()
-        viscous = max(one.value["viscous"], 0.0)
-        damping[a, a] += viscous
-        damping[b, b] += viscous
-        damping[a, b] += sign * viscous
-        damping[b, a] += sign * viscous
+        least = LEAST_LEVEL if one.value["power"] < 1.0 else 0.0
         grown = grown._replace(
-            damping=damping,
-            level=np.append(grown.level, max(one.value["coulomb"], 0.0)),
-            first=np.append(grown.first, a),
-            second=np.append(grown.second, b),
-            direction=np.append(grown.direction, sign),
+            level=np.append(grown.level, max(one.value["coulomb"], least)),
+            first=np.append(grown.first, place[one.joint]),
+            second=np.append(grown.second, place[one.other_joint]),
+            direction=np.append(grown.direction, one.value["direction"]),
         )
     return grown
 

@@ -15,11 +15,17 @@ _REQUIRED = math.nan
 
 # Default of each parameter; those without number are required. A name that ends in _k stands
 # for _1, _2, … that belong together.
-_PARAMETERS: dict[str, dict[str, float]] = {
+PARAMETERS: dict[str, dict[str, float]] = {
     "stribeck": {"excess": 0.0, "speed": _REQUIRED, "exponent": 2.0},
     "nonlinear_viscous": {"coefficient": 0.0, "power": 2.0},
     "asymmetric_friction": {"offset": 0.0, "viscous": 0.0},
-    "load_dependent_friction": {"driving": 0.0, "driven": 0.0, "exponent": 1.0, "scale": 1.0},
+    "load_dependent_friction": {
+        "driving": 0.0,
+        "driven": 0.0,
+        "exponent": 1.0,
+        "scale": 1.0,
+        "motor_torque": 0.0,
+    },
     "position_dependent_friction": {
         "wave_number_k": _REQUIRED,
         "sine_k": 0.0,
@@ -40,17 +46,22 @@ _PARAMETERS: dict[str, dict[str, float]] = {
         "linear": 0.0,
         "quadratic": 0.0,
         "cubic": 0.0,
+        "bent": 0.0,
+        "centre": 0.0,
+        "width": 1.0,
+        "hardening": 1.0,
         "lowest": -math.inf,
         "highest": math.inf,
     },
     "encoder_eccentricity": {"sine": 0.0, "cosine": 0.0, "sine_2": 0.0, "cosine_2": 0.0},
-    "joint_coupling": {"direction": 1.0, "coulomb": 0.0, "viscous": 0.0},
+    "joint_coupling": {"direction": 1.0, "coulomb": 0.0, "viscous": 0.0, "power": 1.0},
     "controller_mismatch": {
         "kp": _REQUIRED,
         "kd": _REQUIRED,
         "ki": _REQUIRED,
         "feedforward_acceleration": 0.0,
         "feedforward_velocity": 0.0,
+        "lag": 0.0,
     },
     "torque_gain": {"gain": 0.0},
 }
@@ -65,7 +76,8 @@ _IN_BASE_PARAMETERS = (
 )
 
 _POSITIVE = ("speed", "exponent", "power", "scale", "width", "time_constant", "span_k", "knee")
-_NOT_NEGATIVE = ("gap", "delay", "level_k", "slope")
+_NOT_NEGATIVE = ("gap", "delay", "level_k", "slope", "lag")
+_SWITCHES = ("hardening", "motor_torque")
 
 
 @dataclass(frozen=True)
@@ -123,8 +135,8 @@ def joint_effects(
         name = f"{one.source}: {one.effect}" if one.source else one.effect
         if one.effect in _IN_BASE_PARAMETERS:
             continue
-        if one.effect not in _PARAMETERS:
-            known = ", ".join(sorted((*_PARAMETERS, *_IN_BASE_PARAMETERS)))
+        if one.effect not in PARAMETERS:
+            known = ", ".join(sorted((*PARAMETERS, *_IN_BASE_PARAMETERS)))
             raise UsageError(f"{name} is not an effect that can be simulated; they are {known}")
         places = _places(one, name, list(joints))
         other = -1
@@ -151,7 +163,7 @@ def _places(one: SimulatedEffect, name: str, joints: list[str]) -> list[int]:
 def _completed(
     one: SimulatedEffect, name: str
 ) -> tuple[dict[str, float], dict[int, dict[str, float]]]:
-    known = _PARAMETERS[one.effect]
+    known = PARAMETERS[one.effect]
     value = {key: default for key, default in known.items() if not key.endswith("_k")}
     numbered: dict[int, dict[str, float]] = {}
     for key, number in one.parameters.items():
@@ -195,3 +207,5 @@ def _check(family: str, number: float, name: str) -> None:
         raise UsageError(f"{name} must be positive, not {number:g}")
     if family == "direction" and abs(number) != 1.0:
         raise UsageError(f"{name} must be 1 or -1, not {number:g}")
+    if family in _SWITCHES and number not in (0.0, 1.0):
+        raise UsageError(f"{name} must be 0 or 1, not {number:g}")

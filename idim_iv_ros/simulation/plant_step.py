@@ -82,6 +82,9 @@ def prepare_with_effects(
         effects.load[i] = work.bias[i]
         for j in range(n):
             effects.load[i] += effects.rigid_mass[i, j] * ddq[effects.link[j]]
+        effects.inertial[i] = 0.0
+        for j in range(n):
+            effects.inertial[i] += plant.drive_inertia[i, j] * ddq[j]
     effect_torques(plant, effects, time, q, predicted, dq, mode, work.holding, step)
     for i in range(q.shape[0]):
         load = -plant.offset[i] - effects.force[i]
