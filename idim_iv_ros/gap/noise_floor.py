@@ -215,7 +215,8 @@ def _matching(data: Baseline, joint: int, repeat: Repeat) -> tuple[IntArray, Int
     wanted = samples + repeat.lag
     after = np.clip(np.searchsorted(others, wanted), 1, max(len(others) - 1, 1))
     nearest = np.where(
-        np.abs(others[after - 1] - wanted) <= np.abs(others[min(1, len(others) - 1) * after] - wanted),
+        np.abs(others[after - 1] - wanted)
+        <= np.abs(others[min(1, len(others) - 1) * after] - wanted),
         after - 1,
         after,
     )
