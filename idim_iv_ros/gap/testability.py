@@ -22,6 +22,10 @@ _ABSORBED = 0.995
 _SHAPES = 4
 _LEAST_SESSION = 20.0  # s, for a drift
 _LEAST_TURN = 0.5  # rad, for an error of once a turn
+_LEAST_RANGE = 0.01  # rad (m)
+# Stribeck speeds of arms are 0.02 to 0.3 rad/s: a joint must move beyond their middle, and
+# viscous friction is straight over a range of speeds this small.
+_LEAST_SPEED = 0.25  # rad/s (m/s)
 _TINY = 1e-12
 
 
@@ -174,7 +178,7 @@ def _without_torque(regression: Regression, colours: Sequence[Colour]) -> Fit:
 
 def _moves(covered: Extent, joint: int) -> bool:
     return bool(
-        covered.high[joint] - covered.low[joint] > 1e-3
+        covered.high[joint] - covered.low[joint] > _LEAST_RANGE
         and covered.fastest[joint] > 1.5 * covered.slowest[joint]
     )
 
@@ -188,6 +192,9 @@ def _special(effect: Effect, joint: int, covered: Extent, moving: bool) -> str:
         return f"the session lasts {covered.duration:.2g} s: no warm-up shows in that"
     if effect.name == "encoder_eccentricity" and span < _LEAST_TURN:
         return f"the joint turns {span:.2g} rad: an error of once a turn looks constant"
+    fastest = float(covered.fastest[joint])
+    if effect.name in ("stribeck", "nonlinear_viscous") and fastest < _LEAST_SPEED:
+        return f"the joint moves at most {fastest:.2g} rad/s: too slow to show how friction bends"
     return ""
 
 
