@@ -91,7 +91,7 @@ class _Measure:
     plausible: bool
 
 
-def testability(
+def shown_by_motion(
     data: Baseline,
     regression: Regression,
     catalogue: Sequence[Effect],

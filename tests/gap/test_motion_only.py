@@ -10,7 +10,7 @@ from idim_iv_ros.gap.catalogue import STRUCTURAL
 from idim_iv_ros.gap.likelihood import Regression
 from idim_iv_ros.gap.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.gap.regression_rows import smooth_regression
-from idim_iv_ros.gap.testability import dry_friction, floor_colours, testability
+from idim_iv_ros.gap.testability import dry_friction, floor_colours, shown_by_motion
 from idim_iv_ros.gap.tracking import simulated_tracking, simulation_gap, tracking_series
 from idim_iv_ros.gap.where import given_values, where
 from idim_iv_ros.simulation import SimulatedEffect
@@ -63,8 +63,8 @@ def test_testability_does_not_look_at_the_torque(data: Baseline, regression: Reg
         tuple(replace(joint, torque=np.zeros_like(joint.torque)) for joint in regression.joints),
         regression.parameters,
     )
-    seen, refused = testability(data, regression, STRUCTURAL, colours, dry_friction(data))
-    unseen, same = testability(data, blind, STRUCTURAL, colours, dry_friction(data))
+    seen, refused = shown_by_motion(data, regression, STRUCTURAL, colours, dry_friction(data))
+    unseen, same = shown_by_motion(data, blind, STRUCTURAL, colours, dry_friction(data))
     assert refused == same
     for one, other in zip(seen, unseen, strict=True):
         assert one.smallest == other.smallest
@@ -80,8 +80,8 @@ def test_testability_does_not_look_at_the_torque(data: Baseline, regression: Reg
 def test_more_noise_hides_more(data: Baseline, regression: Regression) -> None:
     fit = regression.fit()
     loud = tuple(replace(colour, sigma=30.0 * colour.sigma) for colour in fit.colours)
-    few = testability(data, regression, STRUCTURAL, fit.colours, dry_friction(data))[1]
-    many = testability(data, regression, STRUCTURAL, loud, dry_friction(data))[1]
+    few = shown_by_motion(data, regression, STRUCTURAL, fit.colours, dry_friction(data))[1]
+    many = shown_by_motion(data, regression, STRUCTURAL, loud, dry_friction(data))[1]
     assert len(many) > len(few) + 5
     assert {(n.effect, n.joint) for n in few} <= {(n.effect, n.joint) for n in many}
     assert all(refusal.reason and refusal.excitation_needed for refusal in many)

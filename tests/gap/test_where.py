@@ -44,7 +44,7 @@ def test_energy_in_one_bin_is_found_there() -> None:
     speed = random.permutation((np.arange(4000) + 0.5) / 4000)
     residual = random.standard_normal(4000) * np.where(speed < 0.1, 3.0, 1.0)
     axis = split("speed", speed, np.linspace(0.0, 1.0, 11), residual, np.arange(4000) // 100)
-    energy, occupancy, lift, limits = lifts(axis)
+    energy, occupancy, _, limits = lifts(axis)
     # 9 · 0.1 of 9 · 0.1 + 0.9
     assert energy[0] == pytest.approx(0.5, abs=0.04)
     assert occupancy[0] == pytest.approx(0.1, abs=1e-9)
