@@ -243,13 +243,16 @@ def folds_of(data: Baseline, repeats: Sequence[Repeat]) -> tuple[tuple[IntArray,
         _blocks(starts[recording] + place, starts, blocks, _GUARD * data.row_rate)
         for recording, place in zip(data.recordings, data.places, strict=True)
     )
-    return folds, f"each of {blocks} blocks of {seconds / blocks:.2g} s is predicted from the others"
+    return (
+        folds,
+        f"each of {blocks} blocks of {seconds / blocks:.2g} s is predicted from the others",
+    )
 
 
 def _blocks(place: IntArray, starts: IntArray, blocks: int, guard: float) -> IntArray:
     """Equal blocks over all recordings one after the other; none beside a border inside one."""
     length = starts[-1] / blocks
-    folds = np.minimum((place / length).astype(np.int64), blocks - 1)
+    folds: IntArray = np.minimum((place / length).astype(np.int64), blocks - 1)
     for border in length * np.arange(1, blocks):
         if np.min(np.abs(starts - border)) > guard:
             folds[np.abs(place - border) < guard] = GUARD_FOLD

@@ -91,7 +91,7 @@ def noise_floors(
 
 
 def difference_energy(difference: FloatArray, drifting: FloatArray) -> tuple[float, float]:
-    """Energy of a difference (n,) that columns (n, c) do not explain, and its degrees of freedom."""
+    """Energy of a difference (n,) beyond columns (n, c), and its degrees of freedom."""
     scale = np.linalg.norm(drifting, axis=0)
     columns = drifting[:, scale > 0.0] / scale[scale > 0.0]
     columns = np.column_stack([columns, np.ones(len(difference))])
@@ -215,7 +215,8 @@ def _matching(data: Baseline, joint: int, repeat: Repeat) -> tuple[IntArray, Int
     wanted = samples + repeat.lag
     after = np.clip(np.searchsorted(others, wanted), 1, max(len(others) - 1, 1))
     nearest = np.where(
-        np.abs(others[after - 1] - wanted) <= np.abs(others[min(1, len(others) - 1) * after] - wanted),
+        np.abs(others[after - 1] - wanted)
+        <= np.abs(others[min(1, len(others) - 1) * after] - wanted),
         after - 1,
         after,
     )

@@ -37,12 +37,14 @@ def time_blocks(recordings: IntArray, places: IntArray, row_rate: float) -> IntA
 def block_sums(blocks: IntArray, values: FloatArray) -> FloatArray:
     """Sum of values (r,) in each block that has rows: (b,)."""
     _, number = np.unique(blocks, return_inverse=True)
-    return np.bincount(number, weights=values)
+    return np.asarray(np.bincount(number, weights=values), dtype=float)
 
 
 def resampled(sums: FloatArray) -> FloatArray:
-    """Sums over blocks drawn with replacement: (200, …) from (b, …); the draws are the same
-    for the same number of blocks, so that differences are paired."""
+    """Sums over blocks drawn with replacement: (200, …) from (b, …).
+
+    The draws are the same for the same number of blocks, so that differences are paired.
+    """
     count = len(sums)
     draws = np.random.default_rng(_SEED).multinomial(
         count, np.full(count, 1.0 / count), size=RESAMPLES

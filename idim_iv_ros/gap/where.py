@@ -145,10 +145,7 @@ def picked(data: Baseline, joint: int, values: Sequence[FloatArray]) -> FloatArr
     """Values (s,) of each smooth motion at the instants of one joint's rows, (r,)."""
     return data.counting(
         joint,
-        [
-            part[motion.decimation.kept]
-            for part, motion in zip(values, data.motions, strict=True)
-        ],
+        [part[motion.decimation.kept] for part, motion in zip(values, data.motions, strict=True)],
     )
 
 
@@ -275,7 +272,9 @@ def _described(
             found = axis_regimes(name, axis, units[axis.name])
             regimes += found
             best = joined(found)
-            if best is not None:
+            # Most of what moves slowly is slow: not worth a word.
+            slow = best is not None and axis.name == "frequency" and best.low <= 0.0
+            if best is not None and not slow:
                 weight = (best.energy_share - best.occupancy) * gaps[joint].share
                 sentences.append((weight, prefix + in_words(best, axis.edges)))
     regimes.sort(key=lambda regime: -regime.lift)
@@ -335,7 +334,7 @@ def in_words(regime: Regime, edges: FloatArray) -> str:
     first, last = regime.low <= edges[0], regime.high >= edges[-1]
     part = f"between {low} and {high}"
     if regime.axis == "direction":
-        part = "moving in the negative direction" if regime.high <= 0.0 else "moving in the positive direction"
+        part = f"moving in the {'negative' if regime.high <= 0.0 else 'positive'} direction"
     elif regime.axis == "reversal" and first:
         part = f"within {high} after a reversal"
     elif regime.axis == "time":
