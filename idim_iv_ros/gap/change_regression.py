@@ -1,0 +1,231 @@
+"""The given model's residual, whitened, on all changes of its numbers that the diagnosis knows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.effects.parametric_effect import Change, Estimated, ParameterSpace
+from idim_iv_ros.gap.likelihood import Fit, Regression
+from idim_iv_ros.model import RobotModel
+from idim_iv_ros.simulation import inverse_dynamics
+
+FloatArray = NDArray[np.float64]
+
+# A direction of which, unit columns taken, less than this is left counts as not excited.
+_LEAST = 1e-5
+
+
+@dataclass(frozen=True)
+class Explained:
+    """What some changes explain together.
+
+    Attributes
+    ----------
+    statistic : float
+        Energy of the whitened residual that goes (chi-square if there is nothing to explain).
+    rank : int
+        How many independent directions the changes have on this recording.
+    found : tuple of Estimated
+        In the order of the changes.
+    contributions : (d, m)
+        Direction times estimate of each change, in the coordinates of the space.
+    """
+
+    statistic: float
+    rank: int
+    found: tuple[Estimated, ...]
+    contributions: FloatArray
+
+
+@dataclass(frozen=True)
+class ChangeRegression:
+    """Least squares of y − X β₀ on changes of the given numbers, whitened and compressed.
+
+    Accepted structural effects are taken out of both sides.
+
+    Attributes
+    ----------
+    space : ParameterSpace
+    triangle : (e, d)
+        Whitened rows of unit changes, compressed by an orthogonal matrix.
+    right : (e,)
+        The residual likewise; its energy is that of all rows.
+    columns : tuple of (r_j, d)
+        Rows of unit changes, N m, not whitened.
+    residuals : tuple of (r_j,)
+        y − X β₀ of each joint, N m.
+    torques : tuple of (r_j,)
+        y of each joint, N m.
+    """
+
+    space: ParameterSpace
+    triangle: FloatArray
+    right: FloatArray
+    columns: tuple[FloatArray, ...]
+    residuals: tuple[FloatArray, ...]
+    torques: tuple[FloatArray, ...]
+
+    @property
+    def rows(self) -> int:
+        """Of all joints."""
+        return sum(len(residual) for residual in self.residuals)
+
+    @property
+    def energy(self) -> float:
+        """Of the whitened residual of the given model."""
+        return float(self.right @ self.right)
+
+    def refit(self) -> Explained:
+        """Everything that new base parameters explain."""
+        space = self.space
+        names, units = space.model.base.names, space.model.base.units
+        unit = np.eye(space.size)
+        return self.explain(
+            [Change(names[k], units[k], unit[k]) for k in range(len(space.given))]
+        )
+
+    def explain(self, changes: Sequence[Change]) -> Explained:
+        """Fit changes; those that the recording cannot tell apart get no deviation."""
+        if not changes:
+            return Explained(0.0, 0, (), np.zeros((self.space.size, 0)))
+        directions = np.column_stack([change.direction for change in changes])
+        white = self.triangle @ directions
+        norms = np.linalg.norm(white, axis=0)
+        scale = 1.0 / np.where(norms > 0.0, norms, 1.0)
+        left, singular, right = np.linalg.svd(white * scale, full_matrices=False)
+        rank = int(np.sum(singular > _LEAST))
+        seen = right[:rank].T  # (m, rank)
+        coordinates = left[:, :rank].T @ self.right
+        values = scale * (seen @ (coordinates / singular[:rank]))
+        deviations = scale * np.linalg.norm(seen / singular[:rank], axis=1)
+        determined = np.linalg.norm(seen, axis=1) > 1.0 - 1e-6
+        found = tuple(
+            Estimated(change, float(value), float(std) if sure else None)
+            for change, value, std, sure in zip(
+                changes, values, deviations, determined, strict=True
+            )
+        )
+        statistic = float(coordinates @ coordinates)
+        return Explained(statistic, rank, found, directions * values)
+
+    def rms(self, contribution: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """RMS of each joint's residual (n_joints,) N m, before and after a change (d,)."""
+        before = [np.sqrt(np.mean(residual**2)) for residual in self.residuals]
+        after = [
+            np.sqrt(np.mean((residual - columns @ contribution) ** 2))
+            for residual, columns in zip(self.residuals, self.columns, strict=True)
+        ]
+        return np.array(before), np.array(after)
+
+    def share(self, contribution: FloatArray) -> float:
+        """Share of the gap's energy that a change (d,) takes away, joints by their torques."""
+        before, after = self.rms(contribution)
+        weights = np.array([1.0 / max(float(np.var(torque)), 1e-300) for torque in self.torques])
+        weights *= [len(torque) for torque in self.torques]
+        return float(1.0 - np.sum(weights * after**2) / np.sum(weights * before**2))
+
+
+def change_regression(data: Baseline, regression: Regression, fit: Fit) -> ChangeRegression:
+    """Regress what the given model leaves.
+
+    Parameters
+    ----------
+    regression
+        With the accepted structural effects as added columns.
+    fit
+        Of that regression; its colours whiten.
+    """
+    model = data.prepared.model
+    axes = level_axes(np.asarray(model.robot.pinocchio.gravity.linear))
+    space = ParameterSpace(model, model.given, axes)
+    gravity = _gravity_rows(data, axes)
+    b, joints = regression.parameters, len(regression.joints)
+    columns, residuals, whitened = [], [], []
+    for joint, rows in enumerate(regression.joints):
+        unit = np.zeros((len(rows.torque), space.size))
+        unit[:, rows.columns] = rows.matrix
+        unit[:, b : b + 2] = gravity[joint]
+        given = rows.matrix @ space.given[rows.columns]
+        unit[:, b + 2 + joint] = given
+        wide, places = regression.wide(joint)
+        structural = np.zeros((len(rows.torque), regression.total - b))
+        structural[:, places[len(rows.columns) :] - b] = wide[:, len(rows.columns) :]
+        residual = rows.torque - given
+        whitened.append(
+            fit.colours[joint].apply(np.column_stack([structural, unit, residual]), rows.runs)
+        )
+        columns.append(unit)
+        residuals.append(residual)
+    added = regression.total - b
+    triangle = _projected(np.vstack(whitened), added)
+    return ChangeRegression(
+        space,
+        triangle[:, :-1],
+        triangle[:, -1],
+        tuple(columns),
+        tuple(residuals),
+        tuple(regression.joints[joint].torque for joint in range(joints)),
+    )
+
+
+def level_axes(gravity: FloatArray) -> FloatArray:
+    """Two unit vectors (2, 3) at right angles to gravity, as near to x, y, z as they can be."""
+    size = float(np.linalg.norm(gravity))
+    if size == 0.0:
+        return np.eye(3)[:2]
+    down = gravity / size
+    kept = sorted(range(3), key=lambda axis: abs(down[axis]))[:2]
+    first = np.eye(3)[min(kept)]
+    first = first - (first @ down) * down
+    first = first / np.linalg.norm(first)
+    second = np.cross(down, first)
+    return np.array([first, second if second[max(kept)] > 0.0 else -second])
+
+
+def _projected(rows: FloatArray, added: int) -> FloatArray:
+    """Triangle of the rows less what the first `added` columns explain."""
+    if added:
+        norms = np.linalg.norm(rows[:, :added], axis=0)
+        left, singular, _ = np.linalg.svd(
+            rows[:, :added] / np.where(norms > 0.0, norms, 1.0), full_matrices=False
+        )
+        basis = left[:, singular > 1e-6]
+        rows = rows[:, added:] - basis @ (basis.T @ rows[:, added:])
+    return np.asarray(np.linalg.qr(rows, mode="r"))
+
+
+def _gravity_rows(data: Baseline, axes: FloatArray) -> list[FloatArray]:
+    """Torque per small rotation of gravity about each axis: (r_j, 2) for each joint, N m/rad."""
+    robot = data.prepared.model.robot
+    gravity = np.asarray(robot.pinocchio.gravity.linear)
+    tilted = [_with_gravity(robot, np.cross(axis, gravity)) for axis in axes]
+    nothing = np.zeros(len(robot.joints))
+    bodies = replace(
+        robot.given,
+        drive_inertia=nothing,
+        viscous=nothing,
+        coulomb=nothing,
+        offset=nothing,
+        coupling_inertia=np.zeros_like(robot.given.coupling_inertia),
+        coupling_viscous=np.zeros_like(robot.given.coupling_viscous),
+        coupling_coulomb=np.zeros_like(robot.given.coupling_coulomb),
+    )
+    parts = []
+    for motion in data.motions:
+        still = np.zeros_like(motion.position)
+        torques = [inverse_dynamics(each, bodies, motion.position, still, still) for each in tilted]
+        parts.append(motion.rows(np.concatenate(torques, axis=1)))
+    joints = range(len(robot.joints))
+    return [
+        data.counting(joint, [part[:, [joint, len(robot.joints) + joint]] for part in parts])
+        for joint in joints
+    ]
+
+
+def _with_gravity(robot: RobotModel, gravity: FloatArray) -> RobotModel:
+    model = robot.pinocchio.copy()
+    model.gravity.linear = gravity
+    return replace(robot, pinocchio=model)

@@ -1,0 +1,277 @@
+"""Whether the recorded commands are those of the configured control law."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
+from idim_iv_ros.gap.likelihood import Fit, JointData, Regression
+from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.signals import Motion
+from idim_iv_ros.simulation import ControlLaw, control_law
+
+FloatArray = NDArray[np.float64]
+
+# Logarithm of the likelihood that a change must bring beyond its penalty.
+LEAST_SUPPORT = 8.0
+# Share of the energy of what the law leaves that a change must take.
+LEAST_SHARE = 0.02
+# Periods of the control: a shorter lag is how the command was sampled and recorded.
+LONGEST_LAG = 2.0
+# Of the limit, above which a command counts as limited.
+_LIMITED = 0.98
+_LEAST_ROWS = 50
+# A change of a gain must be this many times what noise of the encoder makes of it.
+_NOISE_MARGIN = 3.0
+
+
+@dataclass(frozen=True)
+class ControllerFinding:
+    """One joint whose commands are not those of the law.
+
+    Attributes
+    ----------
+    effect : ControllerMismatch
+    joint : str
+    parameters : dict of str to EffectParameter
+        What the robot uses instead, of the groups that differ.
+    statistic : float
+        Twice the logarithm of the likelihood ratio.
+    p_value : float
+        With the choice among groups and joints paid for (Bonferroni).
+    share : float
+        Of the energy of recorded less computed command that the changes explain.
+    before, after : float
+        RMS of recorded less computed command, N m (N), low-passed as the regression.
+    """
+
+    effect: ControllerMismatch
+    joint: str
+    parameters: dict[str, EffectParameter]
+    statistic: float
+    p_value: float
+    share: float
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Decimated rows of one joint."""
+
+    rest: FloatArray  # recorded less computed command
+    constants: FloatArray  # one column for each recording
+    rate: FloatArray  # of the computed command
+    groups: dict[str, FloatArray]
+    noise: dict[str, float]  # share of each group's energy that noise of the encoder makes
+    runs: tuple[slice, ...]
+
+
+def why_not_checked(data: Baseline) -> str:
+    """Say why the commands cannot be compared with a law; empty where they can."""
+    if data.prepared.configuration.controller.type == "unknown":
+        return "the configuration names no control law"
+    if any(motion.signals.position_reference is None for motion in data.prepared.motions):
+        return "a recording has no references"
+    return ""
+
+
+def controller_mismatch(data: Baseline) -> list[ControllerFinding]:
+    """Compare the recorded efforts with the configured law on the measured motion.
+
+    All samples count, also at reversals, except those at the torque limit. Constants and a lag
+    of up to two periods of the control are no mismatch. Empty where nothing can be compared
+    (`why_not_checked`) or nothing differs.
+    """
+    if why_not_checked(data):
+        return []
+    law = control_law(data.prepared.configuration.controller, len(data.joints))
+    found = []
+    for joint in range(len(data.joints)):
+        rows = _rows(data.prepared.motions, law, joint)
+        if rows is not None:
+            finding = _finding(data, law, joint, rows)
+            if finding is not None:
+                found.append(finding)
+    return found
+
+
+def _rows(motions: Sequence[Motion], law: ControlLaw, joint: int) -> _Rows | None:
+    effect = ControllerMismatch()
+    tables, constants, runs, start = [], [], [], 0
+    noise_energy, energy = np.zeros(len(GROUPS)), np.zeros(len(GROUPS))
+    limit = _LIMITED * float(law.torque_limit[joint])
+    for number, motion in enumerate(motions):
+        signals = motion.signals
+        parts = effect.parts(signals, law, joint)
+        rest = signals.torque[:, joint] - parts.command
+        groups = [parts.groups[name] for name in GROUPS]
+        table = np.column_stack([rest, parts.rate, *groups])[motion.span]
+        table = motion.decimation.whole(table)
+        bad = ~signals.valid[:, joint] | (np.abs(signals.torque[:, joint]) >= limit)
+        kept = _apart(bad[motion.span], motion)
+        tables.append(table[kept])
+        constants.append(np.full(int(kept.sum()), number))
+        for first, last in _stretches(kept):
+            runs.append(slice(start + first, start + last))
+        start += int(kept.sum())
+        energy += np.sum(table[kept][:, 2:] ** 2, axis=0)
+        noise_energy += np.sum(_noise(motion, law, joint)[kept] ** 2, axis=0)
+    if start < _LEAST_ROWS:
+        return None
+    table = np.concatenate(tables)
+    which = np.concatenate(constants)
+    used = np.unique(which)
+    return _Rows(
+        rest=table[:, 0],
+        constants=(which[:, None] == used).astype(float),
+        rate=table[:, 1],
+        groups={name: table[:, 2 + k] for k, name in enumerate(GROUPS)},
+        noise=dict(zip(GROUPS, noise_energy / np.maximum(energy, 1e-300), strict=True)),
+        runs=tuple(runs),
+    )
+
+
+def _apart(bad: NDArray[np.bool_], motion: Motion) -> NDArray[np.bool_]:
+    """Decimated samples without a bad one near them, nor near the ends."""
+    factor = motion.decimation.factor
+    sums = np.concatenate([[0], np.cumsum(bad)])
+    first = np.maximum(motion.decimation.kept - factor, 0)
+    last = np.minimum(motion.decimation.kept + factor + 1, len(bad))
+    kept = sums[last] == sums[first]
+    kept[:2] = kept[-2:] = False
+    return np.asarray(kept)
+
+
+def _stretches(kept: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Places of contiguous rows among those that are kept."""
+    places = np.flatnonzero(kept)
+    if len(places) == 0:
+        return []
+    cuts = np.flatnonzero(np.diff(places) > 1) + 1
+    edges = [0, *cuts.tolist(), len(places)]
+    return list(zip(edges[:-1], edges[1:], strict=True))
+
+
+def _noise(motion: Motion, law: ControlLaw, joint: int) -> FloatArray:
+    """What white noise of the encoder makes of each group, decimated (m, groups)."""
+    signals = motion.signals
+    span = motion.span
+    deviation = np.std(signals.position[span, joint] - motion.position[span, joint])
+    random = np.random.default_rng(0).normal(0.0, 1.0, signals.position.shape) * deviation
+    still = np.zeros_like(random)
+    alone = replace(
+        signals, position=random, position_reference=still, velocity_reference=still
+    )
+    parts = ControllerMismatch().parts(alone, law, joint)
+    table = np.column_stack([parts.groups[name] for name in GROUPS])[span]
+    return motion.decimation.whole(table)
+
+
+def _finding(data: Baseline, law: ControlLaw, joint: int, rows: _Rows) -> ControllerFinding | None:
+    configuration = data.prepared.configuration
+    period = configuration.controller.period or 1.0 / data.prepared.motions[0].signals.rate
+    plain = _fit(rows, (), with_lag=True)
+    chosen: tuple[str, ...] = ()
+    fit = plain
+    while True:
+        options = {
+            name: _fit(rows, (*chosen, name), with_lag=True)
+            for name in GROUPS
+            if name not in chosen and _usable(rows.groups[name])
+        }
+        better = {
+            name: other
+            for name, other in options.items()
+            if _worth(rows, fit, other) and _certain(rows, law, joint, (*chosen, name), other, period)
+        }
+        if not better:
+            break
+        name = max(better, key=lambda each: better[each].log_likelihood)
+        chosen, fit = (*chosen, name), better[name]
+    for name in chosen:
+        rest = tuple(other for other in chosen if other != name)
+        smaller = _fit(rows, rest, with_lag=True)
+        if not _worth(rows, smaller, fit):
+            chosen, fit = rest, smaller
+    changes = _changes(fit, chosen, rows)
+    lag, deviation = changes.pop(LAG)
+    longest = LONGEST_LAG * period
+    base = plain
+    count = len(chosen)
+    if abs(lag) > longest:
+        short = replace(rows, rest=rows.rest + np.clip(lag, -longest, longest) * rows.rate)
+        bounded = _fit(short, chosen, with_lag=False)
+        if abs(lag) - 3.0 * deviation > longest and _worth(rows, bounded, fit):
+            changes[LAG] = (lag, deviation)
+            base = _fit(short, (), with_lag=False)
+            count += 1
+    if not changes:
+        return None
+    statistic = 2.0 * (fit.log_likelihood - base.log_likelihood)
+    tried = (len(GROUPS) + 1) * len(data.joints)
+    before, after = _rms(base), _rms(fit)
+    return ControllerFinding(
+        effect=ControllerMismatch(),
+        joint=data.joints[joint],
+        parameters=ControllerMismatch().parameters(law, joint, changes),
+        statistic=statistic,
+        p_value=min(1.0, tried * float(stats.chi2.sf(statistic, count))),
+        share=1.0 - (after / before) ** 2,
+        before=before,
+        after=after,
+    )
+
+
+def _usable(column: FloatArray) -> bool:
+    return bool(np.std(column) > 1e-12)
+
+
+def _fit(rows: _Rows, names: Sequence[str], *, with_lag: bool) -> Fit:
+    parts = [rows.constants]
+    if with_lag:
+        parts.append(-rows.rate[:, None])
+    matrix = np.column_stack([*parts, *(rows.groups[name] for name in names)])
+    joint = JointData(rows.rest, matrix, np.arange(matrix.shape[1]), rows.runs)
+    return Regression((joint,), matrix.shape[1]).fit()
+
+
+def _rms(fit: Fit) -> float:
+    return float(np.sqrt(np.mean(fit.residuals[0] ** 2)))
+
+
+def _worth(rows: _Rows, smaller: Fit, larger: Fit) -> bool:
+    """Whether one number more is supported and takes enough of the energy."""
+    gain = larger.log_likelihood - smaller.log_likelihood - 0.5 * float(np.log(len(rows.rest)))
+    share = 1.0 - (_rms(larger) / max(_rms(smaller), 1e-300)) ** 2
+    return bool(gain >= LEAST_SUPPORT and share >= LEAST_SHARE)
+
+
+def _changes(fit: Fit, names: Sequence[str], rows: _Rows) -> dict[str, tuple[float, float]]:
+    """(value, std) of each group and of the lag."""
+    constants = rows.constants.shape[1]
+    deviations = np.sqrt(np.diag(fit.covariance))
+    values = zip(fit.values[constants:], deviations[constants:], strict=True)
+    return {
+        name: (float(value), float(std))
+        for name, (value, std) in zip((LAG, *names), values, strict=True)
+    }
+
+
+def _certain(
+    rows: _Rows, law: ControlLaw, joint: int, names: Sequence[str], fit: Fit, period: float
+) -> bool:
+    """Whether the last change is larger than what noise and sampling make of the law."""
+    name = names[-1]
+    change = abs(_changes(fit, names, rows)[name][0])
+    kp, kd, _ = (float(gain[joint]) for gain in law.torque_gains)
+    floor: Mapping[str, float] = {
+        "kp": _NOISE_MARGIN * rows.noise["kp"] * kp,
+        # A speed that is one period old looks like this much less of its gain.
+        "kd": _NOISE_MARGIN * rows.noise["kd"] * kd + period * kp,
+    }
+    return change > floor.get(name, 0.0)

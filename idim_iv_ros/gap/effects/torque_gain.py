@@ -1,0 +1,43 @@
+"""A torque constant, gear ratio or effort scale that is not as given."""
+
+from collections.abc import Sequence
+
+from idim_iv_ros.gap.effects.parametric_effect import (
+    Change,
+    Estimated,
+    ParameterSpace,
+    ParametricEffect,
+)
+from idim_iv_ros.gap.result import EffectParameter
+
+_LARGEST = 0.6  # of the recorded torque that is needed, more or less
+
+
+class TorqueGain(ParametricEffect):
+    """Actual torque = (1 + gain) · recorded torque: the recording holds torque / (1 + gain)."""
+
+    name = "torque_gain"
+    look_alikes = ("payload", "link_inertia", "friction_level")
+    excitation = "a known load: gravity and inertia that the given model is right about"
+
+    def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
+        """One number."""
+        assert joint is not None
+        return [[Change("gain", "", space.gain(joint))]]
+
+    def admissible(
+        self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
+    ) -> bool:
+        """No change that would be a wrong sign or unit."""
+        return all(abs(each.value) <= _LARGEST for each in found)
+
+    def parameters(
+        self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
+    ) -> dict[str, EffectParameter]:
+        """The gain, from the share that the recorded torque is larger."""
+        named = {}
+        for each in found:
+            if each.std is not None:
+                factor = 1.0 / (1.0 + each.value)
+                named["gain"] = EffectParameter(factor - 1.0, each.std * factor**2, "")
+        return named
