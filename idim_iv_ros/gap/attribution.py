@@ -122,7 +122,9 @@ def worth(candidate: Candidate, regression: Regression) -> bool:
     """Whether a candidate is supported and large enough to matter."""
     rows = sum(len(regression.joints[joint].torque) for joint in _own_joints(candidate))
     share = 1.0 - np.exp(-2.0 * candidate.gain / rows)
-    return bool(support(candidate, regression) >= candidate.effect.least_support and share >= LEAST_SHARE)
+    return bool(
+        support(candidate, regression) >= candidate.effect.least_support and share >= LEAST_SHARE
+    )
 
 
 def alike(
@@ -187,9 +189,7 @@ def _all(
     return [candidate for candidate in candidates if candidate is not None]
 
 
-def _not_a_patch(
-    candidate: Candidate, found: Sequence[Found], regression: Regression
-) -> bool:
+def _not_a_patch(candidate: Candidate, found: Sequence[Found], regression: Regression) -> bool:
     """Whether a function without a name is more than the misfit of a named effect.
 
     The shape of an effect is never exactly that of the catalogue: what a flexible function of the
@@ -248,16 +248,16 @@ def _revised(
             options[rival.key] = (rival.effect, rival.place)
         taken = {other.candidate.key for other in kept if other is not this}
         again = [
-            search.best(effect, place) for key, (effect, place) in options.items() if key not in taken
+            search.best(effect, place)
+            for key, (effect, place) in options.items()
+            if key not in taken
         ]
         usable = [candidate for candidate in again if candidate is not None]
         best = named_first(usable, regression)
         if best is None or not worth(best, regression):
             kept.remove(this)
         else:
-            kept[number] = replace(
-                this, candidate=best, rivals=alike(search, best, usable)
-            )
+            kept[number] = replace(this, candidate=best, rivals=alike(search, best, usable))
     current = regression
     for each in kept:
         current = current.with_columns(each.candidate.columns)

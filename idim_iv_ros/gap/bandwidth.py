@@ -46,7 +46,9 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
     cutoff = edge * rate / (2.0 * factor)
     position = processing.position_cutoff
     if position is None:
-        position = min(max(prepared.cutoffs.position, _POSITION_OVER_DECIMATION * cutoff), 0.4 * rate)
+        position = min(
+            max(prepared.cutoffs.position, _POSITION_OVER_DECIMATION * cutoff), 0.4 * rate
+        )
     changed = processing.model_copy(
         update={
             "position_cutoff": position,

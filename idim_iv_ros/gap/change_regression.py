@@ -83,9 +83,7 @@ class ChangeRegression:
         space = self.space
         names, units = space.model.base.names, space.model.base.units
         unit = np.eye(space.size)
-        return self.explain(
-            [Change(names[k], units[k], unit[k]) for k in range(len(space.given))]
-        )
+        return self.explain([Change(names[k], units[k], unit[k]) for k in range(len(space.given))])
 
     def explain(self, changes: Sequence[Change]) -> Explained:
         """Fit changes; those that the recording cannot tell apart get no deviation."""

@@ -164,9 +164,7 @@ def _noise(motion: Motion, law: ControlLaw, joint: int) -> FloatArray:
     deviation = np.std(signals.position[span, joint] - motion.position[span, joint])
     random = np.random.default_rng(0).normal(0.0, 1.0, signals.position.shape) * deviation
     still = np.zeros_like(random)
-    alone = replace(
-        signals, position=random, position_reference=still, velocity_reference=still
-    )
+    alone = replace(signals, position=random, position_reference=still, velocity_reference=still)
     parts = ControllerMismatch().parts(alone, law, joint)
     table = np.column_stack([parts.groups[name] for name in GROUPS])[span]
     return motion.decimation.whole(table)
@@ -187,7 +185,8 @@ def _finding(data: Baseline, law: ControlLaw, joint: int, rows: _Rows) -> Contro
         better = {
             name: other
             for name, other in options.items()
-            if _worth(rows, fit, other) and _certain(rows, law, joint, (*chosen, name), other, period)
+            if _worth(rows, fit, other)
+            and _certain(rows, law, joint, (*chosen, name), other, period)
         }
         if not better:
             break

@@ -12,13 +12,17 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.gap.attribution import attribute
 from idim_iv_ros.gap.baseline import Baseline, baseline
 from idim_iv_ros.gap.catalogue import STRUCTURAL
+from idim_iv_ros.gap.controller_check import controller_mismatch, why_not_checked
+from idim_iv_ros.gap.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.gap.effects.effect import Place
 from idim_iv_ros.gap.generic import GENERIC
 from idim_iv_ros.gap.held_out import held_out
 from idim_iv_ros.gap.likelihood import Regression
 from idim_iv_ros.gap.noise_floor import noise_floors, repeats_of
+from idim_iv_ros.gap.other_causes import controller_results, parametric_results
+from idim_iv_ros.gap.parametric import PARAMETRIC, parametric_causes
 from idim_iv_ros.gap.regression_rows import smooth_regression
-from idim_iv_ros.gap.result import EffectParameter, GapResult, GapSeries
+from idim_iv_ros.gap.result import Cause, EffectParameter, GapResult, GapSeries, NotTestable
 from idim_iv_ros.gap.structural_causes import (
     NamedModel,
     effect_parameters,
@@ -27,6 +31,7 @@ from idim_iv_ros.gap.structural_causes import (
     simulated_effects,
     structural_causes,
 )
+from idim_iv_ros.gap.testability import dry_friction, floor_colours, shown_by_motion
 from idim_iv_ros.gap.tracking import (
     Tracking,
     simulated_tracking,
@@ -123,10 +128,19 @@ def _diagnosed(
         for number, found in enumerate(model.found)
     ]
     causes = structural_causes(data, model, tested, simulations, attribution.tried)
+    parametric = [effect for effect in PARAMETRIC if effect.name not in without]
+    outcome = parametric_causes(data, model.regression, model.fit, parametric)
+    causes += parametric_results(data, outcome, floors)
+    if ControllerMismatch.name not in without:
+        causes += controller_results(controller_mismatch(data))
+    colours = floor_colours(attribution.refit, [floor.sigma for floor in floors])
+    confusability, not_testable = shown_by_motion(
+        data, regression, catalogue, colours, dry_friction(data)
+    )
     watch.stage("where", 0.95)
     place = where(data, regression, attribution.refit, floors)
     rest = unexplained(data, model, floors)
-    causes = sorted(causes, key=lambda cause: -cause.evidence.statistic)
+    causes = sorted(causes, key=lambda cause: -_closed(cause, data))
     verdict = verdict_of(causes, rest)
     first, last = (tracked[0], tracked[-1]) if tracked else (None, None)
     return GapResult(
@@ -144,14 +158,26 @@ def _diagnosed(
         joint_gaps=place.joint_gaps,
         regimes=place.regimes,
         findings=place.findings,
-        not_testable=(),
+        not_testable=tuple(each for each in not_testable if not _accepted(each, causes)),
         stages=with_tracking(tested.stages(), tracked),
-        confusability=(),
+        confusability=confusability,
         series=_series(data, regression, model),
         tracking=tracking_series(data, first, last),
         notes=_notes(data, tested.note, [floor.note for floor in floors], tracked),
         extended_parameters=_extended(data, model),
     )
+
+
+def _accepted(refused: NotTestable, causes: Sequence[Cause]) -> bool:
+    return any((cause.effect, cause.joint) == (refused.effect, refused.joint) for cause in causes)
+
+
+def _closed(cause: Cause, data: Baseline) -> float:
+    """Energy of the torque gap that a cause closes, as a share of the torque's."""
+    closed = cause.torque_gap.before**2 - cause.torque_gap.after**2
+    joints = range(len(data.joints)) if cause.joint is None else [data.joints.index(cause.joint)]
+    whole = sum(float(np.mean(data.rows[joint].torque ** 2)) for joint in joints)
+    return closed / max(whole, 1e-300)
 
 
 def _tracked(data: Baseline, model: NamedModel, given: FloatArray | None) -> list[Tracking]:
@@ -168,9 +194,7 @@ def _tracked(data: Baseline, model: NamedModel, given: FloatArray | None) -> lis
     return tracked
 
 
-def _series(
-    data: Baseline, regression: Regression, model: NamedModel
-) -> tuple[GapSeries, ...]:
+def _series(data: Baseline, regression: Regression, model: NamedModel) -> tuple[GapSeries, ...]:
     residuals = given_residuals(data, regression)
     made = []
     for joint, name in enumerate(data.joints):
@@ -199,6 +223,9 @@ def _notes(
 ) -> tuple[str, ...]:
     notes = [folds, *dict.fromkeys(floors)]
     notes += [*data.sources.controller]
+    unchecked = why_not_checked(data)
+    if unchecked:
+        notes.append(f"commands not compared with the control law: {unchecked}")
     notes += [each.note for each in tracked if each.note]
     notes += list(data.prepared.reasons)
     return tuple(dict.fromkeys(note for note in notes if note))
@@ -211,4 +238,3 @@ def _extended(data: Baseline, model: NamedModel) -> dict[str, EffectParameter]:
         name: EffectParameter(float(model.fit.values[k]), float(deviations[k]), base.units[k])
         for k, name in enumerate(base.names)
     }
-

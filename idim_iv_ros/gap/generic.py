@@ -84,7 +84,7 @@ class Stop(Generic):
         reach = _END * (high - low)
         if high <= low:
             return []
-        upper = [(1.0, float(p)) for p in np.linspace(high - reach, high - 0.02 * reach, 25)]
+        upper: list[Shape] = [(1.0, float(p)) for p in np.linspace(high - reach, high - 0.02 * reach, 25)]
         return upper + [(-1.0, float(p)) for p in np.linspace(low + 0.02 * reach, low + reach, 25)]
 
     def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
@@ -163,7 +163,9 @@ def _velocity(motion: SmoothMotion, joint: int) -> FloatArray:
 
 def _speeds(extent: Extent, joint: int) -> FloatArray:
     fastest = extent.fastest[joint]
-    return np.concatenate([[0.0], np.geomspace(max(extent.slowest[joint], 1e-3 * fastest), fastest, 7)])
+    return np.concatenate(
+        [[0.0], np.geomspace(max(extent.slowest[joint], 1e-3 * fastest), fastest, 7)]
+    )
 
 
 def _positions(extent: Extent, joint: int) -> FloatArray:

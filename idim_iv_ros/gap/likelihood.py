@@ -129,7 +129,7 @@ class Regression:
 
     @property
     def total(self) -> int:
-        """b + k."""
+        """Number of all coefficients: b + k."""
         return self.parameters + sum(self.widths)
 
     def first_colours(self) -> tuple[Colour, ...]:
@@ -221,9 +221,7 @@ class Scan:
 
     def right(self, white: Columns) -> FloatArray:
         """Whitened columns' products with the whitened residual, (k,)."""
-        return np.asarray(
-            sum(rows.T @ self._residuals[joint] for joint, rows in white.items())
-        )
+        return np.asarray(sum(rows.T @ self._residuals[joint] for joint, rows in white.items()))
 
     def score(self, columns: Columns) -> tuple[float, FloatArray]:
         """Chi-square that the columns take off the whitened residual, and their coefficients.
@@ -286,4 +284,4 @@ def _log_likelihood(residual: FloatArray, runs: Sequence[slice], colour: Colour)
     """Of one joint with its own innovations, less the order of its colour."""
     white = colour.model.whiten(residual, runs)
     variance = max(float(np.mean(white**2)), 1e-300)
-    return -0.5 * len(residual) * np.log(variance) - colour.model.order
+    return float(-0.5 * len(residual) * np.log(variance)) - colour.model.order

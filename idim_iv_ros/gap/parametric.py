@@ -313,9 +313,7 @@ def _causes(
             ParametricCause(
                 effect=hypothesis.effect,
                 joint=name(hypothesis.joint),
-                parameters=hypothesis.effect.parameters(
-                    changes.space, hypothesis.joint, this.own
-                ),
+                parameters=hypothesis.effect.parameters(changes.space, hypothesis.joint, this.own),
                 statistic=statistic,
                 p_value=min(1.0, count * float(stats.chi2.sf(statistic, degrees))),
                 part=statistic / max(excess, 1.0),

@@ -135,9 +135,7 @@ def smooth_motions(
         Of the decimation, Hz.
     """
     made = []
-    for motion, start, states, slip in zip(
-        motions, starts, instruments.states, slips, strict=True
-    ):
+    for motion, start, states, slip in zip(motions, starts, instruments.states, slips, strict=True):
         samples = motion.span.stop - motion.span.start
         measured = motion.derivatives(0, samples)
         simulated = states(0, samples)

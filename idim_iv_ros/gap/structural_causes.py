@@ -148,7 +148,11 @@ def structural_causes(
 def _sentence(data: Baseline, found: Found, gap: Gap, gain: float) -> str:
     candidate = found.candidate
     joint = data.joints[candidate.place.joint]
-    unit = "N" if data.prepared.model.robot.joint_types[candidate.place.joint] == "prismatic" else "N m"
+    unit = (
+        "N"
+        if data.prepared.model.robot.joint_types[candidate.place.joint] == "prismatic"
+        else "N m"
+    )
     words = candidate.effect.name.replace("_", " ")
     where = joint
     if candidate.place.other is not None:

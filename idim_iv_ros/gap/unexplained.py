@@ -32,9 +32,7 @@ def unexplained(
     return max(present, key=lambda each: each.share, default=None)
 
 
-def _nameless(
-    data: Baseline, model: NamedModel, floors: Sequence[NoiseFloor]
-) -> Unexplained:
+def _nameless(data: Baseline, model: NamedModel, floors: Sequence[NoiseFloor]) -> Unexplained:
     strongest = max(model.nameless, key=lambda each: each.candidate.gain)
     candidate = strongest.candidate
     joint = candidate.place.joint
@@ -72,6 +70,6 @@ def _events(data: Baseline, fit: Fit, joint: int) -> Unexplained | None:
         joint=data.joints[joint],
         family="event",
         share=share,
-        where=f"{data.joints[joint]}: 1 % of the samples hold {100 * share:.0f} % of the residual's "
-        f"energy, the largest in {bag} {time - motion.time[0]:.1f} s after its start",
+        where=f"{data.joints[joint]}: 1 % of the samples hold {100 * share:.0f} % of the "
+        f"residual's energy, the largest in {bag} {time - motion.time[0]:.1f} s after its start",
     )

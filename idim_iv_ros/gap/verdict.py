@@ -29,8 +29,8 @@ def summary_of(
     worst = max(gaps, key=lambda gap: gap.share, default=None)
     if worst is not None and worst.relative_percent is not None:
         sentences.append(
-            f"The given model misses {worst.relative_percent:.3g} % of the torque at {worst.joint}, "
-            "where the gap is widest."
+            f"The given model misses {worst.relative_percent:.3g} % of the torque at "
+            f"{worst.joint}, where the gap is widest."
         )
     if verdict == "none":
         sentences.append(
@@ -41,8 +41,8 @@ def summary_of(
         sentences.append(cause.sentence[0].upper() + cause.sentence[1:] + ".")
     if rest is not None:
         sentences.append(
-            f"Not in the catalogue: {rest.where}; it holds {100 * rest.share:.0f} % of what the refit "
-            "leaves there."
+            f"Not in the catalogue: {rest.where}; it holds {100 * rest.share:.0f} % of what the "
+            "refit leaves there."
         )
     if without:
         sentences.append(f"Left out of the catalogue on request: {', '.join(without)}.")

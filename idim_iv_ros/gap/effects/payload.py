@@ -26,20 +26,12 @@ class Payload(ParametricEffect):
         """Links that carry no other."""
         robot = space.model.robot
         parents = [int(parent) for parent in robot.pinocchio.parents]
-        return [
-            int(joint)
-            for tree, joint in enumerate(robot.order)
-            if tree + 1 not in parents[1:]
-        ]
+        return [int(joint) for tree, joint in enumerate(robot.order) if tree + 1 not in parents[1:]]
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """A mass that is small beside its distance, and any rigid body."""
         assert joint is not None
-        point = [
-            change
-            for kind in _POINT
-            for change in space.change(kind, joint, _NAMES[kind])
-        ]
+        point = [change for kind in _POINT for change in space.change(kind, joint, _NAMES[kind])]
         body = [
             change
             for kind in INERTIAL

@@ -42,7 +42,7 @@ class PositionDependentFriction(Effect):
         span = float(high - low)
         if span <= 0.0:
             return []
-        spots = [
+        spots: list[Shape] = [
             (_SPOT, float(centre), width * span)
             for width in (0.06, 0.15, 0.35)
             for centre in np.linspace(low - _BEYOND * span, high + _BEYOND * span, 31)

@@ -39,7 +39,9 @@ class Stribeck(Effect):
         """See the class."""
         speed, exponent = shape
         v = motion.velocity[:, place.joint]
-        return column(place.joint, np.exp(-((np.abs(v) / speed) ** exponent)) * motion.slip[:, place.joint])
+        return column(
+            place.joint, np.exp(-((np.abs(v) / speed) ** exponent)) * motion.slip[:, place.joint]
+        )
 
     def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
         """Exponents stay between 0.5 and 2.5."""

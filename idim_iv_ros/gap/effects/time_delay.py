@@ -55,4 +55,3 @@ class TimeDelay(Effect):
     ) -> dict[str, EffectParameter]:
         """The delay, to first order: shape times coefficient."""
         return {"delay": number(shape[0] * coefficients[0], shape[0] * deviations[0], "s")}
-

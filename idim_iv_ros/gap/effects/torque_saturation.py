@@ -28,7 +28,9 @@ class TorqueSaturation(Effect):
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Knees from 15 to 95 % of the largest torque."""
-        return [(float(share * extent.torque[place.joint]),) for share in np.linspace(0.15, 0.95, 17)]
+        return [
+            (float(share * extent.torque[place.joint]),) for share in np.linspace(0.15, 0.95, 17)
+        ]
 
     def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
         """A smaller step: the tail is short."""
@@ -37,9 +39,7 @@ class TorqueSaturation(Effect):
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""
         torque = motion.torque[:, place.joint]
-        return column(
-            place.joint, np.sign(torque) * np.maximum(np.abs(torque) - shape[0], 0.0)
-        )
+        return column(place.joint, np.sign(torque) * np.maximum(np.abs(torque) - shape[0], 0.0))
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray

@@ -42,7 +42,9 @@ def transmitted(
         0.5 * gap,
         steps,
     )
-    changes = {other: inertia[:, [other]] * acceleration[:, None] for other in range(inertia.shape[1])}
+    changes = {
+        other: inertia[:, [other]] * acceleration[:, None] for other in range(inertia.shape[1])
+    }
     changes[joint] = (torque - motion.load[:, joint])[:, None]
     return changes
 
