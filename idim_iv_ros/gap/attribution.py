@@ -1,4 +1,4 @@
-"""Which effects explain what the refit leaves: found one after the other, each beside the others."""
+"""Which effects explain what the refit leaves, found one after the other."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.effects.effect import Effect, Place
 from idim_iv_ros.gap.generic import Generic
-from idim_iv_ros.gap.likelihood import Fit, Regression
+from idim_iv_ros.gap.likelihood import Fit, Regression, Scan
 from idim_iv_ros.gap.search import Candidate, Grids, Search, extent
 
 FloatArray = NDArray[np.float64]
@@ -61,14 +61,12 @@ class Attribution:
     tried: int
 
 
-def support(candidate: Candidate, regression: Regression) -> float:
+def support(candidate: Candidate) -> float:
     """Gain of the log-likelihood less the penalty of its numbers (Schwarz) and of the search.
 
     Each coefficient costs half the logarithm of the rows, the grid the logarithm of its size.
     """
-    rows = sum(len(regression.joints[joint].torque) for joint in _own_joints(candidate))
-    cost = 0.5 * candidate.numbers * float(np.log(max(rows, 2)))
-    return candidate.gain - cost - float(np.log(candidate.tried))
+    return candidate.gain - candidate.cost
 
 
 def attribute(
@@ -89,10 +87,10 @@ def attribute(
         search = Search(data, covered, current, fit, grids)
         candidates = _all(search, catalogue, found, known, progress)
         tried = tried or sum(each.tried for each in candidates)
-        candidates = [each for each in candidates if _not_a_patch(each, found, regression)]
-        best = named_first(candidates, regression)
+        candidates = [each for each in candidates if _not_a_patch(each, found)]
+        best = named_first(candidates)
         best = None if best is None else search.again(best)
-        if best is None or not worth(best, regression):
+        if best is None or not worth(best):
             break
         found.append(Found(best, alike(search, best, candidates)))
         current, fit = current.with_columns(best.columns), best.fit
@@ -102,7 +100,7 @@ def attribute(
     return Attribution(regression, refit, tuple(found), current, fit, tried)
 
 
-def named_first(candidates: Sequence[Candidate], regression: Regression) -> Candidate | None:
+def named_first(candidates: Sequence[Candidate]) -> Candidate | None:
     """Return the best effect of the catalogue, unless a competitor without a name is far better.
 
     The true shape is seldom that of the catalogue: a flexible function then fits a little better
@@ -110,32 +108,30 @@ def named_first(candidates: Sequence[Candidate], regression: Regression) -> Cand
     """
     named = [each for each in candidates if not isinstance(each.effect, Generic)]
     nameless = [each for each in candidates if isinstance(each.effect, Generic)]
-    best = max(named, key=lambda each: support(each, regression), default=None)
-    rival = max(nameless, key=lambda each: support(each, regression), default=None)
+    best = max(named, key=lambda each: support(each), default=None)
+    rival = max(nameless, key=lambda each: support(each), default=None)
     if best is None or rival is None:
         return best or rival
-    least = FIT_OF_THE_NAMED * support(rival, regression) - ALIKE
-    return best if support(best, regression) >= least else rival
+    least = FIT_OF_THE_NAMED * support(rival) - ALIKE
+    return best if support(best) >= least else rival
 
 
-def worth(candidate: Candidate, regression: Regression) -> bool:
+def worth(candidate: Candidate) -> bool:
     """Whether a candidate is supported and large enough to matter."""
-    rows = sum(len(regression.joints[joint].torque) for joint in _own_joints(candidate))
+    rows = sum(len(candidate.fit.residuals[joint]) for joint in candidate.own_joints)
     share = 1.0 - np.exp(-2.0 * candidate.gain / rows)
-    return bool(
-        support(candidate, regression) >= candidate.effect.least_support and share >= LEAST_SHARE
-    )
+    return bool(support(candidate) >= candidate.effect.least_support and share >= LEAST_SHARE)
 
 
 def alike(
     search: Search, best: Candidate, candidates: Sequence[Candidate]
 ) -> tuple[tuple[Candidate, float], ...]:
     """Candidates as good as the best whose torque is much the same: (candidate, correlation)."""
-    least = support(best, search.regression) - ALIKE
+    least = support(best) - ALIKE
     scan = search.regression.scan(search.fit)
     close = []
     for other in candidates:
-        if other.key == best.key or support(other, search.regression) < least:
+        if other.key == best.key or support(other) < least:
             continue
         correlation = _correlation(scan, best, other)
         if correlation >= LEAST_CORRELATION:
@@ -143,7 +139,7 @@ def alike(
     return tuple(close)
 
 
-def _correlation(scan, first: Candidate, second: Candidate) -> float:  # type: ignore[no-untyped-def]
+def _correlation(scan: Scan, first: Candidate, second: Candidate) -> float:
     """Of the torques that both add, whitened, less what the model absorbs."""
     one = scan.whiten(_torque(first))
     two = scan.whiten(_torque(second))
@@ -157,11 +153,6 @@ def _torque(candidate: Candidate) -> dict[int, FloatArray]:
     return {
         joint: (rows @ candidate.coefficients)[:, None] for joint, rows in candidate.columns.items()
     }
-
-
-def _own_joints(candidate: Candidate) -> list[int]:
-    place = candidate.place
-    return [place.joint] if place.other is None else [place.joint, place.other]
 
 
 def _all(
@@ -189,7 +180,7 @@ def _all(
     return [candidate for candidate in candidates if candidate is not None]
 
 
-def _not_a_patch(candidate: Candidate, found: Sequence[Found], regression: Regression) -> bool:
+def _not_a_patch(candidate: Candidate, found: Sequence[Found]) -> bool:
     """Whether a function without a name is more than the misfit of a named effect.
 
     The shape of an effect is never exactly that of the catalogue: what a flexible function of the
@@ -201,8 +192,8 @@ def _not_a_patch(candidate: Candidate, found: Sequence[Found], regression: Regre
         if isinstance(other.effect, Generic) or not set(other.columns) & set(candidate.columns):
             continue
         same = other.effect.family == candidate.effect.family
-        least = LEAST_BESIDE_A_NAME * support(other, regression)
-        if same or support(candidate, regression) < least:
+        least = LEAST_BESIDE_A_NAME * support(other)
+        if same or support(candidate) < least:
             return False
     return True
 
@@ -253,8 +244,8 @@ def _revised(
             if key not in taken
         ]
         usable = [candidate for candidate in again if candidate is not None]
-        best = named_first(usable, regression)
-        if best is None or not worth(best, regression):
+        best = named_first(usable)
+        if best is None or not worth(best):
             kept.remove(this)
         else:
             kept[number] = replace(this, candidate=best, rivals=alike(search, best, usable))

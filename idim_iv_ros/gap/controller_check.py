@@ -1,7 +1,8 @@
 """Whether the recorded commands are those of the configured control law."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import pairwise, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,9 @@ FloatArray = NDArray[np.float64]
 LEAST_SUPPORT = 8.0
 # Share of the energy of what the law leaves that a change must take.
 LEAST_SHARE = 0.02
-# Periods of the control: a shorter lag is how the command was sampled and recorded.
-LONGEST_LAG = 2.0
+# Periods of the control: a shorter lag is how the command was sampled and recorded. That is the
+# same for all joints; a joint that lags this many periods more than another is its controller's.
+LONGEST_LAG, LARGEST_DIFFERENCE = 2.0, 0.5
 # Of the limit, above which a command counts as limited.
 _LIMITED = 0.98
 _LEAST_ROWS = 50
@@ -84,20 +86,22 @@ def controller_mismatch(data: Baseline) -> list[ControllerFinding]:
     """Compare the recorded efforts with the configured law on the measured motion.
 
     All samples count, also at reversals, except those at the torque limit. Constants and a lag
-    of up to two periods of the control are no mismatch. Empty where nothing can be compared
-    (`why_not_checked`) or nothing differs.
+    of up to two periods of the control, common to all joints, are no mismatch. Empty where nothing
+    can be compared (`why_not_checked`) or nothing differs.
     """
     if why_not_checked(data):
         return []
-    law = control_law(data.prepared.configuration.controller, len(data.joints))
-    found = []
+    configuration = data.prepared.configuration
+    law = control_law(configuration.controller, len(data.joints))
+    period = configuration.controller.period or 1.0 / data.prepared.motions[0].signals.rate
+    choices = {}
     for joint in range(len(data.joints)):
         rows = _rows(data.prepared.motions, law, joint)
         if rows is not None:
-            finding = _finding(data, law, joint, rows)
-            if finding is not None:
-                found.append(finding)
-    return found
+            choices[joint] = _choice(rows, law, joint, period)
+    longest = _longest_lag(list(choices.values()), period)
+    found = [_finding(data, law, joint, choice, longest) for joint, choice in choices.items()]
+    return [finding for finding in found if finding is not None]
 
 
 def _rows(motions: Sequence[Motion], law: ControlLaw, joint: int) -> _Rows | None:
@@ -136,6 +140,29 @@ def _rows(motions: Sequence[Motion], law: ControlLaw, joint: int) -> _Rows | Non
     )
 
 
+@dataclass(frozen=True)
+class _Choice:
+    """Groups that one joint needs, and the fits without and with them; both with a lag."""
+
+    rows: _Rows
+    groups: tuple[str, ...]
+    plain: Fit
+    fit: Fit
+
+    @property
+    def changes(self) -> dict[str, tuple[float, float]]:
+        return _changes(self.fit, self.groups, self.rows)
+
+
+def _longest_lag(choices: Sequence[_Choice], period: float) -> float:
+    """Lag up to which a joint's is no mismatch, s."""
+    longest = LONGEST_LAG * period
+    if len(choices) < 2:
+        return longest
+    common = max(min(choice.changes[LAG][0] for choice in choices), 0.0)
+    return min(longest, common + LARGEST_DIFFERENCE * period)
+
+
 def _apart(bad: NDArray[np.bool_], motion: Motion) -> NDArray[np.bool_]:
     """Decimated samples without a bad one near them, nor near the ends."""
     factor = motion.decimation.factor
@@ -154,7 +181,7 @@ def _stretches(kept: NDArray[np.bool_]) -> list[tuple[int, int]]:
         return []
     cuts = np.flatnonzero(np.diff(places) > 1) + 1
     edges = [0, *cuts.tolist(), len(places)]
-    return list(zip(edges[:-1], edges[1:], strict=True))
+    return list(pairwise(edges))
 
 
 def _noise(motion: Motion, law: ControlLaw, joint: int) -> FloatArray:
@@ -170,24 +197,20 @@ def _noise(motion: Motion, law: ControlLaw, joint: int) -> FloatArray:
     return motion.decimation.whole(table)
 
 
-def _finding(data: Baseline, law: ControlLaw, joint: int, rows: _Rows) -> ControllerFinding | None:
-    configuration = data.prepared.configuration
-    period = configuration.controller.period or 1.0 / data.prepared.motions[0].signals.rate
-    plain = _fit(rows, (), with_lag=True)
+def _choice(rows: _Rows, law: ControlLaw, joint: int, period: float) -> _Choice:
+    """Add the best group until none is worth it, and drop those that are not needed."""
+    plain = fit = _fit(rows, (), with_lag=True)
     chosen: tuple[str, ...] = ()
-    fit = plain
     while True:
-        options = {
-            name: _fit(rows, (*chosen, name), with_lag=True)
-            for name in GROUPS
-            if name not in chosen and _usable(rows.groups[name])
-        }
-        better = {
-            name: other
-            for name, other in options.items()
-            if _worth(rows, fit, other)
-            and _certain(rows, law, joint, (*chosen, name), other, period)
-        }
+        better = {}
+        for name in GROUPS:
+            if name in chosen or not _usable(rows.groups[name]):
+                continue
+            names = (*chosen, name)
+            larger = _fit(rows, names, with_lag=True)
+            certain = _certain(rows, law, joint, names, larger, period)
+            if certain and _worth(rows, fit, larger):
+                better[name] = larger
         if not better:
             break
         name = max(better, key=lambda each: better[each].log_likelihood)
@@ -197,21 +220,24 @@ def _finding(data: Baseline, law: ControlLaw, joint: int, rows: _Rows) -> Contro
         smaller = _fit(rows, rest, with_lag=True)
         if not _worth(rows, smaller, fit):
             chosen, fit = rest, smaller
-    changes = _changes(fit, chosen, rows)
+    return _Choice(rows, chosen, plain, fit)
+
+
+def _finding(
+    data: Baseline, law: ControlLaw, joint: int, choice: _Choice, longest: float
+) -> ControllerFinding | None:
+    rows, fit, base = choice.rows, choice.fit, choice.plain
+    changes = choice.changes
     lag, deviation = changes.pop(LAG)
-    longest = LONGEST_LAG * period
-    base = plain
-    count = len(chosen)
-    if abs(lag) > longest:
-        short = replace(rows, rest=rows.rest + np.clip(lag, -longest, longest) * rows.rate)
-        bounded = _fit(short, chosen, with_lag=False)
-        if abs(lag) - 3.0 * deviation > longest and _worth(rows, bounded, fit):
+    if abs(lag) - 3.0 * deviation > longest:
+        within = float(np.clip(lag, -longest, longest))
+        short = replace(rows, rest=rows.rest + within * rows.rate)
+        if _worth(rows, _fit(short, choice.groups, with_lag=False), fit):
             changes[LAG] = (lag, deviation)
             base = _fit(short, (), with_lag=False)
-            count += 1
     if not changes:
         return None
-    statistic = 2.0 * (fit.log_likelihood - base.log_likelihood)
+    statistic = 2.0 * float(fit.log_likelihood - base.log_likelihood)
     tried = (len(GROUPS) + 1) * len(data.joints)
     before, after = _rms(base), _rms(fit)
     return ControllerFinding(
@@ -219,7 +245,7 @@ def _finding(data: Baseline, law: ControlLaw, joint: int, rows: _Rows) -> Contro
         joint=data.joints[joint],
         parameters=ControllerMismatch().parameters(law, joint, changes),
         statistic=statistic,
-        p_value=min(1.0, tried * float(stats.chi2.sf(statistic, count))),
+        p_value=min(1.0, tried * float(stats.chi2.sf(statistic, len(changes)))),
         share=1.0 - (after / before) ** 2,
         before=before,
         after=after,

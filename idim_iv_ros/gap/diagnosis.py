@@ -15,6 +15,7 @@ from idim_iv_ros.gap.catalogue import STRUCTURAL
 from idim_iv_ros.gap.controller_check import controller_mismatch, why_not_checked
 from idim_iv_ros.gap.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.gap.effects.effect import Place
+from idim_iv_ros.gap.effects.encoder_eccentricity import EncoderEccentricity
 from idim_iv_ros.gap.generic import GENERIC
 from idim_iv_ros.gap.held_out import held_out
 from idim_iv_ros.gap.likelihood import Regression
@@ -132,7 +133,9 @@ def _diagnosed(
     outcome = parametric_causes(data, model.regression, model.fit, parametric)
     causes += parametric_results(data, outcome, floors)
     if ControllerMismatch.name not in without:
-        causes += controller_results(controller_mismatch(data))
+        turned = {c.joint for c in causes if c.effect == EncoderEccentricity.name}
+        findings = [each for each in controller_mismatch(data) if each.joint not in turned]
+        causes += controller_results(findings)
     colours = floor_colours(attribution.refit, [floor.sigma for floor in floors])
     confusability, not_testable = shown_by_motion(
         data, regression, catalogue, colours, dry_friction(data)
@@ -140,7 +143,7 @@ def _diagnosed(
     watch.stage("where", 0.95)
     place = where(data, regression, attribution.refit, floors)
     rest = unexplained(data, model, floors)
-    causes = sorted(causes, key=lambda cause: -_closed(cause, data))
+    causes = _strongest_first(causes, data)
     verdict = verdict_of(causes, rest)
     first, last = (tracked[0], tracked[-1]) if tracked else (None, None)
     return GapResult(
@@ -170,6 +173,22 @@ def _diagnosed(
 
 def _accepted(refused: NotTestable, causes: Sequence[Cause]) -> bool:
     return any((cause.effect, cause.joint) == (refused.effect, refused.joint) for cause in causes)
+
+
+def _strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
+    """Structural causes by their evidence, parametric ones by the gap that they close.
+
+    The kind that holds the cause that closes most of the gap comes first.
+    """
+    structural = [cause for cause in causes if cause.kind == "structural"]
+    parametric = [cause for cause in causes if cause.kind == "parametric"]
+    structural.sort(key=lambda cause: -cause.evidence.statistic)
+    parametric.sort(key=lambda cause: -_closed(cause, data))
+    groups = sorted(
+        [structural, parametric],
+        key=lambda group: -max((_closed(cause, data) for cause in group), default=0.0),
+    )
+    return [*groups[0], *groups[1]]
 
 
 def _closed(cause: Cause, data: Baseline) -> float:

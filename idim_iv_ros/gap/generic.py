@@ -84,7 +84,9 @@ class Stop(Generic):
         reach = _END * (high - low)
         if high <= low:
             return []
-        upper: list[Shape] = [(1.0, float(p)) for p in np.linspace(high - reach, high - 0.02 * reach, 25)]
+        upper: list[Shape] = [
+            (1.0, float(p)) for p in np.linspace(high - reach, high - 0.02 * reach, 25)
+        ]
         return upper + [(-1.0, float(p)) for p in np.linspace(low + 0.02 * reach, low + reach, 25)]
 
     def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:

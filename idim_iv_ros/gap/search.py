@@ -59,6 +59,18 @@ class Candidate:
         return int(next(iter(self.columns.values())).shape[1])
 
     @property
+    def cost(self) -> float:
+        """Of its numbers and of the search: what chance would gain, and more (Schwarz)."""
+        rows = sum(len(self.fit.residuals[joint]) for joint in self.own_joints)
+        return 0.5 * self.numbers * float(np.log(max(rows, 2))) + float(np.log(self.tried))
+
+    @property
+    def own_joints(self) -> tuple[int, ...]:
+        """The joint of the effect, or both of a coupling."""
+        other = self.place.other
+        return (self.place.joint,) if other is None else (self.place.joint, other)
+
+    @property
     def key(self) -> tuple[str, int, int | None]:
         """Effect and place."""
         return self.effect.name, self.place.joint, self.place.other
@@ -127,9 +139,16 @@ class Search:
     def best(self, effect: Effect, place: Place) -> Candidate | None:
         """Return the candidate with its best shape, None where no shape is possible."""
         grid = effect.grid(place, self.extent)
-        if not grid:
-            return None
         scan = self.regression.scan(self.fit)
+        found = [
+            self._best_of(scan, effect, place, branch) for branch in effect.branches(grid) if branch
+        ]
+        present = [candidate for candidate in found if candidate is not None]
+        return max(present, key=lambda each: each.gain - each.cost, default=None)
+
+    def _best_of(
+        self, scan: Scan, effect: Effect, place: Place, grid: list[Shape]
+    ) -> Candidate | None:
         shape, score = self._scan(scan, effect, place, grid, keep=True)
         tried = len(grid)
         if shape is None:

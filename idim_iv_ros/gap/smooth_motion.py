@@ -23,6 +23,7 @@ FloatArray = NDArray[np.float64]
 # Of the decimation cut-off: below this share the measured motion counts.
 _MEASURED_BELOW = 0.9
 _ORDER = 2
+_SMALL = 1e-5  # rad (m), of a numerical derivative
 # Samples for each decimated row at which candidates are computed, at least.
 SAMPLES_PER_ROW = 5
 
@@ -78,6 +79,21 @@ class SmoothMotion:
     def inertia(self) -> FloatArray:
         """(s, n_joints, n_joints) kg m²: mass matrix of the links alone."""
         return mass_matrix(self.robot, self.links, self.position)
+
+    def slope(self, joint: int) -> FloatArray:
+        """(s, n_joints) N m/rad: change of the links' torques as a joint's position moves."""
+        if joint not in self._slopes:
+            position = self.position.copy()
+            position[:, joint] += _SMALL
+            moved = inverse_dynamics(
+                self.robot, self.links, position, self.velocity, self.acceleration
+            )
+            self._slopes[joint] = (moved - self.load) / _SMALL
+        return self._slopes[joint]
+
+    @cached_property
+    def _slopes(self) -> dict[int, FloatArray]:
+        return {}
 
     def moved(self, joint: int, shift: FloatArray, *, links: bool) -> FloatArray:
         """Change of all torques (s, n_joints) when a joint moves by a small `shift` (s,) rad.

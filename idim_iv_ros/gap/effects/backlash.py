@@ -57,12 +57,14 @@ class Backlash(Effect):
             (gap / (1.0 + step), stiffness, damping, load),
             (gap, stiffness * (1.0 + step), damping * root, load),
             (gap, stiffness / (1.0 + step), damping / root, load),
+            (gap, stiffness, damping * (1.0 + 2.0 * step), load),
+            (gap, stiffness, damping / (1.0 + 2.0 * step), load),
         ]
         return [shape for shape in near if _wide(shape)]
 
     def free_numbers(self, shape: Shape) -> int:
-        """Gap and flanks."""
-        return 2
+        """Gap, flanks and their damping."""
+        return 3
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""

@@ -1,7 +1,6 @@
 """What every effect of the catalogue tells about itself."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -77,6 +76,10 @@ class Effect(ABC):
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Shapes to try first."""
 
+    def branches(self, grid: list[Shape]) -> list[list[Shape]]:
+        """Parts of the grid that are searched apart, for shapes of different kinds."""
+        return [grid]
+
     @abstractmethod
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """Torque of unit coefficients, (s, k) by joint: what the motor must bring up more."""
@@ -126,8 +129,3 @@ def logarithmic(low: float, high: float, count: int) -> FloatArray:
 def number(value: float, std: float | None, unit: str) -> EffectParameter:
     """One parameter, as plain floats."""
     return EffectParameter(float(value), None if std is None else float(std), unit)
-
-
-def terms(name: str, values: Sequence[float], unit: str) -> dict[str, EffectParameter]:
-    """Numbered parameters without deviations: name_1, name_2 …"""
-    return {f"{name}_{k}": number(value, None, unit) for k, value in enumerate(values, start=1)}

@@ -83,7 +83,7 @@ class ParameterSpace:
 
     @property
     def size(self) -> int:
-        """d = b + 2 + n_joints."""
+        """Length of a direction: d = b + 2 + n_joints."""
         return len(self.given) + 2 + self.joints
 
     def standard(self, kind: str, joint: int) -> tuple[StandardParameter, FloatArray] | None:

@@ -47,7 +47,13 @@ class PositionDependentFriction(Effect):
             for width in (0.06, 0.15, 0.35)
             for centre in np.linspace(low - _BEYOND * span, high + _BEYOND * span, 31)
         ]
-        return [(float(n),) for n in wave_numbers(place, extent, _PERIODS)] + spots
+        waves_: list[Shape] = [(float(n),) for n in wave_numbers(place, extent, _PERIODS)]
+        return waves_ + spots
+
+    def branches(self, grid: list[Shape]) -> list[list[Shape]]:
+        """Waves and spots: one wave may fit worse than a spot, and two better."""
+        spots = [shape for shape in grid if shape[0] == _SPOT]
+        return [[shape for shape in grid if shape[0] != _SPOT], spots]
 
     def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
         """Nearby wave numbers, centres and widths."""

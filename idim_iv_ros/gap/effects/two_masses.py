@@ -1,7 +1,8 @@
 """Link behind a shaft or a play, driven by the motor's measured motion.
 
-M δ̈ = T(δ, δ̇) − τ: the link moves by δ against the motor, M its inertia about the joint, τ the
-torque that it would need if it followed the motor, T what the transmission gives.
+M δ̈ = T(δ, δ̇) − τ − τ' δ: the link moves by δ against the motor, M its inertia about the joint, τ
+the torque that it would need if it followed the motor, τ' its slope over the position (gravity), T
+what the transmission gives.
 """
 
 import numpy as np
@@ -33,8 +34,10 @@ def transmitted(
     own = np.maximum(inertia[:, joint], _LEAST_INERTIA * most)  # of an estimate, it may be negative
     frequency = np.sqrt(stiffness / float(np.min(own))) / (2.0 * np.pi)
     steps = max(1, int(np.ceil(_STEPS_PER_PERIOD * frequency / motion.rate)))
-    torque, acceleration = _relative(
+    slope = motion.slope(joint)
+    torque, shift, acceleration = _relative(
         np.ascontiguousarray(motion.load[:, joint]),
+        np.ascontiguousarray(slope[:, joint]),
         np.ascontiguousarray(own),
         1.0 / motion.rate,
         stiffness,
@@ -43,7 +46,8 @@ def transmitted(
         steps,
     )
     changes = {
-        other: inertia[:, [other]] * acceleration[:, None] for other in range(inertia.shape[1])
+        other: (inertia[:, other] * acceleration + slope[:, other] * shift)[:, None]
+        for other in range(inertia.shape[1])
     }
     changes[joint] = (torque - motion.load[:, joint])[:, None]
     return changes
@@ -52,16 +56,18 @@ def transmitted(
 @njit(cache=True)
 def _relative(
     load: FloatArray,
+    slope: FloatArray,
     inertia: FloatArray,
     step: float,
     stiffness: float,
     damping: float,
     half_gap: float,
     steps: int,
-) -> tuple[FloatArray, FloatArray]:
-    """Transmitted torque and relative acceleration, (s,) each; starts in static equilibrium."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Torque, shift and its acceleration, (s,) each; starts in static equilibrium."""
     samples = len(load)
     torque, acceleration = np.zeros(samples), np.zeros(samples)
+    moved = np.zeros(samples)
     side = 1.0 if load[0] >= 0.0 else -1.0
     shift = -load[0] / stiffness - side * half_gap
     speed = 0.0
@@ -69,11 +75,12 @@ def _relative(
     for k in range(samples):
         total = 0.0
         rate = 0.0
+        moved[k] = shift
         count = steps if k < samples - 1 else 1
         for i in range(count):
             share = i / steps
             after = min(k + 1, samples - 1)
-            needed = (1.0 - share) * load[k] + share * load[after]
+            needed = (1.0 - share) * load[k] + share * load[after] + slope[k] * shift
             mass = (1.0 - share) * inertia[k] + share * inertia[after]
             bent = shift - min(max(shift, -half_gap), half_gap)
             given = 0.0
@@ -92,4 +99,4 @@ def _relative(
             shift += small * speed
         torque[k] = total / count
         acceleration[k] = rate / count
-    return torque, acceleration
+    return torque, moved, acceleration
