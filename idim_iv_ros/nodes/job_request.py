@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from idim_iv_ros.nodes.identifier_settings import IdentifierSettings
 from idim_iv_ros.nodes.job import Job, JobListener, Task
 
 _MOST_BAGS, _MOST_EFFECTS = 1000, 100
-DIAGNOSIS = "idim_iv_ros.gap.diagnosis"
 RequestedJob = Callable[[Any, IdentifierSettings, Configuration | None, JobListener], Job]
 ESTIMATORS = ("idim-iv", "idim-ls")
 
@@ -71,11 +69,8 @@ def requested_diagnosis(
     Raises
     ------
     UsageError
-        This version has no diagnosis, or as `requested_identification`; effects are looked up by
-        the worker.
+        As `requested_identification`; effects are looked up by the worker.
     """
-    if find_spec(DIAGNOSIS) is None:
-        raise UsageError("diagnose is not part of this version: only identify is")
     if len(request.without) > _MOST_EFFECTS:
         raise UsageError(f"without: {len(request.without)} effects; at most {_MOST_EFFECTS}")
     job = _job("diagnosis", request, settings, configuration, listener)

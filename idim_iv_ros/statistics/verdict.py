@@ -105,8 +105,7 @@ def _rejected(instruments: HypothesisTest, joint: str) -> str:
         )
     return (
         f"{sentence}, {percent:.2g} % of the torque. The model or the control law is wrong "
-        "here and the estimates are biased: look for a missing effect "
-        "(shape of the friction, flexibility, payload)."
+        "here and the estimates are biased: run idim-iv diagnose, which looks for the missing effect."
     )
 
 
@@ -186,7 +185,7 @@ def judge_all(
             "model error here",
             "No joint alone rejects its instruments, but all rows together do "
             f"(p = {instruments.p_value:.2g}): a small model error is shared by several joints, "
-            "look for a physical effect that is missing.",
+            "run idim-iv diagnose, which looks for it.",
         )
     if untold:
         where = "any joint" if len(untold) == len(joints) else _names(untold)

@@ -1,7 +1,6 @@
 """The identifier asked for a diagnosis."""
 
 import json
-from importlib.util import find_spec
 
 import pytest
 from action_msgs.msg import GoalStatus
@@ -10,10 +9,7 @@ from rclpy.action import ActionClient
 from idim_iv_interfaces.action import Diagnose as DiagnoseAction
 from idim_iv_interfaces.msg import GapReport
 from idim_iv_interfaces.srv import Diagnose
-from idim_iv_ros.nodes.job_request import DIAGNOSIS
 
-HERE = find_spec(DIAGNOSIS) is not None
-diagnosing = pytest.mark.skipif(not HERE, reason="this version has no diagnosis")
 LONG = 300.0  # s
 
 
@@ -33,17 +29,6 @@ def action(served):
     client.destroy()
 
 
-@pytest.mark.skipif(HERE, reason="this version has a diagnosis")
-def test_version_without_diagnosis_says_so_in_one_line(served, service, action) -> None:
-    line = "diagnose is not part of this version: only identify is"
-    answer = served.wait(service.call_async(Diagnose.Request(bags=["bag-1.mcap"])))
-    assert (answer.success, answer.message) == (False, line)
-    goal = served.wait(action.send_goal_async(DiagnoseAction.Goal(bags=["bag-1.mcap"])))
-    ended = served.wait(goal.get_result_async())
-    assert (ended.status, ended.result.message) == (GoalStatus.STATUS_ABORTED, line)
-
-
-@diagnosing
 def test_service_answers_with_the_report_and_publishes_it_latched(served, service) -> None:
     request = Diagnose.Request(bags=["bag-1.mcap", "bag-2.mcap"], without=["backlash"])
     answer = served.wait(service.call_async(request), LONG)
@@ -58,7 +43,6 @@ def test_service_answers_with_the_report_and_publishes_it_latched(served, servic
     assert str(served.latched("gap", GapReport)) == str(report)
 
 
-@diagnosing
 def test_action_gives_feedback_and_a_goal_can_be_cancelled(served, action) -> None:
     stages: list[str] = []
     goal = served.wait(
@@ -72,7 +56,6 @@ def test_action_gives_feedback_and_a_goal_can_be_cancelled(served, action) -> No
     assert served.wait(goal.get_result_async()).status == GoalStatus.STATUS_CANCELED
 
 
-@diagnosing
 @pytest.mark.parametrize(
     ("request_", "words"),
     [
