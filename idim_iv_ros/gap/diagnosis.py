@@ -130,7 +130,9 @@ def _diagnosed(
     ]
     causes = structural_causes(data, model, tested, simulations, attribution.tried)
     parametric = [effect for effect in PARAMETRIC if effect.name not in without]
-    outcome = parametric_causes(data, model.regression, model.fit, parametric)
+    # With what has no name, too: it would else pass for wrong numbers.
+    extended, fit = attribution.extended, attribution.fit
+    outcome = parametric_causes(data, extended, fit, parametric)
     causes += parametric_results(data, outcome, floors)
     if ControllerMismatch.name not in without:
         turned = {c.joint for c in causes if c.effect == EncoderEccentricity.name}

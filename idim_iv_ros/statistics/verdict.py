@@ -105,7 +105,8 @@ def _rejected(instruments: HypothesisTest, joint: str) -> str:
         )
     return (
         f"{sentence}, {percent:.2g} % of the torque. The model or the control law is wrong "
-        "here and the estimates are biased: run idim-iv diagnose, which looks for the missing effect."
+        "here and the estimates are biased: run idim-iv diagnose, which looks for the missing "
+        "effect."
     )
 
 

@@ -44,7 +44,7 @@ def test_rejected_is_a_model_error_whatever_the_residual(white, coloured):
         judged = judge_joint(rejected(12.0), residual)
         assert judged.verdict == "model error here"
         assert "12 % of the torque" in judged.sentence
-        assert "missing effect" in judged.sentence
+        assert "run idim-iv diagnose" in judged.sentence
 
 
 def test_a_tiny_deviation_is_still_a_model_error_and_is_not_called_harmless(white):
