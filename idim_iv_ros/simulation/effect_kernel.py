@@ -264,7 +264,7 @@ def _drive_torque(
 
     `sign`: direction in which the joint moves, or would.
     """
-    total = plant.offset[joint] + effects.inertial[joint] + sign * effects.model_level[joint]
+    total: float = plant.offset[joint] + effects.inertial[joint] + sign * effects.model_level[joint]
     for j in range(speed.shape[0]):
         total += effects.model_damping[joint, j] * speed[j]
     for c in range(speed.shape[0], mode.shape[0]):

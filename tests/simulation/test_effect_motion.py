@@ -356,6 +356,54 @@ def test_the_robots_own_gains_and_feedforward_replace_those_configured():
     np.testing.assert_allclose(result.torque, command, atol=1e-9)
 
 
+def test_the_command_lags_behind_the_law_as_through_a_first_order_filter():
+    arm = arm2(seconds=2.0)
+    result = simulate_closed_loop(
+        arm.robot, arm.truth, arm.law, rate=arm.rate,
+        position_reference=arm.position_reference, velocity_reference=arm.velocity_reference,
+        initial_position=arm.position_reference[0], initial_velocity=arm.velocity_reference[0],
+        effects=[SimulatedEffect("controller_mismatch", "joint_2", {"lag": 4e-3})],
+    )  # fmt: skip
+    law = arm.law.kp * (arm.position_reference - result.position) + arm.law.kd * (
+        arm.velocity_reference - result.velocity
+    )
+    kept = np.exp(-1e-3 / 4e-3)
+    expected = law.copy()
+    for k in range(1, len(law)):
+        expected[k, 1] = kept * expected[k - 1, 1] + (1.0 - kept) * law[k, 1]
+    np.testing.assert_allclose(result.torque, expected, atol=1e-9)
+    assert np.abs(expected - law).max() > 0.1
+
+
+@pytest.mark.parametrize(("driving", "breaks_at"), [(0.0, 2.0), (0.5, 3.0)])
+def test_friction_that_follows_the_motor_holds_up_to_its_share_of_what_the_model_needs(
+    driving, breaks_at
+):
+    """Fc = 2 on a disc without gravity: at rest the model needs 2, and half of it comes on top."""
+    robot, parameters = disc(coulomb=2.0)
+    load = on(robot, "load_dependent_friction", driving=driving, driven=driving, motor_torque=1.0)
+    result = driven(robot, parameters, np.linspace(1.0, 3.2, 3000), load)
+    first = np.flatnonzero(result.velocity)[0]
+    assert result.torque[first - 1, 0] == pytest.approx(breaks_at, abs=2e-3)
+    assert np.all(np.diff(result.velocity[first:, 0]) > 0.0)
+
+
+def test_discs_slow_down_under_a_coupling_that_goes_with_the_root_of_their_speed():
+    """Two discs turn against each other: dw/dt = −2 c √w, which ends at rest and stays there."""
+    robot, parameters = disc(1.0, joints=2)
+    result = driven(
+        robot, parameters, np.zeros((1500, 2)),
+        on(robot, "joint_coupling", 1, direction=-1.0, viscous=0.7, power=0.5),
+        initial_velocity=np.array([0.4, -0.6]),
+    )  # fmt: skip
+    time = np.arange(1500) / 1000.0
+    expected = np.maximum(1.0 - 0.7 * time, 0.0) ** 2
+    relative = result.velocity[:, 0] - result.velocity[:, 1]
+    np.testing.assert_allclose(relative, expected, atol=1e-3)
+    np.testing.assert_allclose(result.velocity.sum(axis=1), -0.2, atol=1e-9)
+    assert np.all(relative[1450:] == 0.0)
+
+
 def test_a_pair_that_only_the_coupling_holds_moves_together():
     """Two discs, one pushed: below the coupling's level they turn as one."""
     robot, parameters = disc(1.0, joints=2)

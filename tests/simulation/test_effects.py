@@ -92,6 +92,18 @@ FORMULAS = {
         {"constant": 0.5, "linear": 2.0, "quadratic": -0.4, "cubic": 1.0, "highest": 0.5},
         lambda q, v, t: np.polyval([1.0, -0.4, 2.0, 0.5], np.minimum(q, 0.5)),
     ),
+    "spring that hardens": (
+        {
+            "constant": 0.3, "linear": 1.0, "bent": 0.2, "centre": 0.4, "width": 0.25,
+            "hardening": 1.0, "lowest": 0.0, "highest": 1.0,
+        },
+        lambda q, v, t: np.polyval([1.0, 0.3], np.clip(q, 0.0, 1.0))
+        + 0.2 * np.sinh((np.clip(q, 0.0, 1.0) - 0.4) / 0.25),
+    ),
+    "spring that softens": (
+        {"bent": -0.6, "centre": 0.3, "width": 0.1, "hardening": 0.0},
+        lambda q, v, t: -0.6 * np.arctan((q - 0.3) / 0.1),
+    ),
 }  # fmt: skip
 
 
@@ -99,7 +111,7 @@ FORMULAS = {
 @pytest.mark.parametrize("name", FORMULAS)
 def test_acting_torque_is_the_model_plus_the_formula(arm, name, joint):
     parameters, formula = FORMULAS[name]
-    effect = "nonlinear_viscous" if name.startswith("drag") else name
+    effect = {"drag": "nonlinear_viscous", "spring": "spring"}.get(name.split()[0], name)
     result = followed(arm, on(joint, effect, **parameters), start_time=1.5)
     extra, moving = surplus(arm, result)
     time = np.arange(len(result.position)) / arm.rate
@@ -123,6 +135,39 @@ def test_coupling_opposes_the_sum_or_difference_of_two_speeds_on_both_joints(arm
     expected = np.column_stack([direction * f, f])
     np.testing.assert_allclose(extra[slipping], expected[slipping], atol=1e-9)
     assert slipping.sum() > 2000
+
+
+@pytest.mark.parametrize(
+    ("coulomb", "viscous", "power"),
+    [(0.3, 0.4, 0.5), (0.0, 0.6, 0.7), (0.2, 0.3, 1.6), (-0.2, 0.5, 1.3), (0.6, -0.2, 0.8)],
+)
+def test_coupling_with_a_power_resists_with_the_sum_of_its_parts(arm, coulomb, viscous, power):
+    """A part with the other sign is taken from it: the sum is kept from driving."""
+    parts = {"direction": -1.0, "coulomb": coulomb, "viscous": viscous, "power": power}
+    result = followed(arm, on(0, "joint_coupling", "joint_2", **parts))
+    extra, moving = surplus(arm, result)
+    w = result.velocity[moving, 0] - result.velocity[moving, 1]
+    f = np.maximum(coulomb + viscous * np.abs(w) ** power, 0.0) * np.sign(w)
+    slipping = w != 0.0
+    assert slipping.sum() > 2000
+    np.testing.assert_allclose(extra[slipping], np.column_stack([f, -f])[slipping], atol=1e-8)
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_friction_follows_the_torque_of_the_motor(arm, joint):
+    """That of the model: other effects are not in it, nor is the friction itself."""
+    law = {"driving": 0.15, "driven": 0.05, "exponent": 0.8, "scale": 10.0, "motor_torque": 1.0}
+    spring = on(joint, "spring", constant=1.0)
+    result = followed(arm, on(joint, "load_dependent_friction", **law), spring)
+    extra, moving = surplus(arm, result)
+    motion = (result.position, result.velocity, result.acceleration)
+    load = inverse_dynamics(arm.robot, arm.truth, *motion)[moving, joint]
+    v = result.velocity[moving, joint]
+    share = np.where(load * v > 0.0, 0.15, 0.05)
+    expected = 1.0 + np.sign(v) * 10.0 * (np.abs(load) / 10.0) ** 0.8 * share
+    error = extra[:, joint] - expected
+    assert np.sqrt(np.mean(error**2)) < 0.01 * np.std(expected)
+    np.testing.assert_allclose(extra[:, 1 - joint], 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("joint", [0, 1])
@@ -245,6 +290,13 @@ def test_friction_that_only_the_sum_keeps_from_driving_is_simulated_whole(arm):
             SimulatedEffect("joint_coupling", "joint_1", {"direction": 2.0}, "joint_2"),
             ["direction", "1 or -1"],
         ),
+        (SimulatedEffect("spring", "joint_1", {"hardening": 2.0}), ["hardening", "0 or 1"]),
+        (SimulatedEffect("spring", "joint_1", {"width": 0.0}), ["width", "positive"]),
+        (
+            SimulatedEffect("load_dependent_friction", "joint_1", {"motor_torque": 0.5}),
+            ["motor_torque", "0 or 1"],
+        ),
+        (SimulatedEffect("controller_mismatch", "joint_1", {"lag": -1e-3}), ["lag", "negative"]),
         (SimulatedEffect("time_delay", "joint_1", {"delay": -1.0}), ["delay", "negative"]),
         (SimulatedEffect("elasticity", "joint_1", {"stiffness": -1.0}), ["stiffness", "positive"]),
         (

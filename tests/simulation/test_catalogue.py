@@ -1,0 +1,205 @@
+"""Simulator and diagnosis mean the same by each effect of the catalogue: names and torques."""
+
+import dataclasses
+import re
+from functools import cache
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.gap.catalogue import STRUCTURAL
+from idim_iv_ros.gap.effects.effect import Extent, Place
+from idim_iv_ros.gap.smooth_motion import SmoothMotion
+from idim_iv_ros.signals import ParallelDecimation
+from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, simulate_closed_loop
+from idim_iv_ros.simulation.effects import PARAMETERS, joint_effects
+from tests.simulated_arms import arm2
+
+BY_NAME = {effect.name: effect for effect in STRUCTURAL}
+JOINTS = ("joint_1", "joint_2")
+
+# Known to the simulator alone: nothing of these is a torque of the motion.
+SIMULATED_ONLY = {"controller_mismatch", "torque_gain"}
+
+
+@cache
+def arm():
+    return arm2(seconds=3.0)
+
+
+def smooth(position, velocity, acceleration, rate):
+    one = arm()
+    nothing = np.zeros(2)
+    links = dataclasses.replace(
+        one.truth, drive_inertia=nothing, viscous=nothing, coulomb=nothing, offset=nothing
+    )
+    return SmoothMotion(
+        robot=one.robot,
+        links=links,
+        whole=one.truth,
+        rate=rate,
+        time=np.arange(len(position)) / rate,
+        position=position,
+        velocity=velocity,
+        acceleration=acceleration,
+        slip=np.sign(velocity),
+        decimation=ParallelDecimation(1, len(position), 0.8),
+        kept=np.ones(position.shape, dtype=bool),
+    )
+
+
+def reference_motion(samples):
+    one = arm()
+    velocity = one.velocity_reference[1000 : 1000 + samples]
+    acceleration = np.gradient(velocity, 1.0 / one.rate, axis=0)
+    return smooth(one.position_reference[1000 : 1000 + samples], velocity, acceleration, one.rate)
+
+
+EXTENT = Extent(
+    low=np.array([-1.0, -1.0]),
+    high=np.array([1.5, 1.5]),
+    slowest=np.array([0.05, 0.05]),
+    fastest=np.array([2.0, 2.0]),
+    load=np.array([30.0, 8.0]),
+    torque=np.array([40.0, 12.0]),
+    inertia=np.array([2.0, 0.3]),
+    duration=60.0,
+    row_rate=40.0,
+)
+
+
+def reported(effect, place, shape, coefficients):
+    """What a gap.json would hold."""
+    found = effect.parameters(shape, np.asarray(coefficients), np.zeros(len(coefficients)))
+    return {name: parameter.value for name, parameter in found.items()}
+
+
+def simulated(effect, place, parameters):
+    other = None if place.other is None else JOINTS[place.other]
+    return SimulatedEffect(effect.name, JOINTS[place.joint], parameters, other)
+
+
+def test_simulator_and_catalogue_have_the_same_effects():
+    assert set(PARAMETERS) - SIMULATED_ONLY == set(BY_NAME) - SIMULATED_ONLY
+
+
+@pytest.mark.parametrize("name", BY_NAME)
+def test_simulator_and_catalogue_have_the_same_parameters(name):
+    """Of every kind of shape on the grid; a parameter of one side alone fails."""
+    effect = BY_NAME[name]
+    place = effect.places(2)[0]
+    motion = reference_motion(12)
+    names = set()
+    for shape in effect.grid(place, EXTENT):
+        columns = effect.columns(motion, place, shape)[place.joint]
+        values = reported(effect, place, shape, np.ones(columns.shape[1]))
+        joint_effects([simulated(effect, place, values)], JOINTS)
+        names |= set(values)
+    known = PARAMETERS[name]
+    assert {key if key in known else re.sub(r"_[1-9]\d*$", "_k", key) for key in names} == set(
+        known
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """Shape and coefficients of one effect; rms of the difference as a share of the effect's."""
+
+    effect: str
+    shape: tuple[float, ...]
+    coefficients: tuple[float, ...]
+    tolerance: float = 1e-6
+    joint: int = 0
+
+    @property
+    def place(self):
+        return Place(0, 1) if self.effect == "joint_coupling" else Place(self.joint)
+
+
+CASES = [
+    Case("stribeck", (0.3, 1.4), (0.5,)),
+    Case("nonlinear_viscous", (0.5,), (0.4,)),
+    Case("nonlinear_viscous", (2.0,), (0.2,), joint=1),
+    Case("asymmetric_friction", (1.0,), (0.3, -0.2)),
+    # The load is that of the step before: late where the torque steps.
+    Case("load_dependent_friction", (0.8, 10.0, 1.0, 0.0), (0.08, 0.04), 2e-3),
+    Case("load_dependent_friction", (1.0, 10.0, 0.0, 1.0), (0.08,), 2e-3),
+    Case("load_dependent_friction", (0.6, 10.0, 1.0, 1.0), (0.04, 0.08), 5e-3, joint=1),
+    Case("position_dependent_friction", (3.0, 7.0), (0.2, -0.1, 0.1, 0.1)),
+    Case("position_dependent_friction", (-1.0, 0.4, 0.2), (0.4,), joint=1),
+    Case("friction_drift", (2.0,), (0.4, 0.3)),
+    # Between two samples a bristle may begin to slide.
+    Case("presliding", (2e-3, 1e-2), (0.3, 0.2), 1e-3),
+    # Two masses: the catalogue takes the inertia of the link's shift alone, not what the shift
+    # changes of gravity (softer shafts differ more), and sees the motor between the samples as a
+    # straight line, which lightly damped flanks amplify from one impact to the next.
+    Case("backlash", (5e-4, 1e4, 10.0, 30.0), (1.0,), 0.2),
+    Case("backlash", (2e-3, 1e3, 4.0, 8.0), (1.0,), 0.35, joint=1),
+    Case("elasticity", (1e4, 8.0), (1.0,), 0.12),
+    Case("elasticity", (2e3, 2.0), (1.0,), 0.12, joint=1),
+    # The catalogue goes by the torque's derivatives, the simulation holds torques for a period.
+    Case("time_delay", (2e-3,), (1.0,), 2e-3),
+    # The mean of both sides of a step across the knee bends a little earlier.
+    Case("torque_saturation", (6.0,), (0.3,), 1e-3),
+    Case("position_ripple", (40.0, 80.0), (0.5, 0.2, 0.1, 0.0)),
+    Case("spring", (0.0, -1.0, 0.5, 0.0, 1.0), (0.3, 1.0, -0.4, 0.5)),
+    Case("spring", (1.0, 0.0, 1.0, 0.4, 0.3), (0.3, 1.0, 0.2)),
+    Case("spring", (2.0, 0.0, 1.0, 0.4, 0.2), (0.3, -1.0, 0.5), joint=1),
+    # First order in the error, and the acceleration that the encoder shows is a difference.
+    Case("encoder_eccentricity", (2.0,), (3e-3, -2e-3, 1e-3, 5e-4), 0.02),
+    Case("joint_coupling", (1.0, 1.0), (0.4, 0.2)),
+    Case("joint_coupling", (-1.0, 0.6), (0.2, 0.4)),
+    Case("joint_coupling", (-1.0, 1.5), (0.2, 0.4)),
+]
+
+
+def started_at_rest(one):
+    """The law with the torque that holds the arm at its start: no fall that lets shafts ring."""
+    still = np.zeros((1, 2))
+    held = inverse_dynamics(one.robot, one.truth, one.position_reference[:1], still, still)
+    feedforward = np.repeat(held, len(one.position_reference), axis=0)
+    return dataclasses.replace(one.law, feedforward=feedforward)
+
+
+def compare(case):
+    one, effect = arm(), BY_NAME[case.effect]
+    values = reported(effect, case.place, case.shape, case.coefficients)
+    result = simulate_closed_loop(
+        one.robot, one.truth, started_at_rest(one), rate=one.rate,
+        position_reference=one.position_reference, velocity_reference=one.velocity_reference,
+        initial_position=one.position_reference[0], initial_velocity=one.velocity_reference[0],
+        effects=[simulated(effect, case.place, values)],
+    )  # fmt: skip
+    assert result.diverged is None
+    velocity = result.measured_velocity
+    acceleration = result.acceleration
+    # Shown by the encoder; or integrated by the catalogue, which a stop between samples disturbs.
+    if case.effect in ("encoder_eccentricity", "elasticity", "backlash"):
+        acceleration = np.gradient(velocity, 1.0 / one.rate, axis=0)
+    motion = smooth(result.measured_position, velocity, acceleration, one.rate)
+    torque = result.applied_torque
+    if case.effect in ("time_delay", "torque_saturation"):
+        torque = result.torque.copy()  # as of `applied_torque`, mean of both sides of the sample
+        torque[1:] = 0.5 * (result.torque[1:] + result.torque[:-1])
+    needed = inverse_dynamics(
+        one.robot, one.truth, motion.position, motion.velocity, motion.acceleration
+    )
+    extra = torque - needed
+    expected = np.zeros_like(extra)
+    for joint, columns in effect.columns(motion, case.place, case.shape).items():
+        expected[:, joint] = columns @ np.asarray(case.coefficients)
+    w = velocity[:, 0] + np.array([1.0, -1.0])[:, None] * velocity[:, 1]
+    turning = np.any(np.abs(np.column_stack([velocity, *w])) < 0.02, axis=1)
+    away = np.convolve(turning, np.ones(11), "same") == 0.0
+    away[-20:] = False  # a delayed torque is not known there
+    return extra[away], expected[away]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.effect} {case.shape}")
+def test_torque_of_the_simulation_is_that_of_the_catalogue(case):
+    extra, expected = compare(case)
+    assert len(extra) > 1000
+    size = np.sqrt(np.mean(expected**2))
+    assert size > 0.01
+    error = np.sqrt(np.mean((extra - expected) ** 2))
+    assert error < case.tolerance * size
