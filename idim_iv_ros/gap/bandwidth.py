@@ -20,8 +20,8 @@ _POSITION_OVER_DECIMATION = 2.5  # the paper's ratio
 # Noise of the acceleration may add this share to the standard deviation of the torque's.
 _NOISE_SHARE = 0.5
 _SEGMENT = 2.0  # s
-# Rows on either side of a reversal that do not count: rows are denser here than in `identify`.
-_MARGIN = 1.0
+# Rows beside a reversal count: the friction in the model sticks as the simulated one does.
+_MARGIN = 0.0
 
 
 def widened(recordings: Sequence[Recording], configuration: Configuration) -> Configuration:
@@ -53,7 +53,7 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
         update={
             "position_cutoff": position,
             "decimation_cutoff": min(cutoff, position),
-            "reversal_margin": max(processing.reversal_margin, _MARGIN),
+            "reversal_margin": _MARGIN,
         }
     )
     return configuration.model_copy(update={"processing": changed})
