@@ -15,6 +15,9 @@ from idim_iv_ros.gap.likelihood import Fit, Regression
 from idim_iv_ros.gap.result import Cause, EffectParameter, Evidence, Gap, Rival
 from idim_iv_ros.simulation import SimulatedEffect
 
+# Of the residual's energy that the stronger effect at a joint closes.
+LEAST_BESIDE = 0.03
+
 
 @dataclass(frozen=True)
 class NamedModel:
@@ -54,12 +57,42 @@ def named_model(attribution: Attribution) -> NamedModel:
             set(other.candidate.columns) & set(each.candidate.columns) for other in nameless
         ):
             kept.append(each)
+    model = _built(attribution, kept, nameless)
+    small = _corrections(model)
+    if small:
+        model = _built(attribution, [each for each in kept if each not in small], nameless)
+    return model
+
+
+def _built(
+    attribution: Attribution, found: Sequence[Found], nameless: Sequence[Found]
+) -> NamedModel:
     regression = attribution.regression
     fits = [attribution.refit]
-    for each in kept:
+    for each in found:
         regression = regression.with_columns(each.candidate.columns)
         fits.append(regression.fit(fits[-1].colours, steps=2))
-    return NamedModel(tuple(kept), tuple(nameless), regression, tuple(fits))
+    return NamedModel(tuple(found), tuple(nameless), regression, tuple(fits))
+
+
+def _corrections(model: NamedModel) -> list[Found]:
+    """Effects that close almost nothing beside a stronger one at the same joint.
+
+    They correct the shape that the catalogue gives the stronger one.
+    """
+    closed = []
+    for each, before, after in zip(model.found, model.fits[:-1], model.fits[1:], strict=True):
+        joint = each.candidate.place.joint
+        energy = [float(fit.residuals[joint] @ fit.residuals[joint]) for fit in (before, after)]
+        closed.append((joint, energy[0] - energy[1], each.candidate.gain))
+    return [
+        each
+        for each, (joint, energy, gain) in zip(model.found, closed, strict=True)
+        if any(
+            other == joint and larger > gain and energy < LEAST_BESIDE * best
+            for other, best, larger in closed
+        )
+    ]
 
 
 def effect_parameters(model: NamedModel, number: int) -> dict[str, EffectParameter]:
