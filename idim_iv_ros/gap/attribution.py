@@ -10,6 +10,7 @@ from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.effects.effect import Effect, Place
 from idim_iv_ros.gap.generic import Generic
 from idim_iv_ros.gap.likelihood import Fit, Regression, Scan
+from idim_iv_ros.gap.motion_limits import cannot_show
 from idim_iv_ros.gap.search import Candidate, Grids, Search, extent
 
 FloatArray = NDArray[np.float64]
@@ -168,6 +169,7 @@ def _all(
         for effect in catalogue
         for place in effect.places(len(search.data.joints))
         if (effect.name, place.joint, place.other) not in taken
+        and not cannot_show(effect.name, place.joint, search.extent)
     ]
     for number, (effect, place) in enumerate(jobs):
         if (effect, place) in known:

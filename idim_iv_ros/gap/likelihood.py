@@ -21,6 +21,7 @@ Columns = Mapping[int, FloatArray]
 
 _LARGEST_ORDER = 10
 _STEPS = 3
+_LARGEST_ENERGY = 1e100
 _RIDGE = 1e-10  # of a column's energy: keeps columns that depend on others from blowing up
 # A candidate of which less than this share is left beside the model cannot be told from it.
 LEAST_INDEPENDENT = 1e-4
@@ -230,7 +231,7 @@ class Scan:
         """
         white = self.whiten(columns)
         energy = self.energy(white)
-        if not np.isfinite(energy).all():
+        if not (energy < _LARGEST_ENERGY).all():  # infinite, not a number, or nearly so
             return 0.0, np.zeros(len(energy))
         normal = self.normal(white, white)
         usable = np.diag(normal) > LEAST_INDEPENDENT * energy

@@ -12,6 +12,7 @@ from idim_iv_ros.gap.likelihood import Colour, Columns, Fit, Regression, Scan
 
 FloatArray = NDArray[np.float64]
 
+_LEVER = 0.1  # m
 _STEPS = (0.3, 0.15, 0.07)
 _CHANGES = 4  # of a shape at each step, at most
 # One term more must bring this many times what it would by chance.
@@ -79,6 +80,7 @@ class Candidate:
 def extent(data: Baseline) -> Extent:
     """What the recordings cover."""
     motions = data.motions
+    kinds = data.prepared.model.robot.joint_types
     speed = np.max([np.abs(m.velocity).max(axis=0) for m in motions], axis=0)
     return Extent(
         low=np.min([m.position.min(axis=0) for m in motions], axis=0),
@@ -90,6 +92,7 @@ def extent(data: Baseline) -> Extent:
         inertia=np.mean([np.einsum("sii->i", m.inertia) / len(m.time) for m in motions], axis=0),
         duration=float(max(m.time[-1] for m in motions)),
         row_rate=data.row_rate,
+        lever=np.array([1.0 if kind == "revolute" else _LEVER for kind in kinds]),
     )
 
 
@@ -167,6 +170,8 @@ class Search:
                 break
             shape, score = more, higher
         columns = rows_of(self.data, effect, place, [shape])[0]
+        if not all(np.isfinite(rows).all() for rows in columns.values()):
+            return None
         return self._fitted(effect, place, shape, columns, tried)
 
     def _fitted(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.effects.effect import Effect, Extent, Place, Shape
 from idim_iv_ros.gap.likelihood import Colour, Columns, Fit, Regression, Scan
+from idim_iv_ros.gap.motion_limits import cannot_show
 from idim_iv_ros.gap.result import Confusability, EffectParameter, NotTestable
 from idim_iv_ros.gap.search import extent, rows_of
 
@@ -20,12 +21,7 @@ _NONCENTRALITY = 20.0
 _LEAST_SHARE = 0.01
 _ABSORBED = 0.995
 _SHAPES = 4
-_LEAST_SESSION = 20.0  # s, for a drift
-_LEAST_TURN = 0.5  # rad, for an error of once a turn
-_LEAST_RANGE = 0.01  # rad (m)
 # Stribeck speeds of arms are 0.02 to 0.3 rad/s: a joint must move beyond their middle, and
-# viscous friction is straight over a range of speeds this small.
-_LEAST_SPEED = 0.25  # rad/s (m/s)
 _TINY = 1e-12
 
 
@@ -114,11 +110,10 @@ def shown_by_motion(
     rows = [len(joint.torque) for joint in regression.joints]
     tables, refused = [], []
     for joint, name in enumerate(data.joints):
-        moving = _moves(covered, joint)
         candidates = []
         for effect in catalogue:
             for place in _places(effect, joint, len(data.joints)):
-                reason = _special(effect, joint, covered, moving)
+                reason = cannot_show(effect.name, joint, covered)
                 made = None if reason else _candidate(data, effect, place, covered)
                 if made is None:
                     reason = reason or "no shape of it is possible on this motion"
@@ -174,28 +169,6 @@ def _without_torque(regression: Regression, colours: Sequence[Colour]) -> Fit:
         residuals=tuple(np.zeros(len(rows.torque)) for rows in regression.joints),
         log_likelihood=0.0,
     )
-
-
-def _moves(covered: Extent, joint: int) -> bool:
-    return bool(
-        covered.high[joint] - covered.low[joint] > _LEAST_RANGE
-        and covered.fastest[joint] > 1.5 * covered.slowest[joint]
-    )
-
-
-def _special(effect: Effect, joint: int, covered: Extent, moving: bool) -> str:
-    """Why an effect cannot be seen whatever its size; empty where it may be."""
-    span = float(covered.high[joint] - covered.low[joint])
-    if not moving:
-        return f"the joint hardly moves ({span:.2g} rad)"
-    if effect.name == "friction_drift" and covered.duration < _LEAST_SESSION:
-        return f"the session lasts {covered.duration:.2g} s: no warm-up shows in that"
-    if effect.name == "encoder_eccentricity" and span < _LEAST_TURN:
-        return f"the joint turns {span:.2g} rad: an error of once a turn looks constant"
-    fastest = float(covered.fastest[joint])
-    if effect.name in ("stribeck", "nonlinear_viscous") and fastest < _LEAST_SPEED:
-        return f"the joint moves at most {fastest:.2g} rad/s: too slow to show how friction bends"
-    return ""
 
 
 def _places(effect: Effect, joint: int, joints: int) -> list[Place]:

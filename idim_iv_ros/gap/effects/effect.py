@@ -40,6 +40,8 @@ class Extent:
         s, from the start of the first to the end of the last recording.
     row_rate : float
         Hz.
+    lever : (n_joints,)
+        1 for revolute joints, 0.1 for prismatic ones: metres that count as a radian.
     """
 
     low: FloatArray
@@ -51,6 +53,7 @@ class Extent:
     inertia: FloatArray
     duration: float
     row_rate: float
+    lever: FloatArray
 
 
 class Effect(ABC):
