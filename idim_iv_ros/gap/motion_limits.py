@@ -21,8 +21,8 @@ def cannot_show(effect: str, joint: int, covered: Extent) -> str:
         return f"the joint hardly moves ({span:.2g} {length})"
     if fastest < _LEAST_FASTEST * lever:
         return (
-            f"the joint moves at most {fastest:.2g} {length}/s: it sticks so often that nothing can "
-            "be told from its dry friction"
+            f"the joint moves at most {fastest:.2g} {length}/s: it sticks so often that nothing "
+            "can be told from its dry friction"
         )
     if effect == "friction_drift" and covered.duration < _LEAST_SESSION:
         return f"the session lasts {covered.duration:.2g} s: no warm-up shows in that"
