@@ -43,6 +43,7 @@ from idim_iv_ros.gap.tracking import (
 from idim_iv_ros.gap.unexplained import unexplained
 from idim_iv_ros.gap.verdict import summary_of, verdict_of
 from idim_iv_ros.gap.where import given_residuals, given_values, picked, reversal_distances, where
+from idim_iv_ros.gap.wrong_numbers import WRONG_NUMBERS
 from idim_iv_ros.preparation import read_configured
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.stopwatch import Progress, Stopwatch
@@ -110,7 +111,8 @@ def _diagnosed(
     regression = smooth_regression(data)
     watch.stage("attribution", 0.2)
     catalogue = [effect for effect in STRUCTURAL if effect.name not in without]
-    attribution = attribute(data, regression, [*catalogue, *GENERIC], watch.progress)
+    wrong = [effect for effect in WRONG_NUMBERS if effect.name not in without]
+    attribution = attribute(data, regression, [*catalogue, *wrong, *GENERIC], watch.progress)
     model = named_model(attribution)
     watch.stage("held-out gaps", 0.8)
     repeats = repeats_of(data)
@@ -131,8 +133,7 @@ def _diagnosed(
     causes = structural_causes(data, model, tested, simulations, attribution.tried)
     parametric = [effect for effect in PARAMETRIC if effect.name not in without]
     # With what has no name, too: it would else pass for wrong numbers.
-    extended, fit = attribution.extended, attribution.fit
-    outcome = parametric_causes(data, extended, fit, parametric)
+    outcome = parametric_causes(data, model.whole, model.whole.fit(model.fit.colours), parametric)
     causes += parametric_results(data, outcome, floors)
     if ControllerMismatch.name not in without:
         turned = {c.joint for c in causes if c.effect == EncoderEccentricity.name}

@@ -22,6 +22,7 @@ Columns = Mapping[int, FloatArray]
 _LARGEST_ORDER = 10
 _STEPS = 3
 _LARGEST_ENERGY = 1e100
+_LEAST_ENERGY = 1e-30  # of a whitened column that is not nothing
 _RIDGE = 1e-10  # of a column's energy: keeps columns that depend on others from blowing up
 # A candidate of which less than this share is left beside the model cannot be told from it.
 LEAST_INDEPENDENT = 1e-4
@@ -234,11 +235,13 @@ class Scan:
         if not (energy < _LARGEST_ENERGY).all():  # infinite, not a number, or nearly so
             return 0.0, np.zeros(len(energy))
         normal = self.normal(white, white)
-        usable = np.diag(normal) > LEAST_INDEPENDENT * energy
+        usable = np.diag(normal) > np.maximum(LEAST_INDEPENDENT * energy, _LEAST_ENERGY)
         coefficients = np.zeros(len(energy))
         if not usable.any():
             return 0.0, coefficients
         inner = normal[np.ix_(usable, usable)]
+        if not np.isfinite(inner).all():
+            return 0.0, coefficients
         right = self.right(white)[usable]
         factor, scale = _factor(inner, 1e-6)
         solution = scale * cho_solve(factor, scale * right)

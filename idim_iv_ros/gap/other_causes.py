@@ -75,7 +75,7 @@ def _parametric_sentence(cause: ParametricCause) -> str:
     words = cause.effect.name.replace("_", " ")
     place = f" of {cause.joint}" if cause.joint else ""
     text = (
-        f"the given {words}{place} is wrong: {_numbers(cause.parameters)}; this alone takes "
+        f"the given {words}{place} is wrong: {_numbers(cause.parameters)}; this takes "
         f"{100.0 * cause.share:.0f} % of the energy of the given model's gap"
     )
     if cause.rivals:

@@ -1,7 +1,7 @@
 """Which given numbers are wrong: the change from the given to the fitted parameters."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,9 +63,9 @@ class ParametricCause:
     part : float
         Of the explainable change that this cause explains beside the others, 0 to 1.
     share : float
-        Of the energy of the given model's gap that goes, each joint by its torque.
+        Of the energy of the given model's gap that goes with it, each joint by its torque.
     before, after : (n_joints,)
-        RMS of the given model's residual, and with this cause alone, N m (N).
+        RMS of the residual with the causes before this one, and with it, N m (N).
     rivals : tuple of Rival
     """
 
@@ -284,7 +284,8 @@ def _causes(
     catalogue: Sequence[ParametricEffect],
     excess: float,
 ) -> tuple[ParametricCause, ...]:
-    causes = []
+    causes: list[ParametricCause] = []
+    found: list[_Hypothesis] = []
     count = len({each.key for each in _hypotheses(changes, catalogue)})
 
     def name(joint: int | None) -> str | None:
@@ -323,7 +324,27 @@ def _causes(
                 rivals=tuple(rivals),
             )
         )
-    return tuple(sorted(causes, key=lambda cause: -cause.statistic))
+        found.append(hypothesis)
+    order = sorted(range(len(causes)), key=lambda place: -causes[place].statistic)
+    return _one_after_the_other(changes, [(causes[k], found[k]) for k in order])
+
+
+def _one_after_the_other(
+    changes: ChangeRegression, causes: Sequence[tuple[ParametricCause, _Hypothesis]]
+) -> tuple[ParametricCause, ...]:
+    """Gap before and after each cause, beside those before it."""
+    sorted_causes: list[ParametricCause] = []
+    together: list[Change] = []
+    before, _ = changes.rms(np.zeros(changes.space.size))
+    share = 0.0
+    for cause, hypothesis in causes:
+        together += hypothesis.changes
+        contribution = changes.explain(together).contributions.sum(axis=1)
+        _, after = changes.rms(contribution)
+        whole = changes.share(contribution)
+        sorted_causes.append(replace(cause, before=before, after=after, share=whole - share))
+        before, share = after, whole
+    return tuple(sorted_causes)
 
 
 def _correlation(

@@ -13,6 +13,7 @@ from idim_iv_ros.gap.generic import Generic
 from idim_iv_ros.gap.held_out import HeldOut
 from idim_iv_ros.gap.likelihood import Fit, Regression
 from idim_iv_ros.gap.result import Cause, EffectParameter, Evidence, Gap, Rival
+from idim_iv_ros.gap.wrong_numbers import WrongNumber
 from idim_iv_ros.simulation import SimulatedEffect
 
 # Of the residual's energy that the stronger effect at a joint closes.
@@ -41,6 +42,14 @@ class NamedModel:
     fits: tuple[Fit, ...]
 
     @property
+    def whole(self) -> Regression:
+        """With what has no name, too."""
+        regression = self.regression
+        for each in self.nameless:
+            regression = regression.with_columns(each.candidate.columns)
+        return regression
+
+    @property
     def fit(self) -> Fit:
         """With all effects."""
         return self.fits[-1]
@@ -51,6 +60,8 @@ def named_model(attribution: Attribution) -> NamedModel:
     kept: list[Found] = []
     nameless: list[Found] = []
     for each in attribution.found:
+        if isinstance(each.candidate.effect, WrongNumber):
+            continue
         if isinstance(each.candidate.effect, Generic):
             nameless.append(each)
         elif not any(
