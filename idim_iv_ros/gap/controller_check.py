@@ -272,5 +272,7 @@ def _certain(
         "kp": _NOISE_MARGIN * rows.noise["kp"] * kp,
         # A speed that is one period old looks like this much less of its gain.
         "kd": _NOISE_MARGIN * rows.noise["kd"] * kd + period * kp,
+        # And as much acceleration: EMPS differences means of two samples, one period late.
+        "feedforward_acceleration": LONGEST_LAG * period * kd,
     }
     return change > floor.get(name, 0.0)

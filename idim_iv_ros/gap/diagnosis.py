@@ -1,6 +1,7 @@
 """From recordings to causes: the whole of `idim-iv diagnose` without its files."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 
@@ -15,9 +16,12 @@ from idim_iv_ros.gap.catalogue import STRUCTURAL
 from idim_iv_ros.gap.controller_check import controller_mismatch, why_not_checked
 from idim_iv_ros.gap.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.gap.effects.effect import Place
+from idim_iv_ros.gap.effects.gravity_direction import GravityDirection
 from idim_iv_ros.gap.generic import GENERIC
-from idim_iv_ros.gap.held_out import held_out
+from idim_iv_ros.gap.held_out import HeldOut, held_out
+from idim_iv_ros.gap.left_over import left_over
 from idim_iv_ros.gap.likelihood import Regression
+from idim_iv_ros.gap.missing_gravity import missing_gravity
 from idim_iv_ros.gap.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.gap.other_causes import controller_results, parametric_results
 from idim_iv_ros.gap.parametric import PARAMETRIC, parametric_causes
@@ -107,6 +111,12 @@ def _diagnosed(
     watch.stage("refit", 0.1)
     data = baseline(recordings, configuration)
     regression = smooth_regression(data)
+    weightless = None
+    gravity = missing_gravity(data, regression) if GravityDirection.name not in without else None
+    if gravity is not None:
+        weightless = _given_alone(data, regression)
+        data = baseline(recordings, gravity.corrected(configuration))
+        regression = smooth_regression(data)
     watch.stage("attribution", 0.2)
     catalogue = [effect for effect in STRUCTURAL if effect.name not in without]
     attribution = attribute(data, regression, [*catalogue, *GENERIC], watch.progress)
@@ -131,8 +141,10 @@ def _diagnosed(
     parametric = [effect for effect in PARAMETRIC if effect.name not in without]
     outcome = parametric_causes(data, model.regression, model.fit, parametric)
     causes += parametric_results(data, outcome, floors)
+    if gravity is not None and weightless is not None:
+        causes.append(gravity.cause(weightless, tested))
     if ControllerMismatch.name not in without:
-        causes += controller_results(controller_mismatch(data))
+        causes += controller_results(data, controller_mismatch(data))
     colours = floor_colours(attribution.refit, [floor.sigma for floor in floors])
     confusability, not_testable = shown_by_motion(
         data, regression, catalogue, colours, dry_friction(data)
@@ -142,6 +154,10 @@ def _diagnosed(
     rest = unexplained(data, model, floors)
     causes = sorted(causes, key=lambda cause: -_closed(cause, data))
     verdict = verdict_of(causes, rest)
+    stages = with_tracking(tested.stages(), tracked)
+    left = left_over(data, stages[-1], floors)
+    if weightless is not None:
+        stages = (weightless.stage(0), replace(stages[0], name="+gravity_direction"), *stages[1:])
     first, last = (tracked[0], tracked[-1]) if tracked else (None, None)
     return GapResult(
         robot=data.prepared.model.robot.name,
@@ -152,14 +168,14 @@ def _diagnosed(
         configuration=configuration.model_dump(mode="json", exclude_none=True),
         without=without,
         verdict=verdict,
-        summary=summary_of(verdict, causes, rest, place.joint_gaps, without),
+        summary=summary_of(verdict, causes, rest, place.joint_gaps, without, left),
         causes=tuple(causes),
         unexplained=rest,
         joint_gaps=place.joint_gaps,
         regimes=place.regimes,
         findings=place.findings,
         not_testable=tuple(each for each in not_testable if not _accepted(each, causes)),
-        stages=with_tracking(tested.stages(), tracked),
+        stages=stages,
         confusability=confusability,
         series=_series(data, regression, model),
         tracking=tracking_series(data, first, last),
@@ -180,6 +196,13 @@ def _closed(cause: Cause, data: Baseline) -> float:
     return closed / max(whole, 1e-300)
 
 
+def _given_alone(data: Baseline, regression: Regression) -> HeldOut:
+    """Stages of the given model and its refit."""
+    fit, repeats = regression.fit(), repeats_of(data)
+    floors = noise_floors(data, regression, fit, repeats)
+    return held_out(data, regression, fit, [], floors, repeats, given_values(data))
+
+
 def _tracked(data: Baseline, model: NamedModel, given: FloatArray | None) -> list[Tracking]:
     """Tracking of every stage, in their order."""
     tracked = [] if given is None else [simulated_tracking(data, given)]
@@ -191,6 +214,13 @@ def _tracked(data: Baseline, model: NamedModel, given: FloatArray | None) -> lis
             effects.append((candidate.effect.name, candidate.place, parameters))
         simulated = simulated_effects(data, effects)
         tracked.append(simulated_tracking(data, fit.values, simulated))
+        if number > 0 and tracked[-1].note and not tracked[-2].note:
+            # The stages that follow do without it, rather than without any simulation.
+            dropped = effects.pop()[0]
+            kept = simulated_tracking(data, fit.values, simulated_effects(data, effects))
+            if not kept.note:
+                note = f"simulated without {dropped}: {tracked[-1].note}"
+                tracked[-1] = replace(kept, caveat=note)
     return tracked
 
 
@@ -226,7 +256,7 @@ def _notes(
     unchecked = why_not_checked(data)
     if unchecked:
         notes.append(f"commands not compared with the control law: {unchecked}")
-    notes += [each.note for each in tracked if each.note]
+    notes += [each.note or each.caveat for each in tracked]
     notes += list(data.prepared.reasons)
     return tuple(dict.fromkeys(note for note in notes if note))
 
