@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ FloatArray = NDArray[np.float64]
 LEAST_SUPPORT = 8.0
 # Share of the energy of what the law leaves that a change must take.
 LEAST_SHARE = 0.02
+# Share of the torque that recorded and computed commands must differ by to matter.
+LEAST_DIFFERENCE = 0.005
 # Periods of the control: a shorter lag is how the command was sampled and recorded.
 LONGEST_LAG = 2.0
 # Of the limit, above which a command counts as limited.
@@ -66,6 +69,8 @@ class _Rows:
     rest: FloatArray  # recorded less computed command
     constants: FloatArray  # one column for each recording
     rate: FloatArray  # of the computed command
+    acceleration: FloatArray
+    size: float  # rms of the recorded command
     groups: dict[str, FloatArray]
     noise: dict[str, float]  # share of each group's energy that noise of the encoder makes
     runs: tuple[slice, ...]
@@ -110,8 +115,9 @@ def _rows(motions: Sequence[Motion], law: ControlLaw, joint: int) -> _Rows | Non
         parts = effect.parts(signals, law, joint)
         rest = signals.torque[:, joint] - parts.command
         groups = [parts.groups[name] for name in GROUPS]
-        table = np.column_stack([rest, parts.rate, *groups])[motion.span]
-        table = motion.decimation.whole(table)
+        recorded = signals.torque[:, joint]
+        table = np.column_stack([rest, parts.rate, parts.acceleration, recorded, *groups])
+        table = motion.decimation.whole(table[motion.span])
         bad = ~signals.valid[:, joint] | (np.abs(signals.torque[:, joint]) >= limit)
         kept = _apart(bad[motion.span], motion)
         tables.append(table[kept])
@@ -119,7 +125,7 @@ def _rows(motions: Sequence[Motion], law: ControlLaw, joint: int) -> _Rows | Non
         for first, last in _stretches(kept):
             runs.append(slice(start + first, start + last))
         start += int(kept.sum())
-        energy += np.sum(table[kept][:, 2:] ** 2, axis=0)
+        energy += np.sum(table[kept][:, 4:] ** 2, axis=0)
         noise_energy += np.sum(_noise(motion, law, joint)[kept] ** 2, axis=0)
     if start < _LEAST_ROWS:
         return None
@@ -130,7 +136,9 @@ def _rows(motions: Sequence[Motion], law: ControlLaw, joint: int) -> _Rows | Non
         rest=table[:, 0],
         constants=(which[:, None] == used).astype(float),
         rate=table[:, 1],
-        groups={name: table[:, 2 + k] for k, name in enumerate(GROUPS)},
+        acceleration=table[:, 2],
+        size=float(np.sqrt(np.mean(table[:, 3] ** 2))),
+        groups={name: table[:, 4 + k] for k, name in enumerate(GROUPS)},
         noise=dict(zip(GROUPS, noise_energy / np.maximum(energy, 1e-300), strict=True)),
         runs=tuple(runs),
     )
@@ -154,7 +162,7 @@ def _stretches(kept: NDArray[np.bool_]) -> list[tuple[int, int]]:
         return []
     cuts = np.flatnonzero(np.diff(places) > 1) + 1
     edges = [0, *cuts.tolist(), len(places)]
-    return list(zip(edges[:-1], edges[1:], strict=True))
+    return list(pairwise(edges))
 
 
 def _noise(motion: Motion, law: ControlLaw, joint: int) -> FloatArray:
@@ -173,7 +181,10 @@ def _noise(motion: Motion, law: ControlLaw, joint: int) -> FloatArray:
 def _finding(data: Baseline, law: ControlLaw, joint: int, rows: _Rows) -> ControllerFinding | None:
     configuration = data.prepared.configuration
     period = configuration.controller.period or 1.0 / data.prepared.motions[0].signals.rate
+    rows = _with_late_speed(rows, law, joint, LONGEST_LAG * period)
     plain = _fit(rows, (), with_lag=True)
+    if _rms(_fit(rows, (), with_lag=False)) < LEAST_DIFFERENCE * rows.size:
+        return None
     chosen: tuple[str, ...] = ()
     fit = plain
     while True:
@@ -226,6 +237,23 @@ def _finding(data: Baseline, law: ControlLaw, joint: int, rows: _Rows) -> Contro
     )
 
 
+def _with_late_speed(rows: _Rows, law: ControlLaw, joint: int, longest: float) -> _Rows:
+    """Compute the command with a speed that is as late as the recording says.
+
+    Speeds come from differences of positions: one to two periods late are no mismatch.
+    """
+    _, kd, _ = (float(gain[joint]) for gain in law.torque_gains)
+    late = kd * rows.acceleration
+    if kd <= 0.0 or not _usable(late):
+        return rows
+    name = "late speed"
+    fit = _fit(replace(rows, groups={**rows.groups, name: late}), (name,), with_lag=True)
+    lag, deviation = _changes(fit, (name,), rows)[name]
+    if not 0.0 < lag < longest + 3.0 * deviation:
+        return rows
+    return replace(rows, rest=rows.rest - lag * late)
+
+
 def _usable(column: FloatArray) -> bool:
     return bool(np.std(column) > 1e-12)
 
@@ -272,7 +300,5 @@ def _certain(
         "kp": _NOISE_MARGIN * rows.noise["kp"] * kp,
         # A speed that is one period old looks like this much less of its gain.
         "kd": _NOISE_MARGIN * rows.noise["kd"] * kd + period * kp,
-        # And as much acceleration: EMPS differences means of two samples, one period late.
-        "feedforward_acceleration": LONGEST_LAG * period * kd,
     }
     return change > floor.get(name, 0.0)

@@ -16,7 +16,7 @@ from idim_iv_ros.gap.result import Cause, EffectParameter, Evidence, Gap
 FloatArray = NDArray[np.float64]
 
 STANDARD = 9.81
-# Logarithm of the likelihood beyond the penalty, and share of a joint's residual that must go.
+# Half the Wald statistic beyond the penalty, and share of a joint's residual that must go.
 _LEAST_SUPPORT, _LEAST_SHARE = 8.0, 0.2
 # m/s²: the given masses are wrong by less than this, or it is not gravity.
 _SMALLEST, _LARGEST = 4.0, 25.0
@@ -31,7 +31,8 @@ class MissingGravity:
     acceleration, deviation : (3,) m/s²
         In the base frame, with the masses of the given model.
     statistic, p_value : float
-        Twice the logarithm of the likelihood ratio.
+        Wald, with the noise of the model that has gravity: without it a joint's residual is so
+        smooth that its colour takes it for noise, and the likelihood hardly tells them apart.
     """
 
     acceleration: FloatArray
@@ -83,20 +84,22 @@ def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | 
     columns = unit_gravity_rows(data, np.eye(3))
     plain = regression.fit()
     heavy = regression.with_columns(dict(enumerate(columns))).fit()
-    gain = heavy.log_likelihood - plain.log_likelihood
+    wald = float(
+        heavy.coefficients @ np.linalg.solve(heavy.coefficient_covariance, heavy.coefficients)
+    )
     rows = sum(len(joint.torque) for joint in regression.joints)
     size = float(np.linalg.norm(heavy.coefficients))
     less = max(
         1.0 - float(after @ after) / max(float(before @ before), 1e-300)
         for before, after in zip(plain.residuals, heavy.residuals, strict=True)
     )
-    if gain - 1.5 * np.log(rows) < _LEAST_SUPPORT or less < _LEAST_SHARE:
+    if 0.5 * wald - 1.5 * np.log(rows) < _LEAST_SUPPORT or less < _LEAST_SHARE:
         return None
     if not _SMALLEST <= size <= _LARGEST:
         return None
     return MissingGravity(
         acceleration=heavy.coefficients,
         deviation=np.sqrt(np.diag(heavy.coefficient_covariance)),
-        statistic=2.0 * gain,
-        p_value=float(stats.chi2.sf(2.0 * gain, 3)),
+        statistic=wald,
+        p_value=float(stats.chi2.sf(wald, 3)),
     )
