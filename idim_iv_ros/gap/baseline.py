@@ -25,6 +25,7 @@ from idim_iv_ros.recording import Recording
 
 FloatArray = NDArray[np.float64]
 
+_LEAST_SPEED_SHARE = 0.005
 _FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
 
 
@@ -64,6 +65,12 @@ class Baseline:
     def row_rate(self) -> float:
         """Rows per second."""
         return self.prepared.motions[0].signals.rate / self.prepared.cutoffs.factor
+
+    @property
+    def slowest(self) -> FloatArray:
+        """Speeds (n_joints,) that count, rad/s (m/s); where rows of all do, a share of the peak."""
+        peaks = np.max([np.abs(m.velocity).max(axis=0) for m in self.motions], axis=0)
+        return np.asarray(np.maximum(self.prepared.minimum_speed, _LEAST_SPEED_SHARE * peaks))
 
     def at(self, values: FloatArray) -> "Baseline":
         """Return the same with the candidates' torques computed at other parameters (b,)."""

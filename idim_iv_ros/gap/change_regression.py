@@ -197,9 +197,14 @@ def _projected(rows: FloatArray, added: int) -> FloatArray:
 
 def _gravity_rows(data: Baseline, axes: FloatArray) -> list[FloatArray]:
     """Torque per small rotation of gravity about each axis: (r_j, 2) for each joint, N m/rad."""
+    gravity = np.asarray(data.prepared.model.robot.pinocchio.gravity.linear)
+    return unit_gravity_rows(data, np.array([np.cross(axis, gravity) for axis in axes]))
+
+
+def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatArray]:
+    """Torque of the given links under each of k gravities (k, 3): (r_j, k) for each joint, N m."""
     robot = data.prepared.model.robot
-    gravity = np.asarray(robot.pinocchio.gravity.linear)
-    tilted = [_with_gravity(robot, np.cross(axis, gravity)) for axis in axes]
+    tilted = [_with_gravity(robot, acceleration) for acceleration in accelerations]
     nothing = np.zeros(len(robot.joints))
     bodies = replace(
         robot.given,
@@ -216,11 +221,8 @@ def _gravity_rows(data: Baseline, axes: FloatArray) -> list[FloatArray]:
         still = np.zeros_like(motion.position)
         torques = [inverse_dynamics(each, bodies, motion.position, still, still) for each in tilted]
         parts.append(motion.rows(np.concatenate(torques, axis=1)))
-    joints = range(len(robot.joints))
-    return [
-        data.counting(joint, [part[:, [joint, len(robot.joints) + joint]] for part in parts])
-        for joint in joints
-    ]
+    n = len(robot.joints)
+    return [data.counting(joint, [part[:, joint::n] for part in parts]) for joint in range(n)]
 
 
 def _with_gravity(robot: RobotModel, gravity: FloatArray) -> RobotModel:

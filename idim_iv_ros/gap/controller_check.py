@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 LEAST_SUPPORT = 8.0
 # Share of the energy of what the law leaves that a change must take.
 LEAST_SHARE = 0.02
+# Share of the torque that recorded and computed commands must differ by to matter.
+LEAST_DIFFERENCE = 0.005
 # Periods of the control: a shorter lag is how the command was sampled and recorded. That is the
 # same for all joints; a joint that lags this many periods more than another is its controller's.
 LONGEST_LAG, LARGEST_DIFFERENCE = 2.0, 0.5
@@ -68,6 +70,8 @@ class _Rows:
     rest: FloatArray  # recorded less computed command
     constants: FloatArray  # one column for each recording
     rate: FloatArray  # of the computed command
+    acceleration: FloatArray
+    size: float  # rms of the recorded command
     groups: dict[str, FloatArray]
     noise: dict[str, float]  # share of each group's energy that noise of the encoder makes
     runs: tuple[slice, ...]
@@ -114,8 +118,9 @@ def _rows(motions: Sequence[Motion], law: ControlLaw, joint: int) -> _Rows | Non
         parts = effect.parts(signals, law, joint)
         rest = signals.torque[:, joint] - parts.command
         groups = [parts.groups[name] for name in GROUPS]
-        table = np.column_stack([rest, parts.rate, *groups])[motion.span]
-        table = motion.decimation.whole(table)
+        recorded = signals.torque[:, joint]
+        table = np.column_stack([rest, parts.rate, parts.acceleration, recorded, *groups])
+        table = motion.decimation.whole(table[motion.span])
         bad = ~signals.valid[:, joint] | (np.abs(signals.torque[:, joint]) >= limit)
         kept = _apart(bad[motion.span], motion)
         tables.append(table[kept])
@@ -123,7 +128,7 @@ def _rows(motions: Sequence[Motion], law: ControlLaw, joint: int) -> _Rows | Non
         for first, last in _stretches(kept):
             runs.append(slice(start + first, start + last))
         start += int(kept.sum())
-        energy += np.sum(table[kept][:, 2:] ** 2, axis=0)
+        energy += np.sum(table[kept][:, 4:] ** 2, axis=0)
         noise_energy += np.sum(_noise(motion, law, joint)[kept] ** 2, axis=0)
     if start < _LEAST_ROWS:
         return None
@@ -134,7 +139,9 @@ def _rows(motions: Sequence[Motion], law: ControlLaw, joint: int) -> _Rows | Non
         rest=table[:, 0],
         constants=(which[:, None] == used).astype(float),
         rate=table[:, 1],
-        groups={name: table[:, 2 + k] for k, name in enumerate(GROUPS)},
+        acceleration=table[:, 2],
+        size=float(np.sqrt(np.mean(table[:, 3] ** 2))),
+        groups={name: table[:, 4 + k] for k, name in enumerate(GROUPS)},
         noise=dict(zip(GROUPS, noise_energy / np.maximum(energy, 1e-300), strict=True)),
         runs=tuple(runs),
     )
@@ -199,6 +206,7 @@ def _noise(motion: Motion, law: ControlLaw, joint: int) -> FloatArray:
 
 def _choice(rows: _Rows, law: ControlLaw, joint: int, period: float) -> _Choice:
     """Add the best group until none is worth it, and drop those that are not needed."""
+    rows = _with_late_speed(rows, law, joint, LONGEST_LAG * period)
     plain = fit = _fit(rows, (), with_lag=True)
     chosen: tuple[str, ...] = ()
     while True:
@@ -227,6 +235,8 @@ def _finding(
     data: Baseline, law: ControlLaw, joint: int, choice: _Choice, longest: float
 ) -> ControllerFinding | None:
     rows, fit, base = choice.rows, choice.fit, choice.plain
+    if _rms(_fit(rows, (), with_lag=False)) < LEAST_DIFFERENCE * rows.size:
+        return None
     changes = choice.changes
     lag, deviation = changes.pop(LAG)
     if abs(lag) - 3.0 * deviation > longest:
@@ -250,6 +260,23 @@ def _finding(
         before=before,
         after=after,
     )
+
+
+def _with_late_speed(rows: _Rows, law: ControlLaw, joint: int, longest: float) -> _Rows:
+    """Compute the command with a speed that is as late as the recording says.
+
+    Speeds come from differences of positions: one to two periods late are no mismatch.
+    """
+    _, kd, _ = (float(gain[joint]) for gain in law.torque_gains)
+    late = kd * rows.acceleration
+    if kd <= 0.0 or not _usable(late):
+        return rows
+    name = "late speed"
+    fit = _fit(replace(rows, groups={**rows.groups, name: late}), (name,), with_lag=True)
+    lag, deviation = _changes(fit, (name,), rows)[name]
+    if not 0.0 < lag < longest + 3.0 * deviation:
+        return rows
+    return replace(rows, rest=rows.rest - lag * late)
 
 
 def _usable(column: FloatArray) -> bool:

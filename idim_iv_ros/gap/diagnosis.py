@@ -1,6 +1,7 @@
 """From recordings to causes: the whole of `idim-iv diagnose` without its files."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 
@@ -16,9 +17,12 @@ from idim_iv_ros.gap.controller_check import controller_mismatch, why_not_checke
 from idim_iv_ros.gap.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.gap.effects.effect import Place
 from idim_iv_ros.gap.effects.encoder_eccentricity import EncoderEccentricity
+from idim_iv_ros.gap.effects.gravity_direction import GravityDirection
 from idim_iv_ros.gap.generic import GENERIC
-from idim_iv_ros.gap.held_out import held_out
+from idim_iv_ros.gap.held_out import HeldOut, held_out
+from idim_iv_ros.gap.left_over import left_over
 from idim_iv_ros.gap.likelihood import Regression
+from idim_iv_ros.gap.missing_gravity import missing_gravity
 from idim_iv_ros.gap.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.gap.other_causes import controller_results, parametric_results
 from idim_iv_ros.gap.parametric import PARAMETRIC, parametric_causes
@@ -109,6 +113,12 @@ def _diagnosed(
     watch.stage("refit", 0.1)
     data = baseline(recordings, configuration)
     regression = smooth_regression(data)
+    weightless = None
+    gravity = missing_gravity(data, regression) if GravityDirection.name not in without else None
+    if gravity is not None:
+        weightless = _given_alone(data, regression)
+        data = baseline(recordings, gravity.corrected(configuration))
+        regression = smooth_regression(data)
     watch.stage("attribution", 0.2)
     catalogue = [effect for effect in STRUCTURAL if effect.name not in without]
     wrong = [effect for effect in WRONG_NUMBERS if effect.name not in without]
@@ -135,10 +145,12 @@ def _diagnosed(
     # With what has no name, too: it would else pass for wrong numbers.
     outcome = parametric_causes(data, model.whole, model.whole.fit(model.fit.colours), parametric)
     causes += parametric_results(data, outcome, floors)
+    if gravity is not None and weightless is not None:
+        causes.append(gravity.cause(weightless, tested))
     if ControllerMismatch.name not in without:
         turned = {c.joint for c in causes if c.effect == EncoderEccentricity.name}
         findings = [each for each in controller_mismatch(data) if each.joint not in turned]
-        causes += controller_results(findings)
+        causes += controller_results(data, findings)
     colours = floor_colours(attribution.refit, [floor.sigma for floor in floors])
     confusability, not_testable = shown_by_motion(
         data, regression, catalogue, colours, dry_friction(data)
@@ -148,6 +160,10 @@ def _diagnosed(
     rest = unexplained(data, model, floors)
     causes = _strongest_first(causes, data)
     verdict = verdict_of(causes, rest)
+    stages = with_tracking(tested.stages(), tracked)
+    left = left_over(data, stages[-1], floors)
+    if weightless is not None:
+        stages = (weightless.stage(0), replace(stages[0], name="+gravity_direction"), *stages[1:])
     first, last = (tracked[0], tracked[-1]) if tracked else (None, None)
     return GapResult(
         robot=data.prepared.model.robot.name,
@@ -158,14 +174,14 @@ def _diagnosed(
         configuration=configuration.model_dump(mode="json", exclude_none=True),
         without=without,
         verdict=verdict,
-        summary=summary_of(verdict, causes, rest, place.joint_gaps, without),
+        summary=summary_of(verdict, causes, rest, place.joint_gaps, without, left),
         causes=tuple(causes),
         unexplained=rest,
         joint_gaps=place.joint_gaps,
         regimes=place.regimes,
         findings=place.findings,
         not_testable=tuple(each for each in not_testable if not _accepted(each, causes)),
-        stages=with_tracking(tested.stages(), tracked),
+        stages=stages,
         confusability=confusability,
         series=_series(data, regression, model),
         tracking=tracking_series(data, first, last),
@@ -202,6 +218,13 @@ def _closed(cause: Cause, data: Baseline) -> float:
     return closed / max(whole, 1e-300)
 
 
+def _given_alone(data: Baseline, regression: Regression) -> HeldOut:
+    """Stages of the given model and its refit."""
+    fit, repeats = regression.fit(), repeats_of(data)
+    floors = noise_floors(data, regression, fit, repeats)
+    return held_out(data, regression, fit, [], floors, repeats, given_values(data))
+
+
 def _tracked(data: Baseline, model: NamedModel, given: FloatArray | None) -> list[Tracking]:
     """Tracking of every stage, in their order."""
     tracked = [] if given is None else [simulated_tracking(data, given)]
@@ -213,6 +236,13 @@ def _tracked(data: Baseline, model: NamedModel, given: FloatArray | None) -> lis
             effects.append((candidate.effect.name, candidate.place, parameters))
         simulated = simulated_effects(data, effects)
         tracked.append(simulated_tracking(data, fit.values, simulated))
+        if number > 0 and tracked[-1].note and not tracked[-2].note:
+            # The stages that follow do without it, rather than without any simulation.
+            dropped = effects.pop()[0]
+            kept = simulated_tracking(data, fit.values, simulated_effects(data, effects))
+            if not kept.note:
+                note = f"simulated without {dropped}: {tracked[-1].note}"
+                tracked[-1] = replace(kept, caveat=note)
     return tracked
 
 
@@ -248,7 +278,7 @@ def _notes(
     unchecked = why_not_checked(data)
     if unchecked:
         notes.append(f"commands not compared with the control law: {unchecked}")
-    notes += [each.note for each in tracked if each.note]
+    notes += [each.note or each.caveat for each in tracked]
     notes += list(data.prepared.reasons)
     return tuple(dict.fromkeys(note for note in notes if note))
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.controller_check import ControllerFinding
+from idim_iv_ros.gap.joint_units import in_units_of, unit_at
 from idim_iv_ros.gap.noise_floor import NoiseFloor
 from idim_iv_ros.gap.parametric import ParametricCause, ParametricOutcome
 from idim_iv_ros.gap.result import Cause, EffectParameter, Evidence, Gap
@@ -32,29 +33,33 @@ def parametric_results(
     ]
 
 
-def controller_results(findings: Sequence[ControllerFinding]) -> list[Cause]:
+def controller_results(data: Baseline, findings: Sequence[ControllerFinding]) -> list[Cause]:
     """One cause for each joint whose commands are not those of the configured law."""
-    return [
-        Cause(
-            effect=finding.effect.name,
-            kind="structural",
-            joint=finding.joint,
-            other_joint=None,
-            parameters=finding.parameters,
-            evidence=Evidence(finding.statistic, finding.p_value, None, ""),
-            indistinguishable_from=(),
-            torque_gap=Gap(
-                finding.before, finding.after, None, 1.0 - finding.after / finding.before, None
-            ),
-            simulation_gap=None,
-            sentence=(
-                f"another control law than configured at {finding.joint}: recorded and computed "
-                f"commands differ by {finding.before:.3g} N m, with "
-                f"{_numbers(finding.parameters)} by {finding.after:.3g} N m"
-            ),
-        )
-        for finding in findings
-    ]
+    return [_controller_cause(data, finding) for finding in findings]
+
+
+def _controller_cause(data: Baseline, finding: ControllerFinding) -> Cause:
+    joint = data.joints.index(finding.joint)
+    parameters = in_units_of(data, joint, finding.parameters)
+    unit = unit_at(data, joint, "N m")
+    return Cause(
+        effect=finding.effect.name,
+        kind="structural",
+        joint=finding.joint,
+        other_joint=None,
+        parameters=parameters,
+        evidence=Evidence(finding.statistic, finding.p_value, None, ""),
+        indistinguishable_from=(),
+        torque_gap=Gap(
+            finding.before, finding.after, None, 1.0 - finding.after / finding.before, None
+        ),
+        simulation_gap=None,
+        sentence=(
+            f"another control law than configured at {finding.joint}: recorded and computed "
+            f"commands differ by {finding.before:.3g} {unit}, with "
+            f"{_numbers(parameters)} by {finding.after:.3g} {unit}"
+        ),
+    )
 
 
 def _parametric_gap(data: Baseline, cause: ParametricCause, floors: Sequence[NoiseFloor]) -> Gap:

@@ -85,7 +85,7 @@ def extent(data: Baseline) -> Extent:
     return Extent(
         low=np.min([m.position.min(axis=0) for m in motions], axis=0),
         high=np.max([m.position.max(axis=0) for m in motions], axis=0),
-        slowest=np.asarray(data.prepared.minimum_speed),
+        slowest=data.slowest,
         fastest=np.asarray(speed),
         load=np.max([np.abs(m.load).max(axis=0) for m in motions], axis=0),
         torque=np.max([np.abs(m.torque).max(axis=0) for m in motions], axis=0),

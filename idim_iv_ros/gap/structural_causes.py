@@ -11,6 +11,7 @@ from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.effects.effect import Place
 from idim_iv_ros.gap.generic import Generic
 from idim_iv_ros.gap.held_out import HeldOut
+from idim_iv_ros.gap.joint_units import in_units_of, unit_at
 from idim_iv_ros.gap.likelihood import Fit, Regression
 from idim_iv_ros.gap.result import Cause, EffectParameter, Evidence, Gap, Rival
 from idim_iv_ros.gap.wrong_numbers import WrongNumber
@@ -161,7 +162,7 @@ def structural_causes(
         stage = tested.refit + number
         gap = tested.gap(stage, stage + 1, candidate.place.joint)
         gain, folds = tested.gain(number)
-        parameters = effect_parameters(model, number)
+        parameters = in_units_of(data, candidate.place.joint, effect_parameters(model, number))
         statistic = max(2.0 * candidate.gain, 0.0)
         causes.append(
             Cause(
@@ -192,11 +193,7 @@ def structural_causes(
 def _sentence(data: Baseline, found: Found, gap: Gap, gain: float) -> str:
     candidate = found.candidate
     joint = data.joints[candidate.place.joint]
-    unit = (
-        "N"
-        if data.prepared.model.robot.joint_types[candidate.place.joint] == "prismatic"
-        else "N m"
-    )
+    unit = unit_at(data, candidate.place.joint, "N m")
     words = candidate.effect.name.replace("_", " ")
     where = joint
     if candidate.place.other is not None:
@@ -216,4 +213,7 @@ def _sentence(data: Baseline, found: Found, gap: Gap, gain: float) -> str:
         text += f"; this recording cannot tell it from {', '.join(rivals)}"
     if gain <= 0.0:
         text += "; on held-out data it does not help, so do not rely on it"
+    elif gap.ci95 is not None and gap.ci95[0] <= 0.0:
+        low, high = (100.0 * limit for limit in gap.ci95)
+        text += f"; {low:.0f} to {high:.0f} % less, so that this may be chance"
     return text

@@ -1,13 +1,14 @@
 """Which effects a recording can show, from its motion alone: before torque is looked at."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.effects.effect import Effect, Extent, Place, Shape
+from idim_iv_ros.gap.joint_units import unit_at
 from idim_iv_ros.gap.likelihood import Colour, Columns, Fit, Regression, Scan
 from idim_iv_ros.gap.motion_limits import cannot_show
 from idim_iv_ros.gap.result import Confusability, EffectParameter, NotTestable
@@ -117,6 +118,7 @@ def shown_by_motion(
                 made = None if reason else _candidate(data, effect, place, covered)
                 if made is None:
                     reason = reason or "no shape of it is possible on this motion"
+                    reason = unit_at(data, joint, reason)
                     refused.append(NotTestable(effect.name, name, reason, effect.excitation))
                 else:
                     candidates.append(made)
@@ -128,14 +130,20 @@ def shown_by_motion(
         for candidate, measure in zip(candidates, measured, strict=True):
             refusal = _refusal(candidate, measure, name)
             if refusal is not None:
-                refused.append(refusal)
+                refused.append(
+                    replace(
+                        refusal,
+                        reason=unit_at(data, joint, refusal.reason),
+                        smallest=unit_at(data, joint, refusal.smallest),
+                    )
+                )
         tables.append(
             Confusability(
                 joint=name,
                 effects=tuple(candidate.effect.name for candidate in candidates),
                 correlation=correlation,
                 absorbed=np.array([measure.absorbed for measure in measured]),
-                smallest=tuple(measure.smallest for measure in measured),
+                smallest=tuple(unit_at(data, joint, each.smallest) for each in measured),
             )
         )
     return tuple(tables), tuple(refused)
@@ -273,10 +281,10 @@ def _measure(
                 options.append((plausible, float(shape[0]), words))
             continue
         size = np.sqrt(needed / np.maximum(rest, _TINY))
-        size[share < 1.0 - _ABSORBED] = np.inf
+        size[(share < 1.0 - _ABSORBED) | (largest[part] <= 0.0)] = np.inf
         if candidate.effect.name in _SCALED:
             size[size > _MOST_SCALED] = np.inf
-        k = int(np.argmin(size * largest[part]))
+        k = int(np.argmin(size * np.maximum(largest[part], _TINY)))
         if not np.isfinite(size[k]):
             continue
         coefficients = np.zeros(len(size))

@@ -36,6 +36,8 @@ class Tracking:
         Hz.
     note : str
         Why there is none; empty otherwise.
+    caveat : str
+        What is missing in it; empty otherwise.
     """
 
     joints: tuple[str, ...]
@@ -43,6 +45,7 @@ class Tracking:
     errors: tuple[FloatArray, ...]
     rate: float
     note: str
+    caveat: str = ""
 
     @property
     def rms(self) -> dict[str, float] | None:
@@ -135,7 +138,7 @@ def _simulated(
 def with_tracking(stages: Sequence[Stage], tracked: Sequence[Tracking]) -> tuple[Stage, ...]:
     """Put the tracking errors into the stages."""
     return tuple(
-        replace(stage, tracking_rms=each.rms, note=each.note)
+        replace(stage, tracking_rms=each.rms, note=each.note or each.caveat)
         for stage, each in zip(stages, tracked, strict=True)
     )
 

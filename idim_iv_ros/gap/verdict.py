@@ -23,6 +23,7 @@ def summary_of(
     rest: Unexplained | None,
     gaps: Sequence[JointGap],
     without: Sequence[str],
+    left: str = "",
 ) -> str:
     """One paragraph that a robot engineer can act on."""
     sentences = []
@@ -44,6 +45,8 @@ def summary_of(
             f"Not in the catalogue: {rest.where}; it holds {100 * rest.share:.0f} % of what the "
             "refit leaves there."
         )
+    if left:
+        sentences.append(left)
     if without:
         sentences.append(f"Left out of the catalogue on request: {', '.join(without)}.")
     return " ".join(sentences)

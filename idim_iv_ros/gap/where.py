@@ -151,7 +151,7 @@ def picked(data: Baseline, joint: int, values: Sequence[FloatArray]) -> FloatArr
 
 def reversal_distances(data: Baseline, joint: int) -> FloatArray:
     """Distance since the last reversal at the rows of one joint, (r,) rad (m)."""
-    slowest = 0.3 * float(data.prepared.minimum_speed[joint])
+    slowest = 0.3 * float(data.slowest[joint])
     return picked(
         data,
         joint,

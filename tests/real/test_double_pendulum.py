@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from idim_iv_ros import identify, import_table, load_configuration
+from idim_iv_ros import identify, load_configuration
 from idim_iv_ros.result import IdentificationResult
+from tests.real.recordings import double_pendulum_bag
 
 # identified_model_2.0.yml: m1 = 0.5594, r1 = 0.3, m2 = 0.6043, l1 = 0.3, r2 = 0.1838
 PUBLISHED = {"MX1": 0.5594 * 0.3 + 0.6043 * 0.3, "MX2": 0.6043 * 0.1838}
@@ -13,20 +14,7 @@ PUBLISHED = {"MX1": 0.5594 * 0.3 + 0.6043 * 0.3, "MX2": 0.6043 * 0.1838}
 
 @pytest.fixture(scope="module")
 def result(data: Path, config: Path, tmp_path_factory) -> IdentificationResult:
-    folder = data / "dfki_double_pendulum"
-    out = tmp_path_factory.mktemp("dfki") / "double_pendulum.mcap"
-    measured, reference = folder / "measured.csv", folder / "reference.csv"
-    import_table(
-        out,
-        joints=["shoulder", "elbow"],
-        position=f"{measured}:pos1,pos2",
-        velocity=f"{measured}:vel1,vel2",
-        effort=f"{measured}:tau1,tau2",
-        time=f"{measured}:time",
-        reference=f"{reference}:pos1,pos2",
-        velocity_reference=f"{reference}:vel1,vel2",
-        reference_time=f"{reference}:time",
-    )
+    out = double_pendulum_bag(data, tmp_path_factory.mktemp("dfki") / "double_pendulum.mcap")
     return identify([out], load_configuration(config / "double_pendulum.yaml"))
 
 

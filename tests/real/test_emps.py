@@ -8,25 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from idim_iv_ros import identify, import_table, load_configuration
+from idim_iv_ros import identify, load_configuration
 from idim_iv_ros.result import IdentificationResult
+from tests.real.recordings import emps_bag
 
 PUBLISHED = {"M1": 95.1089, "Fv1": 203.5034, "Fc1": 20.3935, "off1": -3.1648}
 
 
 @pytest.fixture(scope="module")
 def bag(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    mat = data / "emps" / "DATA_EMPS.mat"
-    out = tmp_path_factory.mktemp("emps") / "emps.mcap"
-    import_table(
-        out,
-        joints=["axis"],
-        position=f"{mat}:qm",
-        effort=f"{mat}:vir",
-        reference=f"{mat}:qg",
-        time=f"{mat}:t",
-    )
-    return out
+    return emps_bag(data, tmp_path_factory.mktemp("emps") / "emps.mcap")
 
 
 @pytest.fixture(scope="module")

@@ -7,14 +7,12 @@ wrong in it (shared/data/README.md).
 import csv
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from idim_iv_ros import Configuration, identify, import_table, load_configuration
+from idim_iv_ros import Configuration, identify, load_configuration
 from idim_iv_ros.result import IdentificationResult
+from tests.real.recordings import tx40_bag
 
-JOINTS = [f"joint_{k}" for k in range(1, 7)]
-HALF_TURN = np.pi / 2
 CONFIGURATION = """
 robot:
   urdf: {urdf}
@@ -59,17 +57,7 @@ def configuration(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Confi
 
 @pytest.fixture(scope="module")
 def bag(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = data / "staubli_tx40"
-    columns = ",".join(f"Joint_{k}" for k in range(1, 7))
-    out = tmp_path_factory.mktemp("tx40") / "tx40.mcap"
-    import_table(
-        out,
-        joints=JOINTS,
-        position=f"{folder / 'pos_read_data.csv'}:{columns}",
-        effort=f"{folder / 'curr_data.csv'}:{columns}",
-        rate=5000.0,
-    )
-    return out
+    return tx40_bag(data, tmp_path_factory.mktemp("tx40") / "tx40.mcap")
 
 
 @pytest.fixture(scope="module")

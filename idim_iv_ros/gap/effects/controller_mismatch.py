@@ -34,12 +34,15 @@ class CommandParts:
         Of the configured law without limit, on the measured position.
     rate : N m/s
         Of the command.
+    acceleration : rad/s² (m/s²)
+        Measured.
     groups : dict
         Torque of a unit of each of GROUPS.
     """
 
     command: FloatArray
     rate: FloatArray
+    acceleration: FloatArray
     groups: dict[str, FloatArray]
 
 
@@ -76,7 +79,8 @@ class ControllerMismatch:
             "feedforward_acceleration": np.gradient(wanted_speed, step),
             "feedforward_velocity": wanted_speed,
         }
-        return CommandParts(command, np.gradient(command, step), groups)
+        acceleration = np.gradient(speed, step)
+        return CommandParts(command, np.gradient(command, step), acceleration, groups)
 
     def parameters(
         self, law: ControlLaw, joint: int, changes: Mapping[str, tuple[float, float]]

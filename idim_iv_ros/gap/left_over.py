@@ -1,0 +1,29 @@
+"""Joints at which most of the gap stays: neither noise nor anything that was found."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.joint_units import unit_at
+from idim_iv_ros.gap.noise_floor import NoiseFloor
+from idim_iv_ros.gap.result import Stage
+
+# Times the noise, and share of the torque, above which it is said.
+_TIMES_NOISE, _SHARE = 3.0, 0.1
+
+
+def left_over(data: Baseline, last: Stage, floors: Sequence[NoiseFloor]) -> str:
+    """Say in one sentence what the last model still misses, the worst first; empty if nothing."""
+    worst = []
+    for joint, (name, floor) in enumerate(zip(data.joints, floors, strict=True)):
+        rest = last.torque_rms[name]
+        share = rest / max(float(np.sqrt(np.mean(data.rows[joint].torque ** 2))), 1e-300)
+        if floor.sigma is not None and rest > _TIMES_NOISE * floor.sigma and share > _SHARE:
+            unit = unit_at(data, joint, "N m")
+            words = f"{rest:.3g} {unit} at {name} ({100 * share:.0f} % of its torque"
+            worst.append((share, f"{words}, noise {floor.sigma:.2g} {unit})"))
+    if not worst:
+        return ""
+    listed = ", ".join(words for _, words in sorted(worst, reverse=True))
+    return f"Still unexplained: {listed}; do not take the causes for the whole gap there."
