@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.gap.attribution import attribute
+from idim_iv_ros.gap.attribution import Attribution, attribute
 from idim_iv_ros.gap.baseline import Baseline, baseline
 from idim_iv_ros.gap.catalogue import STRUCTURAL
 from idim_iv_ros.gap.controller_check import controller_mismatch, why_not_checked
@@ -23,13 +23,14 @@ from idim_iv_ros.gap.held_out import HeldOut, held_out
 from idim_iv_ros.gap.left_over import left_over
 from idim_iv_ros.gap.likelihood import Regression
 from idim_iv_ros.gap.missing_gravity import missing_gravity
-from idim_iv_ros.gap.noise_floor import noise_floors, repeats_of
+from idim_iv_ros.gap.noise_floor import NoiseFloor, Repeat, noise_floors, repeats_of
 from idim_iv_ros.gap.other_causes import controller_results, parametric_results
 from idim_iv_ros.gap.parametric import PARAMETRIC, parametric_causes
 from idim_iv_ros.gap.regression_rows import smooth_regression
 from idim_iv_ros.gap.result import Cause, EffectParameter, GapResult, GapSeries, NotTestable
 from idim_iv_ros.gap.structural_causes import (
     NamedModel,
+    built_model,
     effect_parameters,
     label,
     named_model,
@@ -128,8 +129,7 @@ def _diagnosed(
     repeats = repeats_of(data)
     floors = noise_floors(data, attribution.extended, attribution.fit, repeats)
     given = given_values(data)
-    labels = [label(data, found) for found in model.found]
-    tested = held_out(data, model.regression, model.fit, labels, floors, repeats, given)
+    model, tested = _confirmed(data, attribution, model, floors, repeats, given)
     watch.stage("simulated motion", 0.85)
     tracked = _tracked(data, model, given)
     simulations = [
@@ -188,6 +188,28 @@ def _diagnosed(
         notes=_notes(data, tested.note, [floor.note for floor in floors], tracked),
         extended_parameters=_extended(data, model),
     )
+
+
+def _confirmed(
+    data: Baseline,
+    attribution: Attribution,
+    model: NamedModel,
+    floors: Sequence[NoiseFloor],
+    repeats: Sequence[Repeat],
+    given: FloatArray | None,
+) -> tuple[NamedModel, HeldOut]:
+    """Drop effects that do not help on data not used to fit, and test again without them."""
+
+    def tested(model: NamedModel) -> HeldOut:
+        labels = [label(data, found) for found in model.found]
+        return held_out(data, model.regression, model.fit, labels, floors, repeats, given)
+
+    first = tested(model)
+    helpful = [each for k, each in enumerate(model.found) if first.gain(k)[0] > 0.0]
+    if len(helpful) == len(model.found):
+        return model, first
+    model = built_model(attribution, helpful, model.nameless)
+    return model, tested(model)
 
 
 def _accepted(refused: NotTestable, causes: Sequence[Cause]) -> bool:

@@ -69,16 +69,17 @@ def named_model(attribution: Attribution) -> NamedModel:
             set(other.candidate.columns) & set(each.candidate.columns) for other in nameless
         ):
             kept.append(each)
-    model = _built(attribution, kept, nameless)
+    model = built_model(attribution, kept, nameless)
     small = _corrections(model)
     if small:
-        model = _built(attribution, [each for each in kept if each not in small], nameless)
+        model = built_model(attribution, [each for each in kept if each not in small], nameless)
     return model
 
 
-def _built(
+def built_model(
     attribution: Attribution, found: Sequence[Found], nameless: Sequence[Found]
 ) -> NamedModel:
+    """Add effects one after the other to the refit."""
     regression = attribution.regression
     fits = [attribution.refit]
     for each in found:
