@@ -65,8 +65,8 @@ def test_shaft_is_that_of_scipy(slope: float) -> None:
     motion = constant_link(slope)
     torque, shift, acceleration = integrated(0.0, slope, 0.0)
     found = transmitted(motion, 1, STIFFNESS, DAMPING, 0.0)
-    assert relative(found[1][:, 0], torque - load_at(TIME)) < 0.08
-    assert relative(found[0][:, 0], COUPLED * acceleration + 0.3 * slope * shift) < 0.08
+    assert relative(found[1][:, 0], torque - load_at(TIME)) < 0.03
+    assert relative(found[0][:, 0], COUPLED * acceleration + 0.3 * slope * shift) < 0.03
 
 
 def test_play_is_that_of_scipy_and_leaves_the_flank() -> None:
@@ -74,8 +74,8 @@ def test_play_is_that_of_scipy_and_leaves_the_flank() -> None:
     torque, _, acceleration = integrated(gap, 0.0, -gap / 2)
     found = transmitted(constant_link(), 1, STIFFNESS, DAMPING, gap)
     assert np.mean(torque == 0.0) > 0.05  # it flies
-    assert relative(found[1][:, 0], torque - load_at(TIME)) < 0.15
-    assert relative(found[0][:, 0], COUPLED * acceleration) < 0.15
+    assert relative(found[1][:, 0], torque - load_at(TIME)) < 0.1
+    assert relative(found[0][:, 0], COUPLED * acceleration) < 0.1
 
 
 def test_a_stiff_shaft_without_play_changes_nothing() -> None:
@@ -99,3 +99,16 @@ def test_a_soft_shaft_in_rest_carries_the_static_load() -> None:
     assert abs(found[1][-1, 0] - motion.slope(1)[0, 1] * bending) < 0.1 * abs(
         motion.slope(1)[0, 1] * bending
     )
+
+
+def test_torque_behind_a_shaft_is_not_ahead_of_its_time() -> None:
+    """Of a shaft far above the motion, T − τ ≈ −M τ̈ / k: in phase with τ̈, nothing with τ̇."""
+    stiffness = INERTIA * (2.0 * np.pi * 60.0) ** 2
+    found = transmitted(constant_link(), 1, stiffness, 0.3 * np.sqrt(stiffness * INERTIA), 0.0)
+    change = found[1][100:-100, 0]
+    rate = np.gradient(load_at(TIME), 1.0 / RATE)
+    second = np.gradient(rate, 1.0 / RATE)[100:-100]
+    rate = rate[100:-100]
+    delay, compliance = np.linalg.lstsq(np.column_stack([rate, second]), change, rcond=None)[0]
+    assert abs(delay) < 0.1 / RATE
+    assert compliance == pytest.approx(-INERTIA / stiffness, rel=0.15)
