@@ -34,6 +34,7 @@ def transmitted(
     own = np.maximum(inertia[:, joint], _LEAST_INERTIA * most)  # of an estimate, it may be negative
     frequency = np.sqrt(stiffness / float(np.min(own))) / (2.0 * np.pi)
     steps = max(1, int(np.ceil(_STEPS_PER_PERIOD * frequency / motion.rate)))
+    steps += 1 - steps % 2  # odd, so that as many lie before a sample as after it
     slope = motion.slope(joint)
     torque, shift, acceleration = _relative(
         np.ascontiguousarray(motion.load[:, joint]),
@@ -64,17 +65,19 @@ def _relative(
     half_gap: float,
     steps: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Torque, shift and its acceleration, (s,) each; starts in static equilibrium."""
+    """Torque, shift and its acceleration, (s,) each; starts in static equilibrium.
+
+    Torque and acceleration are means from half a sample before to half a sample after.
+    """
     samples = len(load)
     torque, acceleration = np.zeros(samples), np.zeros(samples)
+    counts = np.zeros(samples)
     moved = np.zeros(samples)
     side = 1.0 if load[0] >= 0.0 else -1.0
     shift = -load[0] / stiffness - side * half_gap
     speed = 0.0
     small = step / steps
     for k in range(samples):
-        total = 0.0
-        rate = 0.0
         moved[k] = shift
         count = steps if k < samples - 1 else 1
         for i in range(count):
@@ -93,10 +96,10 @@ def _relative(
                 if half_gap > 0.0 and given * bent > 0.0:  # flanks push and do not pull
                     given = 0.0
             change = (given - needed) / mass
-            total += given
-            rate += change
+            nearest = k if 2 * i < steps else after
+            torque[nearest] += given
+            acceleration[nearest] += change
+            counts[nearest] += 1.0
             speed += small * change
             shift += small * speed
-        torque[k] = total / count
-        acceleration[k] = rate / count
-    return torque, moved, acceleration
+    return torque / counts, moved, acceleration / counts

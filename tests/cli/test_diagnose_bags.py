@@ -1,0 +1,159 @@
+"""From a simulated robot with an effect to the bag, the diagnosis and back, by the real commands."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.conftest import JOINTS, write_arm
+from tests.cli.test_bad_input import refused
+from tests.cli.test_simulate import gap_file
+
+CONFIG = Path(__file__).resolve().parents[2] / "config" / "arm2.yaml"
+RIPPLE = {
+    "effect": "position_ripple",
+    "joint": "joint_1",
+    "parameters": {"wave_number_1": 21.0, "sine_1": 1.2, "cosine_1": 0.9},
+}
+NO_OFFSETS = {"off1": 0.0, "off2": 0.0}
+
+
+@pytest.fixture
+def rippled(run, tmp_path: Path):
+    """Bags of an arm with ripple of 1.5 N m at joint 1, one for each seed of the noise."""
+
+    def make(*seeds: int, seconds: int = 12) -> list[Path]:
+        gap = gap_file(tmp_path / "truth.json", RIPPLE, parameters=NO_OFFSETS)
+        bag = tmp_path / "arm.mcap"
+        options = [word for seed in seeds for word in ("--seed", seed)]
+        outcome = run(
+            "simulate", "--config", CONFIG, "--out", bag, "--duration", seconds,
+            "--effects", gap, *options,
+        )  # fmt: skip
+        assert outcome.status == 0, outcome.error
+        if len(seeds) == 1:
+            return [bag]
+        return [tmp_path / f"arm-{seed}.mcap" for seed in seeds]
+
+    return make
+
+
+def document(out: Path) -> dict:
+    assert sorted(path.name for path in out.iterdir()) == ["gap.json", "report.html"]
+    return json.loads((out / "gap.json").read_text(encoding="utf-8"))
+
+
+def test_what_was_simulated_is_found_and_can_be_simulated_again(
+    run, rippled, tmp_path: Path
+) -> None:
+    """One bag only: ripple within 10 %, then a robot with what was found."""
+    (bag,) = rippled(1)
+    out = tmp_path / "why"
+    outcome = run("diagnose", bag, "--config", CONFIG, "--out", out)
+    assert outcome.status == 0, outcome.error
+    result = document(out)
+    structural = [each for each in result["causes"] if each["kind"] == "structural"]
+    assert [(each["effect"], each["joint"]) for each in structural] == [
+        ("position_ripple", "joint_1")
+    ]
+    assert result["verdict"] in ("structural", "both")
+    assert "position ripple at joint_1" in result["summary"]
+    values = {name: each["value"] for name, each in structural[0]["parameters"].items()}
+    assert values["wave_number_1"] == pytest.approx(21.0, abs=0.3)
+    size = np.hypot(values["sine_1"], values["cosine_1"])
+    assert size == pytest.approx(1.5, rel=0.1)
+    gap = structural[0]["torque_gap"]
+    assert gap["after"] < 0.6 * gap["before"]
+    again = tmp_path / "again.mcap"
+    outcome = run(
+        "simulate", "--config", CONFIG, "--out", again, "--duration", 2,
+        "--effects", out / "gap.json",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.error
+    truth = json.loads((tmp_path / "again.truth.json").read_text())
+    assert "position_ripple" in [effect["effect"] for effect in truth["effects"]]
+    extended = result["extended_parameters"]
+    assert truth["MX1"] == pytest.approx(extended["MX1"]["value"])
+
+
+def test_repeated_runs_give_a_floor_and_a_withheld_effect_is_not_named(
+    run, rippled, tmp_path: Path
+) -> None:
+    bags = rippled(1, 2)
+    out = tmp_path / "why"
+    outcome = run(
+        "diagnose", *bags, "--config", CONFIG, "--out", out, "--without", "position_ripple"
+    )
+    assert outcome.status == 0, outcome.error
+    result = document(out)
+    assert result["without"] == ["position_ripple"]
+    assert "position_ripple" not in [each["effect"] for each in result["causes"]]
+    assert "on request: position_ripple" in result["summary"]
+    assert [each["floor_origin"] for each in result["joint_gaps"]] == ["repeats"] * 2
+    # White noise of 0.5 % of the limit, through a filter that passes a part of the band.
+    for each, noise in zip(result["joint_gaps"], (0.45, 0.175), strict=True):
+        assert 0.1 * noise < each["noise_floor"] < 0.6 * noise
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("reference: /joint_reference", "reference: null", ("reference",)),
+        ("  type: pd\n", "  type: unknown\n", ("controller",)),
+    ],
+    ids=["no references", "unknown controller"],
+)
+def test_without_references_or_controller_it_ends_with_what_can_be_said(
+    run, bag, config, tmp_path: Path, old: str, new: str, words: tuple[str, ...]
+) -> None:
+    if "unknown" in new:
+        new = "  type: unknown\n"
+        dropped = [("  kp: [1200.0, 250.0]   # N m/rad\n", ""),
+                   ("  kd: [52.0, 9.2]   # N m s/rad\n", "")]  # fmt: skip
+    else:
+        dropped = []
+    out = tmp_path / "why"
+    outcome = run("diagnose", bag, "--config", config((old, new), *dropped), "--out", out)
+    assert outcome.status == 0, outcome.error
+    result = document(out)
+    notes = " ".join(result["notes"]).lower()
+    for word in words:
+        assert word in notes
+    assert [stage["name"] for stage in result["stages"]][:2] == ["given", "refit"]
+    assert "controller_mismatch" not in [each["effect"] for each in result["causes"]]
+
+
+def test_bad_input_is_one_line_and_leaves_nothing(
+    run, bag, config, record, tmp_path: Path
+) -> None:
+    out = tmp_path / "why"
+
+    def must_refuse(status: int, *words: str, arguments: tuple[object, ...]) -> None:
+        refused(run("diagnose", *arguments, "--out", out), status, *words)
+        assert not out.exists()
+
+    good = config()
+    must_refuse(2, "none.mcap", "no such file",
+                arguments=(tmp_path / "none.mcap", "--config", good))  # fmt: skip
+    must_refuse(2, "strybeck", "stribeck",
+                arguments=(bag, "--config", good, "--without", "strybeck"))  # fmt: skip
+    must_refuse(2, "nowhere.yaml", arguments=(bag, "--config", tmp_path / "nowhere.yaml"))
+    some = slice(5000, 5500)
+    short = write_arm(
+        tmp_path / "short.mcap",
+        record.time[some],
+        record.position[some],
+        record.effort[some],
+        record.position_reference[some],
+    )
+    must_refuse(1, "short.mcap", arguments=(short, "--config", good))
+    still = np.full_like(record.position, 0.3)
+    rest = write_arm(tmp_path / "still.mcap", record.time, still, record.effort, still)
+    must_refuse(1, "still.mcap", "no joint moves", arguments=(rest, "--config", good))
+    assert len(JOINTS) == 2
+    wrong = config(("armature:", "armatur:"))
+    must_refuse(2, "arm2.yaml", "simulator.armatur", arguments=(bag, "--config", wrong))
+    out.write_text("mine")
+    refused(run("diagnose", bag, "--config", config(), "--out", out), 2, "why")
+    assert out.read_text() == "mine"

@@ -1,0 +1,226 @@
+"""Which effect is named, in worlds whose torque is written here: model + formula + noise.
+
+The motion is that of a simulated recording; its torque is replaced, so nothing of the simulator's
+effects is used.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from idim_iv_ros.gap import search
+from idim_iv_ros.gap.attribution import Attribution, attribute, support, worth
+from idim_iv_ros.gap.baseline import Baseline, baseline
+from idim_iv_ros.gap.catalogue import STRUCTURAL
+from idim_iv_ros.gap.effects.effect import Effect
+from idim_iv_ros.gap.effects.position_ripple import PositionRipple
+from idim_iv_ros.gap.effects.stribeck import Stribeck
+from idim_iv_ros.gap.effects.torque_saturation import TorqueSaturation
+from idim_iv_ros.gap.generic import GENERIC, Generic
+from idim_iv_ros.gap.likelihood import Regression
+from idim_iv_ros.gap.noise_floor import NoiseFloor
+from idim_iv_ros.gap.regression_rows import smooth_regression
+from idim_iv_ros.gap.smooth_motion import SmoothMotion
+from idim_iv_ros.gap.structural_causes import named_model
+from idim_iv_ros.gap.unexplained import unexplained
+from tests.estimation.test_simulated_arms import recorded
+from tests.simulated_arms import arm2
+
+NOISE = (0.15, 0.05)  # N m, of a row
+Torque = Callable[[SmoothMotion], np.ndarray]
+EVERYTHING = (*STRUCTURAL, *GENERIC)
+
+
+@pytest.fixture(scope="module")
+def data() -> Baseline:
+    arm = arm2(seconds=16.0)
+    return baseline([recorded(arm, 1)], arm.configuration)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def columns_made_once() -> Iterator[None]:
+    """All worlds share one motion, and so the columns of the candidates."""
+    original, made = search.rows_of, {}
+
+    def remembered(data, effect, place, shapes):
+        key = (id(data), effect, place, tuple(shapes))
+        if key not in made:
+            made[key] = original(data, effect, place, shapes)
+        return made[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(search, "rows_of", remembered)
+        yield
+
+
+def world(
+    data: Baseline, seed: int, joint: int = 0, torque: Torque | None = None, pole: float = 0.0
+) -> Regression:
+    """Rows of the refit with the torque of the estimate, an effect and noise."""
+    random = np.random.default_rng(seed)
+    plain = smooth_regression(data)
+    motion = data.motions[0]
+    made = []
+    for number, rows in enumerate(plain.joints):
+        values = rows.matrix @ data.estimate.linear.values[rows.columns]
+        if torque is not None and number == joint:
+            values = values + motion.rows(torque(motion)[:, None])[motion.kept[:, joint], 0]
+        noise = NOISE[number] * random.standard_normal(len(values) + 50)
+        noise = np.sqrt(1.0 - pole**2) * lfilter([1.0], [1.0, -pole], noise)[50:]
+        made.append(replace(rows, torque=values + noise))
+    return Regression(tuple(made), plain.parameters)
+
+
+def names_of(found: Attribution) -> list[tuple[str, int]]:
+    return [(each.candidate.effect.name, each.candidate.place.joint) for each in found.found]
+
+
+# Effect, joint, pole of the noise, torque.
+SINGLE: list[tuple[str, int, float, Torque]] = [
+    ("stribeck", 1, 0.0, lambda m: 0.5 * m.slip[:, 1] * np.exp(-((m.velocity[:, 1] / 0.15) ** 2))),
+    ("position_ripple", 0, 0.7,
+     lambda m: 0.5 * np.sin(23.0 * m.position[:, 0]) + 0.2 * np.cos(23.0 * m.position[:, 0])),
+    ("torque_saturation", 0, 0.0,
+     lambda m: 0.4 * np.sign(m.torque[:, 0]) * np.maximum(abs(m.torque[:, 0]) - 12.0, 0.0)),
+    ("load_dependent_friction", 0, 0.7, lambda m: 0.1 * abs(m.load[:, 0]) * m.slip[:, 0]),
+    ("friction_drift", 1, 0.0, lambda m: 0.5 * np.exp(-m.time / 5.0) * m.slip[:, 1]),
+    ("asymmetric_friction", 0, 0.7, lambda m: 0.4 + 0.2 * abs(m.velocity[:, 0])),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "joint", "pole", "torque"), SINGLE, ids=[each[0] for each in SINGLE]
+)
+def test_right_effect_and_joint_come_first(
+    data: Baseline, name: str, joint: int, pole: float, torque: Torque
+) -> None:
+    found = attribute(data, world(data, 1, joint, torque, pole), EVERYTHING)
+    assert names_of(found)[0] == (name, joint)
+    assert len(found.found) == 1
+
+
+def test_size_of_what_was_put_in_is_found(data: Baseline) -> None:
+    name, joint, _, torque = SINGLE[0]
+    found = attribute(data, world(data, 2, joint, torque), [Stribeck()])
+    (only,) = found.found
+    candidate = only.candidate
+    assert candidate.effect.name == name
+    parameters = candidate.effect.parameters(
+        candidate.shape, candidate.coefficients, np.zeros(candidate.width)
+    )
+    assert parameters["excess"].value == pytest.approx(0.5, abs=0.1)
+    assert parameters["speed"].value == pytest.approx(0.15, abs=0.05)
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.7], ids=["white", "coloured"])
+def test_nothing_is_found_in_noise(data: Baseline, pole: float) -> None:
+    for seed in range(5):
+        assert names_of(attribute(data, world(data, 100 + seed, pole=pole), EVERYTHING)) == []
+
+
+def pulses(motion: SmoothMotion) -> np.ndarray:
+    """Six contacts of 60 ms with nothing in common."""
+    starts, sizes = [2.3, 4.9, 7.1, 9.2, 11.8, 14.1], [9.0, -7.0, 8.0, -9.0, 6.0, -8.0]
+    torque = np.zeros(len(motion.time))
+    for start, size in zip(starts, sizes, strict=True):
+        inside = (motion.time >= start) & (motion.time < start + 0.06)
+        torque[inside] = size
+    return torque
+
+
+def wave_of_time(motion: SmoothMotion) -> np.ndarray:
+    return np.asarray(1.0 * np.sin(2.0 * np.pi * 3.3 * motion.time))
+
+
+def test_a_wave_of_time_is_not_named(data: Baseline) -> None:
+    found = attribute(data, world(data, 3, 0, wave_of_time), EVERYTHING)
+    assert named_model(found).found == ()
+
+
+def test_contacts_are_not_named_but_described_with_their_joint_and_time(data: Baseline) -> None:
+    floors = [NoiseFloor(None, "lower bound", "")] * 2
+    found = attribute(data, world(data, 3, 0, pulses), EVERYTHING)
+    assert named_model(found).found == ()
+    rest = unexplained(data, named_model(found), floors)
+    assert rest is not None
+    assert (rest.joint, rest.family) == ("joint_1", "event")
+    assert 0.12 < rest.share <= 1.0
+    seconds = float(rest.where.split(" s after its start")[0].split()[-1])
+    largest = [2.3, 4.9, 7.1, 9.2, 11.8, 14.1]
+    assert min(abs(seconds + data.motions[0].time[0] - start) for start in largest) < 0.3
+    quiet = attribute(data, world(data, 4), ())
+    assert unexplained(data, named_model(quiet), floors) is None
+
+
+class Twin(Stribeck):
+    """The same torque under another name."""
+
+    name = "twin"
+
+
+class Slower(TorqueSaturation):
+    """Another torque."""
+
+    name = "other"
+
+
+def test_effects_that_are_alike_are_rivals_and_others_are_not(data: Baseline) -> None:
+    _, joint, _, torque = SINGLE[0]
+    catalogue: list[Effect] = [Stribeck(), Twin(), Slower()]
+    found = attribute(data, world(data, 5, joint, torque), catalogue)
+    (only,) = found.found
+    assert only.candidate.effect.name in ("stribeck", "twin")
+    ((rival, correlation),) = only.rivals
+    assert {rival.effect.name, only.candidate.effect.name} == {"stribeck", "twin"}
+    assert correlation == pytest.approx(1.0, abs=1e-3)
+
+
+def test_support_is_gain_less_schwarz_and_the_logarithm_of_the_grid(data: Baseline) -> None:
+    _, joint, _, torque = SINGLE[0]
+    found = attribute(data, world(data, 5, joint, torque), [Stribeck()])
+    candidate = found.found[0].candidate
+    rows = len(found.regression.joints[joint].torque)
+    gain = found.fit.log_likelihood - found.refit.log_likelihood
+    # One coefficient, a speed and an exponent, from a grid of 8 speeds and 3 exponents.
+    expected = gain - 1.5 * np.log(rows) - np.log(24)
+    assert support(candidate) == pytest.approx(expected, abs=0.5)
+    assert worth(candidate)
+    assert not worth(replace(candidate, gain=candidate.cost + 7.9))
+    assert worth(replace(candidate, gain=max(candidate.cost + 8.1, 0.006 * rows)))
+    assert not worth(replace(candidate, gain=0.004 * rows))  # 0.8 % of the energy
+
+
+def test_two_effects_at_two_joints_are_found_one_after_the_other(data: Baseline) -> None:
+    both = world(data, 6, SINGLE[0][1], SINGLE[0][3])
+    ripple = world(data, 6, 0, SINGLE[1][3])
+    mixed = Regression((ripple.joints[0], both.joints[1]), both.parameters)
+    found = attribute(data, mixed, EVERYTHING)
+    assert set(names_of(found)) == {("stribeck", 1), ("position_ripple", 0)}
+    model = named_model(found)
+    assert [len(fit.coefficients) for fit in model.fits] == [
+        0, model.regression.widths[0], sum(model.regression.widths),
+    ]  # fmt: skip
+    gains = np.diff([fit.log_likelihood for fit in model.fits])
+    assert np.all(gains > 8.0)
+
+
+def test_a_name_that_patches_a_nameless_function_at_its_joint_is_dropped(data: Baseline) -> None:
+    found = attribute(data, world(data, 6, SINGLE[1][1], SINGLE[1][3]), [PositionRipple()])
+    (named,) = found.found
+    generic: Generic = GENERIC[0]
+    here = replace(named, candidate=replace(named.candidate, effect=generic))
+    elsewhere = replace(
+        here,
+        candidate=replace(here.candidate, columns={1: next(iter(named.candidate.columns.values()))}),
+    )
+    patched = named_model(replace(found, found=(here, named)))
+    assert (patched.found, patched.nameless) == ((), (here,))
+    assert len(patched.fits) == 1
+    kept = named_model(replace(found, found=(elsewhere, named)))
+    assert (kept.found, kept.nameless) == ((named,), (elsewhere,))
+    # What was found before the nameless function stands by itself.
+    before = named_model(replace(found, found=(named, here)))
+    assert before.found == (named,)

@@ -1,0 +1,292 @@
+"""Every effect of the catalogue: its torque by a formula of its own, its shapes, names, signs."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.gap.catalogue import EFFECTS, STRUCTURAL
+from idim_iv_ros.gap.effects.effect import Effect, Extent, Place
+from idim_iv_ros.gap.parametric import PARAMETRIC
+from idim_iv_ros.gap.smooth_motion import SmoothMotion
+from idim_iv_ros.simulation import inverse_dynamics
+from tests.gap.motions import synthetic
+
+BY_NAME: dict[str, Effect] = {effect.name: effect for effect in STRUCTURAL}
+FloatArray = np.ndarray
+
+
+def extent_of(motion: SmoothMotion) -> Extent:
+    return Extent(
+        low=motion.position.min(axis=0),
+        high=motion.position.max(axis=0),
+        slowest=np.full(2, 0.02),
+        fastest=np.abs(motion.velocity).max(axis=0),
+        load=np.abs(motion.load).max(axis=0),
+        torque=np.abs(motion.torque).max(axis=0),
+        inertia=np.mean(np.einsum("sii->si", motion.inertia), axis=0),
+        duration=float(motion.time[-1]),
+        row_rate=50.0,
+    )
+
+
+def total(
+    motion: SmoothMotion, name: str, shape: tuple[float, ...], values: list[float], joint: int = 1
+) -> dict[int, FloatArray]:
+    place = Place(0, 1) if name == "joint_coupling" else Place(joint)
+    columns = BY_NAME[name].columns(motion, place, shape)
+    return {j: rows @ np.asarray(values) for j, rows in columns.items()}
+
+
+Formula = Callable[[SmoothMotion, FloatArray, FloatArray], FloatArray]
+# Name, shape, coefficients, torque at joint 2 from motion, position and velocity.
+FORMULAS: list[tuple[str, tuple[float, ...], list[float], Formula]] = [
+    ("stribeck", (0.2, 1.5), [0.7],
+     lambda m, q, v: 0.7 * np.sign(v) / np.exp((abs(v) / 0.2) ** 1.5)),
+    ("nonlinear_viscous", (0.6,), [1.3], lambda m, q, v: 1.3 * v / abs(v) ** 0.4),
+    ("asymmetric_friction", (0.0,), [0.4], lambda m, q, v: 0.4 + 0.0 * v),
+    ("asymmetric_friction", (1.0,), [0.4, 0.2],
+     lambda m, q, v: 0.4 + np.where(v > 0, 0.2 * v, -0.2 * v)),
+    ("load_dependent_friction", (1.0, 5.0, 0.0, 0.0), [0.1],
+     lambda m, q, v: 0.1 * abs(m.load[:, 1]) * np.sign(v)),
+    ("load_dependent_friction", (1.3, 5.0, 1.0, 0.0), [0.1, 0.2],
+     lambda m, q, v: np.where(m.load[:, 1] * v > 0, 0.1, 0.2) * np.sign(v)
+     * 5.0 * (abs(m.load[:, 1]) / 5.0) ** 1.3),
+    ("load_dependent_friction", (0.8, 5.0, 1.0, 1.0), [0.1, 0.2],
+     lambda m, q, v: np.where(m.torque[:, 1] * v > 0, 0.1, 0.2) * np.sign(v)
+     * 5.0 * (abs(m.torque[:, 1]) / 5.0) ** 0.8),
+    ("position_dependent_friction", (7.0,), [0.3, 0.4],
+     lambda m, q, v: np.sign(v) * 0.5 * np.cos(7.0 * q - np.arctan2(0.3, 0.4))),
+    ("position_dependent_friction", (-1.0, 0.2, 0.1), [0.6],
+     lambda m, q, v: np.sign(v) * 0.6 * np.exp(-100.0 * (q - 0.2) ** 2)),
+    ("friction_drift", (30.0,), [0.5, 0.2],
+     lambda m, q, v: (0.5 * np.sign(v) + 0.2 * v) * np.exp(-m.time / 30.0)),
+    ("torque_saturation", (3.0,), [0.4],
+     lambda m, q, v: 0.4 * (m.torque[:, 1] - np.clip(m.torque[:, 1], -3.0, 3.0))),
+    ("position_ripple", (9.0, 31.0), [0.1, 0.2, 0.3, -0.4],
+     lambda m, q, v: 0.1 * np.sin(9 * q) + 0.2 * np.cos(9 * q)
+     + 0.3 * np.sin(31 * q) - 0.4 * np.cos(31 * q)),
+    ("spring", (0.0, -0.2, 0.6, 0.0, 1.0), [0.1, 2.0, -3.0, 4.0],
+     lambda m, q, v: np.polyval([4.0, -3.0, 2.0, 0.1], np.minimum(np.maximum(q, -0.2), 0.6))),
+    ("spring", (1.0, -2.0, 2.0, 0.1, 0.3), [0.1, 2.0, 0.5],
+     lambda m, q, v: 0.1 + 2.0 * q + 0.25 * (np.exp((q - 0.1) / 0.3) - np.exp((0.1 - q) / 0.3))),
+    ("spring", (2.0, -2.0, 2.0, 0.1, 0.3), [0.1, 2.0, 0.5],
+     lambda m, q, v: 0.1 + 2.0 * q + 0.5 * np.arctan2(q - 0.1, 0.3)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "shape", "values", "formula"), FORMULAS)
+def test_torque_is_that_of_the_formula(name, shape, values, formula) -> None:
+    motion = synthetic()
+    found = total(motion, name, shape, values)
+    assert list(found) == [1]
+    expected = formula(motion, motion.position[:, 1], motion.velocity[:, 1])
+    np.testing.assert_allclose(found[1], expected, rtol=1e-9, atol=1e-9)
+
+
+def test_bristles_carry_less_until_they_slip() -> None:
+    """After a reversal a bristle of span s has −1 + |Δq| / s, as long as that is below 1."""
+    motion = synthetic()
+    span, level = 0.05, 0.8
+    found = total(motion, "presliding", (span,), [level])[1]
+    q, v = motion.position[:, 1], motion.velocity[:, 1]
+    turns = np.flatnonzero(np.diff(np.sign(v))) + 1
+    checked = 0
+    for before, first, last in zip(turns[:-2], turns[1:-1], turns[2:], strict=True):
+        if abs(q[first] - q[before]) < 2.1 * span:  # it had not slipped the other way
+            continue
+        moved = abs(q[first : last - 1] - q[first])
+        sign = np.sign(v[first])
+        expected = level * sign * (np.minimum(-1.0 + moved / span, 1.0) - 1.0)
+        np.testing.assert_allclose(found[first : last - 1], expected, atol=level * 2e-3 / span)
+        checked += 1
+    assert checked >= 3
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_coupled_joints_share_the_friction_of_their_common_part(sign: float) -> None:
+    """Its power is never negative, and it acts on both with its lever arms 1 and ±1."""
+    motion = synthetic()
+    found = total(motion, "joint_coupling", (sign, 1.3), [0.3, 0.2])
+    w = motion.velocity @ np.array([1.0, sign])
+    power = found[0] * motion.velocity[:, 0] + found[1] * motion.velocity[:, 1]
+    np.testing.assert_allclose(power, 0.3 * abs(w) + 0.2 * abs(w) ** 2.3, atol=1e-12)
+    np.testing.assert_allclose(found[1], sign * found[0])
+
+
+def test_a_late_torque_is_the_torque_of_later() -> None:
+    motion = synthetic()
+    without_jumps = replace(motion.whole, coulomb=np.zeros(2))
+    motion = replace(motion, whole=without_jumps)
+    delay = 0.006
+    found = total(motion, "time_delay", (delay,), [1.0])[1]
+    torque = motion.torque[:, 1]
+    expected = np.interp(motion.time + delay, motion.time, torque) - torque
+    inner = slice(10, -10)
+    assert np.abs(found - expected)[inner].max() < 5e-3 * np.abs(expected).max()
+
+
+def test_a_disc_off_its_centre_moves_the_torques_of_a_wrong_motion() -> None:
+    """The robot stands at q − e(q) where the encoder says q."""
+    motion = synthetic()
+    size = 1e-3
+    found = total(motion, "encoder_eccentricity", (2.0,), [0.0, 0.0, size, 0.0])
+    q, v, a = (x.copy() for x in (motion.position, motion.velocity, motion.acceleration))
+    angle, speed, change = q[:, 1].copy(), v[:, 1].copy(), a[:, 1].copy()
+    q[:, 1] -= size * np.sin(2 * angle)
+    v[:, 1] -= size * 2 * speed * np.cos(2 * angle)
+    a[:, 1] -= size * (2 * change * np.cos(2 * angle) - 4 * speed**2 * np.sin(2 * angle))
+    expected = inverse_dynamics(motion.robot, motion.whole, q, v, a) - inverse_dynamics(
+        motion.robot, motion.whole, motion.position, motion.velocity, motion.acceleration
+    )
+    # Not where the friction changes its sign.
+    calm = np.abs(motion.velocity[:, 1]) > 0.02
+    calm[:3] = calm[-3:] = False
+    for joint in (0, 1):
+        largest = np.abs(expected[:, joint]).max()
+        assert np.abs(found[joint] - expected[:, joint])[calm].max() < 0.02 * largest
+
+
+@pytest.mark.parametrize("name", ["elasticity", "backlash"])
+def test_a_transmission_moves_all_joints_and_vanishes_when_stiff(name: str) -> None:
+    motion = synthetic()
+    inertia = float(motion.inertia[:, 1, 1].mean())
+    stiffness = inertia * (2 * np.pi * 8.0) ** 2
+    damping = 0.4 * np.sqrt(stiffness * inertia)
+    shape = (stiffness, damping) if name == "elasticity" else (5e-3, stiffness, damping, 1.0)
+    found = BY_NAME[name].columns(motion, Place(1), shape)
+    assert sorted(found) == [0, 1]
+    assert min(np.abs(found[j]).max() for j in (0, 1)) > 1e-3
+    stiff = (400 * stiffness, 20 * damping)
+    harder = stiff if name == "elasticity" else (1e-7, *stiff, 1.0)
+    rigid = BY_NAME[name].columns(motion, Place(1), harder)
+    for joint in (0, 1):
+        assert np.std(rigid[joint][100:]) < 0.02 * np.std(found[joint][100:])
+
+
+@pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda each: each.name)
+def test_shapes_of_a_moving_joint_give_finite_torques_of_one_width(effect: Effect) -> None:
+    motion = synthetic(3.0)
+    covered = extent_of(motion)
+    for place in effect.places(2):
+        grid = effect.grid(place, covered)
+        assert 0 < len(grid) <= 700
+        assert len(set(grid)) == len(grid)
+        assert sorted(each for part in effect.branches(grid) for each in part) == sorted(grid)
+        for shape in grid[:: max(1, len(grid) // 8)]:
+            columns = effect.columns(motion, place, shape)
+            widths = {rows.shape for rows in columns.values()}
+            assert len(widths) == 1
+            assert all(np.isfinite(rows).all() for rows in columns.values())
+            width = next(iter(widths))[1]
+            found = effect.parameters(shape, np.full(width, 0.7), np.full(width, 0.1))
+            assert all(np.isfinite(parameter.value) for parameter in found.values())
+            for step in (0.3, 0.07):
+                for near in effect.neighbours(shape, step, covered):
+                    assert len(near) == len(shape)
+                    assert np.isfinite(near).all()
+
+
+@pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda each: each.name)
+@pytest.mark.filterwarnings("error")
+def test_a_joint_that_stands_still_does_no_harm(effect: Effect) -> None:
+    """No shape, or finite torques (columns of zeros count for nothing, see the likelihood)."""
+    motion = synthetic(2.0, still=1)
+    covered = extent_of(motion)
+    place = effect.places(2)[-1]
+    for shape in effect.grid(place, covered):
+        columns = effect.columns(motion, place, shape)
+        assert all(np.isfinite(rows).all() for rows in columns.values())
+
+
+UNITS = {
+    "stribeck": {"excess": "N m", "speed": "rad/s", "exponent": ""},
+    "nonlinear_viscous": {"coefficient": "N m at 1 rad/s", "power": ""},
+    "asymmetric_friction": {"offset": "N m", "viscous": "N m s/rad"},
+    "load_dependent_friction": {
+        "driving": "", "driven": "", "exponent": "", "scale": "N m", "motor_torque": "",
+    },
+    "position_dependent_friction": {"wave_number_1": "1/rad", "sine_1": "N m", "cosine_1": "N m"},
+    "friction_drift": {"time_constant": "s", "coulomb": "N m", "viscous": "N m s/rad"},
+    "presliding": {"span_1": "rad", "level_1": "N m"},
+    "backlash": {"gap": "rad", "stiffness": "N m/rad", "damping": "N m s/rad"},
+    "elasticity": {"stiffness": "N m/rad", "damping": "N m s/rad"},
+    "time_delay": {"delay": "s"},
+    "torque_saturation": {"knee": "N m", "slope": ""},
+    "position_ripple": {"wave_number_1": "1/rad", "sine_1": "N m", "cosine_1": "N m"},
+    "spring": {
+        "constant": "N m", "linear": "N m/rad", "quadratic": "N m/rad²", "cubic": "N m/rad³",
+        "lowest": "rad", "highest": "rad",
+    },
+    "encoder_eccentricity": dict.fromkeys(("sine", "cosine", "sine_2", "cosine_2"), "rad"),
+    "joint_coupling": {"direction": "", "coulomb": "N m", "viscous": "N m s/rad", "power": ""},
+}  # fmt: skip
+# Of the parameters above; the first shape of the grid elsewhere.
+SHAPES = {"asymmetric_friction": (1.0,), "encoder_eccentricity": (2.0,)}
+
+
+@pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda each: each.name)
+def test_parameters_have_their_names_and_units(effect: Effect) -> None:
+    motion = synthetic(1.0)
+    place = effect.places(2)[0]
+    shape = SHAPES.get(effect.name) or effect.grid(place, extent_of(motion))[0]
+    width = effect.columns(motion, place, shape)[place.joint].shape[1]
+    found = effect.parameters(shape, np.full(width, 0.5), np.full(width, 0.1))
+    assert {name: parameter.unit for name, parameter in found.items()} == UNITS[effect.name]
+    assert any(parameter.std for parameter in found.values())
+
+
+def test_every_effect_has_a_name_of_its_own_and_known_look_alikes() -> None:
+    names = [effect.name for effect in (*PARAMETRIC, *STRUCTURAL)] + ["controller_mismatch"]
+    assert sorted(names) == sorted(EFFECTS)
+    assert len(set(names)) == len(names) == 22
+    for effect in (*PARAMETRIC, *STRUCTURAL):
+        assert set(effect.look_alikes) <= set(names) - {effect.name}
+        assert effect.excitation
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "good", "bad"),
+    [
+        ("stribeck", (0.1, 1.0), [0.3], [-0.3]),
+        ("nonlinear_viscous", (2.0,), [0.3], [-0.3]),
+        ("load_dependent_friction", (1.0, 5.0, 1.0, 0.0), [0.1, 0.2], [0.1, -0.2]),
+        ("presliding", (0.01, 0.1), [0.1, 0.2], [0.1, -0.2]),
+        ("backlash", (0.01, 1e3, 1.0, 1.0), [1.0], [-1.0]),
+        ("elasticity", (1e3, 1.0), [1.0], [-1.0]),
+        ("time_delay", (0.002,), [1.0], [-1.0]),
+        ("torque_saturation", (3.0,), [0.2], [-0.2]),
+        ("encoder_eccentricity", (1.0,), [0.01, -0.01], [0.2, 0.0]),
+        ("joint_coupling", (1.0, 1.0), [0.2, 0.1], [-0.2, 0.1]),
+    ],
+)
+def test_physics_forbids_signs_and_sizes(name, shape, good, bad) -> None:
+    effect = BY_NAME[name]
+    assert effect.admissible(shape, np.array(good))
+    assert not effect.admissible(shape, np.array(bad))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["asymmetric_friction", "friction_drift", "spring", "position_ripple"],
+)
+def test_effects_of_either_sign(name: str) -> None:
+    effect = BY_NAME[name]
+    for sign in (1.0, -1.0):
+        assert effect.admissible((0.0, -1.0, 1.0, 0.0, 1.0), sign * np.ones(4))
+
+
+def test_numbers_of_an_engineer() -> None:
+    """Slope beyond the knee, stiffness and delay from coefficients, with their deviations."""
+    one, small = np.array([0.25]), np.array([0.05])
+    slope = BY_NAME["torque_saturation"].parameters((3.0,), one, small)["slope"]
+    assert slope.value == pytest.approx(0.8)  # command τ + 0.25 (τ − knee): 1 / 1.25
+    assert slope.std == pytest.approx(0.05 / 1.25**2)
+    shaft = BY_NAME["elasticity"].parameters((500.0, 2.0), np.array([1.25]), small)["stiffness"]
+    assert shaft.value == pytest.approx(400.0)
+    assert shaft.std == pytest.approx(400.0 * 0.05 / 1.25)
+    late = BY_NAME["time_delay"].parameters((0.004,), np.array([1.5]), small)["delay"]
+    assert (late.value, late.std) == (pytest.approx(0.006), pytest.approx(0.0002))
+    play = BY_NAME["backlash"].parameters((0.01, 1e3, 3.0, 1.0), np.ones(1), small)["gap"]
+    assert (play.value, play.std) == (pytest.approx(0.01), pytest.approx(0.0005))
