@@ -1,4 +1,4 @@
-"""From a simulated robot with an effect to the bag, the diagnosis and back, by the real commands."""
+"""From a simulated robot with an effect to its diagnosis and back, by the real commands."""
 
 import json
 from pathlib import Path
@@ -124,9 +124,7 @@ def test_without_references_or_controller_it_ends_with_what_can_be_said(
     assert "controller_mismatch" not in [each["effect"] for each in result["causes"]]
 
 
-def test_bad_input_is_one_line_and_leaves_nothing(
-    run, bag, config, record, tmp_path: Path
-) -> None:
+def test_bad_input_is_one_line_and_leaves_nothing(run, bag, config, record, tmp_path: Path) -> None:
     out = tmp_path / "why"
 
     def must_refuse(status: int, *words: str, arguments: tuple[object, ...]) -> None:

@@ -28,6 +28,7 @@ def extent_of(motion: SmoothMotion) -> Extent:
         inertia=np.mean(np.einsum("sii->si", motion.inertia), axis=0),
         duration=float(motion.time[-1]),
         row_rate=50.0,
+        lever=np.ones(2),
     )
 
 

@@ -65,6 +65,7 @@ EXTENT = Extent(
     inertia=np.array([2.0, 0.3]),
     duration=60.0,
     row_rate=40.0,
+    lever=np.ones(2),
 )
 
 
