@@ -214,7 +214,9 @@ def test_a_name_that_patches_a_nameless_function_at_its_joint_is_dropped(data: B
     here = replace(named, candidate=replace(named.candidate, effect=generic))
     elsewhere = replace(
         here,
-        candidate=replace(here.candidate, columns={1: next(iter(named.candidate.columns.values()))}),
+        candidate=replace(
+            here.candidate, columns={1: next(iter(named.candidate.columns.values()))}
+        ),
     )
     patched = named_model(replace(found, found=(here, named)))
     assert (patched.found, patched.nameless) == ((), (here,))

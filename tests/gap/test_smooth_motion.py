@@ -44,6 +44,7 @@ def test_it_is_closer_to_the_true_motion_than_what_was_measured(data: Baseline) 
     true = record(arm, 1, position_noise=0.0, torque_noise=[0.0, 0.0])
     noisy = record(arm, 1)
     for joint in (0, 1):
+
         def at(values: np.ndarray, joint: int = joint) -> np.ndarray:
             return np.interp(motion.time, true.time - true.time[0], values[:, joint])
 
