@@ -58,7 +58,7 @@ def test_what_was_simulated_is_found_and_can_be_simulated_again(
         ("position_ripple", "joint_1")
     ]
     assert result["verdict"] in ("structural", "both")
-    assert "position ripple at joint_1" in result["summary"]
+    assert "position ripple at joint_1" in result["summary"].lower()
     values = {name: each["value"] for name, each in structural[0]["parameters"].items()}
     assert values["wave_number_1"] == pytest.approx(21.0, abs=0.3)
     size = np.hypot(values["sine_1"], values["cosine_1"])
@@ -90,9 +90,9 @@ def test_repeated_runs_give_a_floor_and_a_withheld_effect_is_not_named(
     assert result["without"] == ["position_ripple"]
     assert "position_ripple" not in [each["effect"] for each in result["causes"]]
     assert "on request: position_ripple" in result["summary"]
-    assert [each["floor_origin"] for each in result["joint_gaps"]] == ["repeats"] * 2
+    assert [each["floor_origin"] for each in result["where"]["joints"]] == ["repeats"] * 2
     # White noise of 0.5 % of the limit, through a filter that passes a part of the band.
-    for each, noise in zip(result["joint_gaps"], (0.45, 0.175), strict=True):
+    for each, noise in zip(result["where"]["joints"], (0.45, 0.175), strict=True):
         assert 0.1 * noise < each["noise_floor"] < 0.6 * noise
 
 
@@ -100,7 +100,7 @@ def test_repeated_runs_give_a_floor_and_a_withheld_effect_is_not_named(
     ("old", "new", "words"),
     [
         ("reference: /joint_reference", "reference: null", ("reference",)),
-        ("  type: pd\n", "  type: unknown\n", ("controller",)),
+        ("  type: pd\n", "  type: unknown\n", ("names no control law", "fitted law")),
     ],
     ids=["no references", "unknown controller"],
 )
@@ -119,8 +119,8 @@ def test_without_references_or_controller_it_ends_with_what_can_be_said(
     result = document(out)
     notes = " ".join(result["notes"]).lower()
     for word in words:
-        assert word in notes
-    assert [stage["name"] for stage in result["stages"]][:2] == ["given", "refit"]
+        assert word in notes, notes
+    assert [stage["stage"] for stage in result["stages"]][:2] == ["given", "refit"]
     assert "controller_mismatch" not in [each["effect"] for each in result["causes"]]
 
 
