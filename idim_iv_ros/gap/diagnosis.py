@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.gap.attribution import Attribution, attribute
+from idim_iv_ros.gap.attribution import Attribution, Found, attribute
 from idim_iv_ros.gap.baseline import Baseline, baseline
 from idim_iv_ros.gap.catalogue import STRUCTURAL
 from idim_iv_ros.gap.controller_check import controller_mismatch, why_not_checked
@@ -55,6 +55,9 @@ from idim_iv_ros.stopwatch import Progress, Stopwatch
 
 FloatArray = NDArray[np.float64]
 
+# Of the held-out torque gap, what is left at most where an effect does no harm. Effects of high
+# frequency shrink the whitened residual much and the gap itself little.
+_NO_WORSE = 1.01
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 
 
@@ -205,11 +208,18 @@ def _confirmed(
         return held_out(data, model.regression, model.fit, labels, floors, repeats, given)
 
     first = tested(model)
-    helpful = [each for k, each in enumerate(model.found) if first.gain(k)[0] > 0.0]
+    helpful = [each for k, each in enumerate(model.found) if _helps(first, k, each)]
     if len(helpful) == len(model.found):
         return model, first
     model = built_model(attribution, helpful, model.nameless)
     return model, tested(model)
+
+
+def _helps(tested: HeldOut, number: int, found: Found) -> bool:
+    """Whether the whitened residual shrinks on held-out data, and the gap does not grow."""
+    stage = tested.refit + number
+    gap = tested.gap(stage, stage + 1, found.candidate.place.joint)
+    return tested.gain(number)[0] > 0.0 and gap.after < _NO_WORSE * gap.before
 
 
 def _accepted(refused: NotTestable, causes: Sequence[Cause]) -> bool:
