@@ -208,7 +208,14 @@ def _confirmed(
         return held_out(data, model.regression, model.fit, labels, floors, repeats, given)
 
     first = tested(model)
-    helpful = [each for k, each in enumerate(model.found) if _helps(first, k, each)]
+    helpful: list[Found] = []
+    doubtful: set[int] = set()  # joints where what came later may patch what did not hold
+    for number, each in enumerate(model.found):
+        joint = each.candidate.place.joint
+        if joint not in doubtful and _helps(first, number, each):
+            helpful.append(each)
+        else:
+            doubtful.add(joint)
     if len(helpful) == len(model.found):
         return model, first
     model = built_model(attribution, helpful, model.nameless)

@@ -46,6 +46,7 @@ class PositionDependentFriction(Effect):
             (_SPOT, float(centre), width * span)
             for width in (0.06, 0.15, 0.35)
             for centre in np.linspace(low - _BEYOND * span, high + _BEYOND * span, 31)
+            if low - width * span < centre < high + width * span
         ]
         waves_: list[Shape] = [(float(n),) for n in wave_numbers(place, extent, _PERIODS)]
         return waves_ + spots
@@ -60,8 +61,10 @@ class PositionDependentFriction(Effect):
         if shape[0] != _SPOT:
             return near_waves(shape, step, float(np.max(extent.high - extent.low)))
         _, centre, width = shape
-        moved = [(_SPOT, centre + sign * step * width, width) for sign in (1.0, -1.0)]
-        return [*moved, (_SPOT, centre, width * (1 + step)), (_SPOT, centre, width / (1 + step))]
+        moved: list[Shape] = [(_SPOT, centre + sign * step * width, width) for sign in (1.0, -1.0)]
+        moved += [(_SPOT, centre, width * (1 + step)), (_SPOT, centre, width / (1 + step))]
+        low, high = float(np.min(extent.low)), float(np.max(extent.high))
+        return [each for each in moved if low - each[2] < each[1] < high + each[2]]
 
     def longer(self, shape: Shape, place: Place, extent: Extent) -> list[Shape]:
         """One wave more."""
