@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.effects.asymmetric_friction import AsymmetricFriction
 from idim_iv_ros.gap.effects.effect import Effect, Place
 from idim_iv_ros.gap.generic import Generic
 from idim_iv_ros.gap.likelihood import Fit, Regression, Scan
@@ -15,7 +16,7 @@ from idim_iv_ros.gap.search import Candidate, Grids, Search, extent
 
 FloatArray = NDArray[np.float64]
 
-MOST_EFFECTS = 4
+MOST_EFFECTS = 4  # beside an asymmetric friction at every joint
 # Share of the whitened residual's energy that it must explain.
 LEAST_SHARE = 0.01
 # Candidates that bring this much less are not better or worse.
@@ -84,7 +85,9 @@ def attribute(
     grids: Grids = {}
     tried = 0
     known: dict[tuple[Effect, Place], Candidate | None] = {}
-    for _ in range(MOST_EFFECTS):
+    for _ in range(MOST_EFFECTS + len(data.joints)):
+        if _counted(found) >= MOST_EFFECTS:
+            break
         search = Search(data, covered, current, fit, grids)
         candidates = _all(search, catalogue, found, known, progress)
         tried = tried or sum(each.tried for each in candidates)
@@ -99,6 +102,11 @@ def attribute(
             found, current, fit = _revised(search, regression, refit, found, catalogue)
         _forget(known, set(best.columns))
     return Attribution(regression, refit, tuple(found), current, fit, tried)
+
+
+def _counted(found: Sequence[Found]) -> int:
+    """How many effects were accepted, less the offsets that every joint may have."""
+    return sum(each.candidate.effect.name != AsymmetricFriction.name for each in found)
 
 
 def named_first(candidates: Sequence[Candidate]) -> Candidate | None:
