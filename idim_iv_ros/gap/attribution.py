@@ -19,6 +19,8 @@ FloatArray = NDArray[np.float64]
 MOST_EFFECTS = 4  # beside an asymmetric friction at every joint
 # Share of the whitened residual's energy that it must explain.
 LEAST_SHARE = 0.01
+# Of the gap that the candidate with the widest reach closes, what the one to be named must close.
+LEAST_REACH = 0.67
 # Candidates that bring this much less are not better or worse.
 ALIKE = 6.0
 LEAST_CORRELATION = 0.5
@@ -63,14 +65,6 @@ class Attribution:
     tried: int
 
 
-def support(candidate: Candidate) -> float:
-    """Gain of the log-likelihood less the penalty of its numbers (Schwarz) and of the search.
-
-    Each coefficient costs half the logarithm of the rows, the grid the logarithm of its size.
-    """
-    return candidate.gain - candidate.cost
-
-
 def attribute(
     data: Baseline,
     regression: Regression,
@@ -92,7 +86,7 @@ def attribute(
         candidates = _all(search, catalogue, found, known, progress)
         tried = tried or sum(each.tried for each in candidates)
         candidates = [each for each in candidates if _not_a_patch(each, found)]
-        best = named_first(candidates)
+        best = named_first(with_reach(candidates))
         best = None if best is None else search.again(best)
         if best is None or not worth(best):
             break
@@ -117,30 +111,45 @@ def named_first(candidates: Sequence[Candidate]) -> Candidate | None:
     """
     named = [each for each in candidates if not isinstance(each.effect, Generic)]
     nameless = [each for each in candidates if isinstance(each.effect, Generic)]
-    best = max(named, key=lambda each: support(each), default=None)
-    rival = max(nameless, key=lambda each: support(each), default=None)
+    best = max(named, key=lambda each: each.support, default=None)
+    rival = max(nameless, key=lambda each: each.support, default=None)
     if best is None or rival is None:
         return best or rival
-    least = FIT_OF_THE_NAMED * support(rival) - ALIKE
-    return best if support(best) >= least else rival
+    least = FIT_OF_THE_NAMED * rival.support - ALIKE
+    return best if best.support >= least else rival
+
+
+def with_reach(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return the candidates that close most of the gap.
+
+    The likelihood alone prefers what is fast and small, where there is little noise, to what is
+    slow and large. That is found too, once the large is in the model.
+    """
+    able = [each for each in candidates if worth(each)]
+    widest = max((each.closed for each in able), default=0.0)
+    return [each for each in able if each.closed >= LEAST_REACH * widest]
 
 
 def worth(candidate: Candidate) -> bool:
     """Whether a candidate is supported and large enough to matter."""
     rows = sum(len(candidate.fit.residuals[joint]) for joint in candidate.own_joints)
     share = 1.0 - np.exp(-2.0 * candidate.gain / rows)
-    return bool(support(candidate) >= candidate.effect.least_support and share >= LEAST_SHARE)
+    return bool(
+        candidate.support >= candidate.effect.least_support
+        and share >= LEAST_SHARE
+        and candidate.closed >= LEAST_SHARE
+    )
 
 
 def alike(
     search: Search, best: Candidate, candidates: Sequence[Candidate]
 ) -> tuple[tuple[Candidate, float], ...]:
     """Candidates as good as the best whose torque is much the same: (candidate, correlation)."""
-    least = support(best) - ALIKE
+    least = best.support - ALIKE
     scan = search.regression.scan(search.fit)
     close = []
     for other in candidates:
-        if other.key == best.key or support(other) < least:
+        if other.key == best.key or other.support < least:
             continue
         correlation = _correlation(scan, best, other)
         if correlation >= LEAST_CORRELATION:
@@ -202,8 +211,8 @@ def _not_a_patch(candidate: Candidate, found: Sequence[Found]) -> bool:
         if isinstance(other.effect, Generic) or not set(other.columns) & set(candidate.columns):
             continue
         same = other.effect.family == candidate.effect.family
-        least = LEAST_BESIDE_A_NAME * support(other)
-        if same or support(candidate) < least:
+        least = LEAST_BESIDE_A_NAME * other.support
+        if same or candidate.support < least:
             return False
     return True
 
@@ -254,7 +263,7 @@ def _revised(
             if key not in taken
         ]
         usable = [candidate for candidate in again if candidate is not None]
-        best = named_first(usable)
+        best = named_first(with_reach(usable))
         if best is None or not worth(best):
             kept.remove(this)
         else:

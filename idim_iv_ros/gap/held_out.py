@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from idim_iv_ros.gap.baseline import Baseline
-from idim_iv_ros.gap.likelihood import Colour, Fit, Regression
+from idim_iv_ros.gap.likelihood import Colour, Fit, Regression, white_colours
 from idim_iv_ros.gap.noise_floor import NoiseFloor, Repeat
 from idim_iv_ros.gap.result import Gap, Stage
 from idim_iv_ros.gap.time_blocks import block_sums, interval, resampled, time_blocks
@@ -162,9 +162,10 @@ def held_out(
 ) -> HeldOut:
     """Predict every fold from the others, for every stage.
 
-    All coefficients are refitted, whitened with the colours of the full fit; shapes of effects
-    stay as found. The predicted fold counts a thousandth in the fit that predicts it, so that
-    what only this fold shows cannot blow up.
+    All coefficients are refitted and the shapes of effects stay as found: for the torque gap with
+    the weights that make it least, for the whitened residual with the colours of the full fit.
+    The predicted fold counts a thousandth in the fit that predicts it, so that what only this
+    fold shows cannot blow up.
 
     Parameters
     ----------
@@ -177,7 +178,10 @@ def held_out(
     """
     folds, note = folds_of(data, repeats)
     ends = extended.parameters + np.concatenate([[0], np.cumsum(extended.widths)]).astype(int)
-    solutions = _solutions(extended, fit.colours, folds, [int(end) for end in ends])
+    coloured_fit = _solutions(extended, fit.colours, folds, [int(end) for end in ends])
+    plain_fit = _solutions(
+        extended, white_colours(fit.residuals), folds, [int(end) for end in ends]
+    )
     stages: list[tuple[FloatArray, ...]] = []
     whitened: list[tuple[FloatArray, ...]] = []
     if given is not None:
@@ -194,10 +198,11 @@ def held_out(
                 np.column_stack([matrix[:, used], rows.torque]), rows.runs
             )
             whole = coloured[:, -1].copy()
-            for fold, values in enumerate(solutions[number]):
+            for fold in range(len(plain_fit[number])):
                 inside = folds[joint] == fold
-                own = values[places[used]]
+                own = plain_fit[number][fold][places[used]]
                 residual[inside] -= matrix[np.ix_(inside, used)] @ own
+                own = coloured_fit[number][fold][places[used]]
                 whole[inside] -= coloured[inside, :-1] @ own
             plain.append(residual)
             white.append(whole)

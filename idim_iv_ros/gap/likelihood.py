@@ -21,6 +21,9 @@ Columns = Mapping[int, FloatArray]
 
 _LARGEST_ORDER = 10
 _STEPS = 3
+# No frequency is believed to hold less noise than this share of the mean density: the model is
+# wrong by a little everywhere, also where the noise is nothing.
+_LEAST_DENSITY = 0.01
 _LARGEST_ENERGY = 1e100
 _LEAST_ENERGY = 1e-30  # of a whitened column that is not nothing
 _RIDGE = 1e-10  # of a column's energy: keeps columns that depend on others from blowing up
@@ -136,13 +139,12 @@ class Regression:
 
     def first_colours(self) -> tuple[Colour, ...]:
         """White noise, of the size that least squares leaves."""
-        return tuple(
-            Colour(_WHITE, float(np.std(data.torque - _least_squares(*self._of(joint)))) or 1.0)
-            for joint, data in enumerate(self.joints)
+        return white_colours(
+            [
+                data.torque - _least_squares(self.wide(joint)[0], data.torque)
+                for joint, data in enumerate(self.joints)
+            ]
         )
-
-    def _of(self, joint: int) -> tuple[FloatArray, FloatArray]:
-        return self.wide(joint)[0], self.joints[joint].torque
 
     def fit(self, colours: Sequence[Colour] | None = None, *, steps: int = _STEPS) -> Fit:
         """Fit everything; colours are refined `steps` times from those given."""
@@ -178,6 +180,29 @@ class Regression:
                 for residual, data, colour in zip(residuals, self.joints, current, strict=True)
             ),
         )
+
+    def gain_of_last(self, fit: Fit) -> float:
+        """Logarithm of the likelihood ratio of the last block, with the colours of `fit` for both.
+
+        `fit` is of this regression. With a colour of its own the model without the block would
+        take slow structure for noise: an offset, or gravity, that is left out is predictable from
+        its past.
+        """
+        width = self.widths[-1]
+        whole = np.concatenate([fit.values, fit.coefficients])
+        inner = fit.covariance[-width:, -width:]
+        without = (
+            whole
+            - fit.covariance[:, -width:] @ np.linalg.pinv(inner, hermitian=True) @ (whole[-width:])
+        )
+        gain = 0.0
+        for joint, (data, colour) in enumerate(zip(self.joints, fit.colours, strict=True)):
+            matrix, places = self.wide(joint)
+            other = data.torque - matrix @ without[places]
+            white = colour.apply(np.column_stack([fit.residuals[joint], other]), data.runs)
+            energies = np.maximum(np.mean(white**2, axis=0), 1e-300)
+            gain += 0.5 * len(white) * float(np.log(energies[1] / energies[0]))
+        return gain
 
     def scan(self, fit: Fit) -> "Scan":
         """Prepare to try many candidates beside what is in the model now."""
@@ -261,6 +286,11 @@ class Scan:
 _WHITE = AutoregressiveModel(np.zeros(0), 1.0)
 
 
+def white_colours(residuals: Sequence[FloatArray]) -> tuple[Colour, ...]:
+    """White noise of the size of each joint's residual: weights of the least torque gap."""
+    return tuple(Colour(_WHITE, float(np.std(residual)) or 1.0) for residual in residuals)
+
+
 def _factor(
     normal: FloatArray, ridge: float = _RIDGE
 ) -> tuple[tuple[FloatArray, bool], FloatArray]:
@@ -281,6 +311,7 @@ def _least_squares(matrix: FloatArray, torque: FloatArray) -> FloatArray:
 
 def _colour(residual: FloatArray, runs: Sequence[slice]) -> Colour:
     model = fit_autoregression(residual, runs, max_order=_LARGEST_ORDER)
+    model = model.with_white_noise(_LEAST_DENSITY)
     return Colour(model, float(np.sqrt(np.mean(model.whiten(residual, runs) ** 2))) or 1e-12)
 
 

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.effects.effect import Effect, Extent, Place, Shape
-from idim_iv_ros.gap.likelihood import Colour, Columns, Fit, Regression, Scan
+from idim_iv_ros.gap.likelihood import Colour, Columns, Fit, Regression, Scan, white_colours
 
 FloatArray = NDArray[np.float64]
 
@@ -33,7 +34,9 @@ class Candidate:
     fit : Fit
         With the candidate in the model.
     gain : float
-        Of the logarithm of the concentrated likelihood.
+        Of the logarithm of the likelihood, with the colours of `fit`.
+    closed : float
+        Share of the torque gap's energy at its joints that it takes away, not whitened.
     numbers : int
         Coefficients and shape: what the candidate may choose.
     tried : int
@@ -46,6 +49,7 @@ class Candidate:
     columns: Columns
     fit: Fit
     gain: float
+    closed: float
     numbers: int
     tried: int
 
@@ -64,6 +68,11 @@ class Candidate:
         """Of its numbers and of the search: what chance would gain, and more (Schwarz)."""
         rows = sum(len(self.fit.residuals[joint]) for joint in self.own_joints)
         return 0.5 * self.numbers * float(np.log(max(rows, 2))) + float(np.log(self.tried))
+
+    @property
+    def support(self) -> float:
+        """Gain less the cost."""
+        return self.gain - self.cost
 
     @property
     def own_joints(self) -> tuple[int, ...]:
@@ -147,12 +156,12 @@ class Search:
             self._best_of(scan, effect, place, branch) for branch in effect.branches(grid) if branch
         ]
         present = [candidate for candidate in found if candidate is not None]
-        return max(present, key=lambda each: each.gain - each.cost, default=None)
+        return max(present, key=lambda each: each.support, default=None)
 
     def _best_of(
         self, scan: Scan, effect: Effect, place: Place, grid: list[Shape]
     ) -> Candidate | None:
-        shape, score = self._scan(scan, effect, place, grid, keep=True)
+        shape, score = self._scan(scan, effect, place, grid, self._kept_rows(effect, place, grid))
         tried = len(grid)
         if shape is None:
             return None
@@ -162,7 +171,8 @@ class Search:
             if not longer:
                 break
             tried += len(longer)
-            more, higher = self._longer(scan, effect, place, shape, longer)
+            rows = self._longer_rows(effect, place, shape, longer)
+            more, higher = self._scan(scan, effect, place, longer, rows)
             if more is None:
                 break
             more, higher = self._refined(scan, effect, place, more, higher)
@@ -177,14 +187,38 @@ class Search:
     def _fitted(
         self, effect: Effect, place: Place, shape: Shape, columns: Columns, tried: int
     ) -> Candidate | None:
-        fit = refit(self.regression.with_columns(columns), self.fit.colours)
+        larger = self.regression.with_columns(columns)
+        fit = larger.fit(self.fit.colours, steps=2)
         width = next(iter(columns.values())).shape[1]
         if not effect.admissible(shape, fit.coefficients[-width:]):
             return None
-        gain = fit.log_likelihood - self.fit.log_likelihood
         return Candidate(
-            effect, place, shape, columns, fit, gain, width + effect.free_numbers(shape), tried
+            effect,
+            place,
+            shape,
+            columns,
+            fit,
+            gain=larger.gain_of_last(fit),
+            closed=self._closed(larger, place),
+            numbers=width + effect.free_numbers(shape),
+            tried=tried,
         )
+
+    @cached_property
+    def _white(self) -> tuple[Colour, ...]:
+        return white_colours(self.fit.residuals)
+
+    @cached_property
+    def _gap(self) -> Fit:
+        """Of least torque gap, without a candidate."""
+        return self.regression.fit(self._white, steps=0)
+
+    def _closed(self, larger: Regression, place: Place) -> float:
+        """Mean over the joints of the effect."""
+        after = larger.fit(self._white, steps=0).residuals
+        joints = [place.joint] if place.other is None else [place.joint, place.other]
+        left = [_energy(after[j]) / max(_energy(self._gap.residuals[j]), 1e-300) for j in joints]
+        return 1.0 - float(np.mean(left))
 
     def _scan(
         self,
@@ -192,22 +226,19 @@ class Search:
         effect: Effect,
         place: Place,
         shapes: Sequence[Shape],
-        *,
-        keep: bool = False,
+        rows: Sequence[Columns],
     ) -> tuple[Shape | None, float]:
+        """Shape with the highest score, and the score; `rows` are those of the shapes."""
         best: Shape | None = None
         highest = -1.0
-        for shape, columns in zip(shapes, self._rows(effect, place, shapes, keep), strict=True):
+        for shape, columns in zip(shapes, rows, strict=True):
             score, coefficients = scan.score(columns)
             if score > highest and effect.admissible(shape, coefficients):
                 best, highest = shape, score
         return best, highest
 
-    def _rows(
-        self, effect: Effect, place: Place, shapes: Sequence[Shape], keep: bool
-    ) -> list[Columns]:
-        if not keep:
-            return rows_of(self.data, effect, place, shapes)
+    def _kept_rows(self, effect: Effect, place: Place, shapes: Sequence[Shape]) -> list[Columns]:
+        """Rows of a grid, made once for all searches."""
         key = (effect.name, place, tuple(shapes))
         if key not in self.grids:
             self.grids[key] = rows_of(self.data, effect, place, shapes)
@@ -219,20 +250,16 @@ class Search:
             candidate.effect, candidate.place, candidate.shape, candidate.columns, candidate.tried
         )
 
-    def _longer(
-        self, scan: Scan, effect: Effect, place: Place, shape: Shape, longer: Sequence[Shape]
-    ) -> tuple[Shape | None, float]:
-        """As `_scan`, from the rows of the shape and of the added terms, which were made before."""
+    def _longer_rows(
+        self, effect: Effect, place: Place, shape: Shape, longer: Sequence[Shape]
+    ) -> list[Columns]:
+        """Rows of shapes with one term more: those of the term were made before."""
         own = rows_of(self.data, effect, place, [shape])[0]
         terms = [tuple(each[len(shape) :]) for each in longer]
-        best: Shape | None = None
-        highest = -1.0
-        for whole, term in zip(longer, self._rows(effect, place, terms, True), strict=True):
-            columns = {joint: np.hstack([own[joint], term[joint]]) for joint in own}
-            score, coefficients = scan.score(columns)
-            if score > highest and effect.admissible(whole, coefficients):
-                best, highest = whole, score
-        return best, highest
+        return [
+            {joint: np.hstack([own[joint], term[joint]]) for joint in own}
+            for term in self._kept_rows(effect, place, terms)
+        ]
 
     def _refined(
         self, scan: Scan, effect: Effect, place: Place, shape: Shape, score: float
@@ -242,13 +269,13 @@ class Search:
                 near = effect.neighbours(shape, step, self.extent)
                 if not near:
                     return shape, score
-                better, higher = self._scan(scan, effect, place, near)
+                rows = rows_of(self.data, effect, place, near)
+                better, higher = self._scan(scan, effect, place, near, rows)
                 if better is None or higher <= score + 0.01:
                     break
                 shape, score = better, higher
         return shape, score
 
 
-def refit(regression: Regression, colours: Sequence[Colour]) -> Fit:
-    """Fit with the colours refined from those of a smaller model."""
-    return regression.fit(colours, steps=2)
+def _energy(residual: FloatArray) -> float:
+    return float(np.vdot(residual, residual))

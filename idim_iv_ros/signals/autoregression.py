@@ -55,6 +55,33 @@ class AutoregressiveModel:
         """Share of the variance that the residual's own past predicts, 1 − σ²_N / σ²_ε."""
         return 1.0 - float(np.prod(1.0 - self.reflections**2))
 
+    def with_white_noise(self, share: float) -> "AutoregressiveModel":
+        """Return the model of the same order for the residual plus white noise.
+
+        The noise has `share` of the residual's variance: no frequency is then believed to hold
+        less than about that share of the mean density.
+        """
+        covariance = self._autocorrelation()
+        covariance[0] += share
+        polynomial, energy = np.ones(1), float(covariance[0])
+        reflections = []
+        for order in range(1, self.order + 1):
+            reflection = -float(polynomial @ covariance[order:0:-1]) / energy
+            longer = np.append(polynomial, 0.0)
+            polynomial = longer + reflection * longer[::-1]
+            energy *= 1.0 - reflection**2
+            reflections.append(reflection)
+        return AutoregressiveModel(np.array(reflections), self.variance * energy)
+
+    def _autocorrelation(self) -> FloatArray:
+        """(p + 1,) of lags 0 … p, from the recursion that gave the reflections."""
+        correlation, energy = np.ones(1), 1.0
+        for reflection, polynomial in zip(self.reflections, self._predictors, strict=False):
+            known = float(polynomial[1:] @ correlation[:0:-1])
+            correlation = np.append(correlation, -reflection * energy - known)
+            energy *= 1.0 - reflection**2
+        return correlation
+
     @cached_property
     def _predictors(self) -> list[FloatArray]:
         """Polynomials of order 0 … p by the Levinson recursion."""
@@ -92,13 +119,19 @@ class AutoregressiveModel:
         ndarray of the shape of `rows`.
         """
         _require_cover(runs, len(rows))
-        if self.order == 0:
+        order = self.order
+        if order == 0:
             return np.array(rows, dtype=float)
         whitened: FloatArray = lfilter(self._predictors[-1], [1.0], rows, axis=0)
+        long = [run.start for run in runs if run.stop - run.start >= order]
+        heads = np.array(long, dtype=np.int64)[:, None] + np.arange(order)
+        whitened[heads] = (self._start @ rows[heads].reshape(*heads.shape, -1)).reshape(
+            *heads.shape, *rows.shape[1:]
+        )
         for run in runs:
-            count = min(self.order, run.stop - run.start)
-            head = slice(run.start, run.start + count)
-            whitened[head] = self._start[:count, :count] @ rows[head]
+            count = run.stop - run.start
+            if count < order:
+                whitened[run] = self._start[:count, :count] @ rows[run]
         return whitened
 
     def colour_adjoint(self, rows: FloatArray, positions: IntArray) -> FloatArray:

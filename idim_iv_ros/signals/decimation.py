@@ -7,6 +7,7 @@ above is then empty, and a residual that was white is predictable from its past.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -61,6 +62,10 @@ class ParallelDecimation:
             start = self.factor - (self.factor * groups - self.samples) - 1
         return np.arange(start, self.samples, self.factor)
 
+    @cached_property
+    def _sections(self) -> FloatArray:
+        return np.asarray(cheby1(_ORDER, _RIPPLE, self.edge / self.factor, output="sos"))
+
     def chunks(self, length: int) -> Iterator[Chunk]:
         """Split the record into chunks of about `length` samples that overlap by the memory.
 
@@ -80,8 +85,8 @@ class ParallelDecimation:
     def apply(self, signal: FloatArray, chunk: Chunk) -> FloatArray:
         """Filter samples ``chunk.first … chunk.last`` along axis 0 and keep ``chunk.kept``."""
         if self.factor > 1:
-            sections = cheby1(_ORDER, _RIPPLE, self.edge / self.factor, output="sos")
-            signal = sosfiltfilt(sections, signal, axis=0, padlen=min(_PADDING, len(signal) - 1))
+            padding = min(_PADDING, len(signal) - 1)
+            signal = sosfiltfilt(self._sections, signal, axis=0, padlen=padding)
         return np.asarray(signal[chunk.kept - chunk.first])
 
     def whole(self, signal: FloatArray) -> FloatArray:

@@ -12,9 +12,10 @@ import pytest
 from scipy.signal import lfilter
 
 from idim_iv_ros.gap import search
-from idim_iv_ros.gap.attribution import Attribution, attribute, support, worth
+from idim_iv_ros.gap.attribution import Attribution, attribute, with_reach, worth
 from idim_iv_ros.gap.baseline import Baseline, baseline
 from idim_iv_ros.gap.catalogue import STRUCTURAL
+from idim_iv_ros.gap.effects.asymmetric_friction import AsymmetricFriction
 from idim_iv_ros.gap.effects.effect import Effect
 from idim_iv_ros.gap.effects.position_ripple import PositionRipple
 from idim_iv_ros.gap.effects.stribeck import Stribeck
@@ -183,14 +184,46 @@ def test_support_is_gain_less_schwarz_and_the_logarithm_of_the_grid(data: Baseli
     found = attribute(data, world(data, 5, joint, torque), [Stribeck()])
     candidate = found.found[0].candidate
     rows = len(found.regression.joints[joint].torque)
-    gain = found.fit.log_likelihood - found.refit.log_likelihood
+    # Both with the colours of the larger: the smaller's own would take the effect for noise.
+    both = [found.regression.fit(found.fit.colours, steps=0), found.fit]
+    white = [
+        [
+            c.apply(r, data.runs)
+            for c, r, data in zip(
+                found.fit.colours, fit.residuals, found.regression.joints, strict=True
+            )
+        ]
+        for fit in both
+    ]
+    gain = sum(
+        0.5 * len(one) * np.log((one @ one) / (two @ two)) for one, two in zip(*white, strict=True)
+    )
     # One coefficient, a speed and an exponent, from a grid of 8 speeds and 3 exponents.
     expected = gain - 1.5 * np.log(rows) - np.log(24)
-    assert support(candidate) == pytest.approx(expected, abs=0.5)
+    assert candidate.support == pytest.approx(expected, abs=0.5)
     assert worth(candidate)
     assert not worth(replace(candidate, gain=candidate.cost + 7.9))
     assert worth(replace(candidate, gain=max(candidate.cost + 8.1, 0.006 * rows)))
     assert not worth(replace(candidate, gain=0.004 * rows))  # 0.8 % of the energy
+
+
+def slow_and_fast(motion: SmoothMotion) -> np.ndarray:
+    """A wide slow gap and a narrow fast one, which the noise hides far less."""
+    return np.asarray(
+        0.3 * abs(motion.velocity[:, 1]) + 0.12 * np.sin(40.0 * motion.position[:, 1])
+    )
+
+
+def test_what_closes_most_of_the_gap_comes_before_what_is_surest(data: Baseline) -> None:
+    regression = world(data, 8, 1, slow_and_fast, pole=0.97)
+    effects: list[Effect] = [AsymmetricFriction(), PositionRipple()]
+    found = attribute(data, regression, effects)
+    assert names_of(found) == [("asymmetric_friction", 1), ("position_ripple", 1)]
+    alone = [attribute(data, regression, [effect]).found[0].candidate for effect in effects]
+    assert alone[0].support < alone[1].support
+    assert alone[0].closed > 2.0 * alone[1].closed
+    assert with_reach(alone) == alone[:1]
+    assert with_reach([replace(alone[0], closed=0.0), alone[1]]) == alone[1:]
 
 
 def test_two_effects_at_two_joints_are_found_one_after_the_other(data: Baseline) -> None:

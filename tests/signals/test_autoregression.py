@@ -165,3 +165,28 @@ def test_positions_that_go_backward_are_refused():
         AutoregressiveModel(np.array([0.5]), 1.0).colour_adjoint(
             np.ones((3, 1)), np.array([0, 2, 1])
         )
+
+
+def test_white_noise_raises_the_density_everywhere_by_its_share():
+    """Predictors against Yule-Walker of the covariance, which the impulse response gives."""
+    model = fit_autoregression(coloured(9, AR4, 5000), [slice(0, 5000)], max_order=4)
+    response = lfilter([1.0], [1.0, *model.coefficients], np.eye(1, 4000)[0])
+    covariance = model.innovation_variance * np.array(
+        [response[: 4000 - lag] @ response[lag:] for lag in range(5)]
+    )
+    covariance[0] *= 1.01
+    expected = np.linalg.solve(toeplitz(covariance[:4]), -covariance[1:])
+    noisy = model.with_white_noise(0.01)
+    np.testing.assert_allclose(noisy.coefficients, expected, rtol=1e-6)
+    assert noisy.innovation_variance == pytest.approx(
+        covariance[0] + expected @ covariance[1:], rel=1e-6
+    )
+    assert noisy.variance == pytest.approx(1.01 * model.variance)
+    assert model.with_white_noise(0.0).reflections == pytest.approx(model.reflections)
+
+
+def test_white_noise_bounds_what_the_past_predicts():
+    series = coloured(10, [-1.9, 0.95], 5000)
+    model = fit_autoregression(series, whole(series), max_order=2)
+    assert model.predictable_share > 0.99
+    assert model.with_white_noise(0.1).predictable_share < 0.91
