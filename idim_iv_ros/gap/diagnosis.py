@@ -160,7 +160,7 @@ def _diagnosed(
     )
     watch.stage("where", 0.95)
     place = where(data, regression, attribution.refit, floors)
-    rest = unexplained(data, model, floors)
+    rest = unexplained(data, model)
     causes = _strongest_first(causes, data)
     verdict = verdict_of(causes, rest)
     stages = with_tracking(tested.stages(), tracked)
