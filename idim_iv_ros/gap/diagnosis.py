@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.gap.attribution import Attribution, Found, attribute
 from idim_iv_ros.gap.baseline import Baseline, baseline
-from idim_iv_ros.gap.catalogue import STRUCTURAL
+from idim_iv_ros.gap.catalogue import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.gap.controller_check import controller_mismatch, why_not_checked
 from idim_iv_ros.gap.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.gap.effects.effect import Place
@@ -25,7 +25,7 @@ from idim_iv_ros.gap.likelihood import Regression
 from idim_iv_ros.gap.missing_gravity import missing_gravity
 from idim_iv_ros.gap.noise_floor import NoiseFloor, Repeat, noise_floors, repeats_of
 from idim_iv_ros.gap.other_causes import controller_results, parametric_results
-from idim_iv_ros.gap.parametric import PARAMETRIC, parametric_causes
+from idim_iv_ros.gap.parametric import parametric_causes
 from idim_iv_ros.gap.regression_rows import smooth_regression
 from idim_iv_ros.gap.result import Cause, EffectParameter, GapResult, GapSeries, NotTestable
 from idim_iv_ros.gap.structural_causes import (
