@@ -19,10 +19,12 @@ from idim_iv_ros.gap.effects.effect import Place
 from idim_iv_ros.gap.effects.encoder_eccentricity import EncoderEccentricity
 from idim_iv_ros.gap.effects.gravity_direction import GravityDirection
 from idim_iv_ros.gap.generic import GENERIC
+from idim_iv_ros.gap.given_model import given_residuals, given_values
 from idim_iv_ros.gap.held_out import HeldOut, held_out
 from idim_iv_ros.gap.left_over import left_over
 from idim_iv_ros.gap.likelihood import Regression
 from idim_iv_ros.gap.missing_gravity import missing_gravity
+from idim_iv_ros.gap.motion_at_rows import motion_at_rows
 from idim_iv_ros.gap.noise_floor import NoiseFloor, Repeat, noise_floors, repeats_of
 from idim_iv_ros.gap.other_causes import controller_results, parametric_results
 from idim_iv_ros.gap.parametric import parametric_causes
@@ -47,7 +49,7 @@ from idim_iv_ros.gap.tracking import (
 )
 from idim_iv_ros.gap.unexplained import unexplained
 from idim_iv_ros.gap.verdict import summary_of, verdict_of
-from idim_iv_ros.gap.where import given_residuals, given_values, picked, reversal_distances, where
+from idim_iv_ros.gap.where import where
 from idim_iv_ros.gap.wrong_numbers import WRONG_NUMBERS
 from idim_iv_ros.preparation import read_configured
 from idim_iv_ros.recording import Recording
@@ -290,19 +292,19 @@ def _series(data: Baseline, regression: Regression, model: NamedModel) -> tuple[
     made = []
     for joint, name in enumerate(data.joints):
         torque = regression.joints[joint].torque
-        time = picked(data, joint, [motion.time for motion in data.motions])
+        motion = motion_at_rows(data, joint)
         made.append(
             GapSeries(
                 joint=name,
-                time=time,
+                time=motion.time,
                 torque=torque,
                 given=None if residuals is None else torque - residuals[joint],
                 refit=torque - model.fits[0].residuals[joint],
                 extended=torque - model.fit.residuals[joint],
-                position=picked(data, joint, [m.position[:, joint] for m in data.motions]),
-                speed=picked(data, joint, [m.velocity[:, joint] for m in data.motions]),
-                load=picked(data, joint, [m.load[:, joint] for m in data.motions]),
-                since_reversal=reversal_distances(data, joint),
+                position=motion.position,
+                speed=motion.velocity,
+                load=motion.load,
+                since_reversal=motion.since_reversal,
                 step=1.0 / data.row_rate,
             )
         )
