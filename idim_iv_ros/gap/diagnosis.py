@@ -28,6 +28,7 @@ from idim_iv_ros.gap.motion_at_rows import motion_at_rows
 from idim_iv_ros.gap.noise_floor import NoiseFloor, Repeat, noise_floors, repeats_of
 from idim_iv_ros.gap.other_causes import controller_results, parametric_results
 from idim_iv_ros.gap.parametric import parametric_causes
+from idim_iv_ros.gap.plausible_size import dry_friction
 from idim_iv_ros.gap.regression_rows import smooth_regression
 from idim_iv_ros.gap.result import Cause, EffectParameter, GapResult, GapSeries, NotTestable
 from idim_iv_ros.gap.structural_causes import (
@@ -39,7 +40,7 @@ from idim_iv_ros.gap.structural_causes import (
     simulated_effects,
     structural_causes,
 )
-from idim_iv_ros.gap.testability import dry_friction, floor_colours, shown_by_motion
+from idim_iv_ros.gap.testability import floor_colours, shown_by_motion
 from idim_iv_ros.gap.tracking import (
     Tracking,
     simulated_tracking,
