@@ -32,8 +32,10 @@ def confirmed(
     ----------
     model
         With all effects that have a name.
-    floors, repeats
-        Of the noise; repeats of one motion are not split between fit and test.
+    floors
+        Of the noise of each joint.
+    repeats
+        Recordings that repeat one another are held out together.
     given
         (b,) base parameters of the given model, None where there is none.
 
