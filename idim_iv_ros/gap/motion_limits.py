@@ -7,7 +7,8 @@ _LEAST_TURN = 0.5  # rad, for an error of once a turn
 # rad and rad/s; for prismatic joints times the lever of a revolute one.
 _LEAST_RANGE = 0.01
 _LEAST_FASTEST = 0.1
-_LEAST_SPEED = 0.25  # to show how friction bends
+# To show how friction bends: Stribeck speeds of arms are 0.02 to 0.3 rad/s.
+_LEAST_SPEED = 0.25
 _BENT = ("stribeck", "nonlinear_viscous")
 
 

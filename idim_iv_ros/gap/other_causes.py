@@ -8,7 +8,8 @@ from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.controller_check import ControllerFinding
 from idim_iv_ros.gap.joint_units import in_units_of, unit_at
 from idim_iv_ros.gap.noise_floor import NoiseFloor
-from idim_iv_ros.gap.parametric import ParametricCause, ParametricOutcome
+from idim_iv_ros.gap.parametric import ParametricOutcome
+from idim_iv_ros.gap.parametric_evidence import ParametricCause
 from idim_iv_ros.gap.result import Cause, EffectParameter, Evidence, Gap
 
 

@@ -1,14 +1,11 @@
 """What no effect of the catalogue explains: its joint, its family and where it is."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.generic import Generic
 from idim_iv_ros.gap.likelihood import Fit
-from idim_iv_ros.gap.noise_floor import NoiseFloor
 from idim_iv_ros.gap.result import Unexplained
 from idim_iv_ros.gap.structural_causes import NamedModel
 
@@ -18,21 +15,18 @@ FloatArray = NDArray[np.float64]
 _KURTOSIS = 4.0
 _EVENT_SHARE = 0.12
 _LARGEST = 0.01
-_LEAST_SHARE = 0.05
 
 
-def unexplained(
-    data: Baseline, model: NamedModel, floors: Sequence[NoiseFloor]
-) -> Unexplained | None:
+def unexplained(data: Baseline, model: NamedModel) -> Unexplained | None:
     """Describe the strongest of what has no name; None where there is nothing."""
     if model.nameless:
-        return _nameless(data, model, floors)
+        return _nameless(data, model)
     found = [_events(data, model.fit, joint) for joint in range(len(data.joints))]
     present = [each for each in found if each is not None]
     return max(present, key=lambda each: each.share, default=None)
 
 
-def _nameless(data: Baseline, model: NamedModel, floors: Sequence[NoiseFloor]) -> Unexplained:
+def _nameless(data: Baseline, model: NamedModel) -> Unexplained:
     strongest = max(model.nameless, key=lambda each: each.candidate.gain)
     candidate = strongest.candidate
     joint = candidate.place.joint
@@ -45,7 +39,6 @@ def _nameless(data: Baseline, model: NamedModel, floors: Sequence[NoiseFloor]) -
     if effect.name == "contact beyond a position":
         side, start = candidate.shape
         where += f", {'above' if side > 0 else 'below'} {start:.3g} rad"
-    del floors
     return Unexplained(joint=name, family=effect.family, share=share, where=where)
 
 

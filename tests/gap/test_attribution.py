@@ -22,7 +22,6 @@ from idim_iv_ros.gap.effects.stribeck import Stribeck
 from idim_iv_ros.gap.effects.torque_saturation import TorqueSaturation
 from idim_iv_ros.gap.generic import GENERIC, Generic
 from idim_iv_ros.gap.likelihood import Regression
-from idim_iv_ros.gap.noise_floor import NoiseFloor
 from idim_iv_ros.gap.regression_rows import smooth_regression
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 from idim_iv_ros.gap.structural_causes import named_model
@@ -142,10 +141,9 @@ def test_a_wave_of_time_is_not_named(data: Baseline) -> None:
 
 
 def test_contacts_are_not_named_but_described_with_their_joint_and_time(data: Baseline) -> None:
-    floors = [NoiseFloor(None, "lower bound", "")] * 2
     found = attribute(data, world(data, 3, 0, pulses), EVERYTHING)
     assert named_model(found).found == ()
-    rest = unexplained(data, named_model(found), floors)
+    rest = unexplained(data, named_model(found))
     assert rest is not None
     assert (rest.joint, rest.family) == ("joint_1", "event")
     assert 0.12 < rest.share <= 1.0
@@ -153,7 +151,7 @@ def test_contacts_are_not_named_but_described_with_their_joint_and_time(data: Ba
     largest = [2.3, 4.9, 7.1, 9.2, 11.8, 14.1]
     assert min(abs(seconds + data.motions[0].time[0] - start) for start in largest) < 0.3
     quiet = attribute(data, world(data, 4), ())
-    assert unexplained(data, named_model(quiet), floors) is None
+    assert unexplained(data, named_model(quiet)) is None
 
 
 class Twin(Stribeck):

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idim_iv_ros.gap.catalogue import EFFECTS, STRUCTURAL
+from idim_iv_ros.gap.catalogue import EFFECTS, PARAMETRIC, STRUCTURAL
 from idim_iv_ros.gap.effects.effect import Effect, Extent, Place
-from idim_iv_ros.gap.parametric import PARAMETRIC
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.gap.motions import synthetic

@@ -7,12 +7,14 @@ import pytest
 
 from idim_iv_ros.gap.baseline import Baseline, baseline
 from idim_iv_ros.gap.catalogue import STRUCTURAL
+from idim_iv_ros.gap.given_model import given_values
 from idim_iv_ros.gap.likelihood import Regression
 from idim_iv_ros.gap.noise_floor import noise_floors, repeats_of
+from idim_iv_ros.gap.plausible_size import dry_friction
 from idim_iv_ros.gap.regression_rows import smooth_regression
-from idim_iv_ros.gap.testability import dry_friction, floor_colours, shown_by_motion
+from idim_iv_ros.gap.testability import floor_colours, shown_by_motion
 from idim_iv_ros.gap.tracking import simulated_tracking, simulation_gap, tracking_series
-from idim_iv_ros.gap.where import given_values, where
+from idim_iv_ros.gap.where import where
 from idim_iv_ros.simulation import SimulatedEffect
 from tests.estimation.test_simulated_arms import recorded
 from tests.simulated_arms import arm2

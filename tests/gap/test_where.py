@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.gap.noise_floor import difference_energy, find_repeats
+from idim_iv_ros.gap.regimes import in_words, joined, lifts, regimes_of
+from idim_iv_ros.gap.residual_split import Axis, bands, split
 from idim_iv_ros.gap.result import Regime
 from idim_iv_ros.gap.since_reversal import since_reversal
 from idim_iv_ros.gap.time_blocks import block_sums, interval, resampled, time_blocks
-from idim_iv_ros.gap.where import axis_regimes, bands, in_words, joined, lifts, split
 
 
 def test_blocks_last_a_second_and_do_not_reach_into_the_next_recording() -> None:
@@ -43,17 +44,18 @@ def test_energy_in_one_bin_is_found_there() -> None:
     random = np.random.default_rng(3)
     speed = random.permutation((np.arange(4000) + 0.5) / 4000)
     residual = random.standard_normal(4000) * np.where(speed < 0.1, 3.0, 1.0)
-    axis = split("speed", speed, np.linspace(0.0, 1.0, 11), residual, np.arange(4000) // 100)
-    energy, occupancy, _, limits = lifts(axis)
+    axis = Axis("speed", speed, np.linspace(0.0, 1.0, 11))
+    parts = split(axis, residual, np.arange(4000) // 100)
+    energy, occupancy, _, limits = lifts(parts)
     # 9 · 0.1 of 9 · 0.1 + 0.9
     assert energy[0] == pytest.approx(0.5, abs=0.04)
     assert occupancy[0] == pytest.approx(0.1, abs=1e-9)
     assert limits[0, 0] < 5.0 < limits[0, 1]
-    found = axis_regimes("joint_2", axis, "rad/s")
+    found = regimes_of("joint_2", parts, "rad/s")
     assert found[0].low == 0.0
     best = joined(found)
     assert best is not None
-    sentence = in_words(best, axis.edges)
+    sentence = in_words(best, parts.edges)
     assert sentence.startswith("joint_2, below 0.1 rad/s: ")
     assert " % of the gap in 10 % of the samples" in sentence
     assert energy.sum() == pytest.approx(1.0)
@@ -64,8 +66,8 @@ def test_lift_of_noise_excludes_one_about_as_often_as_it_says() -> None:
     outside = 0
     for _ in range(100):
         values, residual = random.uniform(0.0, 1.0, 2000), random.standard_normal(2000)
-        axis = split("load", values, np.linspace(0.0, 1.0, 5), residual, np.arange(2000) // 50)
-        limits = lifts(axis)[3]
+        axis = Axis("load", values, np.linspace(0.0, 1.0, 5))
+        limits = lifts(split(axis, residual, np.arange(2000) // 50))[3]
         outside += int(np.sum((limits[:, 0] > 1.0) | (limits[:, 1] < 1.0)))
     assert outside / 400 < 0.12
 

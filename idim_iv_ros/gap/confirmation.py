@@ -1,0 +1,71 @@
+"""Effects that also hold on data not used to fit them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.gap.attribution import Attribution, Found
+from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.held_out import HeldOut, held_out
+from idim_iv_ros.gap.noise_floor import NoiseFloor, Repeat
+from idim_iv_ros.gap.structural_causes import NamedModel, built_model, label
+
+FloatArray = NDArray[np.float64]
+
+# Of the held-out torque gap, what is left at most where an effect does no harm. Effects of high
+# frequency shrink the whitened residual much and the gap itself little.
+_NO_WORSE = 1.01
+
+
+def confirmed(
+    data: Baseline,
+    attribution: Attribution,
+    model: NamedModel,
+    floors: Sequence[NoiseFloor],
+    repeats: Sequence[Repeat],
+    given: FloatArray | None,
+) -> tuple[NamedModel, HeldOut]:
+    """Drop effects that do not help on data not used to fit, and test again without them.
+
+    Parameters
+    ----------
+    model
+        With all effects that have a name.
+    floors
+        Of the noise of each joint.
+    repeats
+        Recordings that repeat one another are held out together.
+    given
+        (b,) base parameters of the given model, None where there is none.
+
+    Returns
+    -------
+    NamedModel, HeldOut
+        The model without them, and the held-out residuals of its stages.
+    """
+
+    def tested(model: NamedModel) -> HeldOut:
+        labels = [label(data, found) for found in model.found]
+        return held_out(data, model.regression, model.fit, labels, floors, repeats, given)
+
+    first = tested(model)
+    helpful: list[Found] = []
+    doubtful: set[int] = set()  # joints where what came later may patch what did not hold
+    for number, each in enumerate(model.found):
+        joint = each.candidate.place.joint
+        if joint not in doubtful and _helps(first, number, each):
+            helpful.append(each)
+        else:
+            doubtful.add(joint)
+    if len(helpful) == len(model.found):
+        return model, first
+    model = built_model(attribution, helpful, model.nameless)
+    return model, tested(model)
+
+
+def _helps(tested: HeldOut, number: int, found: Found) -> bool:
+    """Whether the whitened residual shrinks on held-out data, and the gap does not grow."""
+    stage = tested.refit + number
+    gap = tested.gap(stage, stage + 1, found.candidate.place.joint)
+    return tested.gain(number)[0] > 0.0 and gap.after < _NO_WORSE * gap.before

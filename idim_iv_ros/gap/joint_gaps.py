@@ -1,0 +1,44 @@
+"""How large the gap is at each joint."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.gap.noise_floor import NoiseFloor
+from idim_iv_ros.gap.result import JointGap
+
+FloatArray = NDArray[np.float64]
+
+
+def joint_gaps(
+    joints: Sequence[str],
+    torques: Sequence[FloatArray],
+    residuals: Sequence[FloatArray],
+    floors: Sequence[NoiseFloor],
+) -> tuple[JointGap, ...]:
+    """RMS, relative size and share of each joint; energies are divided by those of the torque.
+
+    Parameters
+    ----------
+    joints
+        Names.
+    torques, residuals
+        (r_j,) N m (N) of each joint.
+    floors
+    """
+    energy = [float(residual @ residual) for residual in residuals]
+    whole = [float(torque @ torque) for torque in torques]
+    relative = np.array([e / w if w > 0.0 else 0.0 for e, w in zip(energy, whole, strict=True)])
+    total = float(relative.sum())
+    return tuple(
+        JointGap(
+            joint=name,
+            rms=float(np.sqrt(energy[j] / max(len(residuals[j]), 1))),
+            relative_percent=100.0 * float(np.sqrt(relative[j])) if whole[j] > 0.0 else None,
+            share=float(relative[j] / total) if total > 0.0 else 0.0,
+            noise_floor=floors[j].sigma,
+            floor_origin=floors[j].origin,
+        )
+        for j, name in enumerate(joints)
+    )

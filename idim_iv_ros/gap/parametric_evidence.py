@@ -1,0 +1,166 @@
+"""What each wrong part of the given numbers explains, and what it cannot be told from."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from idim_iv_ros.gap.change_regression import ChangeRegression
+from idim_iv_ros.gap.effects.parametric_effect import Change, ParametricEffect
+from idim_iv_ros.gap.parametric_hypotheses import (
+    Hypothesis,
+    Trial,
+    changes_of,
+    hypotheses,
+    trials,
+)
+from idim_iv_ros.gap.result import EffectParameter, Rival
+
+FloatArray = NDArray[np.float64]
+
+# Causes that bring this much less are not better or worse.
+ALIKE = 6.0
+LEAST_CORRELATION = 0.5
+
+
+@dataclass(frozen=True)
+class ParametricCause:
+    """One way in which the given numbers are wrong.
+
+    Attributes
+    ----------
+    effect : ParametricEffect
+    joint : str or None
+        None where it belongs to none.
+    parameters : dict of str to EffectParameter
+        Those that the recording determines.
+    statistic : float
+        Wald statistic beside the other causes.
+    p_value : float
+        Of the statistic, with the choice among all causes paid for (Bonferroni).
+    part : float
+        Of the explainable change that this cause explains beside the others, 0 to 1.
+    share : float
+        Of the energy of the given model's gap that goes with it, each joint by its torque.
+    before, after : (n_joints,)
+        RMS of the residual with the causes before this one, and with it, N m (N).
+    rivals : tuple of Rival
+    """
+
+    effect: ParametricEffect
+    joint: str | None
+    parameters: dict[str, EffectParameter]
+    statistic: float
+    p_value: float
+    part: float
+    share: float
+    before: FloatArray
+    after: FloatArray
+    rivals: tuple[Rival, ...]
+
+
+def causes_of(
+    joints: Sequence[str],
+    changes: ChangeRegression,
+    kept: Sequence[Hypothesis],
+    catalogue: Sequence[ParametricEffect],
+    excess: float,
+) -> tuple[ParametricCause, ...]:
+    """Tell what each hypothesis explains beside the others; strongest first.
+
+    Parameters
+    ----------
+    joints
+        Names.
+    kept
+        The smallest set that explains the change.
+    excess
+        Wald statistic of the change of all base parameters, beyond what noise would give.
+    """
+    count = len({each.key for each in hypotheses(changes, catalogue)})
+    causes: list[tuple[ParametricCause, Hypothesis]] = []
+    for hypothesis in kept:
+        rest = [other for other in kept if other is not hypothesis]
+        others = changes.explain(changes_of(rest))
+        tried = trials(changes, rest, catalogue)
+        this = next((trial for trial in tried if trial.hypothesis.key == hypothesis.key), None)
+        if this is None:
+            continue
+        statistic = this.explained.statistic - others.statistic
+        degrees = max(this.explained.rank - others.rank, 1)
+        before, after = changes.rms(this.contribution)
+        cause = ParametricCause(
+            effect=hypothesis.effect,
+            joint=_name(joints, hypothesis),
+            parameters=hypothesis.effect.parameters(changes.space, hypothesis.joint, this.own),
+            statistic=statistic,
+            p_value=min(1.0, count * float(stats.chi2.sf(statistic, degrees))),
+            part=statistic / max(excess, 1.0),
+            share=changes.share(this.contribution),
+            before=before,
+            after=after,
+            rivals=_rivals(joints, changes, rest, this, tried),
+        )
+        causes.append((cause, hypothesis))
+    causes.sort(key=lambda each: -each[0].statistic)
+    return _one_after_the_other(changes, causes)
+
+
+def _name(joints: Sequence[str], hypothesis: Hypothesis) -> str | None:
+    return None if hypothesis.joint is None else joints[hypothesis.joint]
+
+
+def _rivals(
+    joints: Sequence[str],
+    changes: ChangeRegression,
+    rest: Sequence[Hypothesis],
+    this: Trial,
+    tried: Sequence[Trial],
+) -> tuple[Rival, ...]:
+    """Hypotheses that would do as well in this one's place, with a torque alike."""
+    rivals = []
+    for trial in tried:
+        if trial is this or trial.support < this.support - ALIKE:
+            continue
+        correlation = _correlation(changes, rest, this, trial)
+        if correlation >= LEAST_CORRELATION:
+            name = _name(joints, trial.hypothesis)
+            rivals.append(Rival(trial.hypothesis.effect.name, name, correlation))
+    return tuple(rivals)
+
+
+def _one_after_the_other(
+    changes: ChangeRegression, causes: Sequence[tuple[ParametricCause, Hypothesis]]
+) -> tuple[ParametricCause, ...]:
+    """Gap before and after each cause, beside those before it."""
+    sorted_causes: list[ParametricCause] = []
+    together: list[Change] = []
+    before, _ = changes.rms(np.zeros(changes.space.size))
+    share = 0.0
+    for cause, hypothesis in causes:
+        together += hypothesis.changes
+        contribution = changes.explain(together).contributions.sum(axis=1)
+        _, after = changes.rms(contribution)
+        whole = changes.share(contribution)
+        sorted_causes.append(replace(cause, before=before, after=after, share=whole - share))
+        before, share = after, whole
+    return tuple(sorted_causes)
+
+
+def _correlation(
+    changes: ChangeRegression, rest: Sequence[Hypothesis], first: Trial, second: Trial
+) -> float:
+    """Of the torques that both add, whitened, less what the other causes absorb."""
+    one = changes.triangle @ first.contribution
+    two = changes.triangle @ second.contribution
+    directions = [change.direction for change in changes_of(rest)]
+    if directions:
+        left, singular, _ = np.linalg.svd(
+            changes.triangle @ np.column_stack(directions), full_matrices=False
+        )
+        basis = left[:, singular > 1e-9 * singular[0]]
+        one, two = one - basis @ (basis.T @ one), two - basis @ (basis.T @ two)
+    energy = float(np.linalg.norm(one) * np.linalg.norm(two))
+    return float(abs(one @ two) / energy) if energy > 0.0 else 0.0

@@ -1,0 +1,110 @@
+"""Causes that may lie behind a change of the given numbers, each tried beside those kept."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.gap.change_regression import ChangeRegression, Explained
+from idim_iv_ros.gap.effects.parametric_effect import Change, Estimated, ParametricEffect
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One effect at one place, with one set of numbers that it may change.
+
+    Attributes
+    ----------
+    effect : ParametricEffect
+    joint : int or None
+        None where it belongs to none.
+    changes : tuple of Change
+    """
+
+    effect: ParametricEffect
+    joint: int | None
+    changes: tuple[Change, ...]
+
+    @property
+    def key(self) -> tuple[str, int | None]:
+        """Effect and place, whatever the variant."""
+        return self.effect.name, self.joint
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One hypothesis beside those that are kept.
+
+    Attributes
+    ----------
+    hypothesis : Hypothesis
+    explained : Explained
+        By those that are kept and, last, by this one.
+    support : float
+        Logarithm of the likelihood that it brings, less ½ ln(rows) for each number (Schwarz).
+    """
+
+    hypothesis: Hypothesis
+    explained: Explained
+    support: float
+
+    @property
+    def own(self) -> tuple[Estimated, ...]:
+        """Estimates of its changes."""
+        return self.explained.found[-len(self.hypothesis.changes) :]
+
+    @property
+    def contribution(self) -> FloatArray:
+        """What its changes add together, (d,) in the coordinates of the space."""
+        own = self.explained.contributions[:, -len(self.hypothesis.changes) :]
+        return np.asarray(own.sum(axis=1))
+
+
+def changes_of(hypotheses: Sequence[Hypothesis]) -> list[Change]:
+    """All changes, in the order of the hypotheses."""
+    return [change for each in hypotheses for change in each.changes]
+
+
+def hypotheses(
+    changes: ChangeRegression, catalogue: Sequence[ParametricEffect]
+) -> list[Hypothesis]:
+    """Every variant of every effect at every place."""
+    space = changes.space
+    return [
+        Hypothesis(effect, joint, tuple(variant))
+        for effect in catalogue
+        for joint in effect.places(space)
+        for variant in effect.variants(space, joint)
+    ]
+
+
+def trials(
+    changes: ChangeRegression,
+    kept: Sequence[Hypothesis],
+    catalogue: Sequence[ParametricEffect],
+) -> list[Trial]:
+    """Each cause beside those that are kept, in its best variant; the best first."""
+    before = changes_of(kept)
+    base = changes.explain(before)
+    taken = {each.key for each in kept}
+    best: dict[tuple[str, int | None], Trial] = {}
+    for hypothesis in hypotheses(changes, catalogue):
+        if hypothesis.key in taken:
+            continue
+        explained = changes.explain([*before, *hypothesis.changes])
+        gain = 0.5 * (explained.statistic - base.statistic)
+        numbers = explained.rank - base.rank
+        support = gain - 0.5 * numbers * float(np.log(changes.rows))
+        trial = Trial(hypothesis, explained, support)
+        if numbers == 0 or not hypothesis.effect.admissible(
+            changes.space, hypothesis.joint, trial.own
+        ):
+            continue
+        known = best.get(hypothesis.key)
+        # A difference of rounding is none: the first of the catalogue counts.
+        if known is None or support > known.support + 1e-6:
+            best[hypothesis.key] = trial
+    return sorted(best.values(), key=lambda trial: -round(trial.support, 6))
