@@ -112,15 +112,21 @@ def plain(value: object) -> Any:
     raise TypeError(f"{type(value).__name__} has no place in result.json")
 
 
+def _estimate(estimate: ParameterEstimate | RefinedEstimate) -> Document:
+    return {
+        "name": estimate.name,
+        "expression": estimate.expression,
+        "unit": estimate.unit,
+        "value": estimate.value,
+        "std": estimate.std,
+        "relative_std_percent": estimate.relative_std_percent,
+        "essential": estimate.essential,
+    }
+
+
 def _parameter(parameter: ParameterEstimate) -> Document:
     return {
-        "name": parameter.name,
-        "expression": parameter.expression,
-        "unit": parameter.unit,
-        "value": parameter.value,
-        "std": parameter.std,
-        "relative_std_percent": parameter.relative_std_percent,
-        "essential": parameter.essential,
+        **_estimate(parameter),
         "ls_value": parameter.ls_value,
         "given_value": parameter.given_value,
         "white_std": parameter.white_std,
@@ -145,13 +151,7 @@ def _refined(result: IdentificationResult) -> Document | None:
 
 def _refined_parameter(refined: RefinedEstimate, estimate: ParameterEstimate | None) -> Document:
     return {
-        "name": refined.name,
-        "expression": refined.expression,
-        "unit": refined.unit,
-        "value": refined.value,
-        "std": refined.std,
-        "relative_std_percent": refined.relative_std_percent,
-        "essential": refined.essential,
+        **_estimate(refined),
         "ls_value": None if estimate is None else estimate.ls_value,
         "given_value": None if estimate is None else estimate.given_value,
     }
