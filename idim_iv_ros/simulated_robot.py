@@ -61,26 +61,20 @@ class SimulatedRobot:
         DataError
             The closed loop diverged.
         """
-        joints = self.robot.joints
-        if set(trajectory.joints) != set(joints):
-            raise UsageError(
-                f"the trajectory is for {', '.join(trajectory.joints)}; the robot has "
-                f"{', '.join(joints)}"
-            )
-        columns = [trajectory.joints.index(joint) for joint in joints]
+        trajectory = trajectory.in_order(self.robot.joints)
         settings = self.settings
         period = self.law.period or 1.0 / trajectory.rate
         rate = settings.rate or round(1.0 / period, 6)
         position, velocity = _resampled(trajectory, rate)
         oversampling = 4 if settings.plant_step is None else round(period / settings.plant_step)
-        n = len(joints)
+        n = len(trajectory.joints)
         try:
             recording = record_simulated_robot(
                 self.robot,
                 self.parameters,
                 self.law,
-                position[:, columns],
-                velocity[:, columns],
+                position,
+                velocity,
                 rate=rate,
                 seed=seed,
                 position_noise=_levels(settings.position_noise, n),

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.r_factor import r_factor, spread
 from idim_iv_ros.signals.autoregression import AutoregressiveModel
 
 FloatArray = NDArray[np.float64]
@@ -94,8 +95,8 @@ class ColouredCovariance:
     def restricted(self, kept: IntArray) -> FloatArray:
         """Covariance (b_e, b_e) of the estimate with only the parameters `kept`, same weights."""
         both = np.concatenate([kept, kept + self.n_parameters])
-        triangle, projected = _split(_triangle(self._stacked[:, both]), len(kept))
-        spectrum = _triangle(self._spectrum[:, kept])
+        triangle, projected = _split(r_factor(self._stacked[:, both]), len(kept))
+        spectrum = r_factor(self._spectrum[:, kept])
         # A = (Rᵀ QᵀX)⁻¹ = (QᵀX)⁻¹ R⁻ᵀ, so that Σ = BᵀB with B = S^½ R⁻¹ (QᵀX)⁻ᵀ.
         root = np.linalg.solve(projected, np.linalg.solve(triangle.T, spectrum.T)).T
         return np.asarray(root.T @ root)
@@ -111,8 +112,8 @@ class ColouredCovariance:
         for block in self.blocks:
             scale = np.sqrt(block.autoregression.innovation_variance) / block.sigma**2
             small = _coloured_triangle(block) * scale
-            pieces.append(_spread(small, block.columns, self.n_parameters))
-        return _triangle(np.vstack(pieces))
+            pieces.append(spread(small, block.columns, self.n_parameters))
+        return r_factor(np.vstack(pieces))
 
 
 @dataclass(frozen=True)
@@ -150,13 +151,13 @@ def _stack(blocks: Sequence[JointBlock], n_parameters: int) -> FloatArray:
     pieces = []
     for block in blocks:
         if block.instruments is block.regressor:
-            single = _triangle(block.instruments)
+            single = r_factor(block.instruments)
             small = np.hstack([single, single]) / block.sigma
         else:
-            small = _triangle(np.hstack([block.instruments, block.regressor])) / block.sigma
+            small = r_factor(np.hstack([block.instruments, block.regressor])) / block.sigma
         places = np.concatenate([block.columns, block.columns + n_parameters])
-        pieces.append(_spread(small, places, 2 * n_parameters))
-    return _triangle(np.vstack(pieces))
+        pieces.append(spread(small, places, 2 * n_parameters))
+    return r_factor(np.vstack(pieces))
 
 
 def _split(triangle: FloatArray, n_parameters: int) -> tuple[FloatArray, FloatArray]:
@@ -184,17 +185,5 @@ def _coloured_triangle(block: ColouredBlock) -> FloatArray:
     triangle = np.zeros((0, width))
     for start in range(0, 0 if coloured is None else len(coloured), _ROWS):
         assert coloured is not None
-        triangle = _triangle(np.vstack([triangle, coloured[start : start + _ROWS]]))
+        triangle = r_factor(np.vstack([triangle, coloured[start : start + _ROWS]]))
     return triangle
-
-
-def _triangle(rows: FloatArray) -> FloatArray:
-    """R of the QR of tall rows."""
-    return np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64)
-
-
-def _spread(rows: FloatArray, places: IntArray, width: int) -> FloatArray:
-    """Put the columns of one joint at their places among all columns."""
-    spread = np.zeros((len(rows), width))
-    spread[:, places] = rows
-    return spread

@@ -16,6 +16,7 @@ from idim_iv_ros.estimation.triangles import (
     stacked,
     triangles_of_rows,
 )
+from idim_iv_ros.r_factor import r_factor, spread
 
 FloatArray = NDArray[np.float64]
 
@@ -123,11 +124,9 @@ def solve_instrument_triangles(
     _require_rows(total, parameters)
     parts = []
     for joint, deviation in zip(triangles, sigma, strict=True):
-        spread = np.zeros((len(joint.triangle), 2 * parameters + 1))
-        places = np.concatenate([joint.columns, joint.columns + parameters])
-        spread[:, np.append(places, 2 * parameters)] = joint.triangle / deviation
-        parts.append(spread)
-    triangle = np.asarray(np.linalg.qr(np.vstack(parts), mode="r"))
+        places = np.concatenate([joint.columns, joint.columns + parameters, [2 * parameters]])
+        parts.append(spread(joint.triangle / deviation, places, 2 * parameters + 1))
+    triangle = r_factor(np.vstack(parts))
     projected = triangle[:parameters, parameters : 2 * parameters]
     scale = np.linalg.norm(projected, axis=0)
     if np.any(scale == 0.0) or np.linalg.cond(projected / scale) > _LARGEST_CONDITION:

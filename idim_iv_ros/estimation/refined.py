@@ -10,6 +10,7 @@ from idim_iv_ros.estimation.covariance import JointBlock, RefinedCovariance
 from idim_iv_ros.estimation.least_squares import solve_instrument_triangles
 from idim_iv_ros.estimation.rows import ObservationRows
 from idim_iv_ros.estimation.triangles import InstrumentTriangle
+from idim_iv_ros.r_factor import r_factor
 from idim_iv_ros.signals import AutoregressiveModel, fit_autoregression
 
 FloatArray = NDArray[np.float64]
@@ -58,7 +59,7 @@ def refined_idim_iv(
         same = matrix is joint.matrix
         columns = [joint.matrix, joint.torque] if same else [matrix, joint.matrix, joint.torque]
         filtered = model.whiten(np.column_stack(columns), joint.runs)
-        white = np.asarray(np.linalg.qr(filtered, mode="r"))
+        white = r_factor(filtered)
         if same:
             white = np.column_stack([white[:, :-1], white])
         triangles.append(InstrumentTriangle(joint.columns, white, len(joint)))

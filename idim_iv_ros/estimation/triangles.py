@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.estimation.rows import ObservationRows, row_blocks, torque_rows
 from idim_iv_ros.model import InverseModel
+from idim_iv_ros.r_factor import r_factor, spread
 from idim_iv_ros.signals import Motion
 
 FloatArray = NDArray[np.float64]
@@ -97,7 +98,7 @@ def keep_parameters(joint: InstrumentTriangle, kept: IntArray) -> InstrumentTria
     chosen = joint.triangle[:, np.concatenate([inside, inside, [True]])]
     return InstrumentTriangle(
         np.searchsorted(kept, joint.columns[inside]),
-        np.asarray(np.linalg.qr(chosen, mode="r")),
+        r_factor(chosen),
         joint.rows,
     )
 
@@ -139,7 +140,7 @@ def fold(triangle: FloatArray, matrix: FloatArray, torque: FloatArray) -> FloatA
     for start in range(0, len(matrix), _FOLD):
         block = slice(start, start + _FOLD)
         rows = np.column_stack([matrix[block], torque[block]])
-        triangle = np.asarray(np.linalg.qr(np.vstack([triangle, rows]), mode="r"))
+        triangle = r_factor(np.vstack([triangle, rows]))
     return triangle
 
 
@@ -149,10 +150,9 @@ def stacked(
     """R factor (b + 1 columns) of all joints together, joint j multiplied by `weights[j]`."""
     parts = []
     for number, joint in enumerate(triangles):
-        spread = np.zeros((len(joint.triangle), parameters + 1))
-        spread[:, np.append(joint.columns, parameters)] = joint.triangle
-        parts.append(spread if weights is None else spread * weights[number])
-    return np.asarray(np.linalg.qr(np.vstack(parts), mode="r"))
+        wide = spread(joint.triangle, np.append(joint.columns, parameters), parameters + 1)
+        parts.append(wide if weights is None else wide * weights[number])
+    return r_factor(np.vstack(parts))
 
 
 def residual_sigma(triangles: Sequence[JointTriangle], values: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
+from idim_iv_ros.r_factor import r_factor
 
 FloatArray = NDArray[np.float64]
 
@@ -49,7 +50,7 @@ def triangle(model: InverseModel, motion: Trajectory, weights: FloatArray) -> Fl
             motion.position[block], motion.velocity[block], motion.acceleration[block]
         )
         rows = (matrix * weights[:, None]).reshape(-1, matrix.shape[2])
-        triangle = np.asarray(np.linalg.qr(np.vstack([triangle, rows]), mode="r"))
+        triangle = r_factor(np.vstack([triangle, rows]))
     return triangle
 
 

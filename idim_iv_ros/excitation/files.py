@@ -2,11 +2,11 @@
 
 import io
 import json
-import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+from idim_iv_ros.atomic_files import probe_place, write_together
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.joint_trajectory import write_joint_trajectory
 from idim_iv_ros.excitation.trajectory import Trajectory, write_csv
@@ -27,15 +27,12 @@ def require_place(out: Path) -> Iterator[None]:
         The folder of `out` is missing or cannot be written, or `out` is a folder.
     """
     stem = motion_stem(out)
-    probe = _temporary(stem)
     try:
         if not stem.name or stem.is_dir():
             raise IsADirectoryError(f"{out} is a folder")
-        probe.write_bytes(b"\0")
+        probe_place(stem)
     except OSError as error:
         raise _refusal(out, error) from error
-    finally:
-        probe.unlink(missing_ok=True)
     yield
 
 
@@ -79,31 +76,11 @@ def write_motion(
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     texts = {"csv": table.getvalue(), "yaml": message.getvalue(), "json": text, **(tables or {})}
     paths = {stem.with_name(f"{stem.name}.{ending}"): text for ending, text in texts.items()}
-    _write_together(out, paths)
-    return tuple(paths)
-
-
-def _write_together(out: Path, texts: Mapping[Path, str]) -> None:
-    temporary = {path: _temporary(path) for path in texts}
     try:
-        for path, text in texts.items():
-            if path.is_dir():
-                raise IsADirectoryError(f"{path} is a folder")
-            with temporary[path].open("w", encoding="utf-8") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-        for path in texts:
-            temporary[path].replace(path)
+        write_together(paths)
     except OSError as error:
         raise _refusal(out, error) from error
-    finally:
-        for path in temporary.values():
-            path.unlink(missing_ok=True)
-
-
-def _temporary(path: Path) -> Path:
-    return path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    return tuple(paths)
 
 
 def _refusal(out: Path, error: OSError) -> UsageError:

@@ -48,6 +48,22 @@ class Trajectory:
         """Seconds from the first to the last sample."""
         return (len(self.position) - 1) / self.rate
 
+    def in_order(self, joints: Sequence[str]) -> "Trajectory":
+        """Return the same motion with its columns in the order of a robot's joints.
+
+        Raises
+        ------
+        UsageError
+            The robot has other joints.
+        """
+        if set(self.joints) != set(joints):
+            raise UsageError(
+                f"the trajectory is for {', '.join(self.joints)}; the robot has {', '.join(joints)}"
+            )
+        columns = [self.joints.index(joint) for joint in joints]
+        signals = (self.position, self.velocity, self.acceleration)
+        return Trajectory(tuple(joints), self.rate, *(each[:, columns] for each in signals))
+
 
 def read_trajectory(path: Path) -> Trajectory:
     """Read a trajectory from CSV: ``time,<joint>.position,…[,<joint>.velocity,…]``.

@@ -72,6 +72,21 @@ class DynamicParameters:
     coupling_viscous: FloatArray
     coupling_coulomb: FloatArray
 
+    @property
+    def of_drives(self) -> dict[str, FloatArray]:
+        """Terms of the drives by the kind of their parameters, (n_joints,) each."""
+        return {
+            "Ia": self.drive_inertia,
+            "Fv": self.viscous,
+            "Fc": self.coulomb,
+            "off": self.offset,
+        }
+
+    @property
+    def of_couplings(self) -> dict[str, FloatArray]:
+        """Friction of the couplings by the kind of its parameters, (n_couplings,) each."""
+        return {"Fvm": self.coupling_viscous, "Fcm": self.coupling_coulomb}
+
 
 @dataclass(frozen=True)
 class ParameterLayout:
@@ -92,25 +107,18 @@ class ParameterLayout:
 
     def vector(self, values: DynamicParameters) -> FloatArray:
         """Write values into a vector (n_standard,) of this layout; other terms are left out."""
-        by_kind = {
-            "Ia": values.drive_inertia,
-            "Fv": values.viscous,
-            "Fc": values.coulomb,
-            "off": values.offset,
-        }
-        coupled = {"Fvm": values.coupling_viscous, "Fcm": values.coupling_coulomb}
         pairs = [tuple(int(joint) for joint in pair) for pair in values.coupling_joints]
         vector = np.zeros(len(self.parameters))
         for position, parameter in enumerate(self.parameters):
             if parameter.kind in INERTIAL:
                 column = REGRESSOR_ORDER[INERTIAL.index(parameter.kind)]
                 vector[position] = values.inertial[parameter.joint, column]
-            elif parameter.kind in by_kind:
-                vector[position] = by_kind[parameter.kind][parameter.joint]
+            elif parameter.kind in values.of_drives:
+                vector[position] = values.of_drives[parameter.kind][parameter.joint]
             else:
                 pair = next(pair for pair in self.coupling_joints if pair[1] == parameter.joint)
                 if pair in pairs:
-                    vector[position] = coupled[parameter.kind][pairs.index(pair)]
+                    vector[position] = values.of_couplings[parameter.kind][pairs.index(pair)]
         return vector
 
     def dynamic_parameters(self, vector: FloatArray) -> DynamicParameters:
@@ -127,22 +135,15 @@ class ParameterLayout:
             coupling_viscous=np.zeros(len(pairs)),
             coupling_coulomb=np.zeros(len(pairs)),
         )
-        by_kind = {
-            "Ia": values.drive_inertia,
-            "Fv": values.viscous,
-            "Fc": values.coulomb,
-            "off": values.offset,
-        }
-        coupled = {"Fvm": values.coupling_viscous, "Fcm": values.coupling_coulomb}
         for value, parameter in zip(vector, self.parameters, strict=True):
             if parameter.kind in INERTIAL:
                 column = REGRESSOR_ORDER[INERTIAL.index(parameter.kind)]
                 values.inertial[parameter.joint, column] = value
-            elif parameter.kind in by_kind:
-                by_kind[parameter.kind][parameter.joint] = value
+            elif parameter.kind in values.of_drives:
+                values.of_drives[parameter.kind][parameter.joint] = value
             else:
                 pair = next(k for k, joints in enumerate(pairs) if joints[1] == parameter.joint)
-                coupled[parameter.kind][pair] = value
+                values.of_couplings[parameter.kind][pair] = value
         for pair, (_, second) in enumerate(pairs):
             values.coupling_inertia[pair] = values.drive_inertia[second]
         return values

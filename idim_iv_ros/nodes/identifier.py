@@ -30,7 +30,7 @@ from idim_iv_ros.nodes.job_request import (
     requested_diagnosis,
     requested_identification,
 )
-from idim_iv_ros.nodes.parameters import changed, declare
+from idim_iv_ros.nodes.parameters import changed, checked, declare
 from idim_iv_ros.nodes.request_server import RequestServer
 from idim_iv_ros.nodes.result_publisher import ResultPublisher
 
@@ -172,11 +172,7 @@ class Identifier:
         self._diagnostics.publish(message)
 
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        try:
-            changed(self._settings, parameters)
-        except IdimError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+        return checked(self._settings, parameters)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         names = {parameter.name for parameter in parameters}

@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 
 from idim_iv_interfaces.msg import IdentificationResult
+from idim_iv_ros.nodes.diagnostic_status import diagnostic_status
 from idim_iv_ros.nodes.estimate_history import Drift
 from idim_iv_ros.nodes.job_queue import JobQueue
 
@@ -27,14 +28,14 @@ def work_diagnosis(name: str, jobs: JobQueue, failure: str) -> DiagnosticStatus:
         "waiting": jobs.waiting,
         "worker (process id)": jobs.process_id or "none",
     }
-    return _diagnosis(level, f"{name}: identification", name, sentence, values)
+    return diagnostic_status(level, f"{name}: identification", name, sentence, values)
 
 
 def joint_diagnoses(name: str, result: IdentificationResult) -> list[DiagnosticStatus]:
     """The verdict on each joint, with its sentence."""
     bags = ", ".join(result.parameters.bags)
     return [
-        _diagnosis(
+        diagnostic_status(
             _LEVELS[residual.verdict],
             f"{name}: {residual.joint}",
             residual.joint,
@@ -72,13 +73,4 @@ def drift_diagnosis(name: str, drifts: Sequence[Drift], bags: Sequence[str]) -> 
     if drifts:
         values["limit (σ)"] = f"{drifts[0].limit:.3f}"
     values.update({f"{each.parameter} (σ)": f"{each.statistic:+.2f}" for each in drifts})
-    return _diagnosis(level, f"{name}: drift", name, sentence, values)
-
-
-def _diagnosis(
-    level: bytes, name: str, hardware: str, sentence: str, values: dict[str, object]
-) -> DiagnosticStatus:
-    pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
-    return DiagnosticStatus(
-        level=level, name=name, hardware_id=hardware, message=sentence, values=pairs
-    )
+    return diagnostic_status(level, f"{name}: drift", name, sentence, values)

@@ -107,13 +107,7 @@ def published(
     rest = round(REST * rate)
     parts = [np.tile(start, (rest, 1))]
     if trajectory is not None:
-        if set(trajectory.joints) != set(joints):
-            raise UsageError(
-                f"the trajectory is for {', '.join(trajectory.joints)}; the robot has "
-                f"{', '.join(joints)}"
-            )
-        columns = [trajectory.joints.index(joint) for joint in joints]
-        motion = trajectory.position[:, columns]
+        motion = trajectory.in_order(joints).position
         _require_range(robot, motion)
         parts += [_approach(robot, start, motion[0], rate), motion]
     end = parts[-1][-1]

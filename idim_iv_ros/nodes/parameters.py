@@ -4,7 +4,12 @@ from collections.abc import Sequence
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, TypeVar
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -85,6 +90,15 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
     new = type(settings)(**values)
     new.check()
     return new
+
+
+def checked(settings: Settings, parameters: Sequence[Parameter]) -> SetParametersResult:
+    """Return whether the new values are allowed, and else why not, as rclpy asks for it."""
+    try:
+        changed(settings, parameters)
+    except IdimError as error:
+        return SetParametersResult(successful=False, reason=str(error))
+    return SetParametersResult(successful=True)
 
 
 def _descriptor(described: "Field[Any]") -> ParameterDescriptor:

@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus, TopicStatus
+from idim_iv_ros.nodes.diagnostic_status import diagnostic_status
 from idim_iv_ros.nodes.recording_session import RecordingSession, State
 from idim_iv_ros.nodes.watched_topic import WatchedTopic
 from idim_iv_ros.nodes.writer_thread import WriterThread
@@ -85,7 +86,7 @@ def recorder_diagnosis(name: str, status: RecorderStatus) -> DiagnosticStatus:
         "waiting": status.waiting,
         "dropped": status.dropped,
     }
-    return _diagnosis(level, f"{name}: recording", name, sentence, values)
+    return diagnostic_status(level, f"{name}: recording", name, sentence, values)
 
 
 def topic_diagnosis(name: str, topic: WatchedTopic, status: TopicStatus) -> DiagnosticStatus:
@@ -108,7 +109,7 @@ def topic_diagnosis(name: str, topic: WatchedTopic, status: TopicStatus) -> Diag
         "backward stamps": status.backward,
         "bytes": status.bytes,
     }
-    return _diagnosis(level, f"{name}: {topic.name}", topic.name, sentence, values)
+    return diagnostic_status(level, f"{name}: {topic.name}", topic.name, sentence, values)
 
 
 def _errors(topic: WatchedTopic) -> list[str]:
@@ -144,12 +145,3 @@ def _warnings(topic: WatchedTopic, status: TopicStatus) -> list[str]:
     if status.gaps:
         warnings.append(f"{status.gaps} gaps, the longest {status.longest_gap:.3f} s")
     return warnings
-
-
-def _diagnosis(
-    level: bytes, name: str, hardware: str, sentence: str, values: dict[str, object]
-) -> DiagnosticStatus:
-    pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
-    return DiagnosticStatus(
-        level=level, name=name, hardware_id=hardware, message=sentence, values=pairs
-    )

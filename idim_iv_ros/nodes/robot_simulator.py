@@ -24,7 +24,7 @@ from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
 from idim_iv_ros.nodes.entry import run_node
 from idim_iv_ros.nodes.motion_plan import REST, commanded, published
-from idim_iv_ros.nodes.parameters import changed, declare
+from idim_iv_ros.nodes.parameters import changed, checked, declare
 from idim_iv_ros.nodes.playback import Playback
 from idim_iv_ros.nodes.simulator_settings import SimulatorSettings
 from idim_iv_ros.recording.read import DESCRIPTION
@@ -104,11 +104,7 @@ class RobotSimulator:
         return int(self.node.get_clock().now().nanoseconds)
 
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        try:
-            changed(self._settings, parameters)
-        except IdimError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+        return checked(self._settings, parameters)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         self._settings = changed(self._settings, parameters)

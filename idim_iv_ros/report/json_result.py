@@ -13,7 +13,6 @@ from idim_iv_ros.result import (
     FORMAT,
     IdentificationResult,
     ParameterEstimate,
-    ProcessingSummary,
     RefinedEstimate,
 )
 from idim_iv_ros.statistics import HypothesisTest, JointVerdict, ResidualDiagnosis
@@ -36,13 +35,13 @@ def result_document(result: IdentificationResult) -> Document:
         "format": FORMAT,
         "robot": result.robot,
         "joints": result.joints,
-        "bags": [dataclasses.asdict(bag) for bag in result.bags],
+        "bags": result.bags,
         "software": result.software,
         "estimator": result.estimator,
         "iterations": result.iterations,
         "converged": result.converged,
         "convergence_note": result.convergence_note,
-        "verdict": dataclasses.asdict(result.verdict),
+        "verdict": result.verdict,
         "parameters": [_parameter(each) for each in result.parameters],
         "instruments": {
             "accepted": result.instruments.accepted,
@@ -66,9 +65,9 @@ def result_document(result: IdentificationResult) -> Document:
             _residual(residual, verdict)
             for residual, verdict in zip(result.residuals, result.verdicts, strict=True)
         ],
-        "fit": dataclasses.asdict(result.fit),
+        "fit": result.fit,
         "refined": _refined(result),
-        "processing": _processing(result.processing),
+        "processing": result.processing,
         "controller": result.controller,
         "effort_unit": result.effort_unit,
         "covariance": result.covariance,
@@ -81,12 +80,19 @@ def result_document(result: IdentificationResult) -> Document:
 
 def result_text(result: IdentificationResult) -> str:
     """Return result.json as text."""
-    document = result_document(result)
+    return document_text(result_document(result))
+
+
+def document_text(document: Document) -> str:
+    """Return plain values as the text of a JSON file."""
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def plain(value: object) -> Any:
-    """Return the value with plain Python types only; what is not a finite number is None."""
+    """Return the value with plain Python types only; what is not a finite number is None.
+
+    A dataclass becomes a mapping of its fields, in their order.
+    """
     if value is None or isinstance(value, (bool, int, str)):
         return value
     if isinstance(value, (float, np.floating)):
@@ -95,6 +101,8 @@ def plain(value: object) -> Any:
         return plain(value.item())
     if isinstance(value, np.ndarray):
         return plain(value.tolist())
+    if dataclasses.is_dataclass(value):
+        return {each.name: plain(getattr(value, each.name)) for each in dataclasses.fields(value)}
     if isinstance(value, Mapping):
         return {str(key): plain(each) for key, each in value.items()}
     if isinstance(value, Path):
@@ -104,15 +112,21 @@ def plain(value: object) -> Any:
     raise TypeError(f"{type(value).__name__} has no place in result.json")
 
 
+def _estimate(estimate: ParameterEstimate | RefinedEstimate) -> Document:
+    return {
+        "name": estimate.name,
+        "expression": estimate.expression,
+        "unit": estimate.unit,
+        "value": estimate.value,
+        "std": estimate.std,
+        "relative_std_percent": estimate.relative_std_percent,
+        "essential": estimate.essential,
+    }
+
+
 def _parameter(parameter: ParameterEstimate) -> Document:
     return {
-        "name": parameter.name,
-        "expression": parameter.expression,
-        "unit": parameter.unit,
-        "value": parameter.value,
-        "std": parameter.std,
-        "relative_std_percent": parameter.relative_std_percent,
-        "essential": parameter.essential,
+        **_estimate(parameter),
         "ls_value": parameter.ls_value,
         "given_value": parameter.given_value,
         "white_std": parameter.white_std,
@@ -137,13 +151,7 @@ def _refined(result: IdentificationResult) -> Document | None:
 
 def _refined_parameter(refined: RefinedEstimate, estimate: ParameterEstimate | None) -> Document:
     return {
-        "name": refined.name,
-        "expression": refined.expression,
-        "unit": refined.unit,
-        "value": refined.value,
-        "std": refined.std,
-        "relative_std_percent": refined.relative_std_percent,
-        "essential": refined.essential,
+        **_estimate(refined),
         "ls_value": None if estimate is None else estimate.ls_value,
         "given_value": None if estimate is None else estimate.given_value,
     }
@@ -190,7 +198,3 @@ def _residual(residual: ResidualDiagnosis, verdict: JointVerdict) -> Document:
         "whiteness_after": _test(residual.whiteness_after),
         "normality": _test(residual.normality),
     }
-
-
-def _processing(processing: ProcessingSummary) -> Document:
-    return dataclasses.asdict(processing)

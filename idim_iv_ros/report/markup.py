@@ -51,6 +51,15 @@ def bullets(sentences: Iterable[object]) -> Html:
     return tag("ul", items) if items else Html()
 
 
+def key_numbers(numbers: Iterable[tuple[str, str, str]]) -> Html:
+    """Return tiles, each with a name, a value and a note."""
+    tiles = [
+        tag("div", tag("dt", name), tag("dd", value), tag("dd", note, css="note"))
+        for name, value, note in numbers
+    ]
+    return tag("dl", tiles, css="tiles")
+
+
 def sentence(text: str, names: Sequence[str] = ()) -> str:
     """Return text as a sentence: a capital, unless it starts with one of `names`, and a stop."""
     if not any(text.startswith(name) for name in names):

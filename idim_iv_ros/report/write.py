@@ -1,10 +1,10 @@
 """The files of a result: both complete or neither."""
 
-import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from idim_iv_ros.atomic_files import probe_place, write_together
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.formats import GAP, REPORT, RESULT
 from idim_iv_ros.gap.result import GapResult
@@ -38,9 +38,7 @@ def write_report(result: IdentificationResult, out: Path) -> tuple[Path, Path]:
     UsageError
         The folder cannot be written.
     """
-    texts = {out / RESULT: result_text(result), out / REPORT: report_html(result)}
-    with require_writable(out):
-        _write_together(texts)
+    _write(out, {RESULT: result_text(result), REPORT: report_html(result)})
     return out / RESULT, out / REPORT
 
 
@@ -64,9 +62,7 @@ def write_gap_report(result: GapResult, out: Path) -> tuple[Path, Path]:
     UsageError
         The folder cannot be written.
     """
-    texts = {out / GAP: gap_text(result), out / REPORT: gap_report_html(result)}
-    with require_writable(out, (GAP, REPORT)):
-        _write_together(texts)
+    _write(out, {GAP: gap_text(result), REPORT: gap_report_html(result)})
     return out / GAP, out / REPORT
 
 
@@ -118,32 +114,16 @@ def _probe(out: Path, names: Sequence[str]) -> None:
     for name in names:
         if (out / name).is_dir():
             raise IsADirectoryError(f"{name} is a folder there")
-    probe = _temporary(out / names[0])
-    try:
-        probe.write_bytes(b"\0")
-    finally:
-        probe.unlink(missing_ok=True)
+    probe_place(out / names[0])
 
 
-def _write_together(texts: dict[Path, str]) -> None:
-    temporary = {path: _temporary(path) for path in texts}
-    try:
-        for path, text in texts.items():
-            with temporary[path].open("w", encoding="utf-8") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-        for path in texts:
-            temporary[path].replace(path)
-    except OSError as error:
-        raise _refusal(next(iter(texts)).parent, error) from error
-    finally:
-        for path in temporary.values():
-            path.unlink(missing_ok=True)
-
-
-def _temporary(path: Path) -> Path:
-    return path.with_name(f".{path.name}.{os.getpid()}.tmp")
+def _write(out: Path, texts: Mapping[str, str]) -> None:
+    """Write the files of `texts`, named by their keys, into the folder."""
+    with require_writable(out, tuple(texts)):
+        try:
+            write_together({out / name: text for name, text in texts.items()})
+        except OSError as error:
+            raise _refusal(out, error) from error
 
 
 def _refusal(out: Path, error: OSError) -> UsageError:

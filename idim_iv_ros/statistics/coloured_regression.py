@@ -6,12 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.r_factor import r_factor
 from idim_iv_ros.signals.autoregression import (
     AutoregressiveModel,
     burg_reflections,
     fit_autoregression,
 )
-from idim_iv_ros.statistics.triangle import independent_basis, triangle
+from idim_iv_ros.statistics.basis import independent_basis
 
 FloatArray = NDArray[np.float64]
 
@@ -114,7 +115,7 @@ def _restored(
 def _generalised_least_squares(
     errors: AutoregressiveModel, target: FloatArray, regressors: FloatArray, runs: Sequence[slice]
 ) -> ColouredRegression:
-    whitened = triangle(errors.whiten(np.column_stack([regressors, target]), runs))
+    whitened = r_factor(errors.whiten(np.column_stack([regressors, target]), runs))
     basis = independent_basis(whitened[:, :-1])
     width = regressors.shape[1]
     rest = basis.remove(whitened[:, -1])

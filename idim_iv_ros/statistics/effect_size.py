@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.statistics.triangle import independent_basis
+from idim_iv_ros.statistics.basis import independent_basis
 
 FloatArray = NDArray[np.float64]
 

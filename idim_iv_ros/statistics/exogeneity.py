@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
+from idim_iv_ros.r_factor import r_factor, spread
+from idim_iv_ros.statistics.basis import independent_basis
 from idim_iv_ros.statistics.coloured_regression import regress_coloured
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.joint_rows import JointRows
-from idim_iv_ros.statistics.triangle import independent_basis, spread, triangle
 
 FloatArray = NDArray[np.float64]
 
@@ -58,7 +59,7 @@ def exogeneity_test(
         # made a true hypothesis fail 45 % of the time with 45 columns in 250 rows.
         model = regress_coloured(rows.residual(parameters), rows.regressor, rows.runs).errors
         white = rows.whitened(model)
-        reduced = triangle(np.column_stack([white.instruments, white.regressor, white.torque]))
+        reduced = r_factor(np.column_stack([white.instruments, white.regressor, white.torque]))
         count = len(rows.torque)
         tests.append(exogeneity_f_test(reduced, count, rows.joint, alpha))
         sigma = float(np.linalg.norm(white.residual(parameters)) / np.sqrt(max(1, count)))
@@ -68,7 +69,7 @@ def exogeneity_test(
             n_rows += count
     if not stacked:
         return (HypothesisTest.not_run(NULL, "all", "there is no residual", alpha), *tests)
-    return (exogeneity_f_test(triangle(np.vstack(stacked)), n_rows, "all", alpha), *tests)
+    return (exogeneity_f_test(r_factor(np.vstack(stacked)), n_rows, "all", alpha), *tests)
 
 
 def exogeneity_f_test(

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
+from idim_iv_ros.r_factor import r_factor, spread
+from idim_iv_ros.statistics.basis import independent_basis
 from idim_iv_ros.statistics.coloured_regression import ColouredRegression, regress_coloured
 from idim_iv_ros.statistics.effect_size import largest_deviation, torque_deviation
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.joint_rows import JointRows
-from idim_iv_ros.statistics.triangle import independent_basis, spread, triangle
 
 FloatArray = NDArray[np.float64]
 
@@ -71,7 +72,7 @@ def wald_test_of_instruments(
         difference = rows.prediction(parameters) - rows.instruments @ parameters[rows.columns]
         fit = regress_coloured(difference, rows.instruments, rows.runs)
         columns = np.column_stack([rows.instruments, difference, errors])
-        whitened = triangle(fit.errors.whiten(columns, rows.runs))
+        whitened = r_factor(fit.errors.whiten(columns, rows.runs))
         fits.append(_Fit(rows, fit, whitened))
         tests.append(_test_of_joint(fits[-1], parameters, alpha))
     if fits:
@@ -124,7 +125,7 @@ def _test_of_all(fits: Sequence["_Fit"], parameters: FloatArray, alpha: float) -
         whitened.append(spread(fitted.whitened / sigma, places, width + more))
         places = np.concatenate([rows.columns, rows.columns + width])
         both.append(spread(_both(rows) / sigma, places, 2 * width))
-    stacked = triangle(np.vstack(whitened))
+    stacked = r_factor(np.vstack(whitened))
     basis = independent_basis(stacked[:, :width])
     delta, root = basis.solve(stacked[:, width], width), basis.inverse_root(width)
     shares = []
@@ -138,14 +139,14 @@ def _test_of_all(fits: Sequence["_Fit"], parameters: FloatArray, alpha: float) -
         stacked,
         width,
         n_rows,
-        largest_deviation(triangle(np.vstack(both)), n_rows),
+        largest_deviation(r_factor(np.vstack(both)), n_rows),
         100.0 * float(np.sqrt(np.mean(shares))),
         alpha,
     )
 
 
 def _both(rows: JointRows) -> FloatArray:
-    return triangle(np.hstack([rows.instruments, rows.regressor]))
+    return r_factor(np.hstack([rows.instruments, rows.regressor]))
 
 
 @dataclass(frozen=True)

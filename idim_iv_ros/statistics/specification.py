@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
+from idim_iv_ros.statistics.basis import independent_basis
 from idim_iv_ros.statistics.coloured_regression import regress_coloured_from_rest
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.joint_rows import JointRows
-from idim_iv_ros.statistics.triangle import independent_basis
 
 FloatArray = NDArray[np.float64]
 

@@ -2,13 +2,14 @@
 
 import csv
 import json
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from idim_iv_ros.excitation import files, read_trajectory
+from idim_iv_ros.excitation import read_trajectory
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 QUICK = ("--rate", 100, "--period", 6, "--harmonics", 3, "--repeats", 2)
@@ -139,7 +140,7 @@ def test_full_disk_leaves_nothing_half_written(
     def full(descriptor: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(files.os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", full)
     done = run(
         *("excite", "--config", config(), "--out", folder / "run", "--time-limit", 0.001), *QUICK
     )

@@ -136,3 +136,16 @@ def test_yaml_becomes_the_message() -> None:
 def test_impossible_rate_of_points_is_refused(rate: float) -> None:
     with pytest.raises(UsageError, match="points per second"):
         write_joint_trajectory(wave(), io.StringIO(), rate=rate)
+
+
+def test_columns_follow_the_order_of_the_robots_joints() -> None:
+    written = wave()
+    turned = written.in_order(("elbow", "shoulder"))
+    assert turned.joints == ("elbow", "shoulder")
+    for name in ("position", "velocity", "acceleration"):
+        np.testing.assert_array_equal(getattr(turned, name), getattr(written, name)[:, ::-1])
+
+
+def test_a_motion_for_other_joints_is_refused() -> None:
+    with pytest.raises(UsageError, match="for shoulder, elbow; the robot has shoulder, wrist"):
+        wave().in_order(("shoulder", "wrist"))

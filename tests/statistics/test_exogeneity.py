@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from linearmodels.iv import IV2SLS
 
+from idim_iv_ros.r_factor import r_factor
 from idim_iv_ros.statistics.exogeneity import exogeneity_f_test, exogeneity_test
 from idim_iv_ros.statistics.joint_rows import JointRows
-from idim_iv_ros.statistics.triangle import triangle
 
 
 def matrices(seed, n_rows=600, n_columns=6, endogeneity=0.4):
@@ -18,7 +18,7 @@ def matrices(seed, n_rows=600, n_columns=6, endogeneity=0.4):
 
 
 def reduced(x, z, y):
-    return triangle(np.column_stack([z, x, y]))
+    return r_factor(np.column_stack([z, x, y]))
 
 
 @pytest.mark.parametrize("seed", range(5))

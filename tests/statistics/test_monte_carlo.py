@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import f as fisher
 
+from idim_iv_ros.r_factor import r_factor
 from idim_iv_ros.statistics.exogeneity import exogeneity_f_test, exogeneity_test
 from idim_iv_ros.statistics.instrument_test import wald_test_of_instruments
-from idim_iv_ros.statistics.triangle import triangle
 from tests.statistics.worlds import coloured_world, pendulums
 
 AR1, AR1_SLOW, AR2 = [-0.8], [-0.95], [-1.5, 0.7]
@@ -42,7 +42,7 @@ def wald_without_whitening(rows, estimate):
 
 
 def exogeneity_without_whitening(rows, estimate):
-    raw = triangle(np.column_stack([rows.instruments, rows.regressor, rows.torque]))
+    raw = r_factor(np.column_stack([rows.instruments, rows.regressor, rows.torque]))
     return exogeneity_f_test(raw, len(rows.torque), "joint").p_value
 
 

@@ -2,12 +2,12 @@
 
 from idim_iv_ros.excitation.separation import separating_motion
 from idim_iv_ros.gap.result import Cause, Gap, GapResult, Unexplained
+from idim_iv_ros.report.gap_sections.parameters import parameter_table
 from idim_iv_ros.report.gap_words import effect_at, effect_words, small_unit, torque_unit
 from idim_iv_ros.report.markup import Html, join, section, sentence, tag
 from idim_iv_ros.report.numerals import (
     cell,
     known,
-    measured_cells,
     number,
     p_value,
     percent,
@@ -60,23 +60,9 @@ def _card(result: GapResult, cause: Cause, rank: int) -> Html:
 def _parameters(cause: Cause) -> Html | None:
     if not cause.parameters:
         return None
-    rows = [
-        tag(
-            "tr",
-            tag("th", name.replace("_", " "), scope="row"),
-            measured_cells(each.value, each.std),
-            tag("td", each.unit, css="unit"),
-        )
-        for name, each in cause.parameters.items()
-    ]
-    head = tag(
-        "tr",
-        tag("th", "Parameter", scope="col"),
-        tag("th", "Value", scope="col", css="num"),
-        tag("th", "± 95 %", scope="col"),
-        tag("th", "Unit", scope="col"),
+    return parameter_table(
+        {name.replace("_", " "): each for name, each in cause.parameters.items()}
     )
-    return tag("table", tag("thead", head), tag("tbody", rows))
 
 
 def _evidence(cause: Cause) -> Html:

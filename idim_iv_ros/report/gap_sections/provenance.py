@@ -1,8 +1,8 @@
 """Notes, the extended model's parameters, and how to obtain the same numbers again."""
 
 from idim_iv_ros.gap.result import GapResult
+from idim_iv_ros.report.gap_sections.parameters import parameter_table
 from idim_iv_ros.report.markup import Html, bullets, section, tag
-from idim_iv_ros.report.numerals import measured_cells
 from idim_iv_ros.report.sections.provenance import facts, quoted, time_spent, yaml_text
 
 
@@ -39,19 +39,9 @@ def gap_provenance_section(result: GapResult) -> Html:
 def _parameters(result: GapResult) -> Html | None:
     if not result.extended_parameters:
         return None
-    rows = [
-        tag(
-            "tr",
-            tag("th", name, scope="row"),
-            measured_cells(each.value, each.std),
-            tag("td", each.unit, css="unit"),
-        )
-        for name, each in result.extended_parameters.items()
-    ]
-    heads = (("Parameter", None), ("Value", "num"), ("± 95 %", None), ("Unit", None))
-    head = tag("tr", [tag("th", text, scope="col", css=css) for text, css in heads])
+    count = len(result.extended_parameters)
     return tag(
         "details",
-        tag("summary", tag("h3", f"Base parameters of the extended model ({len(rows)})")),
-        tag("table", tag("thead", head), tag("tbody", rows)),
+        tag("summary", tag("h3", f"Base parameters of the extended model ({count})")),
+        parameter_table(result.extended_parameters),
     )

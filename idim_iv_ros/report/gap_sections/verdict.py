@@ -2,7 +2,7 @@
 
 from idim_iv_ros.gap.result import GapResult, JointGap
 from idim_iv_ros.report.gap_words import VERDICTS, duration, effect_at, torque_unit
-from idim_iv_ros.report.markup import Html, bullets, join, tag
+from idim_iv_ros.report.markup import Html, bullets, join, key_numbers, tag
 from idim_iv_ros.report.numerals import THIN, cell, known, number, percent, with_unit
 
 
@@ -21,7 +21,7 @@ def verdict_section(result: GapResult) -> Html:
 
 def _tiles(result: GapResult) -> Html:
     worst = max(result.joint_gaps, key=lambda each: each.share, default=None)
-    tiles = [
+    numbers = [
         ("Causes accepted", str(len(result.causes)), _names(result)),
         _worst(worst),
         _relative(worst),
@@ -29,14 +29,7 @@ def _tiles(result: GapResult) -> Html:
         ("Recorded", with_unit(duration(result), "s"), _bags(result)),
         ("Not testable", str(len(result.not_testable)), "effects that this recording cannot show"),
     ]
-    return tag(
-        "dl",
-        [
-            tag("div", tag("dt", name), tag("dd", value), tag("dd", note, css="note"))
-            for name, value, note in tiles
-        ],
-        css="tiles",
-    )
+    return key_numbers(numbers)
 
 
 def _names(result: GapResult) -> str:

@@ -1,7 +1,7 @@
 """May the result be believed? The first thing that a reader sees."""
 
 from idim_iv_ros.report.badges import verdict_badge, verdict_colour
-from idim_iv_ros.report.markup import Html, join, sentence, tag
+from idim_iv_ros.report.markup import Html, join, key_numbers, sentence, tag
 from idim_iv_ros.report.numerals import cell, count, exact, number, percent, with_unit
 from idim_iv_ros.report.units import torque_unit
 from idim_iv_ros.result import IdentificationResult
@@ -34,7 +34,7 @@ def _key_numbers(result: IdentificationResult) -> Html:
     bags = f"{len(result.bags)} recording{'s' if len(result.bags) != 1 else ''}"
     recorded = f"{bags}, {' and '.join(exact(rate, 'Hz') for rate in rates)}"
     row_rate = exact(round(result.processing.row_rate, 2), "Hz")
-    tiles = [
+    numbers = [
         ("Relative error", percent(fit.relative_error_percent, 3), ls_error),
         (
             "Parameters",
@@ -51,14 +51,7 @@ def _key_numbers(result: IdentificationResult) -> Html:
         ("Condition number", number(fit.condition_number, 3), "of the observation matrix"),
     ]
     return join(
-        tag(
-            "dl",
-            [
-                tag("div", tag("dt", name), tag("dd", value), tag("dd", note, css="note"))
-                for name, value, note in tiles
-            ],
-            css="tiles",
-        ),
+        key_numbers(numbers),
         tag("p", tag("b", "Instruments: "), result.instruments.source, "."),
     )
 

@@ -1,4 +1,4 @@
-"""Least squares on the triangle that a QR leaves of tall rows, with the rank judged."""
+"""Least squares on an orthonormal basis of the columns, with the rank judged."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,18 +11,6 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.integer[Any]]
 
 RANK_TOLERANCE = 1e-8
-
-
-def triangle(rows: FloatArray) -> FloatArray:
-    """R of the QR of `rows` (r, k): every sum of squares and products of the columns is kept."""
-    return np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64)
-
-
-def spread(rows: FloatArray, places: IntArray, width: int) -> FloatArray:
-    """Put the columns of one joint at their `places` among `width` columns."""
-    wide = np.zeros((len(rows), width))
-    wide[:, places] = rows
-    return wide
 
 
 @dataclass(frozen=True)
