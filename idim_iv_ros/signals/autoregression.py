@@ -125,9 +125,8 @@ class AutoregressiveModel:
         whitened: FloatArray = lfilter(self._predictors[-1], [1.0], rows, axis=0)
         long = [run.start for run in runs if run.stop - run.start >= order]
         heads = np.array(long, dtype=np.int64)[:, None] + np.arange(order)
-        whitened[heads] = (self._start @ rows[heads].reshape(*heads.shape, -1)).reshape(
-            *heads.shape, *rows.shape[1:]
-        )
+        wide = rows[heads] if rows.ndim > 1 else rows[heads][..., None]
+        whitened[heads] = (self._start @ wide).reshape(rows[heads].shape)
         for run in runs:
             count = run.stop - run.start
             if count < order:
