@@ -5,23 +5,34 @@ from collections.abc import Sequence
 import numpy as np
 
 from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.gap.result import Cause
 
 
 def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
-    """Structural causes by their evidence, parametric ones by the gap that they close.
+    """Structural causes in the order of their stages, parametric ones by the gap that they close.
 
-    The kind that holds the cause that closes most of the gap comes first.
+    Each stage is the effect that closed most of the gap when it was accepted. Another control law
+    has no stage: its evidence decides whether it comes before them or after. The kind that holds the cause that closes most of the gap comes first.
     """
     structural = [cause for cause in causes if cause.kind == "structural"]
     parametric = [cause for cause in causes if cause.kind == "parametric"]
-    structural.sort(key=lambda cause: -cause.evidence.statistic)
+    laws = [cause for cause in structural if cause.effect == ControllerMismatch.name]
+    staged = [cause for cause in structural if cause.effect != ControllerMismatch.name]
+    if _most_evidence(laws) > _most_evidence(staged):
+        structural = [*laws, *staged]
+    else:
+        structural = [*staged, *laws]
     parametric.sort(key=lambda cause: -_closed(cause, data))
     groups = sorted(
         [structural, parametric],
         key=lambda group: -max((_closed(cause, data) for cause in group), default=0.0),
     )
     return [*groups[0], *groups[1]]
+
+
+def _most_evidence(group: Sequence[Cause]) -> float:
+    return max((cause.evidence.statistic for cause in group), default=0.0)
 
 
 def _closed(cause: Cause, data: Baseline) -> float:
