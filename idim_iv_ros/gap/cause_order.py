@@ -13,7 +13,8 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
     """Structural causes in the order of their stages, parametric ones by the gap that they close.
 
     Each stage is the effect that closed most of the gap when it was accepted. Another control law
-    has no stage: its evidence decides whether it comes before them or after. The kind that holds the cause that closes most of the gap comes first.
+    has no stage: its evidence decides whether it comes before them or after. The kind that holds
+    the cause that closes most of the gap comes first.
     """
     structural = [cause for cause in causes if cause.kind == "structural"]
     parametric = [cause for cause in causes if cause.kind == "parametric"]

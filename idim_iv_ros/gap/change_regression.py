@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.effects.parametric_effect import Change, Estimated, ParameterSpace
 from idim_iv_ros.gap.likelihood import Fit, Regression
+from idim_iv_ros.gap.motion_limits import too_little
+from idim_iv_ros.gap.search import extent
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.simulation import inverse_dynamics
 
@@ -59,6 +61,8 @@ class ChangeRegression:
         y − X β₀ of each joint, N m.
     torques : tuple of (r_j,)
         y of each joint, N m.
+    still : frozenset of int
+        Joints that move too little to tell anything of them.
     """
 
     space: ParameterSpace
@@ -67,6 +71,7 @@ class ChangeRegression:
     columns: tuple[FloatArray, ...]
     residuals: tuple[FloatArray, ...]
     torques: tuple[FloatArray, ...]
+    still: frozenset[int] = frozenset()
 
     @property
     def rows(self) -> int:
@@ -158,6 +163,7 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
         columns.append(unit)
         residuals.append(residual)
     added = regression.total - b
+    covered = extent(data)
     triangle = _projected(np.vstack(whitened), added)
     return ChangeRegression(
         space,
@@ -166,6 +172,7 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
         tuple(columns),
         tuple(residuals),
         tuple(regression.joints[joint].torque for joint in range(joints)),
+        frozenset(joint for joint in range(joints) if too_little(joint, covered)),
     )
 
 

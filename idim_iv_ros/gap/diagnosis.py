@@ -22,6 +22,7 @@ from idim_iv_ros.gap.gap_series import gap_series
 from idim_iv_ros.gap.generic import GENERIC
 from idim_iv_ros.gap.given_model import given_values
 from idim_iv_ros.gap.held_out import HeldOut, held_out
+from idim_iv_ros.gap.hidden_rivals import hidden_rivals
 from idim_iv_ros.gap.left_over import left_over
 from idim_iv_ros.gap.likelihood import Regression
 from idim_iv_ros.gap.missing_gravity import missing_gravity
@@ -171,7 +172,12 @@ def _other_causes(
     parametric = [effect for effect in PARAMETRIC if effect.name not in without]
     # With what has no name, too: it would else pass for wrong numbers.
     outcome = parametric_causes(data, model.whole, model.whole.fit(model.fit.colours), parametric)
-    causes = parametric_results(data, outcome, floors)
+    structural = [effect for effect in STRUCTURAL if effect.name not in without]
+    found = [
+        replace(each, rivals=(*each.rivals, *hidden_rivals(data, each, structural)))
+        for each in outcome.causes
+    ]
+    causes = parametric_results(data, found, floors)
     if ControllerMismatch.name not in without:
         turned = {
             data.joints[found.candidate.place.joint]

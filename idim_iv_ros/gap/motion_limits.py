@@ -7,6 +7,7 @@ _LEAST_TURN = 0.5  # rad, for an error of once a turn
 # rad and rad/s; for prismatic joints times the lever of a revolute one.
 _LEAST_RANGE = 0.01
 _LEAST_FASTEST = 0.1
+_SMALL_RANGE = 0.1
 # To show how friction bends: Stribeck speeds of arms are 0.02 to 0.3 rad/s.
 _LEAST_SPEED = 0.25
 _BENT = ("stribeck", "nonlinear_viscous")
@@ -32,3 +33,17 @@ def cannot_show(effect: str, joint: int, covered: Extent) -> str:
     if effect in _BENT and fastest < _LEAST_SPEED * lever:
         return f"the joint moves at most {fastest:.2g} {length}/s: too slow to show bent friction"
     return ""
+
+
+def too_little(joint: int, covered: Extent) -> bool:
+    """Whether a joint moves so little that not even its numbers can be told.
+
+    Slow motion over a wide range shows weights and friction well; small motion that sticks shows
+    nothing.
+    """
+    lever = float(covered.lever[joint])
+    span = float(covered.high[joint] - covered.low[joint])
+    fastest = float(covered.fastest[joint])
+    if span <= _LEAST_RANGE * lever:
+        return True
+    return fastest < _LEAST_FASTEST * lever and span < _SMALL_RANGE * lever

@@ -8,13 +8,12 @@ from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.controller_check import ControllerFinding
 from idim_iv_ros.gap.joint_units import in_units_of, unit_at
 from idim_iv_ros.gap.noise_floor import NoiseFloor
-from idim_iv_ros.gap.parametric import ParametricOutcome
 from idim_iv_ros.gap.parametric_evidence import ParametricCause
 from idim_iv_ros.gap.result import Cause, EffectParameter, Evidence, Gap
 
 
 def parametric_results(
-    data: Baseline, outcome: ParametricOutcome, floors: Sequence[NoiseFloor]
+    data: Baseline, found: Sequence[ParametricCause], floors: Sequence[NoiseFloor]
 ) -> list[Cause]:
     """One cause for each wrong part of the given numbers."""
     return [
@@ -30,7 +29,7 @@ def parametric_results(
             simulation_gap=None,
             sentence=_parametric_sentence(cause),
         )
-        for cause in outcome.causes
+        for cause in found
     ]
 
 

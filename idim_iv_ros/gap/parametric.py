@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 # Share of the given model's gap that the refit must take; the second where structural effects
 # were accepted, for what is left of them biases the refit.
 LEAST_SHARE, LEAST_SHARE_BESIDE = 0.01, 0.05
+# Share of the gap's energy that each cause must take, beside those before it.
+LEAST_SHARE_OF_A_CAUSE = 0.02
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,11 @@ def parametric_causes(
         reason = "" if found else "no cause of the catalogue explains the change"
     explained = changes.explain(changes_of(found))
     part = (explained.statistic - explained.rank) / max(excess, 1.0)
-    causes = causes_of(data.joints, changes, found, catalogue, excess)
+    causes = tuple(
+        cause
+        for cause in causes_of(data.joints, changes, found, catalogue, excess)
+        if cause.share >= LEAST_SHARE_OF_A_CAUSE
+    )
     _, after = changes.rms(explained.contributions.sum(axis=1))
     return ParametricOutcome(
         causes=causes,

@@ -47,6 +47,9 @@ class ParametricCause:
     before, after : (n_joints,)
         RMS of the residual with the causes before this one, and with it, N m (N).
     rivals : tuple of Rival
+        Other wrong numbers.
+    torque : (r_j,) or None
+        What it adds at its joint, N m (N); None where it belongs to none.
     """
 
     effect: ParametricEffect
@@ -59,6 +62,7 @@ class ParametricCause:
     before: FloatArray
     after: FloatArray
     rivals: tuple[Rival, ...]
+    torque: FloatArray | None
 
 
 def causes_of(
@@ -102,6 +106,7 @@ def causes_of(
             before=before,
             after=after,
             rivals=_rivals(joints, changes, rest, this, tried),
+            torque=_torque(changes, hypothesis, this),
         )
         causes.append((cause, hypothesis))
     causes.sort(key=lambda each: -each[0].statistic)
@@ -110,6 +115,12 @@ def causes_of(
 
 def _name(joints: Sequence[str], hypothesis: Hypothesis) -> str | None:
     return None if hypothesis.joint is None else joints[hypothesis.joint]
+
+
+def _torque(changes: ChangeRegression, hypothesis: Hypothesis, this: Trial) -> FloatArray | None:
+    if hypothesis.joint is None:
+        return None
+    return np.asarray(changes.columns[hypothesis.joint] @ this.contribution)
 
 
 def _rivals(

@@ -71,12 +71,15 @@ def changes_of(hypotheses: Sequence[Hypothesis]) -> list[Change]:
 def hypotheses(
     changes: ChangeRegression, catalogue: Sequence[ParametricEffect]
 ) -> list[Hypothesis]:
-    """Every variant of every effect at every place."""
+    """Every variant of every effect at every place whose joint, or any joint, moves enough."""
     space = changes.space
+    if len(changes.still) == space.joints:
+        return []
     return [
         Hypothesis(effect, joint, tuple(variant))
         for effect in catalogue
         for joint in effect.places(space)
+        if joint not in changes.still
         for variant in effect.variants(space, joint)
     ]
 

@@ -1,0 +1,66 @@
+"""Structural effects that pass for wrong numbers where the motion is poor.
+
+The search for structural effects looks beside all parameters: what these absorb entirely, such as
+friction under a load that hardly varies, is then told as wrong numbers.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.effects.effect import Effect, Extent
+from idim_iv_ros.gap.parametric_evidence import ParametricCause
+from idim_iv_ros.gap.result import Rival
+from idim_iv_ros.gap.search import extent, rows_of
+
+FloatArray = NDArray[np.float64]
+
+_SHAPES = 4
+# Correlation of the torques from which on they are the same on this recording.
+LEAST_ALIKE = 0.98
+
+
+def hidden_rivals(
+    data: Baseline, cause: ParametricCause, catalogue: Sequence[Effect]
+) -> tuple[Rival, ...]:
+    """Effects of the catalogue that make the torque of a wrong number, as well as it can be told.
+
+    `Rival.correlation` is the multiple correlation of the cause's torque with the effect's
+    columns, in the best of a few shapes.
+    """
+    if cause.joint is None or cause.torque is None:
+        return ()
+    joint = data.joints.index(cause.joint)
+    covered = extent(data)
+    rivals = []
+    for effect in catalogue:
+        if effect.name not in cause.effect.look_alikes:
+            continue
+        correlation = _correlation(data, effect, joint, cause.torque, covered)
+        if correlation >= LEAST_ALIKE:
+            rivals.append(Rival(effect.name, cause.joint, correlation))
+    return tuple(rivals)
+
+
+def _correlation(
+    data: Baseline, effect: Effect, joint: int, torque: FloatArray, covered: Extent
+) -> float:
+    """Largest over the shapes, 0 to 1."""
+    energy = float(torque @ torque)
+    places = [place for place in effect.places(len(data.joints)) if place.joint == joint]
+    if not places or energy <= 0.0:
+        return 0.0
+    grid = effect.grid(places[0], covered)
+    if not grid:
+        return 0.0
+    spread = np.unique(np.linspace(0, len(grid) - 1, _SHAPES).round().astype(int))
+    shapes = [grid[k] for k in spread]
+    largest = 0.0
+    for shape, columns in zip(shapes, rows_of(data, effect, places[0], shapes), strict=True):
+        coefficients = np.asarray(np.linalg.lstsq(columns[joint], torque, rcond=None)[0])
+        if effect.admissible(shape, coefficients):
+            rest = torque - columns[joint] @ coefficients
+            largest = max(largest, 1.0 - float(rest @ rest) / energy)
+    return float(np.sqrt(max(largest, 0.0)))
