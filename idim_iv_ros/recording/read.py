@@ -10,6 +10,7 @@ from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bag import Bag
 from idim_iv_ros.recording.clock import StampedMessages, stamp_messages
 from idim_iv_ros.recording.description import robot_description
+from idim_iv_ros.recording.frozen_channels import without_frozen
 from idim_iv_ros.recording.grid import Grid, make_grid, on_grid
 from idim_iv_ros.recording.joint_messages import JointMessageReader, JointMessages, readable
 from idim_iv_ros.recording.recording import Note, Recording, Signal
@@ -127,6 +128,7 @@ def _assemble(
     for topic in stamped.values():
         notes += topic.notes
         notes += _message_notes(topic.messages)
+    stamped, frozen = without_frozen(stamped, joint_states, effort, joints, grid.start)
     sources = {topic.quality.source for topic in stamped.values()}
     if len(sources) > 1:
         notes.append(Note(effort, "topics with different clocks: their delay is not known", 1))
@@ -150,6 +152,7 @@ def _assemble(
         clocks=tuple(topic.quality for topic in stamped.values()),
         notes=tuple(notes),
         robot_description=description,
+        frozen=frozen,
     )
 
 
