@@ -312,7 +312,8 @@ def _series(data: Baseline, regression: Regression, model: NamedModel) -> tuple[
 def _notes(
     data: Baseline, folds: str, floors: Sequence[str], tracked: Sequence[Tracking]
 ) -> tuple[str, ...]:
-    notes = [folds, *dict.fromkeys(floors)]
+    notes = [f"held-out gaps: {folds}"] if folds else []
+    notes += [f"noise floor: {note}" for note in dict.fromkeys(floors) if note]
     notes += [*data.sources.controller]
     unchecked = why_not_checked(data)
     if unchecked:

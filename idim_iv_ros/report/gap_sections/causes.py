@@ -77,7 +77,13 @@ def _parameters(cause: Cause) -> Html | None:
         tag("th", "± 95 %", scope="col"),
         tag("th", "Unit", scope="col"),
     )
-    return tag("table", tag("thead", head), tag("tbody", rows))
+    unsure = any(each.std is None for each in cause.parameters.values())
+    return join(
+        tag("table", tag("thead", head), tag("tbody", rows)),
+        tag("p", tag("small", "Without ±: chosen from a grid, or not known how well."))
+        if unsure
+        else None,
+    )
 
 
 def _evidence(cause: Cause) -> Html:
