@@ -58,6 +58,7 @@ FloatArray = NDArray[np.float64]
 # Of the held-out torque gap, what is left at most where an effect does no harm. Effects of high
 # frequency shrink the whitened residual much and the gap itself little.
 _NO_WORSE = 1.01
+_SHORT = 10.0  # s
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 
 
@@ -314,6 +315,12 @@ def _notes(
 ) -> tuple[str, ...]:
     notes = [f"held-out gaps: {folds}"] if folds else []
     notes += [f"noise floor: {note}" for note in dict.fromkeys(floors) if note]
+    seconds = sum(recording.duration for recording in data.prepared.recordings)
+    if seconds < _SHORT:
+        notes.append(
+            f"only {seconds:.3g} s were recorded: effects may pass for one another, or for noise; "
+            "record a minute or more"
+        )
     notes += [*data.sources.controller]
     unchecked = why_not_checked(data)
     if unchecked:
