@@ -191,6 +191,7 @@ def _diagnosed(
         tracking=tracking_series(data, first, last),
         notes=_notes(data, tested.note, [floor.note for floor in floors], tracked),
         extended_parameters=_extended(data, model),
+        recorded=sum(recording.duration for recording in recordings),
     )
 
 

@@ -138,6 +138,8 @@ def test_two_seconds_end_with_what_can_be_said(run, config, record, tmp_path: Pa
     assert outcome.status == 0, outcome.error
     (note,) = [each for each in document(out)["notes"] if "record a minute" in each]
     assert note.startswith("only 2 s were recorded")
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "from 2.00\N{NARROW NO-BREAK SPACE}s of recording" in page
     assert "structural" not in [each["kind"] for each in document(out)["causes"]]
 
 

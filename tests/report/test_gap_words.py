@@ -33,6 +33,18 @@ def _numbers(packed: dict[str, str]) -> np.ndarray:
     return np.frombuffer(base64.b64decode(packed["bdata"]), dtype=packed["dtype"])
 
 
+def test_the_models_that_are_simulated_are_named() -> None:
+    text = re.sub(r"\s+", " ", Page(gap_report_html(sample_gap(2, "parametric"))).text)
+    assert "simulated, before (given model)" in text
+    assert "simulated, after (refit)" in text
+
+
+def test_pauses_between_recordings_are_not_recorded() -> None:
+    result = replace(sample_gap(2, "none"), recorded=42.0)
+    text = re.sub(r"\s+", " ", Page(gap_report_html(result)).text)
+    assert "from 42.0 s of recording" in text
+
+
 def test_no_motion_is_promised_to_tell_a_load_from_the_link_that_carries_it() -> None:
     for pair in (("payload", "link_inertia"), ("link_inertia", "payload")):
         assert "take it off" in separating_motion(*pair)

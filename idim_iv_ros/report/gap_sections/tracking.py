@@ -6,7 +6,7 @@ import numpy as np
 
 from idim_iv_ros.gap.result import GapResult, TrackingSeries
 from idim_iv_ros.report.figures import BLUE, INK, PALE, Figure, axis, embed, figure, legend, typed
-from idim_iv_ros.report.gap_words import small_unit
+from idim_iv_ros.report.gap_words import small_unit, stage_words
 from idim_iv_ros.report.markup import Html, section, tag
 from idim_iv_ros.report.series import FloatArray, peaks
 
@@ -39,12 +39,18 @@ def tracking_section(result: GapResult) -> Html | None:
         ),
         legend(
             ("line", PALE, "robot"),
-            ("line", INK, "simulated, before"),
-            ("line", BLUE, "simulated, after"),
+            ("line", INK, f"simulated, before{_stage(result, 0)}"),
+            ("line", BLUE, f"simulated, after{_stage(result, -1)}"),
         ),
         tag("p", "A line is missing where the simulation diverged.") if missing else None,
         tag("div", plots, css="grid one" if len(plots) <= _FEW else "grid two"),
     )
+
+
+def _stage(result: GapResult, place: int) -> str:
+    """Return in brackets which of the simulated models it is."""
+    simulated = [stage.name for stage in result.stages if stage.tracking_rms is not None]
+    return f" ({stage_words(simulated[place])})" if simulated else ""
 
 
 def _joint(result: GapResult, series: TrackingSeries, index: int) -> Html:
