@@ -29,7 +29,8 @@ _MOST_FINE, _MOST_COARSE = 0.9, 0.99
 _GAP, _BETWEEN = 3.0, 0.2
 # Share of samples that repeat the one before; more do where the noise is below a step.
 _OFTEN = 0.6
-# A frozen run in noise: no other one within so many times its length is longer than 1 / _LONGER.
+# A frozen run of a coarse channel: no other within so many times its length is longer than
+# 1 / _LONGER of it.
 _AROUND = 3
 # A jump: this many times the largest of the steps that follow.
 _JUMP = 3.0
@@ -104,10 +105,10 @@ def frozen_efforts(effort: FloatArray, position: FloatArray, speed: float) -> Bo
     if usual.fine and usual.random:
         moved = _moved(position, first, last, _CREEPS * speed)
     chosen = (last - first > usual.most) & moved & inside
-    if usual.random:
-        chosen[chosen] = _alone(last - first + 1, np.flatnonzero(chosen))
-    else:
+    if not usual.random:
         chosen &= _jumps(effort, first, last)
+    elif not usual.fine:
+        chosen[chosen] = _alone(last - first + 1, np.flatnonzero(chosen))
     return _repeats(len(effort), first[chosen], last[chosen])
 
 

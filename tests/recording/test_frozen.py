@@ -70,6 +70,16 @@ def test_an_effort_that_freezes_is_found_to_the_sample(step: float, length: int)
     assert not found[~close].any()
 
 
+def test_a_freeze_in_motion_is_found_beside_one_at_rest() -> None:
+    position, effort = _motion()
+    effort = effort + STEP * np.random.default_rng(5).normal(size=len(effort))
+    held, where = _held(effort, (5900, 6030), 70)
+    found = frozen_efforts(held, position, moving_speed(position))
+    assert found[5900:5970].all()
+    assert not found[6030:].any()
+    assert where.sum() == 140
+
+
 def test_an_encoder_that_freezes_is_found_by_its_jump() -> None:
     position = _counts(_motion()[0], 1e-4)
     held, where = _held(position, STARTS[:1], 60)
