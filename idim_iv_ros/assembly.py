@@ -217,6 +217,7 @@ def _bags(prepared: PreparedRegression) -> tuple[BagSummary, ...]:
                 clocks=recording.clocks,
                 notes=recording.notes,
                 dropped=motion.dropped,
+                frozen=recording.frozen,
             )
         )
     return tuple(bags)

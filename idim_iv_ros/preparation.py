@@ -71,7 +71,16 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
         cutoffs=cutoffs,
         minimum_speed=minimum_speed,
         motions=motions,
-        reasons=cutoffs.reasons + reasons,
+        reasons=cutoffs.reasons + reasons + frozen_sentences(recordings),
+    )
+
+
+def frozen_sentences(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Say of each frozen channel of each recording what was left out."""
+    return tuple(
+        f"{recording.path.name}: {each.sentence}"
+        for recording in recordings
+        for each in recording.frozen
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.formats import IDENTIFICATION_FORMAT
-from idim_iv_ros.recording import ClockQuality, Note
+from idim_iv_ros.recording import ClockQuality, FrozenStretches, Note
 from idim_iv_ros.statistics import (
     HypothesisTest,
     JointVerdict,
@@ -167,6 +167,8 @@ class BagSummary:
         Hz, s.
     dropped : dict
         Decimated joint samples that do not count, by reason.
+    frozen : tuple of FrozenStretches
+        Channels that held their last value while the joint moved.
     """
 
     path: str
@@ -177,6 +179,7 @@ class BagSummary:
     clocks: tuple[ClockQuality, ...]
     notes: tuple[Note, ...]
     dropped: dict[str, int]
+    frozen: tuple[FrozenStretches, ...] = ()
 
 
 @dataclass(frozen=True)

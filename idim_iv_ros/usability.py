@@ -133,6 +133,7 @@ def _recording_findings(recording: Recording, motion: Motion) -> list[Finding]:
         level: Level = "limited" if invented > _INVENTED_LIMIT else "good"
         sentence = f"{100 * invented:.2g} % of the joint samples have no measurement; left out"
         findings.append(Finding(name, level, sentence))
+    findings += [Finding(name, "limited", frozen.sentence) for frozen in recording.frozen]
     findings += [
         Finding(name, "good", f"{note.topic}: {note.what} ({note.count})")
         for note in recording.notes

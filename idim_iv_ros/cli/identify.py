@@ -1,10 +1,12 @@
 """`idim-iv identify`."""
 
 from enum import Enum
+from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from idim_iv_ros.cli.arguments import Bags, Config, Out, progress_bar
@@ -66,7 +68,7 @@ def parameter_table(result: IdentificationResult, truth: dict[str, float] | None
 
 
 def print_verdict(console: Console, result: IdentificationResult) -> None:
-    """The verdict, the fit, and where the instruments came from."""
+    """The verdict, the fit, where the instruments came from, and what was left out."""
     fit = result.fit
     console.print(
         f"{fit.essential_parameters} of {fit.base_parameters} base parameters are essential; "
@@ -77,3 +79,7 @@ def print_verdict(console: Console, result: IdentificationResult) -> None:
     )
     console.print(f"Instruments: {result.instruments.source}", highlight=False)
     console.print(f"Verdict: {result.verdict.verdict}. {result.verdict.sentence}", highlight=False)
+    for bag in result.bags:
+        for each in bag.frozen:
+            text = f"[yellow]Warning:[/] {escape(f'{Path(bag.path).name}: {each.sentence}')}"
+            console.print(text, highlight=False)

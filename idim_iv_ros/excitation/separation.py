@@ -2,6 +2,13 @@
 
 from idim_iv_ros.excitation.segment import EFFECTS, NOT_REVEALED
 
+# Pairs that no motion separates.
+_NO_MOTION = {
+    frozenset({"payload", "link_inertia"}): (
+        "no motion does if the load is fixed to the link; take it off and record once more"
+    ),
+}
+
 
 def separating_motion(first: str, second: str) -> str:
     """Return in words which segments of ``excite --for diagnosis`` separate two effects.
@@ -9,6 +16,9 @@ def separating_motion(first: str, second: str) -> str:
     A segment that reveals one effect and not the other separates them; where there is none,
     those that reveal either are named. Empty where nothing is known of both.
     """
+    pair = frozenset({first, second})
+    if pair in _NO_MOTION:
+        return _NO_MOTION[pair]
     apart = [kind for kind, effects in EFFECTS.items() if (first in effects) != (second in effects)]
     either = [kind for kind, effects in EFFECTS.items() if first in effects or second in effects]
     needs = [NOT_REVEALED[each] for each in (first, second) if each in NOT_REVEALED]

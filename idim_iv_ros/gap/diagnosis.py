@@ -44,6 +44,7 @@ from idim_iv_ros.preparation import read_configured
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.stopwatch import Progress, Stopwatch
 
+_SHORT = 10.0  # s
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 
 
@@ -162,6 +163,7 @@ def _diagnosed(
         tracking=tracking_series(data, first, last),
         notes=_notes(data, tested.note, [floor.note for floor in floors], tracked),
         extended_parameters=_extended(data, model),
+        recorded=sum(recording.duration for recording in recordings),
     )
 
 
@@ -203,7 +205,14 @@ def _given_alone(data: Baseline, regression: Regression) -> HeldOut:
 def _notes(
     data: Baseline, folds: str, floors: Sequence[str], tracked: Sequence[Tracking]
 ) -> tuple[str, ...]:
-    notes = [folds, *dict.fromkeys(floors)]
+    notes = [f"held-out gaps: {folds}"] if folds else []
+    notes += [f"noise floor: {note}" for note in dict.fromkeys(floors) if note]
+    seconds = sum(recording.duration for recording in data.prepared.recordings)
+    if seconds < _SHORT:
+        notes.append(
+            f"only {seconds:.3g} s were recorded: effects may pass for one another, or for noise; "
+            "record a minute or more"
+        )
     notes += [*data.sources.controller]
     unchecked = why_not_checked(data)
     if unchecked:

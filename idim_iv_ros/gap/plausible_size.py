@@ -132,5 +132,5 @@ def _in_words(found: dict[str, EffectParameter], torque: float) -> str:
             unit = f" {found[name].unit}" if found[name].unit else ""
             plain = found[name].unit == "N m" or torque <= 0.0
             more = "" if plain else f" (up to {torque:.2g} N m)"
-            return f"{name.replace('_', ' ')} {found[name].value:.2g}{unit}{more}"
+            return f"{name.replace('_', ' ')} = {found[name].value:.2g}{unit}{more}"
     return f"{torque:.2g} N m"

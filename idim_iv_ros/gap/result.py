@@ -337,6 +337,8 @@ class GapResult:
         Base parameters of the extended model.
     timing : dict of str to float
         Seconds by stage.
+    recorded : float or None
+        Length of all recordings together, without the pauses between them, s.
     """
 
     robot: str
@@ -361,3 +363,4 @@ class GapResult:
     notes: tuple[str, ...]
     extended_parameters: dict[str, EffectParameter]
     timing: dict[str, float] = field(default_factory=dict)
+    recorded: float | None = None

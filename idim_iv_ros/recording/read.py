@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.errors import DataError
+from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.recording.bag import Bag
 from idim_iv_ros.recording.clock import StampedMessages, stamp_messages
 from idim_iv_ros.recording.description import robot_description
+from idim_iv_ros.recording.frozen_channels import without_frozen
 from idim_iv_ros.recording.grid import Grid, make_grid, on_grid
 from idim_iv_ros.recording.joint_messages import JointMessageReader, JointMessages, readable
 from idim_iv_ros.recording.recording import Note, Recording, Signal
@@ -44,16 +45,31 @@ def read_recordings(
     Raises
     ------
     UsageError
-        No such bag.
+        No such bag, or one recording twice.
     DataError
         A bag cannot be read, or does not hold what is asked for.
     """
-    recordings = []
+    recordings: list[Recording] = []
     for number, bag in enumerate(bags):
         if progress is not None:
             progress(f"reading {bag.name}", 0.3 * number / len(bags))
-        recordings.append(_read(bag, joints, joint_states, effort or joint_states, reference))
+        recording = _read(bag, joints, joint_states, effort or joint_states, reference)
+        _require_new(recording, recordings)
+        recordings.append(recording)
     return tuple(recordings)
+
+
+def _require_new(recording: Recording, before: Sequence[Recording]) -> None:
+    """Refuse a recording that is given twice: it would pass for a repeat without any noise."""
+    for other in before:
+        if (
+            recording.start == other.start
+            and np.array_equal(recording.effort.values, other.effort.values)
+            and np.array_equal(recording.position.values, other.position.values)
+        ):
+            raise UsageError(
+                f"{recording.path}: the same recording as {other.path}; give each one once"
+            )
 
 
 def _read(
@@ -78,7 +94,10 @@ def _read(
         readers[topic].add(batch)
     for topic in fields:
         if topic not in readers:
-            raise DataError(_missing(path, bag, topic))
+            advice = ""
+            if topic == reference and bag.topics:
+                advice = "; name that of the reference in signals.reference, or leave it out"
+            raise DataError(f"{_missing(path, bag, topic)}{advice}")
     stamped = {topic: stamp_messages(_checked(path, readers[topic]), str(path)) for topic in fields}
     notes = [Note(*loss) for loss in bag.losses]
     return _assemble(path, joints, stamped, (joint_states, effort, reference), description, notes)
@@ -95,7 +114,7 @@ def _checked(path: Path, reader: JointMessageReader) -> JointMessages:
             if messages.names and joint not in messages.names:
                 raise DataError(
                     f"{path}: {reader.topic} never holds joint {joint}; it holds "
-                    f"{', '.join(messages.names)}"
+                    f"{', '.join(messages.names)}; name the joints to be read in robot.joints"
                 )
             values = messages.values[name][:, column]
             if not np.isfinite(values).any():
@@ -127,6 +146,7 @@ def _assemble(
     for topic in stamped.values():
         notes += topic.notes
         notes += _message_notes(topic.messages)
+    stamped, frozen = without_frozen(stamped, joint_states, effort, joints, grid.start)
     sources = {topic.quality.source for topic in stamped.values()}
     if len(sources) > 1:
         notes.append(Note(effort, "topics with different clocks: their delay is not known", 1))
@@ -150,6 +170,7 @@ def _assemble(
         clocks=tuple(topic.quality for topic in stamped.values()),
         notes=tuple(notes),
         robot_description=description,
+        frozen=frozen,
     )
 
 

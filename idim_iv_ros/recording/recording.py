@@ -7,6 +7,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.recording.frozen import FrozenStretches
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
@@ -21,7 +23,7 @@ class Signal:
         In the unit of the source (rad or m, rad/s or m/s, what the effort topic holds).
         Finite everywhere; what was invented to make it so is marked in `invented`.
     invented : (n_samples, n_joints) bool
-        True where no measurement supports the value (gap, NaN, missing joint).
+        True where no measurement supports the value (gap, NaN, missing joint, frozen channel).
     origin : str
         Where it comes from, in words, e.g. ``/joint_states position``.
     """
@@ -83,6 +85,8 @@ class Recording:
         What was dropped, reordered or repaired while reading.
     robot_description : str or None
         URDF found in the bag.
+    frozen : tuple of FrozenStretches
+        Channels that held their last value while the joint moved; these samples are invented.
     """
 
     path: Path
@@ -97,6 +101,7 @@ class Recording:
     clocks: tuple[ClockQuality, ...]
     notes: tuple[Note, ...]
     robot_description: str | None
+    frozen: tuple[FrozenStretches, ...] = ()
 
     @property
     def samples(self) -> int:

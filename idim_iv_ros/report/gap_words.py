@@ -90,7 +90,9 @@ def regime_range(regime: Regime) -> str:
 
 
 def duration(result: GapResult) -> float:
-    """Return the length of all recordings together, s."""
+    """Return the length of all recordings together, s; with the pauses where it is not known."""
+    if result.recorded is not None:
+        return result.recorded
     return max((float(each.time[-1]) for each in result.series if len(each.time)), default=0.0)
 
 

@@ -14,6 +14,8 @@ from idim_iv_ros.report.html import report_html
 from idim_iv_ros.report.json_result import result_text
 from idim_iv_ros.result import IdentificationResult
 
+_WRITTEN_BY = {RESULT: "identify", GAP: "diagnose"}
+
 
 def write_report(result: IdentificationResult, out: Path) -> tuple[Path, Path]:
     """Write result.json and report.html.
@@ -36,7 +38,7 @@ def write_report(result: IdentificationResult, out: Path) -> tuple[Path, Path]:
     Raises
     ------
     UsageError
-        The folder cannot be written.
+        The folder cannot be written, or holds a diagnosis.
     """
     _write(out, {RESULT: result_text(result), REPORT: report_html(result)})
     return out / RESULT, out / REPORT
@@ -60,7 +62,7 @@ def write_gap_report(result: GapResult, out: Path) -> tuple[Path, Path]:
     Raises
     ------
     UsageError
-        The folder cannot be written.
+        The folder cannot be written, or holds an identification.
     """
     _write(out, {GAP: gap_text(result), REPORT: gap_report_html(result)})
     return out / GAP, out / REPORT
@@ -83,11 +85,12 @@ def require_writable(out: Path, names: Sequence[str] = (RESULT, REPORT)) -> Iter
     Raises
     ------
     UsageError
-        The folder cannot be written, and why.
+        The folder cannot be written, and why; or it holds the report of another command.
     """
     created: list[Path] = []
     try:
         try:
+            _keep_other_report(out, names)
             _create(out, created)
             _probe(out, names)
         except OSError as error:
@@ -100,6 +103,16 @@ def require_writable(out: Path, names: Sequence[str] = (RESULT, REPORT)) -> Iter
             except OSError:
                 break
         raise
+
+
+def _keep_other_report(out: Path, names: Sequence[str]) -> None:
+    """Refuse a folder whose report.html is that of the other command: both have one."""
+    for name, command in _WRITTEN_BY.items():
+        if name not in names and (out / name).exists() and (out / REPORT).exists():
+            raise UsageError(
+                f"{out}: holds {name} and {REPORT} of `idim-iv {command}`, and {REPORT} would be "
+                "replaced; give another --out"
+            )
 
 
 def _create(out: Path, created: list[Path]) -> None:

@@ -8,6 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests import simulated_arms
+from tests.cli.conftest import write_arm
+
 
 def test_table_becomes_a_bag_is_checked_and_identified(run, config, record, tmp_path: Path) -> None:
     table, bag, out = tmp_path / "run.npz", tmp_path / "run.mcap", tmp_path / "results"
@@ -47,7 +50,15 @@ def test_least_squares_on_request(run, config, bag, tmp_path: Path) -> None:
 
 
 def test_two_bags_are_used_together(run, config, bag, tmp_path: Path) -> None:
-    done = run("identify", bag, bag, "--config", config(), "--out", tmp_path / "results")
+    second = simulated_arms.record(simulated_arms.arm2(), 2)
+    other = write_arm(
+        tmp_path / "other.mcap",
+        second.time,
+        second.position,
+        second.effort,
+        second.position_reference,
+    )
+    done = run("identify", bag, other, "--config", config(), "--out", tmp_path / "results")
     assert done.status == 0, done.error
     assert len(json.loads((tmp_path / "results" / "result.json").read_text())["bags"]) == 2
 

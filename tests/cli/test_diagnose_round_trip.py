@@ -124,6 +124,25 @@ def test_without_references_or_controller_it_ends_with_what_can_be_said(
     assert "controller_mismatch" not in [each["effect"] for each in result["causes"]]
 
 
+def test_two_seconds_end_with_what_can_be_said(run, config, record, tmp_path: Path) -> None:
+    some = slice(4000, 6000)
+    short = write_arm(
+        tmp_path / "short.mcap",
+        record.time[some],
+        record.position[some],
+        record.effort[some],
+        record.position_reference[some],
+    )
+    out = tmp_path / "why"
+    outcome = run("diagnose", short, "--config", config(), "--out", out)
+    assert outcome.status == 0, outcome.error
+    (note,) = [each for each in document(out)["notes"] if "record a minute" in each]
+    assert note.startswith("only 2 s were recorded")
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "from 2.00\N{NARROW NO-BREAK SPACE}s of recording" in page
+    assert "structural" not in [each["kind"] for each in document(out)["causes"]]
+
+
 def test_bad_input_is_one_line_and_leaves_nothing(run, bag, config, record, tmp_path: Path) -> None:
     out = tmp_path / "why"
 
@@ -137,6 +156,14 @@ def test_bad_input_is_one_line_and_leaves_nothing(run, bag, config, record, tmp_
     must_refuse(2, "strybeck", "stribeck",
                 arguments=(bag, "--config", good, "--without", "strybeck"))  # fmt: skip
     must_refuse(2, "nowhere.yaml", arguments=(bag, "--config", tmp_path / "nowhere.yaml"))
+    must_refuse(2, "the same recording", "give each one once",
+                arguments=(bag, bag, "--config", good))  # fmt: skip
+    copy = tmp_path / "copy.mcap"
+    copy.write_bytes(bag.read_bytes())
+    must_refuse(2, "copy.mcap", "arm2.mcap", arguments=(bag, copy, "--config", good))
+    must_refuse(1, "no topic /nowhere", "signals.reference, or leave it out", "/joint_states",
+                arguments=(bag, "--config", config(("/joint_reference", "/nowhere"))))  # fmt: skip
+    good = config()
     some = slice(5000, 5500)
     short = write_arm(
         tmp_path / "short.mcap",

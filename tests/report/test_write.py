@@ -5,7 +5,9 @@ from pathlib import Path
 import pytest
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.report import require_writable, write_report
+from idim_iv_ros.formats import GAP, REPORT
+from idim_iv_ros.report import require_writable, write_gap_report, write_report
+from tests.report.sample_gap import sample_gap
 from tests.report.sample_result import sample_result
 
 
@@ -60,6 +62,42 @@ def test_a_file_in_the_place_of_the_folder_is_refused_in_one_line(tmp_path: Path
         assert "\n" not in str(refusal.value)
         assert str(out) in str(refusal.value)
     assert place.read_text() == "mine"
+
+
+def _files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_a_diagnosis_does_not_replace_the_report_of_an_identification(tmp_path: Path) -> None:
+    write_report(sample_result(1), tmp_path)
+    before = _files(tmp_path)
+    with (
+        pytest.raises(UsageError, match=r"`idim-iv identify`.*give another --out") as refusal,
+        require_writable(tmp_path, (GAP, REPORT)),
+    ):
+        pytest.fail("the work was started")
+    assert "\n" not in str(refusal.value)
+    with pytest.raises(UsageError, match=r"holds result\.json"):
+        write_gap_report(sample_gap(2, "none"), tmp_path)
+    assert _files(tmp_path) == before
+
+
+def test_an_identification_does_not_replace_the_report_of_a_diagnosis(tmp_path: Path) -> None:
+    write_gap_report(sample_gap(2, "none"), tmp_path)
+    before = _files(tmp_path)
+    with pytest.raises(UsageError, match="`idim-iv diagnose`"):
+        write_report(sample_result(1), tmp_path)
+    assert _files(tmp_path) == before
+
+
+def test_each_command_replaces_its_own_report(tmp_path: Path) -> None:
+    _, first = write_report(sample_result(1), tmp_path / "results")
+    before = first.read_bytes()
+    _, second = write_report(sample_result(2), tmp_path / "results")
+    assert second.read_bytes() != before
+    write_gap_report(sample_gap(2, "both"), tmp_path / "why")
+    written, _ = write_gap_report(sample_gap(2, "none"), tmp_path / "why")
+    assert json.loads(written.read_text(encoding="utf-8"))["verdict"] == "none"
 
 
 def test_a_folder_in_the_place_of_a_file_is_refused_early(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from idim_iv_ros.report.numerals import (
     percent,
     with_unit,
 )
+from idim_iv_ros.report.tracking_change import tracking_change
 
 
 def causes_section(result: GapResult) -> Html:
@@ -46,7 +47,7 @@ def _card(result: GapResult, cause: Cause, rank: int) -> Html:
     return tag(
         "article",
         tag("h3", f"{rank}. {title[:1].upper()}{title[1:]} ", badge),
-        tag("p", cause.sentence),
+        tag("p", sentence(cause.sentence, result.joints)),
         tag(
             "div",
             tag("div", _parameters(cause), _evidence(cause)),
@@ -60,21 +61,28 @@ def _card(result: GapResult, cause: Cause, rank: int) -> Html:
 def _parameters(cause: Cause) -> Html | None:
     if not cause.parameters:
         return None
-    return parameter_table(
-        {name.replace("_", " "): each for name, each in cause.parameters.items()}
+    named = {name.replace("_", " "): each for name, each in cause.parameters.items()}
+    unsure = any(each.std is None for each in cause.parameters.values())
+    return join(
+        parameter_table(named),
+        tag("p", tag("small", "Without ±: chosen from a grid, or not known how well."))
+        if unsure
+        else None,
     )
 
 
 def _evidence(cause: Cause) -> Html:
     evidence = cause.evidence
     name = "2 log likelihood ratio" if cause.kind == "structural" else "Wald statistic"
-    gain = None if evidence.held_out_gain is None else 100.0 * evidence.held_out_gain
     facts = [
         (name, number(evidence.statistic)),
         ("p-value, all candidates counted", p_value(evidence.p_value)),
-        ("Residual energy that goes on held-out blocks", percent(gain)),
-        ("Held-out blocks on which it helps", evidence.folds_positive or "–"),
     ]
+    if evidence.held_out_gain is not None:  # wrong numbers and control laws need no blocks
+        gain = percent(100.0 * evidence.held_out_gain)
+        facts.append(("Residual energy that goes on held-out blocks", gain))
+    if evidence.folds_positive:
+        facts.append(("Held-out blocks on which it helps", evidence.folds_positive))
     rows = [tag("tr", tag("th", what, scope="row"), cell(value)) for what, value in facts]
     return tag("table", tag("tbody", rows), css="facts")
 
@@ -83,21 +91,23 @@ def _gaps(result: GapResult, cause: Cause) -> Html:
     place = cause.joint or "all joints"
     unit = torque_unit(result, cause.joint)
     rows = [_gap(f"Torque gap, {place}", cause.torque_gap, 1.0, unit)]
-    if cause.simulation_gap is not None:
+    tracking = tracking_change(result, cause)
+    if tracking.gap is not None:
         small = small_unit(result, cause.joint)
-        rows.append(_gap(f"Tracking error, {place}", cause.simulation_gap, 1e3, small))
+        title = f"Tracking error, {place}"
+        rows.append(_gap(title, tracking.gap, 1e3, small, tracking.words))
     else:
-        rows.append(tag("p", tag("small", "Tracking error: no closed loop could be simulated.")))
+        rows.append(tag("p", tag("small", sentence(f"Tracking error: {tracking.words}"))))
     return join(rows)
 
 
-def _gap(title: str, gap: Gap, factor: float, unit: str) -> Html:
+def _gap(title: str, gap: Gap, factor: float, unit: str, which: str = "") -> Html:
     before, after = (with_unit(factor * each, unit) for each in (gap.before, gap.after))
     return tag(
         "div",
         tag("p", tag("b", title), f": {before} → {after}"),
         _meter(gap),
-        tag("p", tag("small", _shrinkage(gap))),
+        tag("p", tag("small", "; ".join(filter(None, (_shrinkage(gap), which))))),
         css="shrinkage",
     )
 

@@ -3,7 +3,7 @@
 from idim_iv_ros.gap.result import Confusability, GapResult
 from idim_iv_ros.report.gap_words import effect_words, untestable
 from idim_iv_ros.report.markup import Html, section, sentence, tag
-from idim_iv_ros.report.numerals import known, number, percent
+from idim_iv_ros.report.numerals import fixed, known, percent
 
 _ALIKE, _SAME = 0.8, 0.95
 _NAMED = 4  # pairs in the heading of a matrix
@@ -56,9 +56,11 @@ def _matrices(result: GapResult) -> Html | None:
         tag(
             "p",
             "Largest canonical correlation of the torques that two effects would add, less what "
-            "the refitted model absorbs: 0 is easily told apart; from 0.95 (bold) they cannot be "
-            "told apart on this recording. Absorbed: share of the effect that the refit takes "
-            "for something else. Smallest: the size from which it would be seen.",
+            "the refitted model absorbs, over all their shapes: 0 is easily told apart; from 0.95 "
+            "(bold) there are shapes of both that this recording cannot tell apart. What was "
+            "found may still be told from its look-alikes by its own shape; its card above says "
+            "so. Absorbed: share of the effect that the refit takes for something else. "
+            "Smallest: the size from which it would be seen.",
             css="explanation",
         ),
         [_matrix(each, few or each.joint in named) for each in result.confusability],
@@ -73,7 +75,7 @@ def _matrix(each: Confusability, opened: bool) -> Html:
             tag("th", f"{k + 1}  {effect_words(effect)}", scope="row"),
             [_cell(float(each.correlation[k, i]), i == k) for i in range(len(each.effects))],
             tag("td", percent(100.0 * float(each.absorbed[k])), css="num"),
-            tag("td", each.smallest[k], css="unit"),
+            tag("td", each.smallest[k], css="smallest"),
         )
         for k, effect in enumerate(each.effects)
     ]
@@ -99,16 +101,16 @@ def _pairs(each: Confusability) -> str:
         if float(each.correlation[k, i]) >= _SAME
     ]
     if not same:
-        return "no pair is indistinguishable"
+        return "no pair of effects looks alike"
     more = f" and {len(same) - _NAMED} more pairs" if len(same) > _NAMED else ""
-    return f"cannot tell apart: {', '.join(same[:_NAMED])}{more}"
+    return f"may look alike: {', '.join(same[:_NAMED])}{more}"
 
 
 def _cell(correlation: float, own: bool) -> Html:
     if own or not known(correlation):
         return tag("td", "", css="own" if own else None)
     alpha = max(0.0, correlation - 0.3) / 0.7 * 0.75
-    text = number(correlation, 2) if correlation >= 0.005 else "0"
+    text = fixed(correlation, 2) if correlation >= 0.005 else "0"
     return tag(
         "td",
         tag("b", text) if correlation >= _SAME else text,

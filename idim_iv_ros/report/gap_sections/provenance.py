@@ -2,7 +2,7 @@
 
 from idim_iv_ros.gap.result import GapResult
 from idim_iv_ros.report.gap_sections.parameters import parameter_table
-from idim_iv_ros.report.markup import Html, bullets, section, tag
+from idim_iv_ros.report.markup import Html, bullets, section, sentence, tag
 from idim_iv_ros.report.sections.provenance import facts, quoted, time_spent, yaml_text
 
 
@@ -10,14 +10,16 @@ def notes_section(result: GapResult) -> Html | None:
     """Return what could not be done and why, or None."""
     if not result.notes:
         return None
-    return section("Notes", "notes", bullets(result.notes))
+    names = [*result.joints, *result.bags]
+    notes = [sentence(note, names) for note in result.notes]
+    return section("Notes", "notes", bullets(notes))
 
 
 def gap_provenance_section(result: GapResult) -> Html:
     """Return the command, versions, timing, extended parameters and configuration."""
     bags = " ".join(quoted(bag) for bag in result.bags)
     without = "".join(f" --without {quoted(effect)}" for effect in result.without)
-    command = f"idim-iv diagnose {bags} --config robot.yaml --out results{without}"
+    command = f"idim-iv diagnose {bags} --config robot.yaml --out why{without}"
     return section(
         "How to repeat",
         "repeat",

@@ -6,11 +6,11 @@ import numpy as np
 
 from idim_iv_ros.gap.result import GapResult, TrackingSeries
 from idim_iv_ros.report.figures import BLUE, INK, PALE, Figure, axis, embed, figure, legend, typed
-from idim_iv_ros.report.gap_words import small_unit
+from idim_iv_ros.report.gap_words import small_unit, stage_words
 from idim_iv_ros.report.markup import Html, section, tag
 from idim_iv_ros.report.series import FloatArray, peaks
 
-_HEIGHT = 230
+_HEIGHT = 320
 _BUCKETS = 220
 _FEW = 3
 
@@ -30,20 +30,27 @@ def tracking_section(result: GapResult) -> Html | None:
         "tracking",
         tag(
             "p",
-            "Reference minus position, of the robot and of its simulation under the same "
-            "controller and references. Tracking errors scale with the inverse of the gains: "
-            "compare them at these gains only, and judge the model by its torque gap. The first "
-            "recording of each joint is drawn.",
+            "Above: reference minus position, of the robot and of its simulation under the same "
+            "controller and references. Below: position of the simulation minus that of the "
+            "robot, the gap that the tables above give as tracking. It scales with the inverse "
+            "of the gains: compare it at these gains only, and judge the model by its torque gap. "
+            "The first recording of each joint is drawn.",
             css="explanation",
         ),
         legend(
             ("line", PALE, "robot"),
-            ("line", INK, "simulated, before"),
-            ("line", BLUE, "simulated, after"),
+            ("line", INK, f"simulated, before{_stage(result, 0)}"),
+            ("line", BLUE, f"simulated, after{_stage(result, -1)}"),
         ),
         tag("p", "A line is missing where the simulation diverged.") if missing else None,
         tag("div", plots, css="grid one" if len(plots) <= _FEW else "grid two"),
     )
+
+
+def _stage(result: GapResult, place: int) -> str:
+    """Return in brackets which of the simulated models it is."""
+    simulated = [stage.name for stage in result.stages if stage.tracking_rms is not None]
+    return f" ({stage_words(simulated[place])})" if simulated else ""
 
 
 def _joint(result: GapResult, series: TrackingSeries, index: int) -> Html:
@@ -69,17 +76,29 @@ def _drawing(series: TrackingSeries, unit: str) -> Figure:
         for name, values, colour, width in curves
         if values is not None
     ]
-    chosen = peaks([values for _, values, _, _ in shown], _BUCKETS)
-    data: list[dict[str, Any]] = [
-        {
+    # Both errors have the same reference: their difference is that of the positions.
+    gaps = [
+        (f"{name} − robot", series.measured - values, colour, width)
+        for name, values, colour, width in shown[1:]
+    ]
+    chosen = peaks([series.measured, *(gap for _, gap, *_ in gaps)], _BUCKETS)
+
+    def trace(values: FloatArray, rows: str, colour: str, width: float, name: str) -> Any:
+        return {
             "type": "scatter",
             "mode": "lines",
             "x": typed(np.asarray(series.time)[chosen]),
             "y": typed(1e3 * np.asarray(values)[chosen]),
+            "yaxis": rows,
             "line": {"color": colour, "width": width},
             "hovertemplate": f"{name} %{{y:.3g}} {unit} at %{{x:.3f}} s<extra></extra>",
         }
-        for name, values, colour, width in shown
-    ]
-    axes = {"xaxis": axis("Time, s"), "yaxis": axis(f"Tracking error, {unit}", nticks=6)}
+
+    data = [trace(values, "y", colour, width, name) for name, values, colour, width in shown]
+    data += [trace(values, "y2", colour, width, name) for name, values, colour, width in gaps]
+    axes = {
+        "xaxis": axis("Time, s", anchor="y2"),
+        "yaxis": axis(f"Error, {unit}", domain=[0.46, 1.0], nticks=6),
+        "yaxis2": axis(f"Gap, {unit}", domain=[0.0, 0.38], nticks=5),
+    }
     return figure(data, axes, hovermode="closest")

@@ -40,7 +40,11 @@ def _names(result: GapResult) -> str:
 def _worst(worst: JointGap | None) -> tuple[str, str, str]:
     if worst is None:
         return ("Largest gap", "–", "no joint could be judged")
-    return ("Largest gap", worst.joint, f"{percent(100.0 * worst.share)} of the gap of all joints")
+    return (
+        "Largest gap",
+        worst.joint,
+        f"{percent(100.0 * worst.share)} of the gap of all joints, each by its torque",
+    )
 
 
 def _relative(worst: JointGap | None) -> tuple[str, str, str]:
@@ -96,7 +100,11 @@ def _joints(result: GapResult) -> Html | None:
     table = tag("table", tag("thead", head), tag("tbody", rows), css="gap-joints")
     model = "given model" if any(each.name == "given" for each in result.stages) else "refit"
     return join(
-        tag("h3", "Where the gap lies", tag("small", f" of the {model}, all samples")),
+        tag(
+            "h3",
+            "Where the gap lies",
+            tag("small", f" of the {model}, all samples; shares: each joint by its own torque"),
+        ),
         bullets(result.findings),
         tag("div", table, css="wide"),
     )

@@ -24,8 +24,9 @@ def where_section(result: GapResult) -> Html | None:
             "p",
             "Each cell: share of the joint's gap energy in that part of the motion. Its colour "
             "compares the share with that of the samples: orange where the gap is denser than "
-            "the samples (lift above 1), blue where it is thinner. The pointer on a cell shows "
-            "both, with the interval of the lift.",
+            "the samples (lift above 1), blue where it is thinner; parts in which the two differ "
+            "by no more than chance are left out. The pointer on a cell shows both, with the "
+            "interval of the lift.",
             css="explanation",
         ),
         tag("div", [each for each in maps if each is not None], css="maps"),

@@ -19,6 +19,7 @@ def recording_block(bag: BagSummary) -> Html:
         )
         for note in bag.notes
     ]
+    notes += [join(each.sentence) for each in bag.frozen]
     return tag(
         "div",
         tag("h3", "Recording ", tag("code", Path(bag.path).name)),

@@ -1,0 +1,167 @@
+"""Channels that hold their last value, and channels that only look like it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from idim_iv_ros.recording import JointTopic, Recording, read_recordings, write_bag
+from idim_iv_ros.recording.frozen import frozen_efforts, frozen_positions, moving_speed
+
+FloatArray = NDArray[np.float64]
+
+STEP = 0.1  # N m, of a coarse effort
+STARTS = (3000, 7000, 12000)  # samples; the joint moves there
+
+
+def _motion(rate: float = 1000.0) -> tuple[FloatArray, FloatArray]:
+    """Fast, rest, a hundred times slower, fast again: position and smooth effort."""
+    parts = (np.full(6000, 1.0), np.zeros(4000), np.full(8000, 0.01), np.full(6000, 1.0))
+    phase = np.cumsum(np.concatenate(parts)) / 1000.0
+    q = np.sin(2.0 * np.pi * 0.4 * phase) + 0.3 * np.cos(2.0 * np.pi * 1.1 * phase)
+    effort = 9.0 * np.cos(q) + 4.0 * np.sin(2.0 * np.pi * 1.1 * phase)
+    every = round(1000.0 / rate)
+    return q[::every], effort[::every]
+
+
+def _counts(values: FloatArray, step: float) -> FloatArray:
+    return np.asarray(np.round(values / step) * step)
+
+
+def _held(values: FloatArray, starts, length: int) -> tuple[FloatArray, NDArray[np.bool_]]:
+    held, where = values.copy(), np.zeros(len(values), dtype=bool)
+    for start in starts:
+        held[start : start + length] = held[start - 1]
+        where[start : start + length] = True
+    return held, where
+
+
+@pytest.mark.parametrize("rate", [1000.0, 250.0, 50.0])
+@pytest.mark.parametrize("noise", [0.0, 0.1, 0.3, 0.5, 1.0, 3.0])
+@pytest.mark.parametrize("step", [0.0, 0.01, STEP, 1.0])
+@pytest.mark.parametrize("count", [0.0, 1e-4, 1e-3])
+def test_a_coarse_channel_is_not_frozen_at_rest_in_creep_or_in_motion(
+    rate: float, noise: float, step: float, count: float
+) -> None:
+    position, effort = _motion(rate)
+    random = np.random.default_rng(3)
+    effort = effort + noise * (step or STEP) * random.normal(size=len(effort))
+    effort = _counts(effort, step) if step else effort
+    position = _counts(position, count) if count else position
+    speed = moving_speed(position)
+    assert not frozen_efforts(effort, position, speed).any()
+    assert not frozen_positions(position, speed).any()
+
+
+@pytest.mark.parametrize(("step", "length"), [(0.0, 20), (0.0, 80), (STEP, 80)])
+def test_an_effort_that_freezes_is_found_to_the_sample(step: float, length: int) -> None:
+    position, effort = _motion()
+    effort = effort + STEP * np.random.default_rng(5).normal(size=len(effort))
+    effort = _counts(effort, step) if step else effort
+    speed = np.abs(position[length:] - position[:-length])
+    starts = [start for start in range(200, 5800, 300) if speed[start] > 0.1 * speed.max()]
+    assert len(starts) > 7
+    held, where = _held(effort, starts, length)
+    found = frozen_efforts(held, position, moving_speed(position))
+    # By chance a coarse channel has the held value before and after, or soon again.
+    close = where | np.roll(where, 2) | np.roll(where, -2)
+    assert found[where].mean() > (0.99 if step == 0.0 else 0.9)
+    assert not found[~close].any()
+
+
+def test_a_freeze_in_motion_is_found_beside_one_at_rest() -> None:
+    position, effort = _motion()
+    effort = effort + STEP * np.random.default_rng(5).normal(size=len(effort))
+    held, where = _held(effort, (5900, 6030), 70)
+    found = frozen_efforts(held, position, moving_speed(position))
+    assert found[5900:5970].all()
+    assert not found[6030:].any()
+    assert where.sum() == 140
+
+
+def test_an_encoder_that_freezes_is_found_by_its_jump() -> None:
+    position = _counts(_motion()[0], 1e-4)
+    held, where = _held(position, STARTS[:1], 60)
+    found = frozen_positions(held, moving_speed(held))
+    assert found[where].all()
+    assert found.sum() <= where.sum() + 2
+
+
+def test_a_driver_that_freezes_as_a_whole_is_found_in_both() -> None:
+    position, effort = _motion()
+    effort = effort + STEP * np.random.default_rng(5).normal(size=len(effort))
+    position = _counts(position, 1e-4)
+    position, where = _held(position, (2000,), 60)
+    effort, _ = _held(effort, (2000,), 60)
+    speed = moving_speed(position)
+    assert frozen_positions(position, speed)[where].all()
+    assert frozen_efforts(effort, position, speed)[where].all()
+
+
+def test_an_effort_that_is_updated_more_slowly_than_it_is_published_is_not_frozen() -> None:
+    position, effort = _motion()
+    random = np.random.default_rng(7)
+    effort = effort + STEP * random.normal(size=len(effort))
+    source = np.repeat(effort[::4], 4)
+    assert not frozen_efforts(source, position, moving_speed(position)).any()
+    late = np.sort(random.choice(len(effort), len(effort) // 4, replace=False))
+    irregular = effort[late[np.maximum(np.searchsorted(late, np.arange(len(effort))) - 1, 0)]]
+    found = frozen_efforts(irregular, position, moving_speed(position))
+    assert found.mean() < 2e-3
+
+
+def test_an_effort_at_its_limit_is_not_frozen() -> None:
+    position, effort = _motion()
+    noisy = effort + STEP * np.random.default_rng(9).normal(size=len(effort))
+    clipped = np.clip(noisy, -4.0, 7.0)
+    assert (clipped == 7.0).mean() > 0.1
+    assert not frozen_efforts(clipped, position, moving_speed(position)).any()
+
+
+def test_a_joint_that_never_moves_has_no_frozen_channel() -> None:
+    still = np.full(2000, 0.3)
+    effort = _counts(np.linspace(0.0, 5.0, 2000), STEP)
+    assert not frozen_efforts(effort, still, moving_speed(still)).any()
+    assert not frozen_positions(still, moving_speed(still)).any()
+    missing = np.full(2000, np.nan)
+    assert not frozen_efforts(missing, missing, moving_speed(missing)).any()
+
+
+def _recording(tmp_path: Path, effort: FloatArray, rate: float = 1000.0) -> Recording:
+    position, _ = _motion()
+    other = effort + np.random.default_rng(1).normal(size=len(effort))
+    time = 100.0 + np.arange(len(position)) / rate
+    both = np.column_stack([position, position])
+    topic = JointTopic(
+        "/joint_states", ["a", "b"], time, both, None, np.column_stack([effort, other])
+    )
+    write_bag(tmp_path / "one.mcap", [topic])
+    return read_recordings([tmp_path / "one.mcap"], joints=["a", "b"])[0]
+
+
+def test_frozen_samples_of_a_bag_are_invented_and_reported(tmp_path: Path) -> None:
+    _, effort = _motion()
+    effort = effort + STEP * np.random.default_rng(5).normal(size=len(effort))
+    held, where = _held(effort, (2500, 5000), 60)
+    recording = _recording(tmp_path, held)
+    np.testing.assert_array_equal(recording.effort.invented[:, 0], where)
+    assert not recording.effort.invented[:, 1].any()
+    assert not recording.position.invented.any()
+    gap = np.linspace(0.0, 1.0, 62)[1:-1]
+    bridge = effort[2499] + gap * (effort[2560] - effort[2499])
+    np.testing.assert_allclose(recording.effort.values[2500:2560, 0], bridge, atol=1e-6)
+    (found,) = recording.frozen
+    assert (found.samples, found.stretches) == (120, 2)
+    assert found.first == pytest.approx(2.499, abs=1e-6)
+    assert found.longest == pytest.approx(0.06, abs=1e-6)
+    for words in ("effort of a on /joint_states", "2 times", "2.499 s", "120 samples (0.5 %)"):
+        assert words in found.sentence
+
+
+def test_a_bag_without_frozen_channels_says_nothing(tmp_path: Path) -> None:
+    _, effort = _motion()
+    coarse = _counts(effort + 0.02 * np.random.default_rng(5).normal(size=len(effort)), STEP)
+    recording = _recording(tmp_path, coarse)
+    assert recording.frozen == ()
+    assert not recording.effort.invented.any()

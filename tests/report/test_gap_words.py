@@ -1,0 +1,72 @@
+"""What an engineer reads in the report of a diagnosis."""
+
+import base64
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.excitation.separation import separating_motion
+from idim_iv_ros.gap.plausible_size import _in_words
+from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.report import gap_report_html
+from idim_iv_ros.report.gap_sections.tracking import _drawing
+from tests.report.sample_gap import sample_gap
+from tests.report.test_html import Page
+
+
+def test_the_simulation_gap_is_drawn_by_itself_in_its_own_unit() -> None:
+    series = sample_gap(2, "structural").tracking[0]
+    assert series.before is not None
+    assert series.after is not None
+    traces = _drawing(series, "mrad")["data"]
+    assert [trace["yaxis"] for trace in traces] == ["y", "y", "y", "y2", "y2"]
+    largest = 1e3 * np.abs(series.measured - series.before).max()
+    lines = _drawing(replace(series, after=None), "mrad")["data"]
+    assert [trace["yaxis"] for trace in lines] == ["y", "y", "y2"]
+    assert "before − robot" in lines[2]["hovertemplate"]
+    assert np.abs(_numbers(lines[2]["y"])).max() == pytest.approx(largest, rel=1e-4)
+
+
+def _numbers(packed: dict[str, str]) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(packed["bdata"]), dtype=packed["dtype"])
+
+
+def test_the_models_that_are_simulated_are_named() -> None:
+    text = re.sub(r"\s+", " ", Page(gap_report_html(sample_gap(2, "parametric"))).text)
+    assert "simulated, before (given model)" in text
+    assert "simulated, after (refit)" in text
+
+
+def test_pauses_between_recordings_are_not_recorded() -> None:
+    result = replace(sample_gap(2, "none"), recorded=42.0)
+    text = re.sub(r"\s+", " ", Page(gap_report_html(result)).text)
+    assert "from 42.0 s of recording" in text
+
+
+def test_no_motion_is_promised_to_tell_a_load_from_the_link_that_carries_it() -> None:
+    for pair in (("payload", "link_inertia"), ("link_inertia", "payload")):
+        assert "take it off" in separating_motion(*pair)
+        assert "multisine" not in separating_motion(*pair)
+
+
+def test_a_smallest_size_is_a_number_with_its_name_and_unit() -> None:
+    words = _in_words({"sine_2": EffectParameter(0.0032, None, "rad")}, 0.04)
+    assert words == "sine 2 = 0.0032 rad (up to 0.04 N m)"
+
+
+def test_a_parameter_without_interval_is_explained() -> None:
+    result = sample_gap(2, "structural")
+    first = result.causes[0]
+    grid = replace(first, parameters={"speed": EffectParameter(0.12, None, "rad/s")})
+    assert "Without ±" not in Page(gap_report_html(result)).text
+    assert "Without ±" in Page(gap_report_html(replace(result, causes=(grid,)))).text
+
+
+def test_notes_are_sentences_and_name_bags_as_they_are() -> None:
+    notes = ("control law pd as configured", "session.mcap: something was left out")
+    result = replace(sample_gap(2, "none"), notes=notes, bags=("session.mcap",))
+    text = re.sub(r"\s+", " ", Page(gap_report_html(result)).text)
+    assert "Control law pd as configured." in text
+    assert "session.mcap: something was left out." in text
