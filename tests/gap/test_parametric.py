@@ -1,0 +1,155 @@
+"""Which given numbers are called wrong, in worlds whose torque is the given model's and a change.
+
+The payload's torque comes from pinocchio's own recursion on a heavier link, not from a regressor.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from idim_iv_ros.gap.baseline import Baseline, baseline
+from idim_iv_ros.gap.catalogue import STRUCTURAL
+from idim_iv_ros.gap.effects.effect import Extent
+from idim_iv_ros.gap.hidden_rivals import hidden_rivals
+from idim_iv_ros.gap.likelihood import Regression
+from idim_iv_ros.gap.motion_limits import too_little
+from idim_iv_ros.gap.parametric import ParametricOutcome, parametric_causes
+from idim_iv_ros.gap.regression_rows import smooth_regression
+from tests.estimation.test_simulated_arms import recorded
+from tests.simulated_arms import arm2
+
+NOISE = (0.15, 0.05)  # N m, of a row
+
+
+@pytest.fixture(scope="module")
+def data() -> Baseline:
+    arm = arm2(seconds=12.0)
+    return baseline([recorded(arm, 1)], arm.configuration)
+
+
+def rows(data: Baseline, joint: int, torque: np.ndarray) -> np.ndarray:
+    """Rows of a joint from a torque at every sample of the motion."""
+    motion = data.motions[0]
+    return motion.rows(torque[:, None])[motion.kept[:, joint], 0]
+
+
+def found(data: Baseline, seed: int, change: Sequence[np.ndarray]) -> ParametricOutcome:
+    """Causes in the torque of the given model, a change at each joint, and noise."""
+    random = np.random.default_rng(seed)
+    plain = smooth_regression(data)
+    given = data.prepared.model.given
+    joints = tuple(
+        replace(
+            each,
+            torque=each.matrix @ given[each.columns]
+            + rows(data, joint, change[joint])
+            + NOISE[joint] * random.standard_normal(len(each.torque)),
+        )
+        for joint, each in enumerate(plain.joints)
+    )
+    regression = Regression(joints, plain.parameters)
+    return parametric_causes(data, regression, regression.fit())
+
+
+def nothing(data: Baseline) -> list[np.ndarray]:
+    return [np.zeros(len(data.motions[0].time)) for _ in data.joints]
+
+
+def payload(data: Baseline, mass: float, arm: float) -> list[np.ndarray]:
+    """Torque of a point mass on the last link, `arm` m along its x axis."""
+    robot = data.prepared.model.robot.pinocchio
+    heavy = robot.copy()
+    heavy.appendBodyToJoint(
+        heavy.njoints - 1, pin.Inertia(mass, np.array([arm, 0.0, 0.0]), np.zeros((3, 3))),
+        pin.SE3.Identity(),
+    )  # fmt: skip
+    motion = data.motions[0]
+    torque = np.array(
+        [
+            pin.rnea(heavy, heavy.createData(), q, v, a)
+            - pin.rnea(robot, robot.createData(), q, v, a)
+            for q, v, a in zip(motion.position, motion.velocity, motion.acceleration, strict=True)
+        ]
+    )
+    return list(torque.T)
+
+
+def test_nothing_is_wrong_where_nothing_was_changed(data: Baseline) -> None:
+    for seed in range(5):
+        assert found(data, seed, nothing(data)).causes == ()
+
+
+def test_friction_level_is_found_with_its_size(data: Baseline) -> None:
+    change = nothing(data)
+    change[1] = 0.4 * data.motions[0].slip[:, 1]
+    (cause,) = found(data, 1, change).causes
+    assert (cause.effect.name, cause.joint) == ("friction_level", "joint_2")
+    coulomb = cause.parameters["change_of_coulomb"]
+    assert coulomb.std is not None
+    assert abs(coulomb.value - 0.4) < 3.0 * coulomb.std < 0.1
+    assert cause.share > 0.5
+    assert cause.torque is not None
+    assert cause.torque == pytest.approx(rows(data, 1, change[1]), abs=0.05)
+
+
+def test_payload_of_another_program_is_found_with_its_mass(data: Baseline) -> None:
+    causes = found(data, 2, payload(data, 0.8, 0.1)).causes
+    names = {causes[0].effect.name, *(rival.effect for rival in causes[0].rivals)}
+    assert "payload" in names
+    assert sum(cause.share for cause in causes) > 0.9
+
+
+def test_a_change_too_small_to_matter_is_not_told(data: Baseline) -> None:
+    change = nothing(data)
+    change[1] = 0.004 * data.motions[0].slip[:, 1]
+    assert found(data, 3, change).causes == ()
+
+
+def test_friction_under_load_is_a_rival_of_a_level_that_makes_its_torque(data: Baseline) -> None:
+    change = nothing(data)
+    change[1] = 0.4 * data.motions[0].slip[:, 1]
+    (cause,) = found(data, 4, change).causes
+    motion = data.motions[0]
+    under_load = rows(data, 1, 0.2 * abs(motion.load[:, 1]) * motion.slip[:, 1])
+    viscous = rows(data, 1, 0.5 * motion.velocity[:, 1])
+    alike = hidden_rivals(data, replace(cause, torque=under_load), STRUCTURAL)
+    assert [rival.effect for rival in alike] == ["load_dependent_friction"]
+    assert alike[0].correlation > 0.98
+    assert hidden_rivals(data, replace(cause, torque=viscous), STRUCTURAL) == ()
+    assert hidden_rivals(data, replace(cause, joint=None, torque=None), STRUCTURAL) == ()
+
+
+def covered(span: float, fastest: float, lever: float = 1.0) -> Extent:
+    one = np.ones(1)
+    return Extent(
+        low=0.0 * one, high=span * one, slowest=0.001 * one, fastest=fastest * one, load=one,
+        torque=one, inertia=one, duration=10.0, row_rate=50.0, lever=lever * one,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("span", "fastest", "lever", "little"),
+    [
+        (0.02, 0.03, 1.0, True),  # a tremble
+        (2.0, 0.03, 1.0, False),  # slow, through many postures
+        (0.05, 0.5, 1.0, False),  # small and fast
+        (0.005, 0.5, 1.0, True),
+        (0.05, 0.03, 0.1, False),  # 5 cm of a prismatic joint
+    ],
+)
+def test_too_little_motion(span: float, fastest: float, lever: float, little: bool) -> None:
+    assert too_little(0, covered(span, fastest, lever)) == little
+
+
+def test_numbers_of_a_joint_that_hardly_moves_are_not_called_wrong(
+    data: Baseline, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    change = nothing(data)
+    change[1] = 0.4 * data.motions[0].slip[:, 1]
+    monkeypatch.setattr(
+        "idim_iv_ros.gap.change_regression.too_little", lambda joint, extent: joint == 1
+    )
+    assert all(cause.joint != "joint_2" for cause in found(data, 1, change).causes)
