@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.estimation.rows import States, instrument_rows
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Motion, central_differences
-from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, simulate_closed_loop
+from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, joint_inertia, simulate_closed_loop
 
 FloatArray = NDArray[np.float64]
 
@@ -173,7 +173,7 @@ class SimulatedLoop:
 
     def natural_frequency(self, values: FloatArray) -> float:
         """Highest natural frequency of the loops, √(kp / J) of each joint, Hz."""
-        inertia = self.model.joint_inertia(values, self._sample_positions())
+        inertia = self._joint_inertia(values)
         stiffness = np.max([law.torque_gains[0] for law in self.laws], axis=0)
         usable = inertia > 0.0
         if not usable.any():
@@ -218,15 +218,16 @@ class SimulatedLoop:
             positions.append(motion.filtered(result.position))
         return positions
 
-    def _sample_positions(self) -> FloatArray:
+    def _joint_inertia(self, values: FloatArray) -> FloatArray:
+        """(n_joints,) kg m² (kg), over a few positions."""
         position = self.motions[0].position
-        return position[:: max(1, len(position) // _INERTIA_STATES)]
+        sample = position[:: max(1, len(position) // _INERTIA_STATES)]
+        return joint_inertia(self.model.robot, self.model.dynamic_parameters(values), sample)
 
     def _gain_scale(self, values: FloatArray, reference_values: FloatArray) -> FloatArray:
         """J_j(values) / J_j(robot), 1 where they are close (methods: gain update)."""
-        sample = self._sample_positions()
-        simulated = self.model.joint_inertia(values, sample)
-        actual = self.model.joint_inertia(reference_values, sample)
+        simulated = self._joint_inertia(values)
+        actual = self._joint_inertia(reference_values)
         usable = (simulated > 0.0) & (actual > 0.0)
         ratio = np.where(usable, simulated / np.where(usable, actual, 1.0), 1.0)
         return np.where(np.abs(ratio - 1.0) > _SAME_INERTIA, ratio, 1.0)

@@ -12,6 +12,7 @@ from idim_iv_ros.gap.smooth_motion import SAMPLES_PER_ROW
 from idim_iv_ros.preparation import PreparedRegression, prepare
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import Motion
+from idim_iv_ros.simulation import joint_inertia
 
 FloatArray = NDArray[np.float64]
 
@@ -64,7 +65,9 @@ def _noise_limit(prepared: PreparedRegression) -> float:
     rows = observation_rows(prepared.model, prepared.motions)
     values = solve_weighted_least_squares(rows, len(prepared.model.base.columns)).values
     position = prepared.motions[0].position
-    inertia = prepared.model.joint_inertia(values, position[:: max(1, len(position) // 50)])
+    model = prepared.model
+    sample = position[:: max(1, len(position) // 50)]
+    inertia = joint_inertia(model.robot, model.dynamic_parameters(values), sample)
     position_noise = _noise(prepared.motions, "position")
     torque_noise = _noise(prepared.motions, "torque")
     ratio = torque_noise / np.maximum(np.abs(inertia) * position_noise, 1e-30)

@@ -12,6 +12,7 @@ from idim_iv_ros.gap.likelihood import Fit, Regression
 from idim_iv_ros.gap.motion_limits import too_little
 from idim_iv_ros.gap.search import extent
 from idim_iv_ros.model import RobotModel
+from idim_iv_ros.r_factor import r_factor
 from idim_iv_ros.simulation import inverse_dynamics
 
 FloatArray = NDArray[np.float64]
@@ -199,7 +200,7 @@ def _projected(rows: FloatArray, added: int) -> FloatArray:
         )
         basis = left[:, singular > 1e-6]
         rows = rows[:, added:] - basis @ (basis.T @ rows[:, added:])
-    return np.asarray(np.linalg.qr(rows, mode="r"))
+    return r_factor(rows)
 
 
 def _gravity_rows(data: Baseline, axes: FloatArray) -> list[FloatArray]:

@@ -86,19 +86,6 @@ class InverseModel:
         """Parameters for dynamics that are equivalent to base parameters (b,)."""
         return self.regressor.layout.dynamic_parameters(self.base.to_standard(values))
 
-    def joint_inertia(self, values: FloatArray, q: FloatArray) -> FloatArray:
-        """Mean diagonal of the mass matrix over positions (n_samples, n_joints): (n_joints,)."""
-        joints = q.shape[1]
-        still = np.zeros_like(q)
-        gravity = self.matrix(q, still, still)
-        inertia = np.empty(joints)
-        for joint in range(joints):
-            unit = still.copy()
-            unit[:, joint] = 1.0
-            column = self.matrix(q, still, unit)[:, joint] - gravity[:, joint]
-            inertia[joint] = float(np.mean(column @ values))
-        return inertia
-
 
 def build_inverse_model(configuration: Configuration, urdf: str, source: str) -> InverseModel:
     """Build the model of a configuration from URDF text.

@@ -4,7 +4,7 @@ from idim_iv_ros.simulation.closed_loop import ClosedLoopResult, simulate_closed
 from idim_iv_ros.simulation.controller import ControlLaw, control_law
 from idim_iv_ros.simulation.controller_fit import ControllerFit, fit_controller
 from idim_iv_ros.simulation.effects import SimulatedEffect
-from idim_iv_ros.simulation.inverse_dynamics import inverse_dynamics, mass_matrix
+from idim_iv_ros.simulation.inverse_dynamics import inverse_dynamics, joint_inertia, mass_matrix
 from idim_iv_ros.simulation.recorded_robot import (
     SimulatedRecording,
     record_simulated_robot,
@@ -22,6 +22,7 @@ __all__ = [
     "filter_reference",
     "fit_controller",
     "inverse_dynamics",
+    "joint_inertia",
     "mass_matrix",
     "record_simulated_robot",
     "simulate_closed_loop",

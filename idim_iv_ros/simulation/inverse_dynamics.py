@@ -101,3 +101,8 @@ def mass_matrix(robot: RobotModel, parameters: DynamicParameters, q: FloatArray)
     _masses(dynamics, np.ascontiguousarray(q[:, robot.order]), workspace(dynamics), mass)
     place = np.argsort(robot.order)
     return np.ascontiguousarray(mass[:, place][:, :, place])
+
+
+def joint_inertia(robot: RobotModel, parameters: DynamicParameters, q: FloatArray) -> FloatArray:
+    """Mean diagonal of the mass matrix over positions (n_samples, n_joints): (n_joints,) kg m²."""
+    return np.asarray(np.einsum("sjj->j", mass_matrix(robot, parameters, q)) / len(q))
