@@ -13,7 +13,7 @@ from idim_iv_ros.simulation import ControlLaw
 # Logarithm of the likelihood that a change must bring beyond its penalty.
 LEAST_SUPPORT = 8.0
 # Share of the energy of what the law leaves that a change must take.
-LEAST_SHARE = 0.02
+LEAST_SHARE = 0.05
 # Periods of the control: a shorter lag is how the command was sampled and recorded.
 LONGEST_LAG = 2.0
 # A change of a gain must be this many times what noise of the encoder makes of it.

@@ -180,18 +180,30 @@ class Search:
                 break
             shape, score = more, higher
         columns = rows_of(self.data, effect, place, [shape])[0]
-        if not all(np.isfinite(rows).all() for rows in columns.values()):
-            return None
         return self._fitted(effect, place, shape, columns, tried)
 
     def _fitted(
-        self, effect: Effect, place: Place, shape: Shape, columns: Columns, tried: int
+        self,
+        effect: Effect,
+        place: Place,
+        shape: Shape,
+        columns: Columns,
+        tried: int,
+        *,
+        settle: bool = True,
     ) -> Candidate | None:
+        if not all(np.isfinite(rows).all() for rows in columns.values()):
+            return None
         larger = self.regression.with_columns(columns)
         fit = larger.fit(self.fit.colours, steps=2)
         width = next(iter(columns.values())).shape[1]
-        if not effect.admissible(shape, fit.coefficients[-width:]):
-            return None
+        coefficients = fit.coefficients[-width:]
+        if not effect.admissible(shape, coefficients):
+            settled = effect.settled(shape, coefficients)
+            if settled == shape or not settle:
+                return None
+            columns = rows_of(self.data, effect, place, [settled])[0]
+            return self._fitted(effect, place, settled, columns, tried, settle=False)
         return Candidate(
             effect,
             place,

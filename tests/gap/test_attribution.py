@@ -87,6 +87,9 @@ SINGLE: list[tuple[str, int, float, Torque]] = [
      lambda m: 0.4 * np.sign(m.torque[:, 0]) * np.maximum(abs(m.torque[:, 0]) - 12.0, 0.0)),
     ("load_dependent_friction", 0, 0.7, lambda m: 0.1 * abs(m.load[:, 0]) * m.slip[:, 0]),
     ("friction_drift", 1, 0.0, lambda m: 0.5 * np.exp(-m.time / 5.0) * m.slip[:, 1]),
+    # Much: the first scan then takes a short delay with a coefficient that physics excludes.
+    ("time_delay", 1, 0.0,
+     lambda m: np.interp(m.time + 0.01, m.time, m.torque[:, 1]) - m.torque[:, 1]),
     ("asymmetric_friction", 0, 0.7, lambda m: 0.4 + 0.2 * abs(m.velocity[:, 0])),
 ]  # fmt: skip
 

@@ -109,6 +109,13 @@ class Effect(ABC):
                 near.append((*shape[:place], number * factor, *shape[place + 1 :]))
         return near
 
+    def settled(self, shape: Shape, coefficients: FloatArray) -> Shape:
+        """Shape with about the same torque for coefficients that physics allows; itself by default.
+
+        Asked where the search ends at coefficients that it does not allow.
+        """
+        return shape
+
     def longer(self, shape: Shape, place: Place, extent: Extent) -> list[Shape]:
         """Shapes with one more term; none by default."""
         return []

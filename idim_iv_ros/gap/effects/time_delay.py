@@ -50,6 +50,11 @@ class TimeDelay(Effect):
         """The whole torque is late, not a part of it (the shape bends with longer delays)."""
         return bool(0.4 < coefficients[0] < 2.5)
 
+    def settled(self, shape: Shape, coefficients: FloatArray) -> Shape:
+        """The delay that both make; its whole torque is then late."""
+        delay = float(shape[0] * coefficients[0])
+        return (delay,) if _DELAYS[0] <= delay <= _DELAYS[-1] else shape
+
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
