@@ -31,8 +31,17 @@ def cell_name(cell: Cell, master: int) -> str:
     return hashlib.sha256(f"{master}/{cell.index}".encode()).hexdigest()[:12]
 
 
-def generate(out: Path, subset: str, *, master: int = MASTER_SEED, processes: int = 2) -> None:
+def generate(
+    out: Path,
+    subset: str,
+    *,
+    master: int = MASTER_SEED,
+    processes: int = 2,
+    first: int | None = None,
+) -> None:
     """Write all cells of a subset that are not there yet, then seal their labels.
+
+    Names are hashes: the `first` cells by name are a random part of the subset.
 
     Raises
     ------
@@ -42,6 +51,7 @@ def generate(out: Path, subset: str, *, master: int = MASTER_SEED, processes: in
         Some cells could not be made; the others are written, and nothing is sealed.
     """
     cells = {cell_name(cell, master): cell for cell in chosen_cells(subset, master)}
+    cells = {name: cells[name] for name in sorted(cells)[:first]}
     write_cells(out, cells, master=master, processes=processes)
 
 
@@ -143,8 +153,15 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seed", type=int, default=MASTER_SEED)
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--first", type=int, help="so many cells by name: a random part")
     arguments = parser.parse_args()
-    generate(arguments.out, arguments.subset, master=arguments.seed, processes=arguments.processes)
+    generate(
+        arguments.out,
+        arguments.subset,
+        master=arguments.seed,
+        processes=arguments.processes,
+        first=arguments.first,
+    )
 
 
 if __name__ == "__main__":
