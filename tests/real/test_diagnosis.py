@@ -67,18 +67,23 @@ def test_emps_has_asymmetric_friction_of_the_published_size(emps: GapResult) -> 
     assert abs(cause.parameters["offset"].value) < 1.5
 
 
-def test_relative_error_of_emps_falls_below_that_of_asymmetric_friction_alone(emps) -> None:
-    """4.08 % with one level of friction and an offset, 3.11 % with two; here without an offset."""
+def test_asymmetry_alone_takes_the_relative_error_of_emps_to_the_published_one(
+    emps: GapResult,
+) -> None:
+    """4.08 % with one level of friction and an offset, 3.11 % with two; the refit has no offset.
+
+    The published errors are of the rows that were fitted, these of rows that were not.
+    """
     force = float(np.sqrt(np.mean(emps.series[0].torque ** 2)))
     errors = {stage.name: 100.0 * stage.torque_rms["axis"] / force for stage in emps.stages}
     assert errors["refit"] > 4.0
-    assert list(errors.values())[-1] < 3.2
+    assert errors["+asymmetric_friction[axis]"] == pytest.approx(3.11, rel=0.1)
 
 
-def test_emps_asymmetry_is_found(emps: GapResult) -> None:
+def test_emps_asymmetry_is_the_first_effect(emps: GapResult) -> None:
     structural = [cause.effect for cause in emps.causes if cause.kind == "structural"]
-    # Not always first: a small fast effect may have the larger likelihood (diagnosis_real.md).
-    assert "asymmetric_friction" in structural
+    assert structural[0] == "asymmetric_friction"
+    assert [stage.name for stage in emps.stages][2] == "+asymmetric_friction[axis]"
 
 
 def test_law_that_reproduces_the_recorded_command_is_no_mismatch(emps: GapResult) -> None:
@@ -97,6 +102,7 @@ def test_effects_that_cannot_be_simulated_do_not_end_the_simulation(emps: GapRes
 
 def test_coupling_of_joints_five_and_six_is_found_when_left_out(uncoupled: GapResult) -> None:
     cause = cause_of(uncoupled, "joint_coupling")
+    assert cause is next(each for each in uncoupled.causes if each.kind == "structural")
     assert {cause.joint, cause.other_joint} == {"joint_5", "joint_6"}
     assert cause.parameters["direction"].value == 1.0
     assert cause.torque_gap.after < 0.5 * cause.torque_gap.before
@@ -113,8 +119,3 @@ def test_gravity_is_found_when_set_to_zero(weightless: GapResult) -> None:
     given, heavy, refit = weightless.stages[:3]
     assert heavy.torque_rms["joint_2"] < 0.8 * given.torque_rms["joint_2"]
     assert refit.torque_rms["joint_2"] < 0.2 * given.torque_rms["joint_2"]
-
-
-def test_what_stays_unexplained_is_said(uncoupled: GapResult) -> None:
-    assert "Still unexplained" in uncoupled.summary
-    assert "joint_5" in uncoupled.summary.split("Still unexplained")[1]
