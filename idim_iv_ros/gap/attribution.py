@@ -7,12 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.candidate import Candidate
+from idim_iv_ros.gap.candidate_rows import extent
 from idim_iv_ros.gap.effects.asymmetric_friction import AsymmetricFriction
 from idim_iv_ros.gap.effects.effect import Effect, Place
 from idim_iv_ros.gap.generic import Generic
 from idim_iv_ros.gap.likelihood import Fit, Regression, Scan
 from idim_iv_ros.gap.motion_limits import cannot_show
-from idim_iv_ros.gap.search import Candidate, Grids, Search, extent
+from idim_iv_ros.gap.search import Grids, Search
 
 FloatArray = NDArray[np.float64]
 
@@ -146,12 +148,11 @@ def alike(
 ) -> tuple[tuple[Candidate, float], ...]:
     """Candidates as good as the best whose torque is much the same: (candidate, correlation)."""
     least = best.support - ALIKE
-    scan = search.regression.scan(search.fit)
     close = []
     for other in candidates:
         if other.key == best.key or other.support < least:
             continue
-        correlation = _correlation(scan, best, other)
+        correlation = _correlation(search.scan, best, other)
         if correlation >= LEAST_CORRELATION:
             close.append((other, correlation))
     return tuple(close)

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.candidate_rows import extent
 from idim_iv_ros.gap.effects.parametric_effect import Change, Estimated, ParameterSpace
 from idim_iv_ros.gap.likelihood import Fit, Regression
 from idim_iv_ros.gap.motion_limits import too_little
-from idim_iv_ros.gap.search import extent
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.r_factor import r_factor
 from idim_iv_ros.simulation import inverse_dynamics

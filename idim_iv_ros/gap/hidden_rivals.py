@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.candidate_rows import extent, rows_of
 from idim_iv_ros.gap.effects.effect import Effect, Extent
 from idim_iv_ros.gap.parametric_evidence import ParametricCause
 from idim_iv_ros.gap.result import Rival
-from idim_iv_ros.gap.search import extent, rows_of
 
 FloatArray = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.candidate_rows import extent
 from idim_iv_ros.gap.effects.effect import Effect, Extent, Shape
 from idim_iv_ros.gap.result import EffectParameter
-from idim_iv_ros.gap.search import extent
 
 FloatArray = NDArray[np.float64]
 

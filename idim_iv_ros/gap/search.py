@@ -8,121 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.candidate import Candidate
+from idim_iv_ros.gap.candidate_rows import rows_of
 from idim_iv_ros.gap.effects.effect import Effect, Extent, Place, Shape
 from idim_iv_ros.gap.likelihood import Colour, Columns, Fit, Regression, Scan, white_colours
 
 FloatArray = NDArray[np.float64]
 
-_LEVER = 0.1  # m
 _STEPS = (0.3, 0.15, 0.07)
 _CHANGES = 4  # of a shape at each step, at most
 # One term more must bring this many times what it would by chance.
 _WORTH = 12.0
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """An effect at a place with its best shape, beside a model.
-
-    Attributes
-    ----------
-    effect : Effect
-    place : Place
-    shape : Shape
-    columns : Columns
-        Rows (r_j, k) by joint.
-    fit : Fit
-        With the candidate in the model.
-    gain : float
-        Of the logarithm of the likelihood, with the colours of `fit`.
-    closed : float
-        Share of the torque gap's energy at its joints that it takes away, not whitened.
-    numbers : int
-        Coefficients and shape: what the candidate may choose.
-    tried : int
-        Shapes on its grid.
-    """
-
-    effect: Effect
-    place: Place
-    shape: Shape
-    columns: Columns
-    fit: Fit
-    gain: float
-    closed: float
-    numbers: int
-    tried: int
-
-    @property
-    def coefficients(self) -> FloatArray:
-        """Those of this candidate: the last of the fit."""
-        return self.fit.coefficients[-self.width :]
-
-    @property
-    def width(self) -> int:
-        """How many columns it has."""
-        return int(next(iter(self.columns.values())).shape[1])
-
-    @property
-    def cost(self) -> float:
-        """Of its numbers and of the search: what chance would gain, and more (Schwarz)."""
-        rows = sum(len(self.fit.residuals[joint]) for joint in self.own_joints)
-        return 0.5 * self.numbers * float(np.log(max(rows, 2))) + float(np.log(self.tried))
-
-    @property
-    def support(self) -> float:
-        """Gain less the cost."""
-        return self.gain - self.cost
-
-    @property
-    def own_joints(self) -> tuple[int, ...]:
-        """The joint of the effect, or both of a coupling."""
-        other = self.place.other
-        return (self.place.joint,) if other is None else (self.place.joint, other)
-
-    @property
-    def key(self) -> tuple[str, int, int | None]:
-        """Effect and place."""
-        return self.effect.name, self.place.joint, self.place.other
-
-
-def extent(data: Baseline) -> Extent:
-    """What the recordings cover."""
-    motions = data.motions
-    kinds = data.prepared.model.robot.joint_types
-    speed = np.max([np.abs(m.velocity).max(axis=0) for m in motions], axis=0)
-    return Extent(
-        low=np.min([m.position.min(axis=0) for m in motions], axis=0),
-        high=np.max([m.position.max(axis=0) for m in motions], axis=0),
-        slowest=data.slowest,
-        fastest=np.asarray(speed),
-        load=np.max([np.abs(m.load).max(axis=0) for m in motions], axis=0),
-        torque=np.max([np.abs(m.torque).max(axis=0) for m in motions], axis=0),
-        inertia=np.mean([np.einsum("sii->i", m.inertia) / len(m.time) for m in motions], axis=0),
-        duration=float(max(m.time[-1] for m in motions)),
-        row_rate=data.row_rate,
-        lever=np.array([1.0 if kind == "revolute" else _LEVER for kind in kinds]),
-    )
-
-
-def rows_of(data: Baseline, effect: Effect, place: Place, shapes: Sequence[Shape]) -> list[Columns]:
-    """Rows of the regression for each shape; all shapes are decimated at once."""
-    made = [[effect.columns(motion, place, shape) for shape in shapes] for motion in data.motions]
-    blocks: list[dict[int, FloatArray]] = [{} for _ in shapes]
-    for joint in made[0][0]:
-        rows = data.counting(
-            joint,
-            [
-                motion.rows(np.hstack([columns[joint] for columns in per_motion]))
-                for motion, per_motion in zip(data.motions, made, strict=True)
-            ],
-        )
-        start = 0
-        for block, columns in zip(blocks, made[0], strict=True):
-            width = columns[joint].shape[1]
-            block[joint] = rows[:, start : start + width]
-            start += width
-    return list(blocks)
 
 
 Grids = dict[tuple[str, Place, tuple[Shape, ...]], list[Columns]]
@@ -148,34 +44,34 @@ class Search:
     fit: Fit
     grids: Grids
 
+    @cached_property
+    def scan(self) -> Scan:
+        """Score of candidates beside the model."""
+        return self.regression.scan(self.fit)
+
     def best(self, effect: Effect, place: Place) -> Candidate | None:
         """Return the candidate with its best shape, None where no shape is possible."""
         grid = effect.grid(place, self.extent)
-        scan = self.regression.scan(self.fit)
-        found = [
-            self._best_of(scan, effect, place, branch) for branch in effect.branches(grid) if branch
-        ]
+        found = [self._best_of(effect, place, branch) for branch in effect.branches(grid) if branch]
         present = [candidate for candidate in found if candidate is not None]
         return max(present, key=lambda each: each.support, default=None)
 
-    def _best_of(
-        self, scan: Scan, effect: Effect, place: Place, grid: list[Shape]
-    ) -> Candidate | None:
-        shape, score = self._scan(scan, effect, place, grid, self._kept_rows(effect, place, grid))
+    def _best_of(self, effect: Effect, place: Place, grid: list[Shape]) -> Candidate | None:
+        shape, score = self._scan(effect, place, grid, self._kept_rows(effect, place, grid))
         tried = len(grid)
         if shape is None:
             return None
-        shape, score = self._refined(scan, effect, place, shape, score)
+        shape, score = self._refined(effect, place, shape, score)
         while True:
             longer = effect.longer(shape, place, self.extent)
             if not longer:
                 break
             tried += len(longer)
             rows = self._longer_rows(effect, place, shape, longer)
-            more, higher = self._scan(scan, effect, place, longer, rows)
+            more, higher = self._scan(effect, place, longer, rows)
             if more is None:
                 break
-            more, higher = self._refined(scan, effect, place, more, higher)
+            more, higher = self._refined(effect, place, more, higher)
             if higher - score < 2.0 * _WORTH:
                 break
             shape, score = more, higher
@@ -234,7 +130,6 @@ class Search:
 
     def _scan(
         self,
-        scan: Scan,
         effect: Effect,
         place: Place,
         shapes: Sequence[Shape],
@@ -244,7 +139,7 @@ class Search:
         best: Shape | None = None
         highest = -1.0
         for shape, columns in zip(shapes, rows, strict=True):
-            score, coefficients = scan.score(columns)
+            score, coefficients = self.scan.score(columns)
             if score > highest and effect.admissible(shape, coefficients):
                 best, highest = shape, score
         return best, highest
@@ -274,7 +169,7 @@ class Search:
         ]
 
     def _refined(
-        self, scan: Scan, effect: Effect, place: Place, shape: Shape, score: float
+        self, effect: Effect, place: Place, shape: Shape, score: float
     ) -> tuple[Shape, float]:
         for step in _STEPS:
             for _ in range(_CHANGES):
@@ -282,7 +177,7 @@ class Search:
                 if not near:
                     return shape, score
                 rows = rows_of(self.data, effect, place, near)
-                better, higher = self._scan(scan, effect, place, near, rows)
+                better, higher = self._scan(effect, place, near, rows)
                 if better is None or higher <= score + 0.01:
                     break
                 shape, score = better, higher

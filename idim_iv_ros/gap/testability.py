@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.candidate_rows import extent, rows_of
 from idim_iv_ros.gap.detectability import ABSORBED, Detectability, ShapedEffect, detectability
 from idim_iv_ros.gap.effects.effect import Effect, Extent, Place
 from idim_iv_ros.gap.joint_units import unit_at
@@ -13,7 +14,6 @@ from idim_iv_ros.gap.likelihood import Colour, Fit, Regression, Scan
 from idim_iv_ros.gap.motion_limits import cannot_show
 from idim_iv_ros.gap.plausible_size import JointScale
 from idim_iv_ros.gap.result import Confusability, NotTestable
-from idim_iv_ros.gap.search import extent, rows_of
 
 _SHAPES = 4
 _LARGEST = 1e6  # N m: columns beyond come from a transmission that ran away
