@@ -8,6 +8,7 @@ from scipy.stats import chi2
 
 from idim_iv_ros.gap.attribution import Attribution, Found
 from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.effect_deviations import parameters_of
 from idim_iv_ros.gap.effects.effect import Place
 from idim_iv_ros.gap.generic import Generic
 from idim_iv_ros.gap.held_out import HeldOut
@@ -109,7 +110,7 @@ def _corrections(model: NamedModel) -> list[Found]:
 
 
 def effect_parameters(model: NamedModel, number: int) -> dict[str, EffectParameter]:
-    """Parameters of one effect in the model with all of them."""
+    """Parameters of one effect in the model with all of them, its shape held."""
     candidate = model.found[number].candidate
     start = sum(model.regression.widths[:number])
     part = slice(start, start + candidate.width)
@@ -163,7 +164,10 @@ def structural_causes(
         stage = tested.refit + number
         gap = tested.gap(stage, stage + 1, candidate.place.joint)
         gain, folds = tested.gain(number)
-        parameters = in_units_of(data, candidate.place.joint, effect_parameters(model, number))
+        numbers = parameters_of(
+            data, model.regression, model.fit, candidate, sum(model.regression.widths[:number])
+        )
+        parameters = in_units_of(data, candidate.place.joint, numbers)
         statistic = max(2.0 * candidate.gain, 0.0)
         causes.append(
             Cause(

@@ -33,6 +33,7 @@ class Backlash(Effect):
     family = "load"
     look_alikes = ("elasticity", "presliding")
     least_support = 25.0
+    free_shape = False
     excitation = "slow motion through postures where the load changes its sign"
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:

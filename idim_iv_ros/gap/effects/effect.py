@@ -70,6 +70,8 @@ class Effect(ABC):
     # Logarithm of the likelihood that the effect must bring beyond its penalty. More where its
     # torque is made of high derivatives: noise of the encoders is then in both sides.
     least_support: ClassVar[float] = 8.0
+    # Whether the shape may vary beside the coefficients; not where one stands for its change.
+    free_shape: ClassVar[bool] = True
 
     def places(self, joints: int) -> list[Place]:
         """Where it may sit: at each joint."""

@@ -65,7 +65,7 @@ def _parameters(cause: Cause) -> Html | None:
     unsure = any(each.std is None for each in cause.parameters.values())
     return join(
         parameter_table(named),
-        tag("p", tag("small", "Without ±: chosen from a grid, or not known how well."))
+        tag("p", tag("small", "Without ±: chosen among a few, not fitted, or not known how well."))
         if unsure
         else None,
     )
