@@ -154,6 +154,27 @@ def test_contacts_are_not_named_but_described_with_their_joint_and_time(data: Ba
     assert unexplained(data, named_model(quiet)) is None
 
 
+@pytest.mark.parametrize(("kind", "unit"), [("revolute", "rad"), ("prismatic", "m")])
+def test_a_stop_is_described_with_its_place_in_the_units_of_its_joint(
+    data: Baseline, kind: str, unit: str
+) -> None:
+    highest = float(data.motions[0].position[:, 0].max())
+
+    def stop(motion: SmoothMotion) -> np.ndarray:
+        return np.asarray(40.0 * np.maximum(motion.position[:, 0] - (highest - 0.2), 0.0))
+
+    found = named_model(attribute(data, world(data, 6, 0, stop), GENERIC))
+    model = data.prepared.model
+    robot = replace(model.robot, joint_types=(kind, "revolute"))
+    changed = replace(data, prepared=replace(data.prepared, model=replace(model, robot=robot)))
+    rest = unexplained(changed, found)
+    assert rest is not None
+    assert "beyond one position" in rest.where
+    number, name = rest.where.split("above ")[1].split()
+    assert float(number) == pytest.approx(highest - 0.2, abs=0.05)
+    assert name == unit
+
+
 class Twin(Stribeck):
     """The same torque under another name."""
 

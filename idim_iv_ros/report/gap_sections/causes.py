@@ -163,7 +163,7 @@ def _unexplained(unexplained: Unexplained) -> Html:
         tag("h3", f"Not in the catalogue, at {unexplained.joint} ", _open_badge("unknown")),
         tag(
             "p",
-            f"{percent(100.0 * unexplained.share)} of the residual energy above the noise floor "
+            f"{percent(100.0 * unexplained.share)} of the whitened residual's energy "
             f"at {unexplained.joint} {_FAMILIES[unexplained.family]} in a way that no effect of "
             f"the catalogue has: {unexplained.where}.",
         ),
