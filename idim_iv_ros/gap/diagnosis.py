@@ -136,7 +136,7 @@ def _diagnosed(
     causes = strongest_first(causes, data)
     verdict = verdict_of(causes, rest)
     stages = with_tracking(tested.stages(), tracked)
-    left = left_over(data, stages[-1], floors)
+    left = left_over(data, stages, floors)
     if weightless is not None:
         stages = (weightless.stage(0), replace(stages[0], name="+gravity_direction"), *stages[1:])
     first, last = (tracked[0], tracked[-1]) if tracked else (None, None)

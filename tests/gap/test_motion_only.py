@@ -7,11 +7,13 @@ import pytest
 
 from idim_iv_ros.gap.baseline import Baseline, baseline
 from idim_iv_ros.gap.catalogue import STRUCTURAL
+from idim_iv_ros.gap.left_over import left_over
 from idim_iv_ros.gap.likelihood import Regression
-from idim_iv_ros.gap.noise_floor import noise_floors, repeats_of
+from idim_iv_ros.gap.noise_floor import NoiseFloor, noise_floors, repeats_of
 from idim_iv_ros.gap.parametric import parametric_causes
 from idim_iv_ros.gap.plausible_size import dry_friction
 from idim_iv_ros.gap.regression_rows import smooth_regression
+from idim_iv_ros.gap.result import Stage
 from idim_iv_ros.gap.testability import floor_colours, shown_by_motion
 from idim_iv_ros.gap.tracking import simulated_tracking, simulation_gap, tracking_series
 from idim_iv_ros.gap.where import where
@@ -109,6 +111,21 @@ def test_more_noise_hides_more(data: Baseline, regression: Regression) -> None:
     assert len(many) > len(few) + 5
     assert {(n.effect, n.joint) for n in few} <= {(n.effect, n.joint) for n in many}
     assert all(refusal.reason and refusal.excitation_needed for refusal in many)
+
+
+def test_a_gap_that_stays_is_said_also_where_it_is_a_small_share_of_the_torque(
+    data: Baseline,
+) -> None:
+    torque = float(np.sqrt(np.mean(data.rows[0].torque ** 2)))
+
+    def stage(share: float) -> Stage:
+        return Stage("refit", {"joint_1": share * torque, "joint_2": 0.001}, {}, None, "")
+
+    floors = [NoiseFloor(0.01 * torque, "repeats", ""), NoiseFloor(0.001, "repeats", "")]
+    assert "at joint_1 (5 % of its torque" in left_over(data, [stage(0.06), stage(0.05)], floors)
+    assert left_over(data, [stage(0.5), stage(0.05)], floors) == ""
+    assert "at joint_1 (15 %" in left_over(data, [stage(0.5), stage(0.15)], floors)
+    assert left_over(data, [stage(0.025), stage(0.025)], floors) == ""  # noise may be that
 
 
 def test_the_refit_tracks_better_than_the_given_model(data: Baseline) -> None:
