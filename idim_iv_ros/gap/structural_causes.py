@@ -214,6 +214,8 @@ def _sentence(data: Baseline, found: Found, gap: Gap, gain: float) -> str:
         for rival, _ in found.rivals
         if not isinstance(rival.effect, Generic)
     ]
+    if candidate.effect.same_as:
+        text += f"; no recording can tell it from {candidate.effect.same_as}"
     if rivals:
         text += f"; this recording cannot tell it from {', '.join(rivals)}"
     if gain <= 0.0:

@@ -21,10 +21,12 @@ from idim_iv_ros.gap.effects.position_ripple import PositionRipple
 from idim_iv_ros.gap.effects.stribeck import Stribeck
 from idim_iv_ros.gap.effects.torque_saturation import TorqueSaturation
 from idim_iv_ros.gap.generic import GENERIC, Generic
+from idim_iv_ros.gap.held_out import held_out
 from idim_iv_ros.gap.likelihood import Regression
+from idim_iv_ros.gap.noise_floor import noise_floors
 from idim_iv_ros.gap.regression_rows import smooth_regression
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
-from idim_iv_ros.gap.structural_causes import named_model
+from idim_iv_ros.gap.structural_causes import named_model, structural_causes
 from idim_iv_ros.gap.unexplained import unexplained
 from tests.estimation.test_simulated_arms import recorded
 from tests.simulated_arms import arm2
@@ -100,6 +102,24 @@ def test_right_effect_and_joint_come_first(
     found = attribute(data, world(data, 1, joint, torque, pole), EVERYTHING)
     assert names_of(found)[0] == (name, joint)
     assert len(found.found) == 1
+
+
+@pytest.mark.parametrize(
+    ("single", "effect", "said"),
+    [(SINGLE[-1], AsymmetricFriction(), True), (SINGLE[0], Stribeck(), False)],
+    ids=["asymmetric_friction", "stribeck"],
+)
+def test_a_cause_says_what_no_recording_tells_it_from(
+    data: Baseline, single: tuple[str, int, float, Torque], effect: Effect, said: bool
+) -> None:
+    name, joint, pole, torque = single
+    model = named_model(attribute(data, world(data, 1, joint, torque, pole), [effect]))
+    floors = noise_floors(data, model.regression, model.fit, ())
+    tested = held_out(data, model.regression, model.fit, [f"+{name}"], floors)
+    (cause,) = structural_causes(data, model, tested, [None], 1)
+    assert cause.effect == name
+    assert ("no recording can tell it from an offset" in cause.sentence) == said
+    assert all(each.std is not None for each in cause.parameters.values())
 
 
 def test_size_of_what_was_put_in_is_found(data: Baseline) -> None:
