@@ -95,7 +95,7 @@ def estimated_parameters(
         observed = [joint.matrix for joint in rows]
         ls_std = np.sqrt(np.diag(coloured_covariance(rows, weighted, observed, models).matrix))
     ordinary = solve_least_squares(rows, len(base.columns))
-    given = prepared.model.given if prepared.model.robot.has_inertials else None
+    given = prepared.given
     places = {int(column): place for place, column in enumerate(essential.columns)}
     reduced = _essential_values(estimates, essential.columns)
     reduced_std = np.sqrt(np.diag(covariance.restricted(essential.columns)))

@@ -42,6 +42,25 @@ class PreparedRegression:
     motions: tuple[Motion, ...]
     reasons: tuple[str, ...]
 
+    @property
+    def why_no_given(self) -> str:
+        """Why there is no given model to compare with; empty where there is one."""
+        if not self.model.robot.has_inertials:
+            return "the URDF gives no inertia: there is no given model to compare with"
+        unit = self.configuration.signals.effort_unit
+        if unit != "N m":
+            return (
+                f"efforts are in {unit} and the given model is in N m, so that they are not "
+                "compared; to compare them, give torque constant times gear ratio as "
+                "signals.effort_scale, and effort_unit N m"
+            )
+        return ""
+
+    @property
+    def given(self) -> FloatArray | None:
+        """Base parameters (b,) of the given model; None where `why_no_given` says so."""
+        return None if self.why_no_given else self.model.given
+
 
 def prepare(recordings: Sequence[Recording], configuration: Configuration) -> PreparedRegression:
     """Build the model and filter the motion: everything that precedes an estimate.

@@ -25,14 +25,6 @@ def print_diagnosis(console: Console, result: GapResult) -> None:
     console.print(_plain(result.summary), highlight=False)
     for finding in result.findings:
         console.print(f"  {_plain(finding)}", highlight=False)
-    if result.unexplained is not None:
-        left = result.unexplained
-        share = f"{100.0 * left.share:.0f} %" if left.share == left.share else "a share"
-        console.print(
-            f"Not in the catalogue: {share} of the residual at {_plain(left.joint)} "
-            f"({left.family}): {_plain(left.where)}",
-            highlight=False,
-        )
     if result.causes:
         console.print(_causes(result))
     if result.stages:
@@ -87,24 +79,32 @@ def _rivals(cause: Cause) -> str:
 
 
 def _stages(result: GapResult) -> Table:
-    unit = torque_unit(result, None)
-    table = Table(title=f"Torque gap of each model, rms, {unit}, held out", title_justify="left")
+    table = Table(title="Torque gap of each model, rms, held out", title_justify="left")
     table.add_column("model")
     for joint in result.joints:
-        table.add_column(_plain(joint), justify="right")
+        table.add_column(_plain(f"{joint}\n{torque_unit(result, joint)}"), justify="right")
     tracked = any(stage.tracking_rms for stage in result.stages)
-    if tracked:
-        table.add_column(f"tracking (largest), {small_unit(result, None)}", justify="right")
+    kinds: dict[str, list[str]] = {}  # joints by the unit of their motion
+    for joint in result.joints if tracked else ():
+        kinds.setdefault(small_unit(result, joint), []).append(joint)
+    for small in kinds:
+        table.add_column(f"simulation gap,\nlargest, {small}", justify="right")
     for stage in result.stages:
         cells = [_number(stage.torque_rms.get(joint)) for joint in result.joints]
-        if tracked:
-            errors = list((stage.tracking_rms or {}).values())
-            cells.append(_number(1e3 * max(errors)) if errors else "–")
+        for joints in kinds.values():
+            errors = [(stage.tracking_rms or {}).get(joint) for joint in joints]
+            known = [1e3 * error for error in errors if error is not None]
+            cells.append(_number(max(known, default=None)))
         table.add_row(_plain(stage_words(stage.name)), *cells)
     floors = {each.joint: each.noise_floor for each in result.joint_gaps}
     cells = [_number(floors.get(joint)) for joint in result.joints]
-    table.add_row("noise floor", *cells, *([""] if tracked else []), style="dim")
+    table.add_row(_floor_words(result), *cells, *([""] * len(kinds)), style="dim")
     return table
+
+
+def _floor_words(result: GapResult) -> str:
+    origins = {each.floor_origin for each in result.joint_gaps}
+    return f"noise floor ({origins.pop()})" if len(origins) == 1 else "noise floor"
 
 
 def _print_untestable(console: Console, result: GapResult) -> None:

@@ -19,7 +19,7 @@ from idim_iv_ros.estimation import (
 from idim_iv_ros.gap.bandwidth import widened
 from idim_iv_ros.gap.slip import simulated_slips
 from idim_iv_ros.gap.smooth_motion import SmoothMotion, smooth_motions
-from idim_iv_ros.model import DynamicParameters, InverseModel
+from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.preparation import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.recording import Recording
 
@@ -74,7 +74,7 @@ class Baseline:
 
     def at(self, values: FloatArray) -> "Baseline":
         """Return the same with the candidates' torques computed at other parameters (b,)."""
-        links, whole = _parameters(self.prepared.model, values)
+        links, whole = _parameters(self.prepared, values)
         motions = tuple(motion.with_parameters(links, whole) for motion in self.motions)
         return replace(self, motions=motions)
 
@@ -107,7 +107,7 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
         tolerance=configuration.identification.tolerance,
         max_iterations=configuration.identification.max_iterations,
     )
-    links, whole = _parameters(prepared.model, estimate.linear.values)
+    links, whole = _parameters(prepared, estimate.linear.values)
     motions = smooth_motions(
         prepared.model.robot,
         links,
@@ -140,17 +140,19 @@ def without_offsets(configuration: Configuration) -> Configuration:
 
 
 def _parameters(
-    model: InverseModel, values: FloatArray
+    prepared: PreparedRegression, values: FloatArray
 ) -> tuple[DynamicParameters, DynamicParameters]:
     """Dynamics of the links alone and of everything.
 
-    Where the drive inertia is grouped into a link's, the given one is taken out of it.
+    Where the drive inertia is grouped into a link's, the given one is taken out of it, if its
+    unit is that of the estimates.
     """
+    model = prepared.model
     whole = model.dynamic_parameters(values)
     drives = np.zeros(len(model.robot.joints))
     named = {name for name in model.base.names if name.startswith("Ia")}
     for joint in range(len(drives)):
-        if f"Ia{joint + 1}" not in named:
+        if f"Ia{joint + 1}" not in named and prepared.configuration.signals.effort_unit == "N m":
             drives[joint] = -model.robot.given.drive_inertia[joint]
     nothing = np.zeros_like(drives)
     links = replace(

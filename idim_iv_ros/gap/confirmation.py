@@ -13,9 +13,9 @@ from idim_iv_ros.gap.structural_causes import NamedModel, built_model, label
 
 FloatArray = NDArray[np.float64]
 
-# Of the held-out torque gap, what is left at most where an effect does no harm. Effects of high
-# frequency shrink the whitened residual much and the gap itself little.
-_NO_WORSE = 1.01
+# Share of the whitened residual's energy that an effect must take on data not used to fit, and of
+# the folds on which it must help.
+_LEAST_GAIN, _LEAST_FOLDS = 0.02, 0.8
 
 
 def confirmed(
@@ -65,7 +65,9 @@ def confirmed(
 
 
 def _helps(tested: HeldOut, number: int, found: Found) -> bool:
-    """Whether the whitened residual shrinks on held-out data, and the gap does not grow."""
+    """Whether the whitened residual and the torque gap shrink on held-out data, not by chance."""
     stage = tested.refit + number
     gap = tested.gap(stage, stage + 1, found.candidate.place.joint)
-    return tested.gain(number)[0] > 0.0 and gap.after < _NO_WORSE * gap.before
+    gain, helped, folds = tested.gain(number)
+    sure = gap.after < gap.before if gap.ci95 is None else gap.ci95[0] > 0.0
+    return gain >= _LEAST_GAIN and helped >= _LEAST_FOLDS * folds and sure

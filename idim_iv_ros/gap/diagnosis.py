@@ -20,7 +20,6 @@ from idim_iv_ros.gap.effects.encoder_eccentricity import EncoderEccentricity
 from idim_iv_ros.gap.effects.gravity_direction import GravityDirection
 from idim_iv_ros.gap.gap_series import gap_series
 from idim_iv_ros.gap.generic import GENERIC
-from idim_iv_ros.gap.given_model import given_values
 from idim_iv_ros.gap.held_out import HeldOut, held_out
 from idim_iv_ros.gap.hidden_rivals import hidden_rivals
 from idim_iv_ros.gap.left_over import left_over
@@ -118,7 +117,7 @@ def _diagnosed(
     watch.stage("held-out gaps", 0.8)
     repeats = repeats_of(data)
     floors = noise_floors(data, attribution.extended, attribution.fit, repeats)
-    given = given_values(data)
+    given = data.prepared.given
     model, tested = confirmed(data, attribution, model, floors, repeats, given)
     watch.stage("simulated motion", 0.85)
     tracked = tracked_stages(data, model, given)
@@ -137,7 +136,7 @@ def _diagnosed(
     causes = strongest_first(causes, data)
     verdict = verdict_of(causes, rest)
     stages = with_tracking(tested.stages(), tracked)
-    left = left_over(data, stages[-1], floors)
+    left = left_over(data, stages, floors)
     if weightless is not None:
         stages = (weightless.stage(0), replace(stages[0], name="+gravity_direction"), *stages[1:])
     first, last = (tracked[0], tracked[-1]) if tracked else (None, None)
@@ -150,7 +149,15 @@ def _diagnosed(
         configuration=configuration.model_dump(mode="json", exclude_none=True),
         without=without,
         verdict=verdict,
-        summary=summary_of(verdict, causes, rest, place.joint_gaps, without, left),
+        summary=summary_of(
+            verdict,
+            causes,
+            rest,
+            place.joint_gaps,
+            without,
+            left,
+            model="refit" if given is None else "given model",
+        ),
         causes=tuple(causes),
         unexplained=rest,
         joint_gaps=place.joint_gaps,
@@ -199,7 +206,7 @@ def _given_alone(data: Baseline, regression: Regression) -> HeldOut:
     """Stages of the given model and its refit."""
     fit, repeats = regression.fit(), repeats_of(data)
     floors = noise_floors(data, regression, fit, repeats)
-    return held_out(data, regression, fit, [], floors, repeats, given_values(data))
+    return held_out(data, regression, fit, [], floors, repeats, data.prepared.given)
 
 
 def _notes(
@@ -213,7 +220,7 @@ def _notes(
             f"only {seconds:.3g} s were recorded: effects may pass for one another, or for noise; "
             "record a minute or more"
         )
-    notes += [*data.sources.controller]
+    notes += [data.prepared.why_no_given, *data.sources.controller]
     unchecked = why_not_checked(data)
     if unchecked:
         notes.append(f"commands not compared with the control law: {unchecked}")

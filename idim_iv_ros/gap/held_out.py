@@ -121,8 +121,8 @@ class HeldOut:
         limits = interval(drawn) if len(drawn) > 20 else None
         return Gap(one, two, floor, share, limits)
 
-    def gain(self, effect: int) -> tuple[float, str]:
-        """Share of the whitened residual's energy that an effect takes, and "5 of 6" folds.
+    def gain(self, effect: int) -> tuple[float, int, int]:
+        """Share of the whitened residual's energy that an effect takes; folds it helps, of all.
 
         Beside the effects before it, over the joints whose torque it moves.
         """
@@ -139,7 +139,7 @@ class HeldOut:
         present = sums[:, 0] > 0.0
         total = sums.sum(axis=0)
         positive = int(np.sum(sums[present, 1] < sums[present, 0]))
-        return float(1.0 - total[1] / total[0]), f"{positive} of {int(present.sum())}"
+        return float(1.0 - total[1] / total[0]), positive, int(present.sum())
 
 
 def shrinkage(before: FloatArray, after: FloatArray, floor: float | None) -> FloatArray:

@@ -9,17 +9,20 @@ from idim_iv_ros.gap.joint_units import unit_at
 from idim_iv_ros.gap.noise_floor import NoiseFloor
 from idim_iv_ros.gap.result import Stage
 
-# Times the noise, and share of the torque, above which it is said.
-_TIMES_NOISE, _SHARE = 3.0, 0.1
+# Times the noise above which it is said, where it is also this share of the torque, or of the gap
+# that there was.
+_TIMES_NOISE, _SHARE, _OF_GAP = 3.0, 0.1, 0.5
 
 
-def left_over(data: Baseline, last: Stage, floors: Sequence[NoiseFloor]) -> str:
+def left_over(data: Baseline, stages: Sequence[Stage], floors: Sequence[NoiseFloor]) -> str:
     """Say in one sentence what the last model still misses, the worst first; empty if nothing."""
+    first, last = stages[0], stages[-1]
     worst = []
     for joint, (name, floor) in enumerate(zip(data.joints, floors, strict=True)):
         rest = last.torque_rms[name]
         share = rest / max(float(np.sqrt(np.mean(data.rows[joint].torque ** 2))), 1e-300)
-        if floor.sigma is not None and rest > _TIMES_NOISE * floor.sigma and share > _SHARE:
+        much = share > _SHARE or rest > _OF_GAP * first.torque_rms[name]
+        if floor.sigma is not None and rest > _TIMES_NOISE * floor.sigma and much:
             unit = unit_at(data, joint, "N m")
             words = f"{rest:.3g} {unit} at {name} ({100 * share:.0f} % of its torque"
             worst.append((share, f"{words}, noise {floor.sigma:.2g} {unit})"))

@@ -79,7 +79,7 @@ class MissingGravity:
 def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | None:
     """Look for gravity where the configuration has none; None where it has, or none shows."""
     robot = data.prepared.model.robot
-    if np.any(np.asarray(robot.pinocchio.gravity.linear)) or not robot.has_inertials:
+    if np.any(np.asarray(robot.pinocchio.gravity.linear)) or data.prepared.why_no_given:
         return None
     columns = unit_gravity_rows(data, np.eye(3))
     plain = regression.fit()

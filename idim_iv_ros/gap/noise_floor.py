@@ -65,7 +65,8 @@ def noise_floors(
     Parameters
     ----------
     fit
-        The best one there is: without repeats its innovations are the lower bound.
+        The best one there is: without repeats its innovations are the lower bound, as far as
+        no effect is left in them.
     repeats
         See `repeats_of`.
     """
@@ -85,7 +86,10 @@ def noise_floors(
             floors.append(NoiseFloor(float(np.sqrt(0.5 * energy / degrees)), REPEATS, note))
         else:
             sigma = float(fit.colours[joint].sigma)
-            note = "no motion is repeated: innovations of the residual, the noise is at least this"
+            note = (
+                "no recording repeats another or itself: innovations of the last residual, below "
+                "the noise if that residual is all noise, above it if an effect is left in it"
+            )
             floors.append(NoiseFloor(sigma, LOWER_BOUND, note))
     return tuple(floors)
 

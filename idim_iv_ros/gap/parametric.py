@@ -80,9 +80,9 @@ def parametric_causes(
         Of that regression.
     catalogue
     """
-    if not data.prepared.model.robot.has_inertials:
+    reason = data.prepared.why_no_given
+    if reason:
         nothing = np.full(len(data.joints), np.nan)
-        reason = "the URDF gives no inertia: there is no given model"
         return ParametricOutcome((), 0.0, 0, 1.0, 0.0, 0.0, False, nothing, nothing, reason)
     changes = change_regression(data, regression, fit)
     refit = changes.refit()

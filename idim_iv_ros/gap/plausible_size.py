@@ -39,7 +39,7 @@ PLAUSIBLE: dict[str, Plausible] = {
     "position_dependent_friction": Plausible(0.1, "dry"),  # 5 to 15 %
     "friction_drift": Plausible(0.4, "dry"),  # 30 to 60 %
     "presliding": Plausible(0.5, "dry"),
-    "backlash": Plausible(0.001, "gap"),  # 0.1 to 10 mrad
+    "backlash": Plausible(0.001, "gap"),  # 0.1 to 10 mrad; 0.01 to 1 mm
     "time_delay": Plausible(0.002, "delay"),  # 0.25 to 20 ms
     "torque_saturation": Plausible(0.05, "peak"),  # 0 to 15 %
     "position_ripple": Plausible(0.015, "peak"),  # 0.5 to 3 %
@@ -115,7 +115,8 @@ def judged(
     if limit.of == "size":
         return words, bool(np.max(np.abs(coefficients)) <= limit.limit)
     value = max(p.value for name, p in found.items() if name in (limit.of, "driven"))
-    return words, value <= limit.limit
+    lever = float(scale.covered.lever[scale.joint]) if limit.of == "gap" else 1.0
+    return words, value <= limit.limit * lever
 
 
 _WORDS: tuple[str, ...] = (

@@ -127,7 +127,8 @@ class Cause:
 class Unexplained:
     """What no effect of the catalogue explains.
 
-    `share`: of the energy of the refit's residual above the noise floor at that joint, 0 to 1.
+    `share`: of the energy of the whitened residual at that joint, 0 to 1: what a function without
+    a name takes off that of the refit; of events, what the largest hundredth of the samples hold.
     """
 
     joint: str

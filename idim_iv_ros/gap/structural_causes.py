@@ -8,6 +8,7 @@ from scipy.stats import chi2
 
 from idim_iv_ros.gap.attribution import Attribution, Found
 from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.effect_deviations import parameters_of
 from idim_iv_ros.gap.effects.effect import Place
 from idim_iv_ros.gap.generic import Generic
 from idim_iv_ros.gap.held_out import HeldOut
@@ -109,7 +110,7 @@ def _corrections(model: NamedModel) -> list[Found]:
 
 
 def effect_parameters(model: NamedModel, number: int) -> dict[str, EffectParameter]:
-    """Parameters of one effect in the model with all of them."""
+    """Parameters of one effect in the model with all of them, its shape held."""
     candidate = model.found[number].candidate
     start = sum(model.regression.widths[:number])
     part = slice(start, start + candidate.width)
@@ -162,8 +163,11 @@ def structural_causes(
         other = candidate.place.other
         stage = tested.refit + number
         gap = tested.gap(stage, stage + 1, candidate.place.joint)
-        gain, folds = tested.gain(number)
-        parameters = in_units_of(data, candidate.place.joint, effect_parameters(model, number))
+        gain, helped, folds = tested.gain(number)
+        numbers = parameters_of(
+            data, model.regression, model.fit, candidate, sum(model.regression.widths[:number])
+        )
+        parameters = in_units_of(data, candidate.place.joint, numbers)
         statistic = max(2.0 * candidate.gain, 0.0)
         causes.append(
             Cause(
@@ -176,7 +180,7 @@ def structural_causes(
                     statistic=statistic,
                     p_value=min(1.0, tried * float(chi2.sf(statistic, candidate.numbers))),
                     held_out_gain=gain,
-                    folds_positive=folds,
+                    folds_positive=f"{helped} of {folds}",
                 ),
                 indistinguishable_from=tuple(
                     Rival(rival.effect.name, data.joints[rival.place.joint], correlation)
@@ -210,6 +214,8 @@ def _sentence(data: Baseline, found: Found, gap: Gap, gain: float) -> str:
         for rival, _ in found.rivals
         if not isinstance(rival.effect, Generic)
     ]
+    if candidate.effect.same_as:
+        text += f"; no recording can tell it from {candidate.effect.same_as}"
     if rivals:
         text += f"; this recording cannot tell it from {', '.join(rivals)}"
     if gain <= 0.0:

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.generic import Generic
+from idim_iv_ros.gap.joint_units import unit_at
 from idim_iv_ros.gap.likelihood import Fit
 from idim_iv_ros.gap.result import Unexplained
 from idim_iv_ros.gap.structural_causes import NamedModel
@@ -38,7 +39,7 @@ def _nameless(data: Baseline, model: NamedModel) -> Unexplained:
     where = f"{name}: a torque that {effect.words}"
     if effect.name == "contact beyond a position":
         side, start = candidate.shape
-        where += f", {'above' if side > 0 else 'below'} {start:.3g} rad"
+        where += f", {'above' if side > 0 else 'below'} {start:.3g} {unit_at(data, joint, 'rad')}"
     return Unexplained(joint=name, family=effect.family, share=share, where=where)
 
 

@@ -24,13 +24,23 @@ def summary_of(
     gaps: Sequence[JointGap],
     without: Sequence[str],
     left: str = "",
+    *,
+    model: str = "given model",
 ) -> str:
-    """One paragraph that a robot engineer can act on."""
+    """One paragraph that a robot engineer can act on.
+
+    Parameters
+    ----------
+    left
+        What the last model still misses, in words.
+    model
+        Whose gaps they are, in words.
+    """
     sentences = []
     worst = max(gaps, key=lambda gap: gap.share, default=None)
     if worst is not None and worst.relative_percent is not None:
         sentences.append(
-            f"The given model misses {worst.relative_percent:.3g} % of the torque at "
+            f"The {model} misses {worst.relative_percent:.3g} % of the torque at "
             f"{worst.joint}, where the gap is widest."
         )
     if verdict == "none":
@@ -42,8 +52,12 @@ def summary_of(
         sentences.append(cause.sentence[0].upper() + cause.sentence[1:] + ".")
     if rest is not None:
         sentences.append(
-            f"Not in the catalogue: {rest.where}; it holds {100 * rest.share:.0f} % of what the "
-            "refit leaves there."
+            f"Not in the catalogue: {rest.where}"
+            + (
+                "."
+                if rest.family == "event"  # said in `where`
+                else f"; it holds {100 * rest.share:.0f} % of what the refit leaves there."
+            )
         )
     if left:
         sentences.append(left)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.given_model import given_residuals
 from idim_iv_ros.gap.joint_gaps import joint_gaps
+from idim_iv_ros.gap.joint_units import unit_at
 from idim_iv_ros.gap.likelihood import Fit, Regression
 from idim_iv_ros.gap.motion_at_rows import motion_at_rows
 from idim_iv_ros.gap.noise_floor import NoiseFloor
@@ -28,7 +29,6 @@ _UNITS = {
     "reversal": "rad",
     "frequency": "Hz",
 }
-_LINEAR_UNITS = {"speed": "m/s", "position": "m", "load": "N", "reversal": "m"}
 _GIVEN_FINDINGS, _REFIT_FINDINGS = 3, 2
 # The refit explains it all where its residual has less than this energy above the noise.
 _STRUCTURE = 1.2
@@ -93,13 +93,11 @@ def _described(
     edge = data.prepared.motions[0].decimation.edge
     for joint, name in enumerate(data.joints):
         residual = residuals[joint]
-        linear = data.prepared.model.robot.joint_types[joint] == "prismatic"
-        units = _UNITS | (_LINEAR_UNITS if linear else {})
         blocks = time_blocks(data.recordings[joint], data.places[joint], data.row_rate)
         splits = [split(axis, residual, blocks) for axis in axes[joint]]
         spectrum = bands(residual, regression.joints[joint].runs, data.row_rate, edge)
         for parts in [*splits, *([] if spectrum is None else [spectrum])]:
-            found = regimes_of(name, parts, units[parts.name])
+            found = regimes_of(name, parts, unit_at(data, joint, _UNITS[parts.name]))
             regimes += found
             best = joined(found)
             # Most of what moves slowly is slow: not worth a word.

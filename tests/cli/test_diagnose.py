@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,36 @@ def test_verdict_causes_stages_and_limits_are_printed(diagnose, tmp_path: Path) 
     for words in ("given model", "+ stribeck at joint_2", "noise floor", "torque saturation"):
         assert words in printed
     assert str(tmp_path / "why" / "report.html") in printed
+
+
+def test_each_joint_has_its_own_units_and_what_slides_is_not_compared_with_what_turns(
+    config, tmp_path: Path, capsys, monkeypatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "140")
+    mixed = replace(sample_gap(2, "structural"), joint_types=("prismatic", "revolute"))
+
+    def stand_in(bags, configuration, *, without=(), progress=None):
+        return mixed
+
+    run_diagnosis([], config(), tmp_path / "why", (), diagnose=stand_in, effects=EFFECTS)
+    printed = capsys.readouterr().out
+    stages = [line.split("│") for line in printed.splitlines() if line.startswith("│ refit")]
+    tracking = next(stage.tracking_rms for stage in mixed.stages if stage.name == "refit")
+    assert tracking is not None
+    ((*_, millimetres, milliradians, _),) = stages
+    assert float(millimetres) == pytest.approx(1e3 * tracking["joint_1"], rel=0.01)
+    assert float(milliradians) == pytest.approx(1e3 * tracking["joint_2"], rel=0.01)
+    assert "largest, mm" in printed
+    assert "largest, mrad" in printed
+    assert "N m or N" not in printed
+
+
+def test_what_is_not_in_the_catalogue_is_printed_once(diagnose) -> None:
+    result = sample_gap(2, "unknown")
+    assert result.unexplained is not None
+    assert diagnose(StandIn("unknown")).count("Not in the catalogue") == result.summary.count(
+        "Not in the catalogue"
+    )
 
 
 def test_both_files_are_written(diagnose, tmp_path: Path) -> None:

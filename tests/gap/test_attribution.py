@@ -21,10 +21,12 @@ from idim_iv_ros.gap.effects.position_ripple import PositionRipple
 from idim_iv_ros.gap.effects.stribeck import Stribeck
 from idim_iv_ros.gap.effects.torque_saturation import TorqueSaturation
 from idim_iv_ros.gap.generic import GENERIC, Generic
+from idim_iv_ros.gap.held_out import held_out
 from idim_iv_ros.gap.likelihood import Regression
+from idim_iv_ros.gap.noise_floor import noise_floors
 from idim_iv_ros.gap.regression_rows import smooth_regression
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
-from idim_iv_ros.gap.structural_causes import named_model
+from idim_iv_ros.gap.structural_causes import named_model, structural_causes
 from idim_iv_ros.gap.unexplained import unexplained
 from tests.estimation.test_simulated_arms import recorded
 from tests.simulated_arms import arm2
@@ -105,6 +107,24 @@ def test_right_effect_and_joint_come_first(
     assert len(found.found) == 1
 
 
+@pytest.mark.parametrize(
+    ("single", "effect", "said"),
+    [(SINGLE[-1], AsymmetricFriction(), True), (SINGLE[0], Stribeck(), False)],
+    ids=["asymmetric_friction", "stribeck"],
+)
+def test_a_cause_says_what_no_recording_tells_it_from(
+    data: Baseline, single: tuple[str, int, float, Torque], effect: Effect, said: bool
+) -> None:
+    name, joint, pole, torque = single
+    model = named_model(attribute(data, world(data, 1, joint, torque, pole), [effect]))
+    floors = noise_floors(data, model.regression, model.fit, ())
+    tested = held_out(data, model.regression, model.fit, [f"+{name}"], floors)
+    (cause,) = structural_causes(data, model, tested, [None], 1)
+    assert cause.effect == name
+    assert ("no recording can tell it from an offset" in cause.sentence) == said
+    assert all(each.std is not None for each in cause.parameters.values())
+
+
 def test_size_of_what_was_put_in_is_found(data: Baseline) -> None:
     name, joint, _, torque = SINGLE[0]
     found = attribute(data, world(data, 2, joint, torque), [Stribeck()])
@@ -155,6 +175,27 @@ def test_contacts_are_not_named_but_described_with_their_joint_and_time(data: Ba
     assert min(abs(seconds + data.motions[0].time[0] - start) for start in largest) < 0.3
     quiet = attribute(data, world(data, 4), ())
     assert unexplained(data, named_model(quiet)) is None
+
+
+@pytest.mark.parametrize(("kind", "unit"), [("revolute", "rad"), ("prismatic", "m")])
+def test_a_stop_is_described_with_its_place_in_the_units_of_its_joint(
+    data: Baseline, kind: str, unit: str
+) -> None:
+    highest = float(data.motions[0].position[:, 0].max())
+
+    def stop(motion: SmoothMotion) -> np.ndarray:
+        return np.asarray(40.0 * np.maximum(motion.position[:, 0] - (highest - 0.2), 0.0))
+
+    found = named_model(attribute(data, world(data, 6, 0, stop), GENERIC))
+    model = data.prepared.model
+    robot = replace(model.robot, joint_types=(kind, "revolute"))
+    changed = replace(data, prepared=replace(data.prepared, model=replace(model, robot=robot)))
+    rest = unexplained(changed, found)
+    assert rest is not None
+    assert "beyond one position" in rest.where
+    number, name = rest.where.split("above ")[1].split()
+    assert float(number) == pytest.approx(highest - 0.2, abs=0.05)
+    assert name == unit
 
 
 class Twin(Stribeck):

@@ -8,6 +8,7 @@ import pytest
 
 from idim_iv_ros.gap.catalogue import EFFECTS, PARAMETRIC, STRUCTURAL
 from idim_iv_ros.gap.effects.effect import Effect, Extent, Place
+from idim_iv_ros.gap.plausible_size import JointScale, judged
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.gap.motions import synthetic
@@ -235,6 +236,25 @@ def test_parameters_have_their_names_and_units(effect: Effect) -> None:
     found = effect.parameters(shape, np.full(width, 0.5), np.full(width, 0.1))
     assert {name: parameter.unit for name, parameter in found.items()} == UNITS[effect.name]
     assert any(parameter.std for parameter in found.values())
+
+
+def test_a_joint_that_slides_has_screws_plays_and_bristles_of_its_own_size() -> None:
+    turning = replace(extent_of(synthetic()), low=np.array([-1.0, -0.1]), high=np.array([1.0, 0.1]))
+    sliding = replace(turning, slowest=np.full(2, 0.002), lever=np.array([1.0, 0.1]))
+    place = Place(1)
+    pitch = 0.01  # m, of a ball screw
+    ripple = [n for (n,) in BY_NAME["position_ripple"].grid(place, sliding)]
+    assert min(ripple) < 2.0 * np.pi / pitch < max(ripple)
+    assert max(n for (n,) in BY_NAME["position_ripple"].grid(place, turning)) <= 250.0
+    gaps = [shape[0] for shape in BY_NAME["backlash"].grid(place, sliding)]
+    assert max(gaps) == pytest.approx(0.004)
+    spans = [span for (span,) in BY_NAME["presliding"].grid(place, sliding)]
+    assert min(spans) == pytest.approx(1e-5)
+    play = BY_NAME["backlash"]
+    for gap, common in ((0.9e-4, True), (0.5e-3, False)):  # m
+        shape = (gap, 1e5, 10.0, 1.0)
+        scale = JointScale(sliding, 1, 1.0)
+        assert judged(play, shape, np.ones(1), 1.0, scale)[1] == common
 
 
 def test_every_effect_has_a_name_of_its_own_and_known_look_alikes() -> None:

@@ -67,8 +67,8 @@ def test_predictions_are_those_of_a_fit_without_the_fold() -> None:
             expected = torque[out] - matrix[out, :width] @ values
             np.testing.assert_allclose(found.residuals[stage][0][out], expected, atol=2e-4)
     np.testing.assert_array_equal(found.residuals[0][0], torque)
-    gain, folds = found.gain(0)
-    assert folds == "3 of 3"
+    gain, helped, folds = found.gain(0)
+    assert (helped, folds) == (3, 3)
     assert gain == pytest.approx(0.16 / 0.41, abs=0.05)
 
 

@@ -21,9 +21,12 @@ def said(data: Baseline, shares: tuple[float, float], noise: float | None) -> st
     """Of a model that misses a share of each joint's torque; the noise is a share of that."""
     torque = [float(np.sqrt(np.mean(rows.torque**2))) for rows in data.rows]
     missed = [share * size for share, size in zip(shares, torque, strict=True)]
-    stage = Stage("last", dict(zip(data.joints, missed, strict=True)), {}, None, "")
+    stages = [
+        Stage(name, dict(zip(data.joints, values, strict=True)), {}, None, "")
+        for name, values in (("given", torque), ("last", missed))
+    ]
     floors = [NoiseFloor(None if noise is None else noise * each, "repeats", "") for each in missed]
-    return left_over(data, stage, floors)
+    return left_over(data, stages, floors)
 
 
 def test_joints_that_miss_much_are_listed_the_worst_first(data: Baseline) -> None:

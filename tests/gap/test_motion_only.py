@@ -7,11 +7,13 @@ import pytest
 
 from idim_iv_ros.gap.baseline import Baseline, baseline
 from idim_iv_ros.gap.catalogue import STRUCTURAL
-from idim_iv_ros.gap.given_model import given_values
+from idim_iv_ros.gap.left_over import left_over
 from idim_iv_ros.gap.likelihood import Regression
-from idim_iv_ros.gap.noise_floor import noise_floors, repeats_of
+from idim_iv_ros.gap.noise_floor import NoiseFloor, noise_floors, repeats_of
+from idim_iv_ros.gap.parametric import parametric_causes
 from idim_iv_ros.gap.plausible_size import dry_friction
 from idim_iv_ros.gap.regression_rows import smooth_regression
+from idim_iv_ros.gap.result import Stage
 from idim_iv_ros.gap.testability import floor_colours, shown_by_motion
 from idim_iv_ros.gap.tracking import simulated_tracking, simulation_gap, tracking_series
 from idim_iv_ros.gap.where import where
@@ -58,6 +60,28 @@ def test_gap_of_the_given_model_is_reported(data: Baseline, regression: Regressi
         assert not regime.ci95[0] <= 1.0 <= regime.ci95[1]
 
 
+def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(
+    data: Baseline, regression: Regression
+) -> None:
+    configuration = data.prepared.configuration
+    signals = configuration.signals.model_copy(update={"effort_unit": "A"})
+    current = replace(
+        data.prepared, configuration=configuration.model_copy(update={"signals": signals})
+    )
+    ampere = replace(data, prepared=current)
+    assert current.given is None
+    assert "efforts are in A" in current.why_no_given
+    fit = regression.fit()
+    outcome = parametric_causes(ampere, regression, fit)
+    assert not outcome.causes
+    assert outcome.reason == current.why_no_given
+    assert parametric_causes(data, regression, fit).causes
+    found = where(ampere, regression, fit, noise_floors(data, regression, fit, ()))
+    assert found.joint_gaps[0].rms == pytest.approx(np.sqrt(np.mean(fit.residuals[0] ** 2)))
+    units = {regime.unit for regime in found.regimes if regime.axis == "load"}
+    assert units <= {"A"}
+
+
 def test_testability_does_not_look_at_the_torque(data: Baseline, regression: Regression) -> None:
     fit = regression.fit()
     colours = floor_colours(fit, [None, None])
@@ -89,8 +113,23 @@ def test_more_noise_hides_more(data: Baseline, regression: Regression) -> None:
     assert all(refusal.reason and refusal.excitation_needed for refusal in many)
 
 
+def test_a_gap_that_stays_is_said_also_where_it_is_a_small_share_of_the_torque(
+    data: Baseline,
+) -> None:
+    torque = float(np.sqrt(np.mean(data.rows[0].torque ** 2)))
+
+    def stage(share: float) -> Stage:
+        return Stage("refit", {"joint_1": share * torque, "joint_2": 0.001}, {}, None, "")
+
+    floors = [NoiseFloor(0.01 * torque, "repeats", ""), NoiseFloor(0.001, "repeats", "")]
+    assert "at joint_1 (5 % of its torque" in left_over(data, [stage(0.06), stage(0.05)], floors)
+    assert left_over(data, [stage(0.5), stage(0.05)], floors) == ""
+    assert "at joint_1 (15 %" in left_over(data, [stage(0.5), stage(0.15)], floors)
+    assert left_over(data, [stage(0.025), stage(0.025)], floors) == ""  # noise may be that
+
+
 def test_the_refit_tracks_better_than_the_given_model(data: Baseline) -> None:
-    given = given_values(data)
+    given = data.prepared.given
     assert given is not None
     before = simulated_tracking(data, given)
     after = simulated_tracking(data, data.estimate.linear.values)

@@ -5,7 +5,7 @@ import pytest
 from idim_iv_ros.gap.result import Cause, Evidence, Gap, JointGap, Unexplained, Verdict
 from idim_iv_ros.gap.verdict import summary_of, verdict_of
 
-REST = Unexplained("joint_2", "event", 0.37, "joint_2: a bang")
+REST = Unexplained("joint_2", "velocity", 0.37, "joint_2: a curve")
 GAPS = [
     JointGap("joint_1", 0.5, 7.0, 0.2, None, "lower bound"),
     JointGap("joint_2", 0.3, 12.34, 0.8, None, "lower bound"),
@@ -53,9 +53,21 @@ def test_verdict_and_what_its_summary_says(
     assert ("than chance" in text) == (word == "none")
     for each in causes:
         assert each.sentence[1:] + "." in text
-    assert ("Not in the catalogue: joint_2: a bang; it holds 37 %" in text) == (rest is not None)
+    assert ("Not in the catalogue: joint_2: a curve; it holds 37 %" in text) == (rest is not None)
     assert "\n" not in text
     assert "Left out" not in text
+
+
+def test_the_share_of_events_is_said_once_and_not_of_another_model() -> None:
+    bang = Unexplained("joint_2", "event", 0.37, "joint_2: 1 % of the samples hold 37 %")
+    text = summary_of("unknown", [], bang, GAPS, ())
+    assert text.count("37 %") == 1
+    assert "refit" not in text
+
+
+def test_without_a_given_model_the_gap_is_that_of_the_refit() -> None:
+    text = summary_of("none", [], None, GAPS, (), model="refit")
+    assert text.startswith("The refit misses 12.3 % of the torque at joint_2")
 
 
 def test_what_was_left_out_is_said_and_a_missing_given_model_is_not() -> None:

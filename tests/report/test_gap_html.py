@@ -156,6 +156,18 @@ def test_a_prismatic_joint_has_newtons_and_millimetres() -> None:
     assert {"Torque, N", "Torque, N m", "Tracking, mm", "Tracking, mrad"} <= set(page.words)
 
 
+def test_a_map_of_joints_with_two_units_names_the_unit_of_each() -> None:
+    result = sample_gap(2, "structural")
+    regimes = tuple(
+        replace(each, unit="m") if (each.axis, each.joint) == ("position", "joint_1") else each
+        for each in result.regimes
+    )
+    words = set(_page(replace(result, regimes=regimes)).words)
+    assert "Position, rad" in _page(result).words
+    assert {"Position", "joint_1, m", "joint_2, rad"} <= words
+    assert "Position, rad" not in words
+
+
 def test_a_joint_that_stands_still_or_has_no_rows_is_no_error() -> None:
     result = sample_gap(2, "structural")
     rows = np.zeros_like(result.series[0].speed)

@@ -16,6 +16,7 @@ class AsymmetricFriction(Effect):
     name = "asymmetric_friction"
     family = "velocity"
     look_alikes = ("spring",)
+    same_as = "an offset of the torque signal"
     excitation = "the same path in both directions, at several speeds and postures"
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:

@@ -33,19 +33,21 @@ class Backlash(Effect):
     family = "load"
     look_alikes = ("elasticity", "presliding")
     least_support = 25.0
+    free_shape = False
     excitation = "slow motion through postures where the load changes its sign"
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
-        """Gaps from 0.1 to 40 mrad."""
+        """Gaps from 0.1 to 40 mrad (10 µm to 4 mm)."""
         inertia = float(extent.inertia[place.joint])
         if inertia <= 0.0:
             return []
         load = float(extent.load[place.joint])
+        gaps = float(extent.lever[place.joint]) * logarithmic(1e-4, 0.04, 9)
         shapes: list[Shape] = []
         for frequency in _FLANKS:
             stiffness = inertia * (2.0 * np.pi * frequency) ** 2
             damping = 2.0 * _DAMPING * float(np.sqrt(stiffness * inertia))
-            shapes += [(float(gap), stiffness, damping, load) for gap in logarithmic(1e-4, 0.04, 9)]
+            shapes += [(float(gap), stiffness, damping, load) for gap in gaps]
         return [shape for shape in shapes if _wide(shape)]
 
     def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:

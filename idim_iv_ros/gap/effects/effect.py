@@ -67,9 +67,13 @@ class Effect(ABC):
     family: ClassVar[Family]
     look_alikes: ClassVar[tuple[str, ...]] = ()
     excitation: ClassVar[str]
+    # What no recording can tell from it, in words; empty where there is nothing of the kind.
+    same_as: ClassVar[str] = ""
     # Logarithm of the likelihood that the effect must bring beyond its penalty. More where its
     # torque is made of high derivatives: noise of the encoders is then in both sides.
     least_support: ClassVar[float] = 8.0
+    # Whether the shape may vary beside the coefficients; not where one stands for its change.
+    free_shape: ClassVar[bool] = True
 
     def places(self, joints: int) -> list[Place]:
         """Where it may sit: at each joint."""

@@ -40,11 +40,12 @@ class Presliding(Effect):
     excitation = "many small reversals of different sizes, at different rates"
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
-        """Spans from 0.1 mrad to a tenth of the range."""
+        """Spans from 0.1 mrad (10 µm) to a tenth of the range."""
         span = float(extent.high[place.joint] - extent.low[place.joint])
         if span <= 0.0:
             return []
-        return [(float(s),) for s in logarithmic(1e-4, max(0.15 * span, 1e-3), 16)]
+        least = 1e-4 * float(extent.lever[place.joint])
+        return [(float(s),) for s in logarithmic(least, max(0.15 * span, 10.0 * least), 16)]
 
     def longer(self, shape: Shape, place: Place, extent: Extent) -> list[Shape]:
         """One more bristle."""

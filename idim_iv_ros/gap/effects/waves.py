@@ -8,11 +8,11 @@ from idim_iv_ros.gap.result import EffectParameter
 MOST_WAVES = 3
 _FINEST = 3.0  # steps of the grid in one period of resolution, 2π / range
 _MOST = 400
-_HIGHEST = 250.0  # 1/rad: finer than the teeth of a gear
+_HIGHEST = 250.0  # 1/rad: finer than the teeth of a gear; 2500 1/m: than the pitch of a screw
 
 
 def wave_numbers(place: Place, extent: Extent, periods: float) -> FloatArray:
-    """Wave numbers 1/rad from that many periods in the range of the joint on.
+    """Wave numbers 1/rad (1/m) from that many periods in the range of the joint on.
 
     The finest is what the slowest motion that counts shows below the rows' Nyquist frequency.
     """
@@ -21,7 +21,7 @@ def wave_numbers(place: Place, extent: Extent, periods: float) -> FloatArray:
         return np.zeros(0)
     low = periods * 2.0 * np.pi / span
     visible = np.pi * extent.row_rate / max(3.0 * extent.slowest[place.joint], 1e-6)
-    high = min(_HIGHEST, max(visible, low))
+    high = min(_HIGHEST / float(extent.lever[place.joint]), max(visible, low))
     step = max(2.0 * np.pi / span / _FINEST, (high - low) / _MOST)
     return np.asarray(np.arange(low, high, step))
 

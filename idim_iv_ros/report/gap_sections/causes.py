@@ -65,7 +65,7 @@ def _parameters(cause: Cause) -> Html | None:
     unsure = any(each.std is None for each in cause.parameters.values())
     return join(
         parameter_table(named),
-        tag("p", tag("small", "Without ±: chosen from a grid, or not known how well."))
+        tag("p", tag("small", "Without ±: chosen among a few, not fitted, or not known how well."))
         if unsure
         else None,
     )
@@ -163,7 +163,7 @@ def _unexplained(unexplained: Unexplained) -> Html:
         tag("h3", f"Not in the catalogue, at {unexplained.joint} ", _open_badge("unknown")),
         tag(
             "p",
-            f"{percent(100.0 * unexplained.share)} of the residual energy above the noise floor "
+            f"{percent(100.0 * unexplained.share)} of the whitened residual's energy "
             f"at {unexplained.joint} {_FAMILIES[unexplained.family]} in a way that no effect of "
             f"the catalogue has: {unexplained.where}.",
         ),

@@ -46,16 +46,17 @@ def _map(result: GapResult, axis: str) -> Html | None:
         return None
     bounds = sorted({(each.low, each.high) for row in by_joint.values() for each in row})
     columns = max(len(regimes) for regimes in by_joint.values())
-    same = len(bounds) == columns
-    unit = next(iter(by_joint.values()))[0].unit
-    title = f"{AXES.get(axis, axis)}, {unit}" if unit else AXES.get(axis, axis)
+    units = {joint: regimes[0].unit for joint, regimes in by_joint.items()}
+    one = next(iter(units.values())) if len(set(units.values())) == 1 else None
+    same = len(bounds) == columns and one is not None
+    title = f"{AXES.get(axis, axis)}, {one}" if one else AXES.get(axis, axis)
     longest = max(by_joint.values(), key=len)
     heads = [regime_range(regime) for regime in longest] if same else []
     head = [tag("th", "", scope="col"), *(tag("th", text, scope="col") for text in heads)]
     rows = [
         tag(
             "tr",
-            tag("th", joint, scope="row"),
+            tag("th", joint if one is not None else f"{joint}, {units[joint]}", scope="row"),
             _cells(_placed(regimes, bounds) if same else regimes, columns, same),
         )
         for joint, regimes in by_joint.items()

@@ -1,0 +1,101 @@
+"""Numbers of an effect with standard deviations that hold what its shape leaves open.
+
+With its shape held, an excess of friction is known to a percent; a Stribeck speed that is a little
+higher with less excess fits as well. The shape is moved a little in every direction that the search
+may take, the change of the torque is fitted beside everything else, and the covariance of all is
+carried over to the numbers that an engineer reads. The search ends on a grid: how far the fit
+would still move a number counts as its error, too.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.candidate import Candidate
+from idim_iv_ros.gap.candidate_rows import extent, rows_of
+from idim_iv_ros.gap.effects.effect import Effect, Extent, Shape
+from idim_iv_ros.gap.likelihood import Fit, Regression
+from idim_iv_ros.gap.result import EffectParameter
+
+FloatArray = NDArray[np.float64]
+
+_STEP = 0.01  # of a number of the shape
+_SMALL = 1e-4  # of a coefficient
+
+
+def parameters_of(
+    data: Baseline, regression: Regression, fit: Fit, candidate: Candidate, start: int
+) -> dict[str, EffectParameter]:
+    """Parameters of one effect among all that were added.
+
+    Parameters
+    ----------
+    regression, fit
+        With all effects.
+    candidate
+        The effect.
+    start
+        Place of its first column among the added ones.
+    """
+    effect, shape = candidate.effect, candidate.shape
+    own = np.arange(start, start + candidate.width)
+    coefficients = fit.coefficients[own]
+    held = np.sqrt(np.maximum(np.diag(fit.coefficient_covariance)[own], 0.0))
+    found = effect.parameters(shape, coefficients, held)
+    near = _near(effect, shape, extent(data)) if effect.free_shape else []
+    if not near:
+        return found
+    here, *moved = rows_of(data, effect, candidate.place, [shape, *near])
+    changes = {
+        joint: np.column_stack([(rows[joint] - here[joint]) @ coefficients for rows in moved])
+        for joint in here
+    }
+    wider = regression.with_columns(changes).fit(fit.colours, steps=0)
+    places = np.concatenate([own, len(wider.coefficients) - len(near) + np.arange(len(near))])
+    slopes = _slopes(effect, shape, coefficients, held, near)
+    covariance = wider.coefficient_covariance[np.ix_(places, places)]
+    further = wider.coefficients[places]
+    further[: len(own)] -= coefficients
+    variances = np.einsum("pi,ij,pj->p", slopes, covariance, slopes) + (slopes @ further) ** 2
+    return {
+        name: EffectParameter(
+            each.value, float(np.sqrt(max(variance, 0.0))) if slope.any() else None, each.unit
+        )
+        for (name, each), slope, variance in zip(found.items(), slopes, variances, strict=True)
+    }
+
+
+def _near(effect: Effect, shape: Shape, covered: Extent) -> list[Shape]:
+    """One neighbour for each number, or numbers that move together, of the shape."""
+    kept: dict[tuple[int, ...], Shape] = {}
+    for near in effect.neighbours(shape, _STEP, covered):
+        moved = tuple(k for k, (a, b) in enumerate(zip(near, shape, strict=True)) if a != b)
+        if moved:
+            kept.setdefault(moved, near)
+    return list(kept.values())
+
+
+def _slopes(
+    effect: Effect,
+    shape: Shape,
+    coefficients: FloatArray,
+    held: FloatArray,
+    near: Sequence[Shape],
+) -> FloatArray:
+    """Change of each parameter (p, k + m) with each coefficient and with each move of the shape."""
+
+    def values(shape: Shape, coefficients: FloatArray) -> FloatArray:
+        found = effect.parameters(shape, coefficients, np.zeros(len(coefficients)))
+        return np.array([each.value for each in found.values()])
+
+    here = values(shape, coefficients)
+    slopes = []
+    for k, size in enumerate(np.maximum(np.abs(coefficients), held)):
+        step = _SMALL * max(float(size), 1e-12)
+        changed = coefficients.copy()
+        changed[k] += step
+        slopes.append((values(shape, changed) - here) / step)
+    slopes += [values(other, coefficients) - here for other in near]
+    return np.column_stack(slopes)
