@@ -21,8 +21,6 @@ _POSITION_OVER_DECIMATION = 2.5  # the paper's ratio
 # Noise of the acceleration may add this share to the standard deviation of the torque's.
 _NOISE_SHARE = 0.5
 _SEGMENT = 2.0  # s
-# Rows beside a reversal count: the friction in the model sticks as the simulated one does.
-_MARGIN = 0.0
 
 
 def widened(recordings: Sequence[Recording], configuration: Configuration) -> Configuration:
@@ -54,10 +52,18 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
         update={
             "position_cutoff": position,
             "decimation_cutoff": min(cutoff, position),
-            "reversal_margin": _MARGIN,
         }
     )
+    if _is_simulated(configuration, prepared):
+        # Rows beside a reversal count: the friction in the model sticks as the simulated one does.
+        changed = changed.model_copy(update={"reversal_margin": 0.0})
     return configuration.model_copy(update={"processing": changed})
+
+
+def _is_simulated(configuration: Configuration, prepared: PreparedRegression) -> bool:
+    references = [motion.signals.position_reference for motion in prepared.motions]
+    known = configuration.controller.type != "unknown"
+    return known and all(reference is not None for reference in references)
 
 
 def _noise_limit(prepared: PreparedRegression) -> float:

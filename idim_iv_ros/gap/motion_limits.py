@@ -26,6 +26,8 @@ def cannot_show(effect: str, joint: int, covered: Extent) -> str:
             f"the joint moves at most {fastest:.2g} {length}/s: it sticks so often that nothing "
             "can be told from its dry friction"
         )
+    if effect == "presliding" and not covered.sticking:
+        return "where joints stick is not known, for the closed loop is not simulated"
     if effect == "friction_drift" and covered.duration < _LEAST_SESSION:
         return f"the session lasts {covered.duration:.2g} s: no warm-up shows in that"
     if effect == "encoder_eccentricity" and (lever != 1.0 or span < _LEAST_TURN):

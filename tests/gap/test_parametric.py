@@ -15,7 +15,7 @@ from idim_iv_ros.gap.catalogue import STRUCTURAL
 from idim_iv_ros.gap.effects.effect import Extent
 from idim_iv_ros.gap.hidden_rivals import hidden_rivals
 from idim_iv_ros.gap.likelihood import Regression
-from idim_iv_ros.gap.motion_limits import too_little
+from idim_iv_ros.gap.motion_limits import cannot_show, too_little
 from idim_iv_ros.gap.parametric import ParametricOutcome, parametric_causes
 from idim_iv_ros.gap.regression_rows import smooth_regression
 from tests.estimation.test_simulated_arms import recorded
@@ -142,6 +142,14 @@ def covered(span: float, fastest: float, lever: float = 1.0) -> Extent:
 )
 def test_too_little_motion(span: float, fastest: float, lever: float, little: bool) -> None:
     assert too_little(0, covered(span, fastest, lever)) == little
+
+
+def test_presliding_needs_to_know_where_joints_stick() -> None:
+    known = covered(2.0, 1.0)
+    assert cannot_show("presliding", 0, known) == ""
+    assert "closed loop is not simulated" in cannot_show(
+        "presliding", 0, replace(known, sticking=False)
+    )
 
 
 def test_numbers_of_a_joint_that_hardly_moves_are_not_called_wrong(

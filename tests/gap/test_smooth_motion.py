@@ -131,6 +131,19 @@ def test_band_ends_where_noise_of_the_encoders_reaches_half_of_the_torques() -> 
     assert widened([recorded(arm, 1)], own) is own
 
 
+def test_rows_beside_a_reversal_count_only_where_it_is_known_where_joints_stick() -> None:
+    arm = arm2(seconds=SECONDS)
+    recording = recorded(arm, 1)
+    default = arm.configuration.processing.reversal_margin
+    assert default > 0.0
+    assert widened([recording], arm.configuration).processing.reversal_margin == 0.0
+    blind = replace(recording, position_reference=None, velocity_reference=None)
+    assert widened([blind], arm.configuration).processing.reversal_margin == default
+    nobody = arm.configuration.controller.model_copy(update={"type": "unknown"})
+    lawless = arm.configuration.model_copy(update={"controller": nobody})
+    assert widened([recording], lawless).processing.reversal_margin == default
+
+
 @pytest.mark.parametrize("links", [True, False])
 def test_moved_torques_are_those_of_the_moved_motion(links: bool) -> None:
     motion = synthetic()

@@ -42,6 +42,8 @@ class Extent:
         Hz.
     lever : (n_joints,)
         1 for revolute joints, 0.1 for prismatic ones: metres that count as a radian.
+    sticking : bool
+        Whether the closed loop is simulated, and so is known where joints stick.
     """
 
     low: FloatArray
@@ -54,6 +56,7 @@ class Extent:
     duration: float
     row_rate: float
     lever: FloatArray
+    sticking: bool = True
 
 
 class Effect(ABC):
