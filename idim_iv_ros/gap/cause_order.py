@@ -32,6 +32,12 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
     return [*groups[0], *groups[1]]
 
 
+def leading(causes: Sequence[Cause], data: Baseline, most: int = 4) -> list[Cause]:
+    """Return the causes that close most of the gap, in the order in which they stand."""
+    widest = sorted(causes, key=lambda cause: -_closed(cause, data))[:most]
+    return [cause for cause in causes if any(cause is each for each in widest)]
+
+
 def _most_evidence(group: Sequence[Cause]) -> float:
     return max((cause.evidence.statistic for cause in group), default=0.0)
 

@@ -12,7 +12,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.gap.attribution import attribute
 from idim_iv_ros.gap.baseline import Baseline, baseline
 from idim_iv_ros.gap.catalogue import PARAMETRIC, STRUCTURAL
-from idim_iv_ros.gap.cause_order import strongest_first
+from idim_iv_ros.gap.cause_order import leading, strongest_first
 from idim_iv_ros.gap.confirmation import confirmed
 from idim_iv_ros.gap.controller_check import controller_mismatch, why_not_checked
 from idim_iv_ros.gap.effects.controller_mismatch import ControllerMismatch
@@ -134,6 +134,7 @@ def _diagnosed(
     place = where(data, regression, attribution.refit, floors)
     rest = unexplained(data, model)
     causes = strongest_first(causes, data)
+    told = leading(causes, data)
     verdict = verdict_of(causes, rest)
     stages = with_tracking(tested.stages(), tracked)
     left = left_over(data, stages, floors)
@@ -151,11 +152,12 @@ def _diagnosed(
         verdict=verdict,
         summary=summary_of(
             verdict,
-            causes,
+            told,
             rest,
             place.joint_gaps,
             without,
             left,
+            more=len(causes) - len(told),
             model="refit" if given is None else "given model",
         ),
         causes=tuple(causes),

@@ -25,14 +25,19 @@ def summary_of(
     without: Sequence[str],
     left: str = "",
     *,
+    more: int = 0,
     model: str = "given model",
 ) -> str:
     """One paragraph that a robot engineer can act on.
 
     Parameters
     ----------
+    causes
+        Those to be told.
     left
         What the last model still misses, in words.
+    more
+        How many smaller causes there are.
     model
         Whose gaps they are, in words.
     """
@@ -50,6 +55,9 @@ def summary_of(
         )
     for cause in causes:
         sentences.append(cause.sentence[0].upper() + cause.sentence[1:] + ".")
+    if more:
+        others = "1 smaller cause is" if more == 1 else f"{more} smaller causes are"
+        sentences.append(f"{others} listed beside these.")
     if rest is not None:
         sentences.append(
             f"Not in the catalogue: {rest.where}"
