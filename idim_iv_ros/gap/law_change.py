@@ -53,7 +53,17 @@ def law_change(rows: CommandRegression, law: ControlLaw, joint: int, period: flo
     period
         Of the control, s.
     """
-    rows = _with_late_speed(rows, law, joint, LONGEST_LAG * period)
+    longest = LONGEST_LAG * period
+    change = _chosen(_with_late_speed(rows, law, joint, longest, ()), law, joint, period)
+    if not change.groups:
+        return change
+    # How late the speed is shows only beside the group that differs most.
+    again = _with_late_speed(rows, law, joint, longest, change.groups[:1])
+    better = _chosen(again, law, joint, period)
+    return better if better.groups else change
+
+
+def _chosen(rows: CommandRegression, law: ControlLaw, joint: int, period: float) -> LawChange:
     plain = fit = rows.fit((), with_lag=True)
     chosen: tuple[str, ...] = ()
     while True:
@@ -86,9 +96,9 @@ def worth(rows: CommandRegression, smaller: Fit, larger: Fit) -> bool:
 
 
 def _with_late_speed(
-    rows: CommandRegression, law: ControlLaw, joint: int, longest: float
+    rows: CommandRegression, law: ControlLaw, joint: int, longest: float, groups: Sequence[str]
 ) -> CommandRegression:
-    """Compute the command with a speed that is as late as the recording says.
+    """Compute the command with a speed that is as late as the recording says, beside groups.
 
     Speeds come from differences of positions: one to two periods late are no mismatch.
     """
@@ -98,7 +108,8 @@ def _with_late_speed(
     with_late = replace(rows, groups={**rows.groups, name: late})
     if kd <= 0.0 or not with_late.usable(name):
         return rows
-    lag, deviation = rows.changes(with_late.fit((name,), with_lag=True), (name,))[name]
+    names = (*groups, name)
+    lag, deviation = rows.changes(with_late.fit(names, with_lag=True), names)[name]
     if not 0.0 < lag < longest + 3.0 * deviation:
         return rows
     return replace(rows, rest=rows.rest - lag * late)
