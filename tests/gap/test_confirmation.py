@@ -9,8 +9,8 @@ from idim_iv_ros.gap import confirmation
 from idim_iv_ros.gap.result import Gap
 
 
-class Tested:
-    """Held-out figures of each effect: gain, folds helped of all, gap before and after, interval."""
+class KnownFigures:
+    """Of each effect: gain, folds helped of all, gap before and after, interval."""
 
     refit = 0
 
@@ -60,7 +60,7 @@ def test_what_came_later_at_the_joint_goes_with_what_does_not_hold(
 def names(figures: list[Any], joints: list[int], monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Places of the effects that are kept."""
     effects = [found(joint) for joint in joints]
-    monkeypatch.setattr(confirmation, "held_out", lambda *_: Tested(figures))
+    monkeypatch.setattr(confirmation, "held_out", lambda *_: KnownFigures(figures))
     monkeypatch.setattr(confirmation, "label", lambda *_: "")
     monkeypatch.setattr(
         confirmation,
