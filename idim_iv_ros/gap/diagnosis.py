@@ -26,8 +26,9 @@ from idim_iv_ros.gap.left_over import left_over
 from idim_iv_ros.gap.likelihood import Regression
 from idim_iv_ros.gap.missing_gravity import missing_gravity
 from idim_iv_ros.gap.noise_floor import NoiseFloor, noise_floors, repeats_of
+from idim_iv_ros.gap.numbers_left import numbers_left
 from idim_iv_ros.gap.other_causes import controller_results, parametric_results
-from idim_iv_ros.gap.parametric import parametric_causes
+from idim_iv_ros.gap.parametric import ParametricOutcome, parametric_causes
 from idim_iv_ros.gap.plausible_size import dry_friction
 from idim_iv_ros.gap.regression_rows import smooth_regression
 from idim_iv_ros.gap.result import Cause, EffectParameter, GapResult, NotTestable
@@ -123,7 +124,10 @@ def _diagnosed(
     tracked = tracked_stages(data, model, given)
     simulations = simulation_gaps(model, tracked, tested.refit)
     causes = structural_causes(data, model, tested, simulations, attribution.tried)
-    causes += _other_causes(data, model, floors, without)
+    parametric = [effect for effect in PARAMETRIC if effect.name not in without]
+    # With what has no name, too: it would else pass for wrong numbers.
+    outcome = parametric_causes(data, model.whole, model.whole.fit(model.fit.colours), parametric)
+    causes += _other_causes(data, model, outcome, floors, without)
     if gravity is not None and weightless is not None:
         causes.append(gravity.cause(weightless, tested))
     colours = floor_colours(attribution.refit, [floor.sigma for floor in floors])
@@ -135,9 +139,10 @@ def _diagnosed(
     rest = unexplained(data, model)
     causes = strongest_first(causes, data)
     told = leading(causes, data)
-    verdict = verdict_of(causes, rest)
+    numbers = numbers_left(data, outcome, tested.stages()) if given is not None else ""
     stages = with_tracking(tested.stages(), tracked)
     left = left_over(data, stages, floors)
+    verdict = verdict_of(causes, rest, unexplained=bool(numbers or left))
     if weightless is not None:
         stages = (weightless.stage(0), replace(stages[0], name="+gravity_direction"), *stages[1:])
     first, last = (tracked[0], tracked[-1]) if tracked else (None, None)
@@ -157,6 +162,7 @@ def _diagnosed(
             place.joint_gaps,
             without,
             left,
+            numbers=numbers,
             more=len(causes) - len(told),
             model="refit" if given is None else "given model",
         ),
@@ -177,12 +183,13 @@ def _diagnosed(
 
 
 def _other_causes(
-    data: Baseline, model: NamedModel, floors: Sequence[NoiseFloor], without: Sequence[str]
+    data: Baseline,
+    model: NamedModel,
+    outcome: ParametricOutcome,
+    floors: Sequence[NoiseFloor],
+    without: Sequence[str],
 ) -> list[Cause]:
     """Wrong numbers, and another control law."""
-    parametric = [effect for effect in PARAMETRIC if effect.name not in without]
-    # With what has no name, too: it would else pass for wrong numbers.
-    outcome = parametric_causes(data, model.whole, model.whole.fit(model.fit.colours), parametric)
     structural = [effect for effect in STRUCTURAL if effect.name not in without]
     found = [
         replace(each, rivals=(*each.rivals, *hidden_rivals(data, each, structural)))

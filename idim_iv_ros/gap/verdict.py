@@ -5,8 +5,16 @@ from collections.abc import Sequence
 from idim_iv_ros.gap.result import Cause, JointGap, Unexplained, Verdict
 
 
-def verdict_of(causes: Sequence[Cause], rest: Unexplained | None) -> Verdict:
-    """One word: named causes count before what has no name."""
+def verdict_of(
+    causes: Sequence[Cause], rest: Unexplained | None, *, unexplained: bool = False
+) -> Verdict:
+    """One word: named causes count before what has no name.
+
+    Parameters
+    ----------
+    unexplained
+        Whether much of the gap stays, or goes with numbers that no cause tells.
+    """
     kinds = {cause.kind for cause in causes}
     if kinds == {"parametric", "structural"}:
         return "both"
@@ -14,7 +22,7 @@ def verdict_of(causes: Sequence[Cause], rest: Unexplained | None) -> Verdict:
         return "parametric" if rest is None else "unknown"
     if "structural" in kinds:
         return "structural"
-    return "none" if rest is None else "unknown"
+    return "unknown" if unexplained or rest is not None else "none"
 
 
 def summary_of(
@@ -25,6 +33,7 @@ def summary_of(
     without: Sequence[str],
     left: str = "",
     *,
+    numbers: str = "",
     more: int = 0,
     model: str = "given model",
 ) -> str:
@@ -36,6 +45,8 @@ def summary_of(
         Those to be told.
     left
         What the last model still misses, in words.
+    numbers
+        Wrong given numbers that no cause tells, in words.
     more
         How many smaller causes there are.
     model
@@ -58,6 +69,8 @@ def summary_of(
     if more:
         others = "1 smaller cause is" if more == 1 else f"{more} smaller causes are"
         sentences.append(f"{others} listed beside these.")
+    if numbers:
+        sentences.append(numbers)
     if rest is not None:
         sentences.append(
             f"Not in the catalogue: {rest.where}"

@@ -70,6 +70,15 @@ def test_without_a_given_model_the_gap_is_that_of_the_refit() -> None:
     assert text.startswith("The refit misses 12.3 % of the torque at joint_2")
 
 
+def test_much_that_stays_is_not_nothing() -> None:
+    assert verdict_of([], None, unexplained=True) == "unknown"
+    assert verdict_of([STRIBECK], None, unexplained=True) == "structural"
+    numbers = "Given numbers are wrong: new ones take the gap from 2 to 1 N m at joint_1."
+    text = summary_of("unknown", [], None, GAPS, (), "Still unexplained.", numbers=numbers)
+    assert text.endswith(f"{numbers} Still unexplained.")
+    assert "than chance" not in text
+
+
 def test_what_was_left_out_is_said_and_a_missing_given_model_is_not() -> None:
     no_model = [JointGap("joint_1", 0.5, None, 1.0, None, "lower bound")]
     text = summary_of("none", [], None, no_model, ("stribeck", "payload"))
