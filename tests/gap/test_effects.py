@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.gap.catalogue import EFFECTS, PARAMETRIC, STRUCTURAL
-from idim_iv_ros.gap.effects.effect import Effect, Extent, Place
-from idim_iv_ros.gap.plausible_size import JointScale, judged
+from idim_iv_ros.gap.effects.effect import Effect, Extent, JointScale, Place
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.gap.motions import synthetic
@@ -254,7 +253,55 @@ def test_a_joint_that_slides_has_screws_plays_and_bristles_of_its_own_size() -> 
     for gap, common in ((0.9e-4, True), (0.5e-3, False)):  # m
         shape = (gap, 1e5, 10.0, 1.0)
         scale = JointScale(sliding, 1, 1.0)
-        assert judged(play, shape, np.ones(1), 1.0, scale)[1] == common
+        assert play.plausible(shape, np.ones(1), 1.0, scale) == common
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "common", "large"),
+    [
+        ("load_dependent_friction", (1.0, 5.0, 1.0, 0.0), [0.05, 0.09], [0.05, 0.11]),
+        ("time_delay", (0.002,), [0.9], [1.1]),
+        ("encoder_eccentricity", (1.0,), [0.001, -0.0019], [0.001, -0.0021]),
+        ("elasticity", (0.1 * (2 * np.pi * 11.0) ** 2, 1.0), [0.9], [1.1]),
+    ],
+)
+def test_sizes_that_are_no_torque_have_a_bound_of_their_own(name, shape, common, large) -> None:
+    """Of a joint with 0.1 kg m²; no torque is too large."""
+    effect = BY_NAME[name]
+    scale = JointScale(replace(extent_of(synthetic()), inertia=np.array([9.0, 0.1])), 1, 1.0)
+    assert effect.plausible(shape, np.array(common), 1e3, scale)
+    assert not effect.plausible(shape, np.array(large), 0.0, scale)
+
+
+def test_sizes_that_are_torques_are_shares_of_friction_or_of_the_largest() -> None:
+    covered = replace(extent_of(synthetic()), torque=np.array([1.0, 40.0]))
+    scale = JointScale(covered, 1, 2.0)
+    for name, bound in (("stribeck", 0.4), ("spring", 4.0)):
+        for share in (0.9, 1.1):
+            sized = BY_NAME[name].plausible((), np.ones(1), share * bound, scale)
+            assert sized == (share < 1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "poor", "reason"),
+    [
+        ("stribeck", {"fastest": [2.0, 0.2]}, "too slow"),
+        ("nonlinear_viscous", {"fastest": [2.0, 0.2]}, "too slow"),
+        ("friction_drift", {"duration": 15.0}, "no warm-up"),
+        ("presliding", {"sticking": False}, "where joints stick is not known"),
+        ("encoder_eccentricity", {"low": [0.0, 0.0], "high": [1.0, 0.4]}, "looks constant"),
+        ("encoder_eccentricity", {"lever": [1.0, 0.1]}, "looks constant"),
+    ],
+)
+def test_motion_that_cannot_show_an_effect(name, poor, reason) -> None:
+    rich = replace(
+        extent_of(synthetic()), fastest=np.full(2, 2.0), low=np.zeros(2), high=np.ones(2)
+    )
+    rich = replace(rich, duration=60.0)
+    arrays = {k: np.array(v) if isinstance(v, list) else v for k, v in poor.items()}
+    for effect in STRUCTURAL:
+        assert effect.cannot_show(1, rich) == ""
+    assert reason in BY_NAME[name].cannot_show(1, replace(rich, **arrays))
 
 
 def test_every_effect_has_a_name_of_its_own_and_known_look_alikes() -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape, number
+from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape, ShareOf, number
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 
@@ -18,6 +18,8 @@ class AsymmetricFriction(Effect):
     look_alikes = ("spring",)
     same_as = "an offset of the torque signal"
     excitation = "the same path in both directions, at several speeds and postures"
+    counted = False
+    typical = ShareOf("dry friction", 0.1)  # 5 to 20 %
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Without and with the viscous part."""

@@ -6,6 +6,7 @@ from idim_iv_ros.gap.effects.effect import (
     Effect,
     Extent,
     FloatArray,
+    JointScale,
     Place,
     Shape,
     logarithmic,
@@ -19,6 +20,7 @@ _FLANKS = (12.0, 25.0, 50.0)  # Hz, of the link on a flank
 # Of the bending of the flanks under the largest load.
 _LEAST_GAP = 0.3
 _DAMPING = 0.3  # times critical, of the flanks
+_TYPICAL_GAP = 0.001  # rad, of 0.1 to 10 mrad; 0.01 to 1 mm
 
 
 class Backlash(Effect):
@@ -35,6 +37,7 @@ class Backlash(Effect):
     least_support = 25.0
     free_shape = False
     excitation = "slow motion through postures where the load changes its sign"
+    size_in = "shape"
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Gaps from 0.1 to 40 mrad (10 µm to 4 mm)."""
@@ -76,6 +79,12 @@ class Backlash(Effect):
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
         """The whole change, not a part of it."""
         return bool(0.3 < coefficients[0] < 3.0)
+
+    def plausible(
+        self, shape: Shape, coefficients: FloatArray, torque: float, scale: JointScale
+    ) -> bool:
+        """Gaps up to the middle of what arms have."""
+        return bool(shape[0] <= _TYPICAL_GAP * float(scale.covered.lever[scale.joint]))
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray

@@ -8,6 +8,7 @@ from idim_iv_ros.gap.effects.effect import (
     FloatArray,
     Place,
     Shape,
+    ShareOf,
     direction,
     number,
 )
@@ -25,6 +26,7 @@ class JointCoupling(Effect):
     family = "velocity"
     look_alikes = ("nonlinear_viscous", "stribeck")
     excitation = "both joints in the same and in opposite directions"
+    typical = ShareOf("dry friction", 0.5)
 
     def places(self, joints: int) -> list[Place]:
         """Every pair."""

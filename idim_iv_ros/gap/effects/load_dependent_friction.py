@@ -6,12 +6,15 @@ from idim_iv_ros.gap.effects.effect import (
     Effect,
     Extent,
     FloatArray,
+    JointScale,
     Place,
     Shape,
     number,
 )
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
+
+_TYPICAL = 0.1  # of the load: 3 to 40 %
 
 
 class LoadDependentFriction(Effect):
@@ -59,6 +62,12 @@ class LoadDependentFriction(Effect):
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
         """Friction: both grow with the load."""
         return bool(np.all(coefficients >= 0.0))
+
+    def plausible(
+        self, shape: Shape, coefficients: FloatArray, torque: float, scale: JointScale
+    ) -> bool:
+        """Coefficients up to the middle of what gears have."""
+        return bool(max(coefficients[0], coefficients[-1]) <= _TYPICAL)
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray

@@ -2,12 +2,14 @@
 
 import numpy as np
 
+from idim_iv_ros.gap.effects.bent_friction import too_slow_to_bend
 from idim_iv_ros.gap.effects.effect import (
     Effect,
     Extent,
     FloatArray,
     Place,
     Shape,
+    ShareOf,
     column,
     number,
 )
@@ -27,10 +29,15 @@ class NonlinearViscous(Effect):
     family = "velocity"
     look_alikes = ("stribeck", "friction_drift")
     excitation = "stretches of constant speed over the whole range of speeds"
+    typical = ShareOf("dry friction", 0.5)
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Powers from 0.3 to 3, not around 1, which the model has."""
         return [(power,) for power in _POWERS]
+
+    def cannot_show(self, joint: int, extent: Extent) -> str:
+        """It needs speed."""
+        return too_slow_to_bend(joint, extent)
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""

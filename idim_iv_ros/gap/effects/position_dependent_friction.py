@@ -8,6 +8,7 @@ from idim_iv_ros.gap.effects.effect import (
     FloatArray,
     Place,
     Shape,
+    ShareOf,
     number,
 )
 from idim_iv_ros.gap.effects.waves import (
@@ -35,6 +36,7 @@ class PositionDependentFriction(Effect):
     family = "position"
     look_alikes = ("load_dependent_friction", "position_ripple")
     excitation = "the same places in both directions, slowly"
+    typical = ShareOf("dry friction", 0.1)  # 5 to 15 %
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """One wave, or one spot."""

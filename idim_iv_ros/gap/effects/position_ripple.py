@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape
+from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape, ShareOf
 from idim_iv_ros.gap.effects.waves import (
     MOST_WAVES,
     near_waves,
@@ -23,6 +23,7 @@ class PositionRipple(Effect):
     family = "position"
     look_alikes = ("spring", "position_dependent_friction")
     excitation = "slow constant speed over many periods, in both directions"
+    typical = ShareOf("peak", 0.015)  # 0.5 to 3 %
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """One wave."""

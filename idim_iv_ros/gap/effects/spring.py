@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape, number
+from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape, ShareOf, number
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 
@@ -25,6 +25,7 @@ class Spring(Effect):
     family = "position"
     look_alikes = ("position_ripple", "asymmetric_friction")
     excitation = "the whole range of the joint, slowly"
+    typical = ShareOf("peak", 0.1)
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """All laws, centres over the range, four widths."""

@@ -2,12 +2,14 @@
 
 import numpy as np
 
+from idim_iv_ros.gap.effects.bent_friction import too_slow_to_bend
 from idim_iv_ros.gap.effects.effect import (
     Effect,
     Extent,
     FloatArray,
     Place,
     Shape,
+    ShareOf,
     column,
     logarithmic,
     number,
@@ -28,12 +30,17 @@ class Stribeck(Effect):
     family = "velocity"
     look_alikes = ("nonlinear_viscous", "presliding")
     excitation = "slow sweeps in both directions: a fifth of the time below the Stribeck speed"
+    typical = ShareOf("dry friction", 0.2)  # static over dry friction 1.05 to 1.6
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Speeds from the slowest that counts to a third of the fastest."""
         j = place.joint
         speeds = logarithmic(extent.slowest[j], 0.35 * extent.fastest[j], 8)
         return [(float(speed), exponent) for speed in speeds for exponent in _EXPONENTS]
+
+    def cannot_show(self, joint: int, extent: Extent) -> str:
+        """It needs speed."""
+        return too_slow_to_bend(joint, extent)
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""

@@ -8,6 +8,7 @@ from idim_iv_ros.gap.effects.effect import (
     FloatArray,
     Place,
     Shape,
+    ShareOf,
     column,
     number,
 )
@@ -25,6 +26,7 @@ class TorqueSaturation(Effect):
     family = "load"
     look_alikes = ("load_dependent_friction", "nonlinear_viscous")
     excitation = "high accelerations with a payload, up to the torque limit"
+    typical = ShareOf("peak", 0.05)  # 0 to 15 %
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Knees from 15 to 95 % of the largest torque."""
