@@ -14,6 +14,7 @@ class AsymmetricFriction(Effect):
     """
 
     name = "asymmetric_friction"
+    order = 30
     family = "velocity"
     look_alikes = ("spring",)
     same_as = "an offset of the torque signal"

@@ -32,6 +32,7 @@ class Backlash(Effect):
     """
 
     name = "backlash"
+    order = 80
     family = "load"
     look_alikes = ("elasticity", "presliding")
     least_support = 25.0

@@ -14,6 +14,7 @@ class DriveInertia(ParametricEffect):
     """Change of one drive's inertia on the joint side (grouped with the link's where it must)."""
 
     name = "drive_inertia"
+    order = 50
     look_alikes = ("link_inertia", "payload", "time_delay")
     excitation = "fast motion of this joint and of those it is coupled to"
 

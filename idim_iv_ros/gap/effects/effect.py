@@ -110,6 +110,8 @@ class Effect(ABC):
     """
 
     name: ClassVar[str]
+    # Place in the catalogue: where two explain alike, the lower one counts.
+    order: ClassVar[int]
     family: ClassVar[Family]
     look_alikes: ClassVar[tuple[str, ...]] = ()
     excitation: ClassVar[str]

@@ -28,6 +28,7 @@ class Elasticity(Effect):
     """
 
     name = "elasticity"
+    order = 90
     family = "frequency"
     look_alikes = ("time_delay", "backlash")
     least_support = 25.0

@@ -26,6 +26,7 @@ class EncoderEccentricity(Effect):
     """
 
     name = "encoder_eccentricity"
+    order = 140
     family = "position"
     look_alikes = ("spring", "position_ripple")
     excitation = "fast full turns, or a second encoder on the link"

@@ -25,6 +25,7 @@ class FrictionDrift(Effect):
     """
 
     name = "friction_drift"
+    order = 60
     family = "time"
     look_alikes = ("nonlinear_viscous",)
     excitation = "one motion repeated at the start, in the middle and at the end of the session"

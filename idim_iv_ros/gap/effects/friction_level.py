@@ -16,6 +16,7 @@ class FrictionLevel(ParametricEffect):
     """Changes of both friction parameters of one joint."""
 
     name = "friction_level"
+    order = 40
     look_alikes = ("torque_gain", "stribeck", "load_dependent_friction")
     excitation = "slow and fast motion in both directions"
 

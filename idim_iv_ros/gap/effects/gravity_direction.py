@@ -18,6 +18,7 @@ class GravityDirection(ParametricEffect):
     """Small rotation of gravity about two axes of the base frame that are level."""
 
     name = "gravity_direction"
+    order = 20
     look_alikes = ("payload", "link_inertia", "spring")
     excitation = "slow motion through the whole range of all joints"
 

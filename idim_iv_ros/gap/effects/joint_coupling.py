@@ -23,6 +23,7 @@ class JointCoupling(Effect):
     """
 
     name = "joint_coupling"
+    order = 150
     family = "velocity"
     look_alikes = ("nonlinear_viscous", "stribeck")
     excitation = "both joints in the same and in opposite directions"

@@ -18,6 +18,7 @@ class LinkInertia(ParametricEffect):
     """Changes of the standard inertial parameters of one link, those that the motion shows."""
 
     name = "link_inertia"
+    order = 60
     look_alikes = ("payload", "drive_inertia", "torque_gain")
     excitation = "all joints, fast and in many poses"
 

@@ -26,6 +26,7 @@ class LoadDependentFriction(Effect):
     """
 
     name = "load_dependent_friction"
+    order = 40
     family = "load"
     look_alikes = ("position_dependent_friction", "torque_saturation")
     excitation = "one path with two payloads, or slowly through postures of high and low gravity"

@@ -26,6 +26,7 @@ class NonlinearViscous(Effect):
     """
 
     name = "nonlinear_viscous"
+    order = 20
     family = "velocity"
     look_alikes = ("stribeck", "friction_drift")
     excitation = "stretches of constant speed over the whole range of speeds"

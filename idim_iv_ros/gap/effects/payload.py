@@ -19,6 +19,7 @@ class Payload(ParametricEffect):
     """Mass, first moments and, where they are needed, moments of inertia, in the link's frame."""
 
     name = "payload"
+    order = 10
     look_alikes = ("link_inertia", "torque_gain", "gravity_direction")
     excitation = "all joints, in poses that move the last link through all directions of gravity"
 

@@ -33,6 +33,7 @@ class PositionDependentFriction(Effect):
     """
 
     name = "position_dependent_friction"
+    order = 50
     family = "position"
     look_alikes = ("load_dependent_friction", "position_ripple")
     excitation = "the same places in both directions, slowly"

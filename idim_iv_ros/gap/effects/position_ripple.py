@@ -20,6 +20,7 @@ class PositionRipple(Effect):
     """Σ sine_k sin(n_k q) + cosine_k cos(n_k q), the same in both directions; shape: n_k."""
 
     name = "position_ripple"
+    order = 120
     family = "position"
     look_alikes = ("spring", "position_dependent_friction")
     excitation = "slow constant speed over many periods, in both directions"

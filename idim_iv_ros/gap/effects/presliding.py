@@ -36,6 +36,7 @@ class Presliding(Effect):
     """
 
     name = "presliding"
+    order = 70
     family = "velocity"
     look_alikes = ("stribeck", "backlash")
     excitation = "many small reversals of different sizes, at different rates"

@@ -22,6 +22,7 @@ class Spring(Effect):
     """
 
     name = "spring"
+    order = 130
     family = "position"
     look_alikes = ("position_ripple", "asymmetric_friction")
     excitation = "the whole range of the joint, slowly"

@@ -27,6 +27,7 @@ class Stribeck(Effect):
     """
 
     name = "stribeck"
+    order = 10
     family = "velocity"
     look_alikes = ("nonlinear_viscous", "presliding")
     excitation = "slow sweeps in both directions: a fifth of the time below the Stribeck speed"

@@ -26,6 +26,7 @@ class TimeDelay(Effect):
     """
 
     name = "time_delay"
+    order = 100
     family = "frequency"
     look_alikes = ("elasticity", "nonlinear_viscous")
     least_support = 25.0

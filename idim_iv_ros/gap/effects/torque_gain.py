@@ -17,6 +17,7 @@ class TorqueGain(ParametricEffect):
     """Actual torque = (1 + gain) · recorded torque: the recording holds torque / (1 + gain)."""
 
     name = "torque_gain"
+    order = 30
     look_alikes = ("payload", "link_inertia", "friction_level")
     excitation = "a known load: gravity and inertia that the given model is right about"
 

@@ -23,6 +23,7 @@ class TorqueSaturation(Effect):
     """
 
     name = "torque_saturation"
+    order = 110
     family = "load"
     look_alikes = ("load_dependent_friction", "nonlinear_viscous")
     excitation = "high accelerations with a payload, up to the torque limit"
