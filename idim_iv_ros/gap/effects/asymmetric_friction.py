@@ -11,6 +11,8 @@ class AsymmetricFriction(Effect):
     """offset + viscous · |dq|: half the differences of dry and viscous friction.
 
     A constant torque (of a sensor, a motor, a spring) cannot be told from the first.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "asymmetric_friction"

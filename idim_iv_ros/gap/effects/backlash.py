@@ -29,6 +29,8 @@ class Backlash(Effect):
     Moves the torques of all joints. Shape: gap rad, stiffness of the flanks N m/rad, their
     damping, and the largest load. With flanks that bend further under it than the gap is wide, it
     is a shaft.
+
+    Simulated by `simulation.shaft.shafts_of` and `simulation.effect_kernel.effect_torques`.
     """
 
     name = "backlash"

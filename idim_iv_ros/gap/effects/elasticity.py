@@ -25,6 +25,8 @@ class Elasticity(Effect):
     """Two masses on a shaft: what was measured is the motor's position.
 
     Moves the torques of all joints. Shape: stiffness N m/rad, damping N m s/rad.
+
+    Simulated by `simulation.shaft.shafts_of` and `simulation.effect_kernel.effect_torques`.
     """
 
     name = "elasticity"

@@ -23,6 +23,8 @@ class EncoderEccentricity(Effect):
     """q_measured = q + sine sin q + cosine cos q (+ twice a turn); shape: 1 or 2 terms.
 
     The model is evaluated at the wrong position: to first order all torques move.
+
+    Simulated by `simulation.effect_kernel.measure`.
     """
 
     name = "encoder_eccentricity"

@@ -22,6 +22,8 @@ class FrictionDrift(Effect):
     """exp(−t / time_constant) · (coulomb sign(dq) + viscous dq), t since the first recording.
 
     Shape: time constant, s.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "friction_drift"

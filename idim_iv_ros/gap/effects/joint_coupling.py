@@ -20,6 +20,8 @@ class JointCoupling(Effect):
     """coulomb sign(w) + viscous |w|^power sign(w), w = dq_a ± dq_b, on both joints.
 
     Shape: direction ±1, power.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "joint_coupling"

@@ -15,7 +15,10 @@ _POSITIVE = ("M", "XX", "YY", "ZZ")
 
 
 class LinkInertia(ParametricEffect):
-    """Changes of the standard inertial parameters of one link, those that the motion shows."""
+    """Changes of the standard inertial parameters of one link, those that the motion shows.
+
+    Simulated with the base parameters, which hold it.
+    """
 
     name = "link_inertia"
     order = 60

@@ -23,6 +23,8 @@ class LoadDependentFriction(Effect):
     Shape: exponent, scale (the largest load), 1 where both directions of the power flow have a
     coefficient of their own (a gear that is driven loses less or more than one that drives), and
     1 where the load is the motor's whole torque instead of that of the links.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "load_dependent_friction"

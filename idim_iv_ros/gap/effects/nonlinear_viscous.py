@@ -23,6 +23,8 @@ class NonlinearViscous(Effect):
     """coefficient · |dq|^power · sign(dq); shape: power.
 
     Friction that grows more slowly than the speed is common: powers below one belong to it.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "nonlinear_viscous"

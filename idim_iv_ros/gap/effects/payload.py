@@ -16,7 +16,10 @@ _NAMES = {"M": "mass", "MX": "moment_x", "MY": "moment_y", "MZ": "moment_z"}
 
 
 class Payload(ParametricEffect):
-    """Mass, first moments and, where they are needed, moments of inertia, in the link's frame."""
+    """Mass, first moments and, where they are needed, moments of inertia, in the link's frame.
+
+    Simulated with the base parameters, which hold it.
+    """
 
     name = "payload"
     order = 10

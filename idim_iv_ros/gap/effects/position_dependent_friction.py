@@ -30,6 +30,8 @@ class PositionDependentFriction(Effect):
     """sign(dq) · (waves of the position, or height · exp(−((q − centre) / width)²)).
 
     Shape: wave numbers n_k, or −1, centre, width of a tight spot.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "position_dependent_friction"

@@ -17,7 +17,10 @@ _PERIODS = 2.5  # in the range of the joint, at least: fewer are a spring
 
 
 class PositionRipple(Effect):
-    """Σ sine_k sin(n_k q) + cosine_k cos(n_k q), the same in both directions; shape: n_k."""
+    """Σ sine_k sin(n_k q) + cosine_k cos(n_k q), the same in both directions; shape: n_k.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
+    """
 
     name = "position_ripple"
     order = 120

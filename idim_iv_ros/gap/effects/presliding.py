@@ -33,6 +33,9 @@ class Presliding(Effect):
     """Σ level_k (z_k − sign(dq)), z_k a bristle that slips after span_k; shape: the spans.
 
     Replaces as much of the Coulomb friction by springs that slip (Maxwell-slip).
+
+    Simulated by `simulation.effect_kernel.effect_torques` and
+    `simulation.effect_kernel.slide_bristles`.
     """
 
     name = "presliding"

@@ -19,6 +19,8 @@ class Spring(Effect):
     Shape: law, lowest and highest position (outside them it is constant), centre, width; law 0: a
     cubic polynomial, 1: constant + linear q + bent sinh((q − centre) / width) (it hardens), 2: the
     same with arctan (it softens). Of a linear spring the model absorbs what looks like gravity.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "spring"

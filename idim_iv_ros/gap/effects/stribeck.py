@@ -24,6 +24,8 @@ class Stribeck(Effect):
     """excess · exp(−(|dq| / speed)^exponent) · sign(dq); shape: speed, exponent.
 
     Static friction exceeds sliding friction: the excess is not negative.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "stribeck"

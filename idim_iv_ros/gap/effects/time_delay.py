@@ -23,6 +23,8 @@ class TimeDelay(Effect):
     """The logged command leads the torque by `delay`: τ(t + delay) − τ(t); shape: delay, s.
 
     The slow current loop of a drive is the same to first order.
+
+    Simulated by `simulation.effect_signals.delays`.
     """
 
     name = "time_delay"

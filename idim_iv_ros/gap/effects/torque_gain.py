@@ -14,7 +14,10 @@ _LARGEST = 0.6  # of the recorded torque that is needed, more or less
 
 
 class TorqueGain(ParametricEffect):
-    """Actual torque = (1 + gain) · recorded torque: the recording holds torque / (1 + gain)."""
+    """Actual torque = (1 + gain) · recorded torque: the recording holds torque / (1 + gain).
+
+    Simulated by `simulation.effect_kernel.acting_torque`.
+    """
 
     name = "torque_gain"
     order = 30

@@ -20,6 +20,8 @@ class TorqueSaturation(Effect):
     """Command beyond the knee: the acting torque rises with a smaller slope; shape: knee, N m.
 
     For the torque τ that acts, the command is τ + coefficient · (|τ| − knee)₊ sign(τ).
+
+    Simulated by `simulation.effect_kernel.acting_torque`.
     """
 
     name = "torque_saturation"
