@@ -11,6 +11,8 @@ import pytest
 from idim_iv_ros.gap import catalogue, effects
 from idim_iv_ros.gap.catalogue import EFFECTS, PARAMETRIC, STRUCTURAL
 from idim_iv_ros.gap.effects.effect import Effect, Extent, JointScale, Place
+from idim_iv_ros.gap.effects.waves import waves
+from idim_iv_ros.gap.generic import Stop
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.gap.motions import synthetic
@@ -186,7 +188,7 @@ def test_shapes_of_a_moving_joint_give_finite_torques_of_one_width(effect: Effec
             found = effect.parameters(shape, np.full(width, 0.7), np.full(width, 0.1))
             assert all(np.isfinite(parameter.value) for parameter in found.values())
             for step in (0.3, 0.07):
-                for near in effect.neighbours(shape, step, covered):
+                for near in effect.neighbours(shape, step, place, covered):
                     assert len(near) == len(shape)
                     assert np.isfinite(near).all()
 
@@ -257,6 +259,50 @@ def test_a_joint_that_slides_has_screws_plays_and_bristles_of_its_own_size() -> 
         shape = (gap, 1e5, 10.0, 1.0)
         scale = JointScale(sliding, 1, 1.0)
         assert play.plausible(shape, np.ones(1), 1.0, scale) == common
+
+
+def test_shapes_are_refined_in_the_range_of_their_own_joint() -> None:
+    """3 rad beside 0.2 m: a wave is told from another by a period more or less in its range."""
+    covered = replace(
+        extent_of(synthetic()),
+        low=np.array([-1.0, 0.3]),
+        high=np.array([2.0, 0.5]),
+        slowest=np.array([0.02, 0.002]),
+        lever=np.array([1.0, 0.1]),
+    )
+    pitch = 2.0 * np.pi / 0.02  # 1/m, of a screw
+    for joint, span, wave in ((0, 3.0, 10.0), (1, 0.2, pitch)):
+        resolution = 2.0 * np.pi / span
+        for name in ("position_ripple", "position_dependent_friction"):
+            effect = BY_NAME[name]
+            grid = np.array([s[0] for s in effect.grid(Place(joint), covered) if len(s) == 1])
+            coarse = np.diff(grid).max()
+            moves = [
+                [abs(n - wave) for (n,) in effect.neighbours((wave,), step, Place(joint), covered)]
+                for step in (0.3, 0.15, 0.07)
+            ]
+            np.testing.assert_allclose(moves, np.outer([0.3, 0.15, 0.07], 2 * [resolution]))
+            # Steps of a search together pass half of the grid's, and end a tenth of a period off.
+            assert 4 * sum(each[0] for each in moves) > 0.5 * coarse
+            assert moves[-1][0] < 0.1 * resolution
+    position = np.linspace(0.3, 0.5, 2000)
+    ripple = BY_NAME["position_ripple"]
+
+    def left(shape: tuple[float, ...]) -> float:
+        rows = waves(position, shape)
+        torque = np.sin(pitch * position + 0.7)
+        return float(np.var(torque - rows @ np.linalg.lstsq(rows, torque, rcond=None)[0]))
+
+    best = min(ripple.grid(Place(1), covered), key=left)
+    for step in 4 * [0.3] + 4 * [0.15] + 4 * [0.07]:
+        best = min([best, *ripple.neighbours(best, step, Place(1), covered)], key=left)
+    assert best[0] == pytest.approx(pitch, abs=0.05 * 2.0 * np.pi / 0.2)
+    assert left(best) < 0.01 * 0.5
+    stops = [s for _, s in Stop().neighbours((1.0, 0.48), 0.3, Place(1), covered)]
+    np.testing.assert_allclose(stops, [0.483, 0.477])
+    spot = BY_NAME["position_dependent_friction"]
+    for _, centre, width in spot.neighbours((-1.0, 0.525, 0.03), 0.3, Place(1), covered):
+        assert 0.3 - width < centre < 0.5 + width
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ class AsymmetricFriction(Effect):
         """Without and with the viscous part."""
         return [(0.0,), (1.0,)]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """None: both shapes are tried."""
         return []
 

@@ -56,7 +56,7 @@ class Backlash(Effect):
             shapes += [(float(gap), stiffness, damping, load) for gap in gaps]
         return [shape for shape in shapes if _wide(shape)]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Gap and flanks; their damping follows."""
         gap, stiffness, damping, load = shape
         root = float(np.sqrt(1.0 + step))

@@ -160,12 +160,12 @@ class Effect(ABC):
         """How many numbers of the shape the search may choose."""
         return len(shape)
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Shapes near one: each number larger and smaller by the factor 1 + step."""
         near = []
-        for place, number in enumerate(shape):
+        for k, number in enumerate(shape):
             for factor in (1.0 + step, 1.0 / (1.0 + step)):
-                near.append((*shape[:place], number * factor, *shape[place + 1 :]))
+                near.append((*shape[:k], number * factor, *shape[k + 1 :]))
         return near
 
     def settled(self, shape: Shape, coefficients: FloatArray) -> Shape:

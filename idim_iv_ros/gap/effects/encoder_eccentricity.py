@@ -37,7 +37,7 @@ class EncoderEccentricity(Effect):
         """Once, or once and twice a turn."""
         return [(1.0,), (2.0,)]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """None."""
         return []
 

@@ -39,7 +39,7 @@ class JointCoupling(Effect):
         """Both directions, linear."""
         return [(1.0, 1.0), (-1.0, 1.0)]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """The power between 0.5 and 1.6."""
         sign, power = shape
         near = (power * (1.0 + step), power / (1.0 + step))

@@ -41,7 +41,7 @@ class LoadDependentFriction(Effect):
         both = (0.0, 1.0)
         return [(e, scale, two, all_) for e in (0.8, 1.0, 1.3) for two in both for all_ in both]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Exponents between 0.6 and 1.6."""
         exponent, scale, two, motor = shape
         near = (exponent * (1.0 + step), exponent / (1.0 + step))

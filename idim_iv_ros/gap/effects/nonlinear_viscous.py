@@ -47,9 +47,9 @@ class NonlinearViscous(Effect):
         v = motion.velocity[:, place.joint]
         return column(place.joint, np.abs(v) ** shape[0] * motion.slip[:, place.joint])
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Powers stay between 0.2 and 4, and away from one."""
-        near = super().neighbours(shape, step, extent)
+        near = super().neighbours(shape, step, place, extent)
         low, high = (0.2, 0.8) if shape[0] < 1.0 else (1.25, 4.0)
         return [(min(max(power, low), high),) for (power,) in near]
 

@@ -61,14 +61,14 @@ class PositionDependentFriction(Effect):
         spots = [shape for shape in grid if shape[0] == _SPOT]
         return [[shape for shape in grid if shape[0] != _SPOT], spots]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Nearby wave numbers, centres and widths."""
         if shape[0] != _SPOT:
-            return near_waves(shape, step, float(np.max(extent.high - extent.low)))
+            return near_waves(shape, step, extent.span(place.joint))
         _, centre, width = shape
         moved: list[Shape] = [(_SPOT, centre + sign * step * width, width) for sign in (1.0, -1.0)]
         moved += [(_SPOT, centre, width * (1 + step)), (_SPOT, centre, width / (1 + step))]
-        low, high = float(np.min(extent.low)), float(np.max(extent.high))
+        low, high = float(extent.low[place.joint]), float(extent.high[place.joint])
         return [each for each in moved if low - each[2] < each[1] < high + each[2]]
 
     def longer(self, shape: Shape, place: Place, extent: Extent) -> list[Shape]:

@@ -1,7 +1,5 @@
 """Torque that ripples with the position: cogging, teeth, ripple of the motor's current."""
 
-import numpy as np
-
 from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape, ShareOf
 from idim_iv_ros.gap.effects.waves import (
     MOST_WAVES,
@@ -33,9 +31,9 @@ class PositionRipple(Effect):
         """One wave."""
         return [(float(n),) for n in wave_numbers(place, extent, _PERIODS)]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Nearby wave numbers."""
-        return near_waves(shape, step, float(np.max(extent.high - extent.low)))
+        return near_waves(shape, step, extent.span(place.joint))
 
     def longer(self, shape: Shape, place: Place, extent: Extent) -> list[Shape]:
         """One wave more."""

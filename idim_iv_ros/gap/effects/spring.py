@@ -47,7 +47,7 @@ class Spring(Effect):
         """Centre and width of the bent ones."""
         return 0 if shape[0] == _CUBIC else 2
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Nearby centres and widths."""
         law, low, high, centre, width = shape
         if law == _CUBIC:

@@ -53,9 +53,9 @@ class Stribeck(Effect):
             place.joint, np.exp(-((np.abs(v) / speed) ** exponent)) * motion.slip[:, place.joint]
         )
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Exponents stay between 0.5 and 2.5."""
-        near = super().neighbours(shape, step, extent)
+        near = super().neighbours(shape, step, place, extent)
         return [(speed, min(max(exponent, 0.5), 2.5)) for speed, exponent in near]
 
     def parameters(

@@ -43,9 +43,9 @@ class TimeDelay(Effect):
         """None: for short delays only their product with the coefficient counts."""
         return 0
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Delays down to a tenth of a millisecond."""
-        near = super().neighbours(shape, step, extent)
+        near = super().neighbours(shape, step, place, extent)
         return [(max(delay, 1e-4),) for (delay,) in near]
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:

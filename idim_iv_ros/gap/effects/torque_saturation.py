@@ -37,9 +37,9 @@ class TorqueSaturation(Effect):
             (float(share * extent.torque[place.joint]),) for share in np.linspace(0.15, 0.95, 17)
         ]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """A smaller step: the tail is short."""
-        return super().neighbours(shape, 0.3 * step, extent)
+        return super().neighbours(shape, 0.3 * step, place, extent)
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""
