@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.candidate import Candidate
 from idim_iv_ros.gap.candidate_rows import extent
-from idim_iv_ros.gap.effects.asymmetric_friction import AsymmetricFriction
 from idim_iv_ros.gap.effects.effect import Effect, Place
 from idim_iv_ros.gap.generic import Generic
 from idim_iv_ros.gap.likelihood import Fit, Regression, Scan
@@ -102,7 +101,7 @@ def attribute(
 
 def _counted(found: Sequence[Found]) -> int:
     """How many effects were accepted, less the offsets that every joint may have."""
-    return sum(each.candidate.effect.name != AsymmetricFriction.name for each in found)
+    return sum(each.candidate.effect.counted for each in found)
 
 
 def named_first(candidates: Sequence[Candidate]) -> Candidate | None:
@@ -187,7 +186,7 @@ def _all(
         for effect in catalogue
         for place in effect.places(len(search.data.joints))
         if (effect.name, place.joint, place.other) not in taken
-        and not cannot_show(effect.name, place.joint, search.extent)
+        and not cannot_show(effect, place.joint, search.extent)
     ]
     for number, (effect, place) in enumerate(jobs):
         if (effect, place) in known:

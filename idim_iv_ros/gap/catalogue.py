@@ -1,65 +1,39 @@
-"""The catalogue: which effects the diagnosis looks for."""
+"""The catalogue: which effects the diagnosis looks for, as the files of `gap.effects` have them."""
 
-from idim_iv_ros.gap.effects.asymmetric_friction import AsymmetricFriction
-from idim_iv_ros.gap.effects.backlash import Backlash
-from idim_iv_ros.gap.effects.drive_inertia import DriveInertia
+from importlib import import_module
+from inspect import getmembers, isabstract, isclass
+from pkgutil import iter_modules
+
+from idim_iv_ros.gap import effects
+from idim_iv_ros.gap.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.gap.effects.effect import Effect
-from idim_iv_ros.gap.effects.elasticity import Elasticity
-from idim_iv_ros.gap.effects.encoder_eccentricity import EncoderEccentricity
-from idim_iv_ros.gap.effects.friction_drift import FrictionDrift
-from idim_iv_ros.gap.effects.friction_level import FrictionLevel
-from idim_iv_ros.gap.effects.gravity_direction import GravityDirection
-from idim_iv_ros.gap.effects.joint_coupling import JointCoupling
-from idim_iv_ros.gap.effects.link_inertia import LinkInertia
-from idim_iv_ros.gap.effects.load_dependent_friction import LoadDependentFriction
-from idim_iv_ros.gap.effects.nonlinear_viscous import NonlinearViscous
 from idim_iv_ros.gap.effects.parametric_effect import ParametricEffect
-from idim_iv_ros.gap.effects.payload import Payload
-from idim_iv_ros.gap.effects.position_dependent_friction import PositionDependentFriction
-from idim_iv_ros.gap.effects.position_ripple import PositionRipple
-from idim_iv_ros.gap.effects.presliding import Presliding
-from idim_iv_ros.gap.effects.spring import Spring
-from idim_iv_ros.gap.effects.stribeck import Stribeck
-from idim_iv_ros.gap.effects.time_delay import TimeDelay
-from idim_iv_ros.gap.effects.torque_gain import TorqueGain
-from idim_iv_ros.gap.effects.torque_saturation import TorqueSaturation
 
-# Where two explain the change alike, the first counts.
-PARAMETRIC: tuple[ParametricEffect, ...] = (
-    Payload(),
-    GravityDirection(),
-    TorqueGain(),
-    FrictionLevel(),
-    DriveInertia(),
-    LinkInertia(),
-)
 
-STRUCTURAL: tuple[Effect, ...] = (
-    Stribeck(),
-    NonlinearViscous(),
-    AsymmetricFriction(),
-    LoadDependentFriction(),
-    PositionDependentFriction(),
-    FrictionDrift(),
-    Presliding(),
-    Backlash(),
-    Elasticity(),
-    TimeDelay(),
-    TorqueSaturation(),
-    PositionRipple(),
-    Spring(),
-    EncoderEccentricity(),
-    JointCoupling(),
-)
+def _one_of_each() -> list[Effect | ParametricEffect]:
+    """Every effect that a module of the package defines, in the order that they give."""
+    modules = [
+        import_module(f"{effects.__name__}.{module.name}")
+        for module in iter_modules(effects.__path__)
+    ]
+    found: list[Effect | ParametricEffect] = [
+        each()
+        for module in modules
+        for _, each in getmembers(module, isclass)
+        if each.__module__ == module.__name__
+        and issubclass(each, (Effect, ParametricEffect))
+        and not isabstract(each)
+    ]
+    return sorted(found, key=lambda effect: effect.order)
 
-# Every name that a cause may have, parametric ones first.
+
+_FOUND = _one_of_each()
+PARAMETRIC = tuple(effect for effect in _FOUND if isinstance(effect, ParametricEffect))
+STRUCTURAL = tuple(effect for effect in _FOUND if isinstance(effect, Effect))
+
+# Every name that a cause may have.
 EFFECTS: tuple[str, ...] = (
-    "payload",
-    "link_inertia",
-    "gravity_direction",
-    "torque_gain",
-    "friction_level",
-    "drive_inertia",
+    *(effect.name for effect in PARAMETRIC),
     *(effect.name for effect in STRUCTURAL),
-    "controller_mismatch",
+    ControllerMismatch.name,
 )

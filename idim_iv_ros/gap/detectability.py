@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.gap.effects.effect import Effect, Place, Shape
+from idim_iv_ros.gap.effects.effect import Effect, JointScale, Place, Shape
 from idim_iv_ros.gap.likelihood import Columns, Scan
-from idim_iv_ros.gap.plausible_size import JointScale, judged
 
 FloatArray = NDArray[np.float64]
 
@@ -24,9 +23,6 @@ _LEAST_SHARE = 0.01
 ABSORBED = 0.995
 _MOST_SCALED = 1.5  # a shaft or a delay is scaled down, but no further up than this
 _TINY = 1e-12
-# Effects whose coefficient is one: their size is in the shape.
-_SHAPED = ("backlash",)
-_SCALED = ("elasticity", "time_delay")
 
 
 @dataclass(frozen=True)
@@ -51,7 +47,7 @@ class Detectability:
     smallest : str
         Smallest size that would be seen, in words; empty where none would.
     plausible : bool
-        Whether that is no larger than what is plausible (`judged`).
+        Whether that is no larger than what is plausible (`Effect.plausible`).
     """
 
     absorbed: float
@@ -176,14 +172,14 @@ def _measure(
         share = rest / remainder.energy[part]
         largest = remainder.largest[part]
         absorbed.append(1.0 - float(share.max()))
-        if effect.name in _SHAPED:
+        if effect.size_in == "shape":
             if rest[0] >= needed and share[0] > 1.0 - ABSORBED:
-                words, plausible = judged(effect, shape, np.ones(1), 0.0, scale)
+                words, plausible = _judged(effect, shape, np.ones(1), 0.0, scale)
                 options.append((plausible, float(shape[0]), words))
             continue
         size = np.sqrt(needed / np.maximum(rest, _TINY))
         size[(share < 1.0 - ABSORBED) | (largest <= 0.0)] = np.inf
-        if effect.name in _SCALED:
+        if effect.size_in == "scale":
             size[size > _MOST_SCALED] = np.inf
         k = int(np.argmin(size * np.maximum(largest, _TINY)))
         if not np.isfinite(size[k]):
@@ -191,9 +187,17 @@ def _measure(
         coefficients = np.zeros(len(size))
         coefficients[k] = size[k]
         torque = float(size[k] * largest[k])
-        words, plausible = judged(effect, shape, coefficients, torque, scale)
+        words, plausible = _judged(effect, shape, coefficients, torque, scale)
         options.append((plausible, torque, words))
     options.sort(key=lambda option: (not option[0], option[1]))
     if not options:
         return Detectability(float(np.median(absorbed)), min(absorbed), "", False)
     return Detectability(float(np.median(absorbed)), min(absorbed), options[0][2], options[0][0])
+
+
+def _judged(
+    effect: Effect, shape: Shape, coefficients: FloatArray, torque: float, scale: JointScale
+) -> tuple[str, bool]:
+    """Size in words, and whether it is no larger than what is plausible."""
+    words = effect.size_in_words(shape, coefficients, torque)
+    return words, effect.plausible(shape, coefficients, torque, scale)

@@ -15,6 +15,7 @@ from idim_iv_ros.gap.catalogue import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.gap.cause_order import leading, strongest_first
 from idim_iv_ros.gap.confirmation import confirmed
 from idim_iv_ros.gap.controller_check import controller_mismatch, why_not_checked
+from idim_iv_ros.gap.dry_friction import dry_friction
 from idim_iv_ros.gap.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.gap.effects.encoder_eccentricity import EncoderEccentricity
 from idim_iv_ros.gap.effects.gravity_direction import GravityDirection
@@ -29,7 +30,6 @@ from idim_iv_ros.gap.noise_floor import NoiseFloor, noise_floors, repeats_of
 from idim_iv_ros.gap.numbers_left import numbers_left
 from idim_iv_ros.gap.other_causes import controller_results, parametric_results
 from idim_iv_ros.gap.parametric import ParametricOutcome, parametric_causes
-from idim_iv_ros.gap.plausible_size import dry_friction
 from idim_iv_ros.gap.regression_rows import smooth_regression
 from idim_iv_ros.gap.result import Cause, EffectParameter, GapResult, NotTestable
 from idim_iv_ros.gap.structural_causes import NamedModel, named_model, structural_causes

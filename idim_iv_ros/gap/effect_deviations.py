@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.candidate import Candidate
 from idim_iv_ros.gap.candidate_rows import extent, rows_of
-from idim_iv_ros.gap.effects.effect import Effect, Extent, Shape
+from idim_iv_ros.gap.effects.effect import Effect, Extent, Place, Shape
 from idim_iv_ros.gap.likelihood import Fit, Regression
 from idim_iv_ros.gap.result import EffectParameter
 
@@ -44,7 +44,7 @@ def parameters_of(
     coefficients = fit.coefficients[own]
     held = np.sqrt(np.maximum(np.diag(fit.coefficient_covariance)[own], 0.0))
     found = effect.parameters(shape, coefficients, held)
-    near = _near(effect, shape, extent(data)) if effect.free_shape else []
+    near = _near(effect, shape, candidate.place, extent(data)) if effect.free_shape else []
     if not near:
         return found
     here, *moved = rows_of(data, effect, candidate.place, [shape, *near])
@@ -67,10 +67,10 @@ def parameters_of(
     }
 
 
-def _near(effect: Effect, shape: Shape, covered: Extent) -> list[Shape]:
+def _near(effect: Effect, shape: Shape, place: Place, covered: Extent) -> list[Shape]:
     """One neighbour for each number, or numbers that move together, of the shape."""
     kept: dict[tuple[int, ...], Shape] = {}
-    for near in effect.neighbours(shape, _STEP, covered):
+    for near in effect.neighbours(shape, _STEP, place, covered):
         moved = tuple(k for k, (a, b) in enumerate(zip(near, shape, strict=True)) if a != b)
         if moved:
             kept.setdefault(moved, near)

@@ -21,7 +21,7 @@ class Generic(Effect):
     excitation = ""
     words: str
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """None."""
         return []
 
@@ -89,9 +89,9 @@ class Stop(Generic):
         ]
         return upper + [(-1.0, float(p)) for p in np.linspace(low + 0.02 * reach, low + reach, 25)]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Nearby positions."""
-        move = 0.05 * step * float(np.max(extent.high - extent.low))
+        move = 0.05 * step * extent.span(place.joint)
         return [(shape[0], shape[1] + move), (shape[0], shape[1] - move)]
 
     def free_numbers(self, shape: Shape) -> int:

@@ -173,7 +173,7 @@ class Search:
     ) -> tuple[Shape, float]:
         for step in _STEPS:
             for _ in range(_CHANGES):
-                near = effect.neighbours(shape, step, self.extent)
+                near = effect.neighbours(shape, step, place, self.extent)
                 if not near:
                     return shape, score
                 rows = rows_of(self.data, effect, place, near)

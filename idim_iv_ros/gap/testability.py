@@ -8,11 +8,10 @@ import numpy as np
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.candidate_rows import extent, rows_of
 from idim_iv_ros.gap.detectability import ABSORBED, Detectability, ShapedEffect, detectability
-from idim_iv_ros.gap.effects.effect import Effect, Extent, Place
+from idim_iv_ros.gap.effects.effect import Effect, Extent, JointScale, Place
 from idim_iv_ros.gap.joint_units import unit_at
 from idim_iv_ros.gap.likelihood import Colour, Fit, Regression, Scan
 from idim_iv_ros.gap.motion_limits import cannot_show
-from idim_iv_ros.gap.plausible_size import JointScale
 from idim_iv_ros.gap.result import Confusability, NotTestable
 
 _SHAPES = 4
@@ -45,7 +44,7 @@ def shown_by_motion(
         candidates: list[ShapedEffect] = []
         for effect in catalogue:
             for place in _places(effect, joint, len(data.joints)):
-                reason = cannot_show(effect.name, joint, covered)
+                reason = cannot_show(effect, joint, covered)
                 made = None if reason else _shaped(data, effect, place, covered)
                 if made is None:
                     reason = reason or "no shape of it is possible on this motion"

@@ -31,7 +31,7 @@ class WrongNumber(Effect):
         """None."""
         return 0
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """None."""
         return []
 

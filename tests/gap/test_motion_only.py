@@ -7,11 +7,11 @@ import pytest
 
 from idim_iv_ros.gap.baseline import Baseline, baseline
 from idim_iv_ros.gap.catalogue import STRUCTURAL
+from idim_iv_ros.gap.dry_friction import dry_friction
 from idim_iv_ros.gap.left_over import left_over
 from idim_iv_ros.gap.likelihood import Regression
 from idim_iv_ros.gap.noise_floor import NoiseFloor, noise_floors, repeats_of
 from idim_iv_ros.gap.parametric import parametric_causes
-from idim_iv_ros.gap.plausible_size import dry_friction
 from idim_iv_ros.gap.regression_rows import smooth_regression
 from idim_iv_ros.gap.result import Stage
 from idim_iv_ros.gap.testability import floor_colours, shown_by_motion

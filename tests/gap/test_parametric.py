@@ -13,6 +13,7 @@ import pytest
 from idim_iv_ros.gap.baseline import Baseline, baseline
 from idim_iv_ros.gap.catalogue import STRUCTURAL
 from idim_iv_ros.gap.effects.effect import Extent
+from idim_iv_ros.gap.effects.presliding import Presliding
 from idim_iv_ros.gap.hidden_rivals import hidden_rivals
 from idim_iv_ros.gap.likelihood import Regression
 from idim_iv_ros.gap.motion_limits import cannot_show, too_little
@@ -146,9 +147,9 @@ def test_too_little_motion(span: float, fastest: float, lever: float, little: bo
 
 def test_presliding_needs_to_know_where_joints_stick() -> None:
     known = covered(2.0, 1.0)
-    assert cannot_show("presliding", 0, known) == ""
+    assert cannot_show(Presliding(), 0, known) == ""
     assert "closed loop is not simulated" in cannot_show(
-        "presliding", 0, replace(known, sticking=False)
+        Presliding(), 0, replace(known, sticking=False)
     )
 
 

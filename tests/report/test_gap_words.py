@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.excitation.separation import separating_motion
-from idim_iv_ros.gap.plausible_size import _in_words
+from idim_iv_ros.gap.effects.effect import in_words
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.report import gap_report_html
 from idim_iv_ros.report.gap_sections.tracking import _drawing
@@ -52,7 +52,7 @@ def test_no_motion_is_promised_to_tell_a_load_from_the_link_that_carries_it() ->
 
 
 def test_a_smallest_size_is_a_number_with_its_name_and_unit() -> None:
-    words = _in_words({"sine_2": EffectParameter(0.0032, None, "rad")}, 0.04)
+    words = in_words({"sine_2": EffectParameter(0.0032, 0.0, "rad")}, 0.04)
     assert words == "sine 2 = 0.0032 rad (up to 0.04 N m)"
 
 

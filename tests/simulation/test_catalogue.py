@@ -3,11 +3,13 @@
 import dataclasses
 import re
 from functools import cache
+from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from idim_iv_ros.gap.catalogue import STRUCTURAL
+from idim_iv_ros.gap.catalogue import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.gap.effects.effect import Extent, Place
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 from idim_iv_ros.signals import ParallelDecimation
@@ -80,11 +82,36 @@ def simulated(effect, place, parameters):
     return SimulatedEffect(effect.name, JOINTS[place.joint], parameters, other)
 
 
+def not_simulated():
+    """Effects that docs/simulation.md lists as such."""
+    text = (Path(__file__).parents[2] / "docs" / "simulation.md").read_text()
+    (listed,) = re.findall(r"^Effects of the diagnosis that cannot be simulated: (.*)$", text, re.M)
+    return set(re.findall(r"`(\w+)`", listed))
+
+
 def test_simulator_and_catalogue_have_the_same_effects():
-    assert set(PARAMETERS) - SIMULATED_ONLY == set(BY_NAME) - SIMULATED_ONLY
+    """All, or it is documented; what is simulated is compared below, with a case at least."""
+    simulated = set(PARAMETERS) - SIMULATED_ONLY
+    assert not simulated & not_simulated()
+    assert simulated | not_simulated() == set(BY_NAME)
+    assert {case.effect for case in CASES} == simulated
 
 
-@pytest.mark.parametrize("name", BY_NAME)
+@pytest.mark.parametrize("effect", PARAMETRIC, ids=lambda effect: effect.name)
+def test_simulator_knows_the_numbers_that_may_be_wrong(effect):
+    """As an effect, or as what the base parameters hold."""
+    joint_effects([SimulatedEffect(effect.name, None, {})], JOINTS)
+
+
+@pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda effect: effect.name)
+def test_effects_say_where_the_simulator_has_them(effect):
+    named = re.findall(r"`simulation\.(\w+)\.(\w+)`", type(effect).__doc__)
+    assert bool(named) != (effect.name in not_simulated())
+    for module, function in named:
+        assert callable(getattr(import_module(f"idim_iv_ros.simulation.{module}"), function))
+
+
+@pytest.mark.parametrize("name", sorted(set(BY_NAME) & set(PARAMETERS)))
 def test_simulator_and_catalogue_have_the_same_parameters(name):
     """Of every kind of shape on the grid; a parameter of one side alone fails."""
     effect = BY_NAME[name]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape, number
+from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape, ShareOf, number
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 
@@ -11,19 +11,24 @@ class AsymmetricFriction(Effect):
     """offset + viscous · |dq|: half the differences of dry and viscous friction.
 
     A constant torque (of a sensor, a motor, a spring) cannot be told from the first.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "asymmetric_friction"
+    order = 30
     family = "velocity"
     look_alikes = ("spring",)
     same_as = "an offset of the torque signal"
     excitation = "the same path in both directions, at several speeds and postures"
+    counted = False
+    typical = ShareOf("dry friction", 0.1)  # 5 to 20 %
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Without and with the viscous part."""
         return [(0.0,), (1.0,)]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """None: both shapes are tried."""
         return []
 

@@ -6,6 +6,7 @@ from idim_iv_ros.gap.effects.effect import (
     Effect,
     Extent,
     FloatArray,
+    JointScale,
     Place,
     Shape,
     logarithmic,
@@ -19,6 +20,7 @@ _FLANKS = (12.0, 25.0, 50.0)  # Hz, of the link on a flank
 # Of the bending of the flanks under the largest load.
 _LEAST_GAP = 0.3
 _DAMPING = 0.3  # times critical, of the flanks
+_TYPICAL_GAP = 0.001  # rad, of 0.1 to 10 mrad; 0.01 to 1 mm
 
 
 class Backlash(Effect):
@@ -27,14 +29,18 @@ class Backlash(Effect):
     Moves the torques of all joints. Shape: gap rad, stiffness of the flanks N m/rad, their
     damping, and the largest load. With flanks that bend further under it than the gap is wide, it
     is a shaft.
+
+    Simulated by `simulation.shaft.shafts_of` and `simulation.effect_kernel.effect_torques`.
     """
 
     name = "backlash"
+    order = 80
     family = "load"
     look_alikes = ("elasticity", "presliding")
     least_support = 25.0
     free_shape = False
     excitation = "slow motion through postures where the load changes its sign"
+    size_in = "shape"
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Gaps from 0.1 to 40 mrad (10 µm to 4 mm)."""
@@ -50,7 +56,7 @@ class Backlash(Effect):
             shapes += [(float(gap), stiffness, damping, load) for gap in gaps]
         return [shape for shape in shapes if _wide(shape)]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Gap and flanks; their damping follows."""
         gap, stiffness, damping, load = shape
         root = float(np.sqrt(1.0 + step))
@@ -76,6 +82,12 @@ class Backlash(Effect):
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
         """The whole change, not a part of it."""
         return bool(0.3 < coefficients[0] < 3.0)
+
+    def plausible(
+        self, shape: Shape, coefficients: FloatArray, torque: float, scale: JointScale
+    ) -> bool:
+        """Gaps up to the middle of what arms have."""
+        return bool(shape[0] <= _TYPICAL_GAP * float(scale.covered.lever[scale.joint]))
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray

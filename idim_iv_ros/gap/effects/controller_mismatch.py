@@ -47,7 +47,10 @@ class CommandParts:
 
 
 class ControllerMismatch:
-    """Recorded command = law + changes of gains + feedforward − lag · d(command)/dt."""
+    """Recorded command = law + changes of gains + feedforward − lag · d(command)/dt.
+
+    Simulated by `simulation.effect_signals.mismatched` and `simulation.effect_signals.lags`.
+    """
 
     name = "controller_mismatch"
     kind = "structural"

@@ -11,9 +11,13 @@ from idim_iv_ros.gap.effects.parametric_effect import (
 
 
 class DriveInertia(ParametricEffect):
-    """Change of one drive's inertia on the joint side (grouped with the link's where it must)."""
+    """Change of one drive's inertia on the joint side (grouped with the link's where it must).
+
+    Simulated with the base parameters, which hold it.
+    """
 
     name = "drive_inertia"
+    order = 50
     look_alikes = ("link_inertia", "payload", "time_delay")
     excitation = "fast motion of this joint and of those it is coupled to"
 

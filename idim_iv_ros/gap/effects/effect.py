@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,49 @@ class Extent:
     lever: FloatArray
     sticking: bool = True
 
+    def span(self, joint: int) -> float:
+        """Range of the positions of a joint, rad (m)."""
+        return float(self.high[joint] - self.low[joint])
+
+    def length(self, joint: int) -> str:
+        """Unit of the positions of a joint."""
+        return "rad" if float(self.lever[joint]) == 1.0 else "m"
+
+
+@dataclass(frozen=True)
+class JointScale:
+    """What is small and large at one joint.
+
+    Attributes
+    ----------
+    covered : Extent
+        By the recordings, of all joints.
+    joint : int
+    dry_friction : float
+        N m (N).
+    """
+
+    covered: Extent
+    joint: int
+    dry_friction: float
+
+    @property
+    def peak(self) -> float:
+        """Largest torque, N m (N)."""
+        return float(self.covered.torque[self.joint])
+
+
+@dataclass(frozen=True)
+class ShareOf:
+    """A torque as a share of the joint's dry friction or of its largest torque."""
+
+    of: Literal["dry friction", "peak"]
+    share: float
+
+    def torque(self, scale: JointScale) -> float:
+        """N m (N), at one joint."""
+        return self.share * (scale.dry_friction if self.of == "dry friction" else scale.peak)
+
 
 class Effect(ABC):
     """One effect that a simulator may lack.
@@ -67,6 +110,8 @@ class Effect(ABC):
     """
 
     name: ClassVar[str]
+    # Place in the catalogue: where two explain alike, the lower one counts.
+    order: ClassVar[int]
     family: ClassVar[Family]
     look_alikes: ClassVar[tuple[str, ...]] = ()
     excitation: ClassVar[str]
@@ -77,6 +122,13 @@ class Effect(ABC):
     least_support: ClassVar[float] = 8.0
     # Whether the shape may vary beside the coefficients; not where one stands for its change.
     free_shape: ClassVar[bool] = True
+    # Where its size sits: in the coefficients, in one coefficient that scales a shape (which holds
+    # for factors about one only), or in the shape alone, the coefficient being one.
+    size_in: ClassVar[Literal["coefficients", "scale", "shape"]] = "coefficients"
+    # Middle (geometric) of the largest torques that are typical of arms; see `plausible`.
+    typical: ClassVar[ShareOf | None] = None
+    # Whether it is one of the few that are accepted at most; not what every joint may have.
+    counted: ClassVar[bool] = True
 
     def places(self, joints: int) -> list[Place]:
         """Where it may sit: at each joint."""
@@ -108,12 +160,12 @@ class Effect(ABC):
         """How many numbers of the shape the search may choose."""
         return len(shape)
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Shapes near one: each number larger and smaller by the factor 1 + step."""
         near = []
-        for place, number in enumerate(shape):
+        for k, number in enumerate(shape):
             for factor in (1.0 + step, 1.0 / (1.0 + step)):
-                near.append((*shape[:place], number * factor, *shape[place + 1 :]))
+                near.append((*shape[:k], number * factor, *shape[k + 1 :]))
         return near
 
     def settled(self, shape: Shape, coefficients: FloatArray) -> Shape:
@@ -122,6 +174,32 @@ class Effect(ABC):
         Asked where the search ends at coefficients that it does not allow.
         """
         return shape
+
+    def cannot_show(self, joint: int, extent: Extent) -> str:
+        """Why a joint's motion cannot show it whatever its size; empty where it may.
+
+        What holds for every effect is in `gap.motion_limits`.
+        """
+        return ""
+
+    def plausible(
+        self, shape: Shape, coefficients: FloatArray, torque: float, scale: JointScale
+    ) -> bool:
+        """Whether arms may well have it in this size: any, unless `typical` bounds the torque.
+
+        An effect of which only larger sizes would be seen may be there without a trace.
+
+        Parameters
+        ----------
+        torque
+            The largest that it adds, N m (N).
+        """
+        return self.typical is None or torque <= self.typical.torque(scale)
+
+    def size_in_words(self, shape: Shape, coefficients: FloatArray, torque: float) -> str:
+        """First number that is fitted and not zero, with its unit and the largest torque."""
+        found = self.parameters(shape, coefficients, np.zeros(len(coefficients)))
+        return in_words(found, torque)
 
     def longer(self, shape: Shape, place: Place, extent: Extent) -> list[Shape]:
         """Shapes with one more term; none by default."""
@@ -146,3 +224,14 @@ def logarithmic(low: float, high: float, count: int) -> FloatArray:
 def number(value: float, std: float | None, unit: str) -> EffectParameter:
     """One parameter, as plain floats."""
     return EffectParameter(float(value), None if std is None else float(std), unit)
+
+
+def in_words(found: dict[str, EffectParameter], torque: float) -> str:
+    """First number that has a deviation and is not zero; the torque where there is none."""
+    for name, each in found.items():
+        if each.std is not None and each.value != 0.0:
+            unit = f" {each.unit}" if each.unit else ""
+            plain = each.unit == "N m" or torque <= 0.0
+            more = "" if plain else f" (up to {torque:.2g} N m)"
+            return f"{name.replace('_', ' ')} = {each.value:.2g}{unit}{more}"
+    return f"{torque:.2g} N m"

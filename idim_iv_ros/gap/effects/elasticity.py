@@ -6,6 +6,7 @@ from idim_iv_ros.gap.effects.effect import (
     Effect,
     Extent,
     FloatArray,
+    JointScale,
     Place,
     Shape,
     logarithmic,
@@ -17,19 +18,24 @@ from idim_iv_ros.gap.smooth_motion import SmoothMotion
 
 _DAMPING = (0.03, 0.2)  # times critical
 _LOWEST, _HIGHEST = 3.0, 100.0  # Hz, resonance of the link against a motor that stands
+_SOFTEST = 11.0  # Hz: the middle of 5 to 25 Hz, where links of arms swing
 
 
 class Elasticity(Effect):
     """Two masses on a shaft: what was measured is the motor's position.
 
     Moves the torques of all joints. Shape: stiffness N m/rad, damping N m s/rad.
+
+    Simulated by `simulation.shaft.shafts_of` and `simulation.effect_kernel.effect_torques`.
     """
 
     name = "elasticity"
+    order = 90
     family = "frequency"
     look_alikes = ("time_delay", "backlash")
     least_support = 25.0
     excitation = "a sweep to twice the resonance, small amplitude"
+    size_in = "scale"
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Resonances from 3 to 100 Hz, lightly and well damped."""
@@ -49,6 +55,18 @@ class Elasticity(Effect):
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
         """The whole change, not a part of it (softer and stiffer shafts scale it)."""
         return bool(0.3 < coefficients[0] < 3.0)
+
+    def plausible(
+        self, shape: Shape, coefficients: FloatArray, torque: float, scale: JointScale
+    ) -> bool:
+        """Shafts down to the softest that are common."""
+        inertia = float(scale.covered.inertia[scale.joint])
+        stiffness = shape[0] / float(coefficients[0])
+        return bool(stiffness >= inertia * (2.0 * np.pi * _SOFTEST) ** 2)
+
+    def size_in_words(self, shape: Shape, coefficients: FloatArray, torque: float) -> str:
+        """The stiffness alone: its torque depends on how the motion sets it swinging."""
+        return f"stiffness {shape[0] / float(coefficients[0]):.2g} N m/rad"
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray

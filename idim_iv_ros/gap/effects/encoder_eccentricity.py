@@ -2,20 +2,33 @@
 
 import numpy as np
 
-from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape, number
+from idim_iv_ros.gap.effects.effect import (
+    Effect,
+    Extent,
+    FloatArray,
+    JointScale,
+    Place,
+    Shape,
+    number,
+)
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 
 _NAMES = ("sine", "cosine", "sine_2", "cosine_2")
+_TYPICAL = 0.002  # rad, of 0.01 to 5 mrad
+_LEAST_TURN = 0.5  # rad
 
 
 class EncoderEccentricity(Effect):
     """q_measured = q + sine sin q + cosine cos q (+ twice a turn); shape: 1 or 2 terms.
 
     The model is evaluated at the wrong position: to first order all torques move.
+
+    Simulated by `simulation.effect_kernel.measure`.
     """
 
     name = "encoder_eccentricity"
+    order = 140
     family = "position"
     look_alikes = ("spring", "position_ripple")
     excitation = "fast full turns, or a second encoder on the link"
@@ -24,13 +37,20 @@ class EncoderEccentricity(Effect):
         """Once, or once and twice a turn."""
         return [(1.0,), (2.0,)]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """None."""
         return []
 
     def free_numbers(self, shape: Shape) -> int:
         """See the grid."""
         return 0
+
+    def cannot_show(self, joint: int, extent: Extent) -> str:
+        """It needs a good part of a turn."""
+        span, length = extent.span(joint), extent.length(joint)
+        if length == "rad" and span >= _LEAST_TURN:
+            return ""
+        return f"the joint moves {span:.2g} {length}: an error of once a turn looks constant"
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""
@@ -48,6 +68,12 @@ class EncoderEccentricity(Effect):
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
         """Small errors only: no disc is further out than 50 mrad."""
         return bool(np.max(np.abs(coefficients)) < 0.05)
+
+    def plausible(
+        self, shape: Shape, coefficients: FloatArray, torque: float, scale: JointScale
+    ) -> bool:
+        """Amplitudes up to the middle of what encoders have."""
+        return bool(np.max(np.abs(coefficients)) <= _TYPICAL)
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray

@@ -8,27 +8,40 @@ from idim_iv_ros.gap.effects.effect import (
     FloatArray,
     Place,
     Shape,
+    ShareOf,
     logarithmic,
     number,
 )
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 
+_LEAST_SESSION = 20.0  # s
+
 
 class FrictionDrift(Effect):
     """exp(−t / time_constant) · (coulomb sign(dq) + viscous dq), t since the first recording.
 
     Shape: time constant, s.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "friction_drift"
+    order = 60
     family = "time"
     look_alikes = ("nonlinear_viscous",)
     excitation = "one motion repeated at the start, in the middle and at the end of the session"
+    typical = ShareOf("dry friction", 0.4)  # 30 to 60 %
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """From a twentieth of the session to three of it, which is a straight line."""
         return [(float(t),) for t in logarithmic(0.05 * extent.duration, 3 * extent.duration, 8)]
+
+    def cannot_show(self, joint: int, extent: Extent) -> str:
+        """It needs a session that warms the joint up."""
+        if extent.duration >= _LEAST_SESSION:
+            return ""
+        return f"the session lasts {extent.duration:.2g} s: no warm-up shows in that"
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""

@@ -13,9 +13,13 @@ _NAMES = {"Fv": "change_of_viscous", "Fc": "change_of_coulomb"}
 
 
 class FrictionLevel(ParametricEffect):
-    """Changes of both friction parameters of one joint."""
+    """Changes of both friction parameters of one joint.
+
+    Simulated with the base parameters, which hold it.
+    """
 
     name = "friction_level"
+    order = 40
     look_alikes = ("torque_gain", "stribeck", "load_dependent_friction")
     excitation = "slow and fast motion in both directions"
 

@@ -15,9 +15,13 @@ _LARGEST = 0.6  # rad: beyond it the small rotation that is assumed is none
 
 
 class GravityDirection(ParametricEffect):
-    """Small rotation of gravity about two axes of the base frame that are level."""
+    """Small rotation of gravity about two axes of the base frame that are level.
+
+    Simulated with the base parameters, which hold it.
+    """
 
     name = "gravity_direction"
+    order = 20
     look_alikes = ("payload", "link_inertia", "spring")
     excitation = "slow motion through the whole range of all joints"
 

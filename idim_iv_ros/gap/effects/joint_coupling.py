@@ -8,6 +8,7 @@ from idim_iv_ros.gap.effects.effect import (
     FloatArray,
     Place,
     Shape,
+    ShareOf,
     direction,
     number,
 )
@@ -19,12 +20,16 @@ class JointCoupling(Effect):
     """coulomb sign(w) + viscous |w|^power sign(w), w = dq_a ± dq_b, on both joints.
 
     Shape: direction ±1, power.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "joint_coupling"
+    order = 150
     family = "velocity"
     look_alikes = ("nonlinear_viscous", "stribeck")
     excitation = "both joints in the same and in opposite directions"
+    typical = ShareOf("dry friction", 0.5)
 
     def places(self, joints: int) -> list[Place]:
         """Every pair."""
@@ -34,7 +39,7 @@ class JointCoupling(Effect):
         """Both directions, linear."""
         return [(1.0, 1.0), (-1.0, 1.0)]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """The power between 0.5 and 1.6."""
         sign, power = shape
         near = (power * (1.0 + step), power / (1.0 + step))

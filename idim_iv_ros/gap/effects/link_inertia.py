@@ -15,9 +15,13 @@ _POSITIVE = ("M", "XX", "YY", "ZZ")
 
 
 class LinkInertia(ParametricEffect):
-    """Changes of the standard inertial parameters of one link, those that the motion shows."""
+    """Changes of the standard inertial parameters of one link, those that the motion shows.
+
+    Simulated with the base parameters, which hold it.
+    """
 
     name = "link_inertia"
+    order = 60
     look_alikes = ("payload", "drive_inertia", "torque_gain")
     excitation = "all joints, fast and in many poses"
 

@@ -6,12 +6,15 @@ from idim_iv_ros.gap.effects.effect import (
     Effect,
     Extent,
     FloatArray,
+    JointScale,
     Place,
     Shape,
     number,
 )
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
+
+_TYPICAL = 0.1  # of the load: 3 to 40 %
 
 
 class LoadDependentFriction(Effect):
@@ -20,9 +23,12 @@ class LoadDependentFriction(Effect):
     Shape: exponent, scale (the largest load), 1 where both directions of the power flow have a
     coefficient of their own (a gear that is driven loses less or more than one that drives), and
     1 where the load is the motor's whole torque instead of that of the links.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "load_dependent_friction"
+    order = 40
     family = "load"
     look_alikes = ("position_dependent_friction", "torque_saturation")
     excitation = "one path with two payloads, or slowly through postures of high and low gravity"
@@ -35,7 +41,7 @@ class LoadDependentFriction(Effect):
         both = (0.0, 1.0)
         return [(e, scale, two, all_) for e in (0.8, 1.0, 1.3) for two in both for all_ in both]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Exponents between 0.6 and 1.6."""
         exponent, scale, two, motor = shape
         near = (exponent * (1.0 + step), exponent / (1.0 + step))
@@ -59,6 +65,12 @@ class LoadDependentFriction(Effect):
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
         """Friction: both grow with the load."""
         return bool(np.all(coefficients >= 0.0))
+
+    def plausible(
+        self, shape: Shape, coefficients: FloatArray, torque: float, scale: JointScale
+    ) -> bool:
+        """Coefficients up to the middle of what gears have."""
+        return bool(max(coefficients[0], coefficients[-1]) <= _TYPICAL)
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray

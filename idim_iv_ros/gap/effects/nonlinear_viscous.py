@@ -2,12 +2,14 @@
 
 import numpy as np
 
+from idim_iv_ros.gap.effects.bent_friction import too_slow_to_bend
 from idim_iv_ros.gap.effects.effect import (
     Effect,
     Extent,
     FloatArray,
     Place,
     Shape,
+    ShareOf,
     column,
     number,
 )
@@ -21,25 +23,33 @@ class NonlinearViscous(Effect):
     """coefficient · |dq|^power · sign(dq); shape: power.
 
     Friction that grows more slowly than the speed is common: powers below one belong to it.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "nonlinear_viscous"
+    order = 20
     family = "velocity"
     look_alikes = ("stribeck", "friction_drift")
     excitation = "stretches of constant speed over the whole range of speeds"
+    typical = ShareOf("dry friction", 0.5)
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Powers from 0.3 to 3, not around 1, which the model has."""
         return [(power,) for power in _POWERS]
+
+    def cannot_show(self, joint: int, extent: Extent) -> str:
+        """It needs speed."""
+        return too_slow_to_bend(joint, extent)
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""
         v = motion.velocity[:, place.joint]
         return column(place.joint, np.abs(v) ** shape[0] * motion.slip[:, place.joint])
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Powers stay between 0.2 and 4, and away from one."""
-        near = super().neighbours(shape, step, extent)
+        near = super().neighbours(shape, step, place, extent)
         low, high = (0.2, 0.8) if shape[0] < 1.0 else (1.25, 4.0)
         return [(min(max(power, low), high),) for (power,) in near]
 

@@ -119,6 +119,8 @@ class ParametricEffect(ABC):
     """One way in which the given numbers may be wrong."""
 
     name: ClassVar[str]
+    # Place in the catalogue: where two explain alike, the lower one counts.
+    order: ClassVar[int]
     kind: ClassVar[str] = "parametric"
     look_alikes: ClassVar[tuple[str, ...]] = ()
     excitation: ClassVar[str]

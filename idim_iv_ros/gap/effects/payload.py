@@ -16,9 +16,13 @@ _NAMES = {"M": "mass", "MX": "moment_x", "MY": "moment_y", "MZ": "moment_z"}
 
 
 class Payload(ParametricEffect):
-    """Mass, first moments and, where they are needed, moments of inertia, in the link's frame."""
+    """Mass, first moments and, where they are needed, moments of inertia, in the link's frame.
+
+    Simulated with the base parameters, which hold it.
+    """
 
     name = "payload"
+    order = 10
     look_alikes = ("link_inertia", "torque_gain", "gravity_direction")
     excitation = "all joints, in poses that move the last link through all directions of gravity"
 

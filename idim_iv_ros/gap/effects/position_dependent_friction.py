@@ -8,6 +8,7 @@ from idim_iv_ros.gap.effects.effect import (
     FloatArray,
     Place,
     Shape,
+    ShareOf,
     number,
 )
 from idim_iv_ros.gap.effects.waves import (
@@ -29,12 +30,16 @@ class PositionDependentFriction(Effect):
     """sign(dq) · (waves of the position, or height · exp(−((q − centre) / width)²)).
 
     Shape: wave numbers n_k, or −1, centre, width of a tight spot.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "position_dependent_friction"
+    order = 50
     family = "position"
     look_alikes = ("load_dependent_friction", "position_ripple")
     excitation = "the same places in both directions, slowly"
+    typical = ShareOf("dry friction", 0.1)  # 5 to 15 %
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """One wave, or one spot."""
@@ -56,14 +61,14 @@ class PositionDependentFriction(Effect):
         spots = [shape for shape in grid if shape[0] == _SPOT]
         return [[shape for shape in grid if shape[0] != _SPOT], spots]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Nearby wave numbers, centres and widths."""
         if shape[0] != _SPOT:
-            return near_waves(shape, step, float(np.max(extent.high - extent.low)))
+            return near_waves(shape, step, extent.span(place.joint))
         _, centre, width = shape
         moved: list[Shape] = [(_SPOT, centre + sign * step * width, width) for sign in (1.0, -1.0)]
         moved += [(_SPOT, centre, width * (1 + step)), (_SPOT, centre, width / (1 + step))]
-        low, high = float(np.min(extent.low)), float(np.max(extent.high))
+        low, high = float(extent.low[place.joint]), float(extent.high[place.joint])
         return [each for each in moved if low - each[2] < each[1] < high + each[2]]
 
     def longer(self, shape: Shape, place: Place, extent: Extent) -> list[Shape]:

@@ -1,8 +1,6 @@
 """Torque that ripples with the position: cogging, teeth, ripple of the motor's current."""
 
-import numpy as np
-
-from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape
+from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape, ShareOf
 from idim_iv_ros.gap.effects.waves import (
     MOST_WAVES,
     near_waves,
@@ -17,20 +15,25 @@ _PERIODS = 2.5  # in the range of the joint, at least: fewer are a spring
 
 
 class PositionRipple(Effect):
-    """Σ sine_k sin(n_k q) + cosine_k cos(n_k q), the same in both directions; shape: n_k."""
+    """Σ sine_k sin(n_k q) + cosine_k cos(n_k q), the same in both directions; shape: n_k.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
+    """
 
     name = "position_ripple"
+    order = 120
     family = "position"
     look_alikes = ("spring", "position_dependent_friction")
     excitation = "slow constant speed over many periods, in both directions"
+    typical = ShareOf("peak", 0.015)  # 0.5 to 3 %
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """One wave."""
         return [(float(n),) for n in wave_numbers(place, extent, _PERIODS)]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Nearby wave numbers."""
-        return near_waves(shape, step, float(np.max(extent.high - extent.low)))
+        return near_waves(shape, step, extent.span(place.joint))
 
     def longer(self, shape: Shape, place: Place, extent: Extent) -> list[Shape]:
         """One wave more."""

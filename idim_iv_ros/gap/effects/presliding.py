@@ -9,6 +9,7 @@ from idim_iv_ros.gap.effects.effect import (
     FloatArray,
     Place,
     Shape,
+    ShareOf,
     logarithmic,
     number,
 )
@@ -32,12 +33,17 @@ class Presliding(Effect):
     """Σ level_k (z_k − sign(dq)), z_k a bristle that slips after span_k; shape: the spans.
 
     Replaces as much of the Coulomb friction by springs that slip (Maxwell-slip).
+
+    Simulated by `simulation.effect_kernel.effect_torques` and
+    `simulation.effect_kernel.slide_bristles`.
     """
 
     name = "presliding"
+    order = 70
     family = "velocity"
     look_alikes = ("stribeck", "backlash")
     excitation = "many small reversals of different sizes, at different rates"
+    typical = ShareOf("dry friction", 0.5)
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Spans from 0.1 mrad (10 µm) to a tenth of the range."""
@@ -52,6 +58,12 @@ class Presliding(Effect):
         if len(shape) >= _MOST:
             return []
         return [(*shape, *other) for other in self.grid(place, extent)]
+
+    def cannot_show(self, joint: int, extent: Extent) -> str:
+        """It needs to be known where joints stick."""
+        if extent.sticking:
+            return ""
+        return "where joints stick is not known, for the closed loop is not simulated"
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""

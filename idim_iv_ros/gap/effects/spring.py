@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape, number
+from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape, ShareOf, number
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 
@@ -19,12 +19,16 @@ class Spring(Effect):
     Shape: law, lowest and highest position (outside them it is constant), centre, width; law 0: a
     cubic polynomial, 1: constant + linear q + bent sinh((q − centre) / width) (it hardens), 2: the
     same with arctan (it softens). Of a linear spring the model absorbs what looks like gravity.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "spring"
+    order = 130
     family = "position"
     look_alikes = ("position_ripple", "asymmetric_friction")
     excitation = "the whole range of the joint, slowly"
+    typical = ShareOf("peak", 0.1)
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """All laws, centres over the range, four widths."""
@@ -43,7 +47,7 @@ class Spring(Effect):
         """Centre and width of the bent ones."""
         return 0 if shape[0] == _CUBIC else 2
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Nearby centres and widths."""
         law, low, high, centre, width = shape
         if law == _CUBIC:

@@ -2,12 +2,14 @@
 
 import numpy as np
 
+from idim_iv_ros.gap.effects.bent_friction import too_slow_to_bend
 from idim_iv_ros.gap.effects.effect import (
     Effect,
     Extent,
     FloatArray,
     Place,
     Shape,
+    ShareOf,
     column,
     logarithmic,
     number,
@@ -22,18 +24,26 @@ class Stribeck(Effect):
     """excess · exp(−(|dq| / speed)^exponent) · sign(dq); shape: speed, exponent.
 
     Static friction exceeds sliding friction: the excess is not negative.
+
+    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "stribeck"
+    order = 10
     family = "velocity"
     look_alikes = ("nonlinear_viscous", "presliding")
     excitation = "slow sweeps in both directions: a fifth of the time below the Stribeck speed"
+    typical = ShareOf("dry friction", 0.2)  # static over dry friction 1.05 to 1.6
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Speeds from the slowest that counts to a third of the fastest."""
         j = place.joint
         speeds = logarithmic(extent.slowest[j], 0.35 * extent.fastest[j], 8)
         return [(float(speed), exponent) for speed in speeds for exponent in _EXPONENTS]
+
+    def cannot_show(self, joint: int, extent: Extent) -> str:
+        """It needs speed."""
+        return too_slow_to_bend(joint, extent)
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""
@@ -43,9 +53,9 @@ class Stribeck(Effect):
             place.joint, np.exp(-((np.abs(v) / speed) ** exponent)) * motion.slip[:, place.joint]
         )
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Exponents stay between 0.5 and 2.5."""
-        near = super().neighbours(shape, step, extent)
+        near = super().neighbours(shape, step, place, extent)
         return [(speed, min(max(exponent, 0.5), 2.5)) for speed, exponent in near]
 
     def parameters(

@@ -2,25 +2,38 @@
 
 import numpy as np
 
-from idim_iv_ros.gap.effects.effect import Effect, Extent, FloatArray, Place, Shape, number
+from idim_iv_ros.gap.effects.effect import (
+    Effect,
+    Extent,
+    FloatArray,
+    JointScale,
+    Place,
+    Shape,
+    number,
+)
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.smooth_motion import SmoothMotion
 
 _TERMS = 3  # of the Taylor series: the rows end where 2π f delay is about one
 _DELAYS = (0.0003, 0.0006, 0.001, 0.002, 0.004, 0.008, 0.012)
+_TYPICAL_DELAY = 0.002  # s, of 0.25 to 20 ms
 
 
 class TimeDelay(Effect):
     """The logged command leads the torque by `delay`: τ(t + delay) − τ(t); shape: delay, s.
 
     The slow current loop of a drive is the same to first order.
+
+    Simulated by `simulation.effect_signals.delays`.
     """
 
     name = "time_delay"
+    order = 100
     family = "frequency"
     look_alikes = ("elasticity", "nonlinear_viscous")
     least_support = 25.0
     excitation = "energy above 2 Hz and sharp reversals"
+    size_in = "scale"
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """From 0.3 to 12 ms."""
@@ -30,9 +43,9 @@ class TimeDelay(Effect):
         """None: for short delays only their product with the coefficient counts."""
         return 0
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """Delays down to a tenth of a millisecond."""
-        near = super().neighbours(shape, step, extent)
+        near = super().neighbours(shape, step, place, extent)
         return [(max(delay, 1e-4),) for (delay,) in near]
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
@@ -54,6 +67,12 @@ class TimeDelay(Effect):
         """The delay that both make; its whole torque is then late."""
         delay = float(shape[0] * coefficients[0])
         return (delay,) if _DELAYS[0] <= delay <= _DELAYS[-1] else shape
+
+    def plausible(
+        self, shape: Shape, coefficients: FloatArray, torque: float, scale: JointScale
+    ) -> bool:
+        """Delays up to the middle of what drives have."""
+        return bool(shape[0] * coefficients[0] <= _TYPICAL_DELAY)
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray

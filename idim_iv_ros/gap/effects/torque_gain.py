@@ -14,9 +14,13 @@ _LARGEST = 0.6  # of the recorded torque that is needed, more or less
 
 
 class TorqueGain(ParametricEffect):
-    """Actual torque = (1 + gain) · recorded torque: the recording holds torque / (1 + gain)."""
+    """Actual torque = (1 + gain) · recorded torque: the recording holds torque / (1 + gain).
+
+    Simulated by `simulation.effect_kernel.acting_torque`.
+    """
 
     name = "torque_gain"
+    order = 30
     look_alikes = ("payload", "link_inertia", "friction_level")
     excitation = "a known load: gravity and inertia that the given model is right about"
 

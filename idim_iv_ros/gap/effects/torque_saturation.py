@@ -8,6 +8,7 @@ from idim_iv_ros.gap.effects.effect import (
     FloatArray,
     Place,
     Shape,
+    ShareOf,
     column,
     number,
 )
@@ -19,12 +20,16 @@ class TorqueSaturation(Effect):
     """Command beyond the knee: the acting torque rises with a smaller slope; shape: knee, N m.
 
     For the torque τ that acts, the command is τ + coefficient · (|τ| − knee)₊ sign(τ).
+
+    Simulated by `simulation.effect_kernel.acting_torque`.
     """
 
     name = "torque_saturation"
+    order = 110
     family = "load"
     look_alikes = ("load_dependent_friction", "nonlinear_viscous")
     excitation = "high accelerations with a payload, up to the torque limit"
+    typical = ShareOf("peak", 0.05)  # 0 to 15 %
 
     def grid(self, place: Place, extent: Extent) -> list[Shape]:
         """Knees from 15 to 95 % of the largest torque."""
@@ -32,9 +37,9 @@ class TorqueSaturation(Effect):
             (float(share * extent.torque[place.joint]),) for share in np.linspace(0.15, 0.95, 17)
         ]
 
-    def neighbours(self, shape: Shape, step: float, extent: Extent) -> list[Shape]:
+    def neighbours(self, shape: Shape, step: float, place: Place, extent: Extent) -> list[Shape]:
         """A smaller step: the tail is short."""
-        return super().neighbours(shape, 0.3 * step, extent)
+        return super().neighbours(shape, 0.3 * step, place, extent)
 
     def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""

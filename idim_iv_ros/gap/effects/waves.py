@@ -35,9 +35,9 @@ def waves(position: FloatArray, numbers: Shape) -> FloatArray:
     return both
 
 
-def near_waves(shape: Shape, step: float, place_range: float) -> list[Shape]:
-    """Each wave number a little higher and lower, by a share of the resolution."""
-    move = step * 2.0 * np.pi / place_range
+def near_waves(shape: Shape, step: float, span: float) -> list[Shape]:
+    """Each wave number a little higher and lower, by a share of the resolution 2π / span."""
+    move = step * 2.0 * np.pi / span
     return [
         (*shape[:k], max(shape[k] + sign * move, 1e-3), *shape[k + 1 :])
         for k in range(len(shape))
