@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 
 # Share of the whitened residual's energy that an effect must take on data not used to fit, and of
 # the folds on which it must help.
-_LEAST_GAIN, _LEAST_FOLDS = 0.02, 0.8
+_LEAST_GAIN, _LEAST_FOLDS = 0.02, 0.75
 
 
 def confirmed(
@@ -47,7 +47,16 @@ def confirmed(
 
     def tested(model: NamedModel) -> HeldOut:
         labels = [label(data, found) for found in model.found]
-        return held_out(data, model.regression, model.fit, labels, floors, repeats, given)
+        return held_out(
+            data,
+            model.regression,
+            model.fit,
+            labels,
+            floors,
+            repeats,
+            given,
+            interleaved=any(each.candidate.effect.family == "time" for each in model.found),
+        )
 
     first = tested(model)
     helpful: list[Found] = []

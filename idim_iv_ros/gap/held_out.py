@@ -20,6 +20,8 @@ IntArray = NDArray[np.int64]
 _LEAST_FOLD = 5.0  # s
 _FEWEST, _MOST = 4, 6
 _GUARD = 0.25  # s on either side of a border inside a recording
+# Folds of what changes with time: every so many seconds another of so many folds.
+_INTERLEAVED, _TURNS = 3.0, 4
 # Weight of the held-out rows in the fit that predicts them: what only they show stays finite.
 _LEAK = 1e-3
 _RIDGE = 1e-10
@@ -159,6 +161,8 @@ def held_out(
     floors: Sequence[NoiseFloor],
     repeats: Sequence[Repeat] = (),
     given: FloatArray | None = None,
+    *,
+    interleaved: bool = False,
 ) -> HeldOut:
     """Predict every fold from the others, for every stage.
 
@@ -175,8 +179,11 @@ def held_out(
         Names of the effects' stages, such as ``+stribeck[joint_1]``.
     given
         (b,) of the given model; None where there is none.
+    interleaved
+        Whether folds take turns over the whole session: what changes with time cannot be
+        predicted from another part of it.
     """
-    folds, note = folds_of(data, repeats)
+    folds, note = interleaved_folds(data) if interleaved else folds_of(data, repeats)
     ends = extended.parameters + np.concatenate([[0], np.cumsum(extended.widths)]).astype(int)
     coloured_fit = _solutions(extended, fit.colours, folds, [int(end) for end in ends])
     plain_fit = _solutions(
@@ -240,17 +247,34 @@ def folds_of(data: Baseline, repeats: Sequence[Repeat]) -> tuple[tuple[IntArray,
             tuple(number[recording].astype(np.int64) for recording in data.recordings),
             f"each of {number.max() + 1} recordings is predicted from the others",
         )
+    seconds = sum(len(motion.kept) for motion in data.motions) / data.row_rate
+    blocks = int(np.clip(seconds / _LEAST_FOLD, _FEWEST, _MOST))
+    return (
+        _blocks_of(data, blocks),
+        f"each of {blocks} blocks of {seconds / blocks:.2g} s is predicted from the others",
+    )
+
+
+def interleaved_folds(data: Baseline) -> tuple[tuple[IntArray, ...], str]:
+    """Fold of every row of every joint where folds take turns, and how they were made, in words."""
+    seconds = sum(len(motion.kept) for motion in data.motions) / data.row_rate
+    blocks = max(int(seconds / _INTERLEAVED), _TURNS)
+    folds = tuple(
+        np.where(fold == GUARD_FOLD, GUARD_FOLD, fold % _TURNS) for fold in _blocks_of(data, blocks)
+    )
+    return folds, (
+        f"every {_TURNS}th block of {seconds / blocks:.2g} s is predicted from the others, as "
+        "what changes with time cannot be predicted from another part of the session"
+    )
+
+
+def _blocks_of(data: Baseline, blocks: int) -> tuple[IntArray, ...]:
+    """Block of every row of every joint."""
     lengths = [len(motion.kept) for motion in data.motions]
     starts = np.concatenate([[0], np.cumsum(lengths)])
-    seconds = starts[-1] / data.row_rate
-    blocks = int(np.clip(seconds / _LEAST_FOLD, _FEWEST, _MOST))
-    folds = tuple(
+    return tuple(
         _blocks(starts[recording] + place, starts, blocks, _GUARD * data.row_rate)
         for recording, place in zip(data.recordings, data.places, strict=True)
-    )
-    return (
-        folds,
-        f"each of {blocks} blocks of {seconds / blocks:.2g} s is predicted from the others",
     )
 
 

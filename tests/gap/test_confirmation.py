@@ -26,7 +26,11 @@ class KnownFigures:
 
 
 def found(joint: int) -> SimpleNamespace:
-    return SimpleNamespace(candidate=SimpleNamespace(place=SimpleNamespace(joint=joint)))
+    return SimpleNamespace(
+        candidate=SimpleNamespace(
+            place=SimpleNamespace(joint=joint), effect=SimpleNamespace(family="velocity")
+        )
+    )
 
 
 GOOD = (0.3, 5, 5, 1.0, 0.5, (0.3, 0.6))
@@ -36,7 +40,7 @@ GOOD = (0.3, 5, 5, 1.0, 0.5, (0.3, 0.6))
     ("figures", "kept"),
     [
         (GOOD, True),
-        ((0.3, 4, 5, 1.0, 0.5, (0.3, 0.6)), True),
+        ((0.3, 3, 4, 1.0, 0.5, (0.3, 0.6)), True),
         ((0.3, 3, 5, 1.0, 0.5, (0.3, 0.6)), False),  # on too few folds
         ((0.01, 5, 5, 1.0, 0.5, (0.3, 0.6)), False),  # too little
         ((0.3, 5, 5, 1.0, 0.99, (-0.01, 0.03)), False),  # the gap may shrink by chance
@@ -60,7 +64,7 @@ def test_what_came_later_at_the_joint_goes_with_what_does_not_hold(
 def names(figures: list[Any], joints: list[int], monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Places of the effects that are kept."""
     effects = [found(joint) for joint in joints]
-    monkeypatch.setattr(confirmation, "held_out", lambda *_: KnownFigures(figures))
+    monkeypatch.setattr(confirmation, "held_out", lambda *_, **__: KnownFigures(figures))
     monkeypatch.setattr(confirmation, "label", lambda *_: "")
     monkeypatch.setattr(
         confirmation,

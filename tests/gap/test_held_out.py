@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.gap.baseline import Baseline
-from idim_iv_ros.gap.held_out import folds_of, held_out, shrinkage
+from idim_iv_ros.gap.held_out import folds_of, held_out, interleaved_folds, shrinkage
 from idim_iv_ros.gap.likelihood import JointData, Regression
 from idim_iv_ros.gap.noise_floor import NoiseFloor, Repeat
 
@@ -70,6 +70,16 @@ def test_predictions_are_those_of_a_fit_without_the_fold() -> None:
     gain, helped, folds = found.gain(0)
     assert (helped, folds) == (3, 3)
     assert gain == pytest.approx(0.16 / 0.41, abs=0.05)
+
+
+def test_folds_that_take_turns_span_the_session() -> None:
+    folds, note = interleaved_folds(_data(2))
+    assert set(folds[0]) == {-1, 0, 1, 2, 3}
+    assert "every 4th block" in note
+    for fold in range(4):
+        places = np.flatnonzero(folds[0] == fold)
+        assert places.min() < 0.5 * len(folds[0]) < places.max()
+        assert len(places) > 0.1 * len(folds[0])
 
 
 def test_shrinkage_reaches_the_floor_and_its_interval_covers_the_truth() -> None:
