@@ -16,6 +16,8 @@ FloatArray = NDArray[np.float64]
 # Share of the whitened residual's energy that an effect must take on data not used to fit, and of
 # the folds on which it must help.
 _LEAST_GAIN, _LEAST_FOLDS = 0.02, 0.75
+# Of the folds where the effect changes with time: much of a drift may lie in a part of the session.
+_LEAST_FOLDS_OF_DRIFT = 0.5
 
 
 def confirmed(
@@ -79,4 +81,6 @@ def _helps(tested: HeldOut, number: int, found: Found) -> bool:
     gap = tested.gap(stage, stage + 1, found.candidate.place.joint)
     gain, helped, folds = tested.gain(number)
     sure = gap.after < gap.before if gap.ci95 is None else gap.ci95[0] > 0.0
-    return gain >= _LEAST_GAIN and helped >= _LEAST_FOLDS * folds and sure
+    drifts = found.candidate.effect.family == "time"
+    least = _LEAST_FOLDS_OF_DRIFT if drifts else _LEAST_FOLDS
+    return gain >= _LEAST_GAIN and helped >= least * folds and sure

@@ -25,10 +25,10 @@ class KnownFigures:
         return Gap(one, two, None, None, limits)
 
 
-def found(joint: int) -> SimpleNamespace:
+def found(joint: int, family: str = "velocity") -> SimpleNamespace:
     return SimpleNamespace(
         candidate=SimpleNamespace(
-            place=SimpleNamespace(joint=joint), effect=SimpleNamespace(family="velocity")
+            place=SimpleNamespace(joint=joint), effect=SimpleNamespace(family=family)
         )
     )
 
@@ -61,9 +61,17 @@ def test_what_came_later_at_the_joint_goes_with_what_does_not_hold(
     assert names([GOOD, bad, GOOD, GOOD], [0, 0, 0, 1], monkeypatch) == [0, 3]
 
 
-def names(figures: list[Any], joints: list[int], monkeypatch: pytest.MonkeyPatch) -> list[int]:
+def test_a_drift_may_lie_in_half_of_the_session(monkeypatch: pytest.MonkeyPatch) -> None:
+    half = (0.3, 2, 4, 1.0, 0.5, (0.3, 0.6))
+    assert names([half], [0], monkeypatch, "time") == [0]
+    assert names([half], [0], monkeypatch) == []
+
+
+def names(
+    figures: list[Any], joints: list[int], monkeypatch: pytest.MonkeyPatch, family: str = "velocity"
+) -> list[int]:
     """Places of the effects that are kept."""
-    effects = [found(joint) for joint in joints]
+    effects = [found(joint, family) for joint in joints]
     monkeypatch.setattr(confirmation, "held_out", lambda *_, **__: KnownFigures(figures))
     monkeypatch.setattr(confirmation, "label", lambda *_: "")
     monkeypatch.setattr(
