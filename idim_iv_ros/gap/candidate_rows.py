@@ -12,6 +12,7 @@ from idim_iv_ros.gap.likelihood import Columns
 
 FloatArray = NDArray[np.float64]
 
+_SPREAD = 4
 _LEVER = 0.1  # m: what counts as a radian of a prismatic joint
 
 
@@ -33,6 +34,14 @@ def extent(data: Baseline) -> Extent:
         lever=np.array([1.0 if kind == "revolute" else _LEVER for kind in kinds]),
         sticking=isinstance(data.estimate.source, SimulatedLoop),
     )
+
+
+def spread_shapes(effect: Effect, place: Place, covered: Extent) -> list[Shape]:
+    """Return a few shapes from all over the effect's grid; none where no shape is possible."""
+    grid = effect.grid(place, covered)
+    if not grid:
+        return []
+    return [grid[k] for k in np.unique(np.linspace(0, len(grid) - 1, _SPREAD).round().astype(int))]
 
 
 def rows_of(data: Baseline, effect: Effect, place: Place, shapes: Sequence[Shape]) -> list[Columns]:

@@ -34,8 +34,6 @@ class ControllerFinding:
         Twice the logarithm of the likelihood ratio.
     p_value : float
         With the choice among groups and joints paid for (Bonferroni).
-    share : float
-        Of the energy of recorded less computed command that the changes explain.
     before, after : float
         RMS of recorded less computed command, N m (N), low-passed as the regression.
     """
@@ -45,7 +43,6 @@ class ControllerFinding:
     parameters: dict[str, EffectParameter]
     statistic: float
     p_value: float
-    share: float
     before: float
     after: float
 
@@ -115,7 +112,6 @@ def _finding(
         parameters=ControllerMismatch().parameters(law, joint, changes),
         statistic=statistic,
         p_value=min(1.0, tried * float(stats.chi2.sf(statistic, len(changes)))),
-        share=1.0 - (after / before) ** 2,
         before=before,
         after=after,
     )

@@ -81,20 +81,6 @@ def diagnose(
     return result
 
 
-def diagnose_recordings(
-    recordings: Sequence[Recording],
-    configuration: Configuration,
-    *,
-    without: Sequence[str] = (),
-    progress: Progress | None = None,
-) -> GapResult:
-    """Diagnose recordings that were read before; otherwise as `diagnose`."""
-    with threadpool_limits(limits=1, user_api="blas"), Stopwatch(progress) as watch:
-        result = _diagnosed(recordings, configuration, tuple(without), watch)
-    result.timing.update(watch.timing)
-    return result
-
-
 def _diagnosed(
     recordings: Sequence[Recording],
     configuration: Configuration,

@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.gap.baseline import Baseline
-from idim_iv_ros.gap.candidate_rows import extent, rows_of
+from idim_iv_ros.gap.candidate_rows import extent, rows_of, spread_shapes
 from idim_iv_ros.gap.effects.effect import Effect, Extent
 from idim_iv_ros.gap.parametric_evidence import ParametricCause
 from idim_iv_ros.gap.result import Rival
 
 FloatArray = NDArray[np.float64]
 
-_SHAPES = 4
 # Correlation of the torques from which on they are the same on this recording.
 LEAST_ALIKE = 0.98
 
@@ -52,11 +51,9 @@ def _correlation(
     places = [place for place in effect.places(len(data.joints)) if place.joint == joint]
     if not places or energy <= 0.0:
         return 0.0
-    grid = effect.grid(places[0], covered)
-    if not grid:
+    shapes = spread_shapes(effect, places[0], covered)
+    if not shapes:
         return 0.0
-    spread = np.unique(np.linspace(0, len(grid) - 1, _SHAPES).round().astype(int))
-    shapes = [grid[k] for k in spread]
     largest = 0.0
     for shape, columns in zip(shapes, rows_of(data, effect, places[0], shapes), strict=True):
         coefficients = np.asarray(np.linalg.lstsq(columns[joint], torque, rcond=None)[0])

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.catalogue import PARAMETRIC
@@ -14,7 +13,7 @@ from idim_iv_ros.gap.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.gap.likelihood import Fit, Regression
 from idim_iv_ros.gap.parametric_evidence import ParametricCause, causes_of
 from idim_iv_ros.gap.parametric_hypotheses import Hypothesis, changes_of
-from idim_iv_ros.gap.parametric_selection import explains_enough, smallest_set
+from idim_iv_ros.gap.parametric_selection import smallest_set
 
 FloatArray = NDArray[np.float64]
 
@@ -33,31 +32,13 @@ class ParametricOutcome:
     ----------
     causes : tuple of ParametricCause
         Strongest first; empty where nothing is wrong.
-    statistic : float
-        Wald statistic of the change of all base parameters; 0 without a given model.
-    degrees : int
-        Of freedom.
-    p_value : float
-    share : float
-        Of the energy of the given model's gap that new base parameters take away.
-    explained : float
-        Of that change, by the causes together, less what noise would: about 0 to 1.
-    complete : bool
-        Whether the causes are enough: they explain `ENOUGH`, beyond noise.
-    before, after : (n_joints,)
-        RMS of the given model's residual, and with all causes, N m (N).
+    after : (n_joints,)
+        RMS of the given model's residual with all that was selected, N m (N).
     reason : str
         Why there are no causes; empty otherwise.
     """
 
     causes: tuple[ParametricCause, ...]
-    statistic: float
-    degrees: int
-    p_value: float
-    share: float
-    explained: float
-    complete: bool
-    before: FloatArray
     after: FloatArray
     reason: str
 
@@ -83,38 +64,22 @@ def parametric_causes(
     reason = data.prepared.why_no_given
     if reason:
         nothing = np.full(len(data.joints), np.nan)
-        return ParametricOutcome((), 0.0, 0, 1.0, 0.0, 0.0, False, nothing, nothing, reason)
+        return ParametricOutcome((), nothing, reason)
     changes = change_regression(data, regression, fit)
     refit = changes.refit()
-    whole = refit.contributions.sum(axis=1)
-    share = changes.share(whole)
-    p_value = float(stats.chi2.sf(refit.statistic, refit.rank))
+    share = changes.share(refit.contributions.sum(axis=1))
     least = LEAST_SHARE_BESIDE if regression.added else LEAST_SHARE
-    excess = refit.statistic - refit.rank
-    before, _ = changes.rms(whole)
-    if excess < least * changes.energy or share < least:
-        found: list[Hypothesis] = []
+    found: list[Hypothesis] = []
+    if refit.statistic - refit.rank < least * changes.energy or share < least:
         reason = f"new parameters take {100.0 * max(share, 0.0):.2g} % of the gap's energy"
     else:
         found = smallest_set(changes, refit, catalogue)
-        reason = "" if found else "no cause of the catalogue explains the change"
-    explained = changes.explain(changes_of(found))
-    part = (explained.statistic - explained.rank) / max(excess, 1.0)
     causes = tuple(
         cause
-        for cause in causes_of(data.joints, changes, found, catalogue, excess)
+        for cause in causes_of(data.joints, changes, found, catalogue)
         if cause.share >= LEAST_SHARE_OF_A_CAUSE
     )
-    _, after = changes.rms(explained.contributions.sum(axis=1))
-    return ParametricOutcome(
-        causes=causes,
-        statistic=refit.statistic,
-        degrees=refit.rank,
-        p_value=p_value,
-        share=share,
-        explained=part,
-        complete=bool(found) and explains_enough(explained, refit),
-        before=before,
-        after=after,
-        reason=reason,
-    )
+    if not causes and not reason:
+        reason = "no cause of the catalogue explains the change"
+    _, after = changes.rms(changes.explain(changes_of(found)).contributions.sum(axis=1))
+    return ParametricOutcome(causes, after, reason)

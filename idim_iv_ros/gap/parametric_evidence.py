@@ -40,8 +40,6 @@ class ParametricCause:
         Wald statistic beside the other causes.
     p_value : float
         Of the statistic, with the choice among all causes paid for (Bonferroni).
-    part : float
-        Of the explainable change that this cause explains beside the others, 0 to 1.
     share : float
         Of the energy of the given model's gap that goes with it, each joint by its torque.
     before, after : (n_joints,)
@@ -57,7 +55,6 @@ class ParametricCause:
     parameters: dict[str, EffectParameter]
     statistic: float
     p_value: float
-    part: float
     share: float
     before: FloatArray
     after: FloatArray
@@ -70,7 +67,6 @@ def causes_of(
     changes: ChangeRegression,
     kept: Sequence[Hypothesis],
     catalogue: Sequence[ParametricEffect],
-    excess: float,
 ) -> tuple[ParametricCause, ...]:
     """Tell what each hypothesis explains beside the others; strongest first.
 
@@ -80,8 +76,6 @@ def causes_of(
         Names.
     kept
         The smallest set that explains the change.
-    excess
-        Wald statistic of the change of all base parameters, beyond what noise would give.
     """
     count = len({each.key for each in hypotheses(changes, catalogue)})
     causes: list[tuple[ParametricCause, Hypothesis]] = []
@@ -101,7 +95,6 @@ def causes_of(
             parameters=hypothesis.effect.parameters(changes.space, hypothesis.joint, this.own),
             statistic=statistic,
             p_value=min(1.0, count * float(stats.chi2.sf(statistic, degrees))),
-            part=statistic / max(excess, 1.0),
             share=changes.share(this.contribution),
             before=before,
             after=after,

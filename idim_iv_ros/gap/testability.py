@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from idim_iv_ros.gap.baseline import Baseline
-from idim_iv_ros.gap.candidate_rows import extent, rows_of
+from idim_iv_ros.gap.candidate_rows import extent, rows_of, spread_shapes
 from idim_iv_ros.gap.detectability import ABSORBED, Detectability, ShapedEffect, detectability
 from idim_iv_ros.gap.effects.effect import Effect, Extent, JointScale, Place
 from idim_iv_ros.gap.joint_units import unit_at
@@ -14,7 +14,6 @@ from idim_iv_ros.gap.likelihood import Colour, Fit, Regression, Scan
 from idim_iv_ros.gap.motion_limits import cannot_show
 from idim_iv_ros.gap.result import Confusability, NotTestable
 
-_SHAPES = 4
 _LARGEST = 1e6  # N m: columns beyond come from a transmission that ran away
 
 
@@ -105,11 +104,9 @@ def _places(effect: Effect, joint: int, joints: int) -> list[Place]:
 
 
 def _shaped(data: Baseline, effect: Effect, place: Place, covered: Extent) -> ShapedEffect | None:
-    grid = effect.grid(place, covered)
-    if not grid:
+    shapes = spread_shapes(effect, place, covered)
+    if not shapes:
         return None
-    spread = np.unique(np.linspace(0, len(grid) - 1, _SHAPES).round().astype(int))
-    shapes = [grid[k] for k in spread]
     usable = [
         (shape, columns)
         for shape, columns in zip(shapes, rows_of(data, effect, place, shapes), strict=True)
