@@ -199,7 +199,9 @@ def _fitted_gains(
 
 def _bags(prepared: PreparedRegression) -> tuple[BagSummary, ...]:
     bags = []
-    for recording, motion in zip(prepared.recordings, prepared.motions, strict=True):
+    session = prepared.session
+    parts = zip(session.recordings, session.parts, prepared.motions, strict=True)
+    for recording, part, motion in parts:
         signals = (
             recording.position,
             recording.effort,
@@ -212,6 +214,7 @@ def _bags(prepared: PreparedRegression) -> tuple[BagSummary, ...]:
                 path=str(recording.path),
                 rate=recording.rate,
                 duration=recording.duration,
+                session_start=part.start,
                 samples=recording.samples,
                 signals=tuple(signal.origin for signal in signals if signal is not None),
                 clocks=recording.clocks,
@@ -226,14 +229,13 @@ def _bags(prepared: PreparedRegression) -> tuple[BagSummary, ...]:
 def _series(
     prepared: PreparedRegression, rows: Sequence[ObservationRows], linear: LinearEstimate
 ) -> tuple[JointSeries, ...]:
-    """Measured and predicted torque of the rows that count, recordings one after the other."""
-    starts = np.cumsum([0.0, *(recording.duration for recording in prepared.recordings)])
+    """Measured and predicted torque of the rows that count, over the time of the session."""
     series = []
     for joint, residual in zip(rows, linear.residuals, strict=True):
         name = prepared.configuration.robot.joints[joint.joint]
         time = [
-            start + motion.time[motion.kept[:, joint.joint]]
-            for start, motion in zip(starts, prepared.motions, strict=False)
+            part.start + motion.time[motion.kept[:, joint.joint]]
+            for part, motion in zip(prepared.session.parts, prepared.motions, strict=True)
         ]
         series.append(
             JointSeries(name, np.concatenate(time), joint.torque, joint.torque - residual)

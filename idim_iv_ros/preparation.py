@@ -11,7 +11,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation import JointTriangle, unseen_parameters
 from idim_iv_ros.model import InverseModel, build_inverse_model
-from idim_iv_ros.recording import Recording, read_recordings
+from idim_iv_ros.recording import Recording, Session, read_recordings, session_of
 from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
 from idim_iv_ros.stopwatch import Progress
 
@@ -25,7 +25,8 @@ class PreparedRegression:
     Attributes
     ----------
     configuration : Configuration
-    recordings : tuple of Recording
+    session : Session
+        The recordings in their order, and the time that they share.
     model : InverseModel
     cutoffs : Cutoffs
     minimum_speed : (n_joints,) rad/s
@@ -35,12 +36,17 @@ class PreparedRegression:
     """
 
     configuration: Configuration
-    recordings: tuple[Recording, ...]
+    session: Session
     model: InverseModel
     cutoffs: Cutoffs
     minimum_speed: FloatArray
     motions: tuple[Motion, ...]
     reasons: tuple[str, ...]
+
+    @property
+    def recordings(self) -> tuple[Recording, ...]:
+        """In the order of the session, as `motions`."""
+        return self.session.recordings
 
     @property
     def why_no_given(self) -> str:
@@ -65,11 +71,16 @@ class PreparedRegression:
 def prepare(recordings: Sequence[Recording], configuration: Configuration) -> PreparedRegression:
     """Build the model and filter the motion: everything that precedes an estimate.
 
+    Recordings are put in the order of their session first (`session_of`): the order in which they
+    are given changes nothing.
+
     Raises
     ------
     UsageError, DataError
         See `build_inverse_model`, `choose_cutoffs`, `filter_motion`.
     """
+    session = session_of(recordings)
+    recordings = session.recordings
     urdf, source = _urdf(configuration, recordings)
     model = build_inverse_model(configuration, urdf, source)
     records = [joint_side(recording, configuration) for recording in recordings]
@@ -85,12 +96,12 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
     )
     return PreparedRegression(
         configuration=configuration,
-        recordings=tuple(recordings),
+        session=session,
         model=model,
         cutoffs=cutoffs,
         minimum_speed=minimum_speed,
         motions=motions,
-        reasons=cutoffs.reasons + reasons + frozen_sentences(recordings),
+        reasons=session.sentences + cutoffs.reasons + reasons + frozen_sentences(recordings),
     )
 
 

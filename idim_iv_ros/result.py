@@ -165,6 +165,8 @@ class BagSummary:
     ----------
     rate, duration
         Hz, s.
+    session_start
+        Of this recording in the time of the session, s.
     dropped : dict
         Decimated joint samples that do not count, by reason.
     frozen : tuple of FrozenStretches
@@ -180,6 +182,7 @@ class BagSummary:
     notes: tuple[Note, ...]
     dropped: dict[str, int]
     frozen: tuple[FrozenStretches, ...] = ()
+    session_start: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -205,7 +208,7 @@ class JointSeries:
     Attributes
     ----------
     time : (n,) s
-        From the start of the first recording; recordings follow each other.
+        Of the session (`recording.session`): it increases.
     measured, predicted : (n,) N m
         Decimated torque and X β̂ of the rows that count; the others are gaps in time.
     """

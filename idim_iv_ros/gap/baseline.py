@@ -113,7 +113,7 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
         links,
         whole,
         prepared.motions,
-        [recording.start for recording in recordings],
+        [part.start for part in prepared.session.parts],
         estimate.instruments,
         simulated_slips(prepared, estimate),
         prepared.cutoffs.decimation,

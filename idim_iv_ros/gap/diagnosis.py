@@ -136,7 +136,8 @@ def _diagnosed(
         robot=data.prepared.model.robot.name,
         joints=data.joints,
         joint_types=data.prepared.model.robot.joint_types,
-        bags=tuple(recording.path.name for recording in recordings),
+        bags=tuple(part.bag for part in data.prepared.session.parts),
+        session=data.prepared.session.parts,
         software={name: metadata.version(name) for name in _REPORTED},
         configuration=configuration.model_dump(mode="json", exclude_none=True),
         without=without,
@@ -164,7 +165,7 @@ def _diagnosed(
         tracking=tracking_series(data, first, last),
         notes=_notes(data, tested.note, [floor.note for floor in floors], tracked),
         extended_parameters=_extended(data, model),
-        recorded=sum(recording.duration for recording in recordings),
+        recorded=sum(part.duration for part in data.prepared.session.parts),
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.formats import GAP_FORMAT
+from idim_iv_ros.recording import SessionPart
 
 FloatArray = NDArray[np.float64]
 
@@ -267,7 +268,7 @@ class GapSeries:
     ----------
     joint : str
     time : s
-        Since the start of the first recording, the recordings one after the other.
+        Of the session (`recording.session`): it increases.
     torque, given, refit, extended : N m (N)
         Measured, and of three models; `given` is None without a given model.
     position, speed : rad, rad/s
@@ -340,6 +341,8 @@ class GapResult:
         Seconds by stage.
     recorded : float or None
         Length of all recordings together, without the pauses between them, s.
+    session : tuple of SessionPart
+        Where each recording lies in the time of the session, in the order of `bags`.
     """
 
     robot: str
@@ -365,3 +368,4 @@ class GapResult:
     extended_parameters: dict[str, EffectParameter]
     timing: dict[str, float] = field(default_factory=dict)
     recorded: float | None = None
+    session: tuple[SessionPart, ...] = ()

@@ -84,10 +84,10 @@ def simulated_tracking(
     if not isinstance(source, SimulatedLoop):
         reason = " ".join(data.sources.controller) or "the closed loop is not known"
         return Tracking(data.joints, (), (), rate, f"not simulated: {reason}")
-    starts = [recording.start for recording in data.prepared.recordings]
     positions, errors = [], []
-    for motion, law, start in zip(source.motions, source.laws, starts, strict=True):
-        position, problem = _simulated(data, values, effects, motion, law, start - starts[0])
+    parts = data.prepared.session.parts
+    for motion, law, part in zip(source.motions, source.laws, parts, strict=True):
+        position, problem = _simulated(data, values, effects, motion, law, part.start)
         if position is None:
             return Tracking(data.joints, (), (), rate, problem)
         measured = motion.position[motion.span]

@@ -59,11 +59,11 @@ def _events(data: Baseline, fit: Fit, joint: int) -> Unexplained | None:
     largest = int(np.argmax(energy))
     motion = data.motions[int(data.recordings[joint][largest])]
     time = motion.time[motion.decimation.kept[data.places[joint][largest]]]
-    bag = data.prepared.recordings[int(data.recordings[joint][largest])].path.name
+    part = data.prepared.session.parts[int(data.recordings[joint][largest])]
     return Unexplained(
         joint=data.joints[joint],
         family="event",
         share=share,
         where=f"{data.joints[joint]}: 1 % of the samples hold {100 * share:.0f} % of the "
-        f"residual's energy, the largest in {bag} {time - motion.time[0]:.1f} s after its start",
+        f"residual's energy, the largest in {part.bag} {time - part.start:.1f} s after its start",
     )

@@ -134,6 +134,14 @@ class StagePart(_Part):
     note: str
 
 
+class SessionPartPart(_Part):
+    """Where one recording lies in the time of the session, s."""
+
+    bag: str
+    start: Number
+    duration: Number
+
+
 class GapFile(_Part):
     """The whole file."""
 
@@ -141,6 +149,7 @@ class GapFile(_Part):
     robot: str
     joints: list[str]
     bags: list[str]
+    session: list[SessionPartPart] = []
     software: dict[str, str]
     without: list[str]
     verdict: Verdict

@@ -21,6 +21,7 @@ def gap_document(result: GapResult) -> Document:
             "robot": result.robot,
             "joints": result.joints,
             "bags": result.bags,
+            "session": result.session,
             "software": result.software,
             "without": result.without,
             "verdict": result.verdict,

@@ -15,7 +15,17 @@ from tests.report.sample_gap import CASES, Case, sample_gap
 # The design's format, and what the project added to it.
 TOP = {
     *("format", "verdict", "causes", "unexplained", "where", "not_testable", "stages"),
-    *("robot", "joints", "bags", "software", "configuration", "without", "summary", "findings"),
+    *(
+        "robot",
+        "joints",
+        "bags",
+        "session",
+        "software",
+        "configuration",
+        "without",
+        "summary",
+        "findings",
+    ),
     *("notes", "extended_parameters", "timing"),
 }
 CAUSE = {
