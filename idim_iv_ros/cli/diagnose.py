@@ -9,6 +9,7 @@ from rich.console import Console
 
 from idim_iv_ros.cli.arguments import Bags, Config, Out, progress_bar
 from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
+from idim_iv_ros.cli.report_warnings import report_warnings
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.formats import GAP, REPORT
@@ -85,10 +86,13 @@ def run_diagnosis(
         if name not in effects:
             raise UsageError(f"--without {name}: no such effect; there are {', '.join(effects)}")
     configuration = load_configuration(config)
-    with require_writable(out, (GAP, REPORT)), progress_bar() as progress:
+    with require_writable(out, (GAP, REPORT)):
         left_out = tuple(dict.fromkeys(without))
-        result = diagnose(bags, configuration, without=left_out, progress=progress)
-        _, html = write_gap_report(result, out)
+        with progress_bar() as progress:
+            result = diagnose(bags, configuration, without=left_out, progress=progress)
+        with report_warnings():
+            written, page = write_gap_report(result, out)
     console = Console()
     print_diagnosis(console, result)
-    console.print(f"Report: {html}", soft_wrap=True, highlight=False, markup=False)
+    where = f"Report: {page}" if page is not None else f"Numbers: {written}"
+    console.print(where, soft_wrap=True, highlight=False, markup=False)

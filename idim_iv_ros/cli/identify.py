@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from idim_iv_ros.cli.arguments import Bags, Config, Out, progress_bar
+from idim_iv_ros.cli.report_warnings import report_warnings
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.identification import identify
 from idim_iv_ros.report import require_writable, write_report
@@ -36,13 +37,16 @@ def identify_command(
     Example: idim-iv identify run1.mcap run2.mcap --config ur5.yaml --out results
     """
     configuration = load_configuration(config)
-    with require_writable(out), progress_bar() as progress:
-        result = identify(bags, configuration, estimator=estimator.value, progress=progress)
-        _, html = write_report(result, out)
+    with require_writable(out):
+        with progress_bar() as progress:
+            result = identify(bags, configuration, estimator=estimator.value, progress=progress)
+        with report_warnings():
+            written, page = write_report(result, out)
     console = Console()
     console.print(parameter_table(result))
     print_verdict(console, result)
-    console.print(f"Report: {html}", soft_wrap=True, highlight=False)
+    where = f"Report: {page}" if page is not None else f"Numbers: {written}"
+    console.print(where, soft_wrap=True, highlight=False, markup=False)
 
 
 def parameter_table(result: IdentificationResult, truth: dict[str, float] | None = None) -> Table:

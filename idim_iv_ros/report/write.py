@@ -1,11 +1,14 @@
-"""The files of a result: both complete or neither."""
+"""The files of a result: the numbers first and whole, then the page that shows them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+import os
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from idim_iv_ros.atomic_files import probe_place, write_together
-from idim_iv_ros.errors import UsageError
+from idim_iv_ros.errors import ReportWarning, UsageError, one_line
 from idim_iv_ros.formats import GAP, REPORT, RESULT
 from idim_iv_ros.gap.result import GapResult
 from idim_iv_ros.report.gap_html import gap_report_html
@@ -17,11 +20,12 @@ from idim_iv_ros.result import IdentificationResult
 _WRITTEN_BY = {RESULT: "identify", GAP: "diagnose"}
 
 
-def write_report(result: IdentificationResult, out: Path) -> tuple[Path, Path]:
-    """Write result.json and report.html.
+def write_report(result: IdentificationResult, out: Path) -> tuple[Path, Path | None]:
+    """Write result.json, then report.html.
 
-    Both are written beside their place and moved there when they are complete, so that no
-    half-written file is ever found under `out`.
+    Each is written beside its place and moved there when it is complete, so that no half-written
+    file is ever found under `out`. No picture costs a result: what cannot be drawn or written of
+    the page is a `ReportWarning`.
 
     Parameters
     ----------
@@ -32,20 +36,19 @@ def write_report(result: IdentificationResult, out: Path) -> tuple[Path, Path]:
 
     Returns
     -------
-    Path, Path
-        result.json and report.html.
+    Path, Path or None
+        result.json and report.html; None where there is no page, and none of an earlier result.
 
     Raises
     ------
     UsageError
         The folder cannot be written, or holds a diagnosis.
     """
-    _write(out, {RESULT: result_text(result), REPORT: report_html(result)})
-    return out / RESULT, out / REPORT
+    return _write(out, RESULT, result_text(result), partial(report_html, result))
 
 
-def write_gap_report(result: GapResult, out: Path) -> tuple[Path, Path]:
-    """Write gap.json and report.html, both complete or neither.
+def write_gap_report(result: GapResult, out: Path) -> tuple[Path, Path | None]:
+    """Write gap.json, then report.html; otherwise as `write_report`.
 
     Parameters
     ----------
@@ -56,16 +59,15 @@ def write_gap_report(result: GapResult, out: Path) -> tuple[Path, Path]:
 
     Returns
     -------
-    Path, Path
-        gap.json and report.html.
+    Path, Path or None
+        gap.json and report.html; None where there is no page, and none of an earlier result.
 
     Raises
     ------
     UsageError
         The folder cannot be written, or holds an identification.
     """
-    _write(out, {GAP: gap_text(result), REPORT: gap_report_html(result)})
-    return out / GAP, out / REPORT
+    return _write(out, GAP, gap_text(result), partial(gap_report_html, result))
 
 
 @contextmanager
@@ -130,13 +132,29 @@ def _probe(out: Path, names: Sequence[str]) -> None:
     probe_place(out / names[0])
 
 
-def _write(out: Path, texts: Mapping[str, str]) -> None:
-    """Write the files of `texts`, named by their keys, into the folder."""
-    with require_writable(out, tuple(texts)):
+def _write(out: Path, name: str, text: str, draw: Callable[[], str]) -> tuple[Path, Path | None]:
+    """Write the numbers, then draw the page and write it."""
+    numbers, page = out / name, out / REPORT
+    with require_writable(out, (name, REPORT)):
         try:
-            write_together({out / name: text for name, text in texts.items()})
+            write_together({numbers: text})
         except OSError as error:
             raise _refusal(out, error) from error
+    try:
+        # That of an earlier result would pass for the page of this one.
+        page.unlink(missing_ok=True)
+        write_together({page: draw()})
+    except Exception as error:
+        if os.environ.get("IDIM_IV_TRACEBACK"):
+            raise
+        warnings.warn(
+            f"{page}: the report cannot be drawn or written ({one_line(error)}); all numbers are "
+            f"in {numbers}",
+            ReportWarning,
+            stacklevel=3,
+        )
+        return numbers, None
+    return numbers, page
 
 
 def _refusal(out: Path, error: OSError) -> UsageError:
