@@ -84,12 +84,8 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
     urdf, source = _urdf(configuration, recordings)
     model = build_inverse_model(configuration, urdf, source)
     records = [joint_side(recording, configuration) for recording in recordings]
-    cutoffs = choose_cutoffs(
-        configuration.processing,
-        [record.position for record in records],
-        records[0].rate,
-        str(configuration.source or "configuration"),
-    )
+    source = str(configuration.source or "the configuration")
+    cutoffs = choose_cutoffs(configuration.processing, records, source)
     couplings = model.regressor.layout.coupling_joints
     motions, minimum_speed, reasons = filter_motion(
         records, configuration.processing, cutoffs, configuration.robot.joints, couplings

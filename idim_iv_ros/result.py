@@ -189,13 +189,14 @@ class BagSummary:
 class ProcessingSummary:
     """Filters as they were applied, and why.
 
-    Frequencies in Hz, `minimum_speed` in rad/s (m/s for prismatic joints).
+    Frequencies in Hz, `minimum_speed` in rad/s (m/s for prismatic joints); one of
+    `decimation_factors` for each recording.
     """
 
     position_cutoff: float
     position_order: int
     decimation_cutoff: float
-    decimation_factor: int
+    decimation_factors: tuple[int, ...]
     row_rate: float
     minimum_speed: tuple[float, ...]
     reasons: tuple[str, ...]

@@ -215,10 +215,11 @@ def _acceleration_over_noise(
 
     The noise of the positions is taken as white, with the variance of what the filter removed.
     """
-    motion = prepared.motions[0]
-    rate, cutoff = motion.signals.rate, min(prepared.cutoffs.decimation, motion.signals.rate / 2)
-    removed = motion.signals.position[motion.span, joint] - motion.position[motion.span, joint]
-    density = float(np.var(removed)) / (rate / 2.0)
+    densities = []
+    for motion in prepared.motions:
+        removed = motion.signals.position[motion.span, joint] - motion.position[motion.span, joint]
+        densities.append(float(np.var(removed)) / (motion.signals.rate / 2.0))
+    density, cutoff = float(np.mean(densities)), prepared.cutoffs.decimation
     noise = np.sqrt(density * (2.0 * np.pi) ** 4 * cutoff**5 / 5.0)
     return acceleration / noise if noise > 0.0 else np.inf
 

@@ -1,7 +1,7 @@
 """Which instruments a recording allows: the control law, its fit, or what replaces them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,6 +105,9 @@ def _laws(
     joints = configuration.robot.joints
     if section.type != "unknown":
         law = control_law(section, len(joints))
+        if law.period is None:
+            # The robot has one controller, at least as fast as the fastest of its recordings.
+            law = replace(law, period=1.0 / max(motion.signals.rate for motion in motions))
         return tuple(law for _ in motions), (), [f"control law {section.type} as configured"]
     fits = tuple(_fit(motion, section.torque_limit) for motion in motions)
     sentences = [

@@ -35,7 +35,7 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
     if processing.decimation_cutoff is not None:
         return configuration
     prepared = prepare(recordings, configuration)
-    rate = prepared.motions[0].signals.rate
+    rate = min(motion.signals.rate for motion in prepared.motions)
     highest = min(_WIDEST, rate / (2.0 * _POSITION_OVER_DECIMATION * 1.3))
     cutoff = max(min(_noise_limit(prepared), highest), prepared.cutoffs.decimation)
     edge = processing.decimation_edge

@@ -64,7 +64,7 @@ class Baseline:
     @property
     def row_rate(self) -> float:
         """Rows per second."""
-        return self.prepared.motions[0].signals.rate / self.prepared.cutoffs.factor
+        return self.prepared.cutoffs.row_rate
 
     @property
     def slowest(self) -> FloatArray:

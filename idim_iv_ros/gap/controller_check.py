@@ -67,7 +67,8 @@ def controller_mismatch(data: Baseline) -> list[ControllerFinding]:
         return []
     configuration = data.prepared.configuration
     law = control_law(configuration.controller, len(data.joints))
-    period = configuration.controller.period or 1.0 / data.prepared.motions[0].signals.rate
+    slowest = min(motion.signals.rate for motion in data.prepared.motions)
+    period = configuration.controller.period or 1.0 / slowest
     compared = {}
     for joint in range(len(data.joints)):
         rows = command_regression(data.prepared.motions, law, joint)

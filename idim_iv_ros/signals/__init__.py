@@ -2,7 +2,7 @@
 
 from idim_iv_ros.signals.autoregression import AutoregressiveModel, fit_autoregression
 from idim_iv_ros.signals.cutoffs import Cutoffs, choose_cutoffs, motion_bandwidth
-from idim_iv_ros.signals.decimation import ParallelDecimation, decimation_factor
+from idim_iv_ros.signals.decimation import ParallelDecimation, common_factors, decimation_factor
 from idim_iv_ros.signals.filters import central_differences, zero_phase_butterworth
 from idim_iv_ros.signals.joint_side import JointSignals, joint_side
 from idim_iv_ros.signals.motion import Motion, coarser, filter_motion
@@ -17,6 +17,7 @@ __all__ = [
     "central_differences",
     "choose_cutoffs",
     "coarser",
+    "common_factors",
     "decimation_factor",
     "filter_motion",
     "fit_autoregression",

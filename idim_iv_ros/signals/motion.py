@@ -118,7 +118,10 @@ def filter_motion(
     if still.all():
         names = ", ".join(record.name for record in signals)
         raise DataError(f"{names}: no joint moves; record an exciting motion")
-    spans = [_span(record, processing, cutoffs) for record in signals]
+    spans = [
+        _span(record, processing, cutoffs.position, factor)
+        for record, factor in zip(signals, cutoffs.factors, strict=True)
+    ]
     if still.any():
         names = ", ".join(name for name, stands in zip(joints, still, strict=True) if stands)
         reasons.append(f"{names} stands still: its noise is not taken for motion")
@@ -137,11 +140,13 @@ def filter_motion(
             position,
             span,
             processing,
-            (cutoffs.position, cutoffs.factor),
+            (cutoffs.position, factor),
             minimum_speed,
             couplings,
         )
-        for record, position, span in zip(signals, filtered, spans, strict=True)
+        for record, position, span, factor in zip(
+            signals, filtered, spans, cutoffs.factors, strict=True
+        )
     )
     return motions, minimum_speed, tuple(reasons)
 
@@ -171,13 +176,13 @@ def _stands_still(raw: FloatArray, filtered: FloatArray) -> BoolArray:
     return np.asarray((extent < _STILL_RANGE) | (extent < _STILL_NOISE * noise))
 
 
-def _span(record: JointSignals, processing: ProcessingSection, cutoffs: Cutoffs) -> slice:
+def _span(record: JointSignals, processing: ProcessingSection, cutoff: float, factor: int) -> slice:
     if processing.trim is not None:
         cut = [round(seconds * record.rate) for seconds in processing.trim]
     else:
-        cut = [round(_EDGE_PERIODS / cutoffs.position * record.rate)] * 2
+        cut = [round(_EDGE_PERIODS / cutoff * record.rate)] * 2
     samples = len(record.position)
-    if samples - sum(cut) < 10 * cutoffs.factor:
+    if samples - sum(cut) < 10 * factor:
         raise DataError(
             f"{record.name}: {samples / record.rate:.3g} s leave fewer than 10 decimated samples "
             f"after {sum(cut) / record.rate:.3g} s are cut at the ends; record for longer"
