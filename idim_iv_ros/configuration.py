@@ -145,7 +145,8 @@ class ProcessingSection(Section):
     at 0.95 white noise stays white, at MATLAB's 0.8 the empty band above the edge colours it.
     `decimation_phase` chooses which sample of each group is kept: ``first`` as SciPy does,
     ``last`` as MATLAB's decimate does. `reversal_margin` is the number of decimated samples that
-    are dropped on either side of a slow one, for the decimation filter smears what happens there.
+    are dropped on either side of a slow one, for the decimation filter smears what happens there;
+    where it is left out, a diagnosis decides once it knows whether the closed loop is simulated.
     """
 
     position_cutoff: PositiveFloat | None = None
@@ -154,7 +155,7 @@ class ProcessingSection(Section):
     decimation_edge: Annotated[float, Field(ge=0.5, le=1.0)] = 0.95
     decimation_phase: Literal["first", "last"] = "first"
     minimum_speed: Vector | None = None
-    reversal_margin: Annotated[float, Field(ge=0.0, le=20.0)] = 1.0
+    reversal_margin: Annotated[float, Field(ge=0.0, le=20.0)] | None = None
     trim: Annotated[Vector, Field(min_length=2, max_length=2)] | None = None
 
 

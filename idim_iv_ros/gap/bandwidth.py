@@ -54,16 +54,7 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
             "decimation_cutoff": min(cutoff, position),
         }
     )
-    if _is_simulated(configuration, prepared):
-        # Rows beside a reversal count: the friction in the model sticks as the simulated one does.
-        changed = changed.model_copy(update={"reversal_margin": 0.0})
     return configuration.model_copy(update={"processing": changed})
-
-
-def _is_simulated(configuration: Configuration, prepared: PreparedRegression) -> bool:
-    references = [motion.signals.position_reference for motion in prepared.motions]
-    known = configuration.controller.type != "unknown"
-    return known and all(reference is not None for reference in references)
 
 
 def _noise_limit(prepared: PreparedRegression) -> float:

@@ -5,10 +5,11 @@ from idim_iv_ros.signals.cutoffs import Cutoffs, choose_cutoffs, motion_bandwidt
 from idim_iv_ros.signals.decimation import ParallelDecimation, common_factors, decimation_factor
 from idim_iv_ros.signals.filters import central_differences, zero_phase_butterworth
 from idim_iv_ros.signals.joint_side import JointSignals, joint_side
-from idim_iv_ros.signals.motion import Motion, coarser, filter_motion
+from idim_iv_ros.signals.motion import REVERSAL_MARGIN, Motion, coarser, filter_motion
 from idim_iv_ros.signals.noise import torque_noise
 
 __all__ = [
+    "REVERSAL_MARGIN",
     "AutoregressiveModel",
     "Cutoffs",
     "JointSignals",

@@ -18,6 +18,8 @@ BoolArray = NDArray[np.bool_]
 
 _EDGE_PERIODS = 2.0  # of the position cut-off, cut at each end when the user names no trim
 _EDGE_GROUPS = 2  # decimated samples cut at each end, likewise
+# Decimated samples dropped on either side of a slow one when the user names no margin.
+REVERSAL_MARGIN = 1.0
 # A joint whose motion is not this many times its noise, or its range below this, stands still.
 _STILL_NOISE = 10.0
 _STILL_RANGE = 1e-4
@@ -205,7 +207,9 @@ def _motion(
         factor, samples, processing.decimation_edge, processing.decimation_phase
     )
     fast = _fast_samples(position[span], record.rate, minimum_speed, couplings)
-    fast = _all_around(fast, decimation, round(processing.reversal_margin * factor))
+    margin = processing.reversal_margin
+    reach = round((REVERSAL_MARGIN if margin is None else margin) * factor)
+    fast = _all_around(fast, decimation, reach)
     measured = _all_around(record.valid[span], decimation, factor)
     inside = np.ones(len(measured), dtype=bool)
     if processing.trim is None and decimation.factor > 1:
