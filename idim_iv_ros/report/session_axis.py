@@ -17,8 +17,10 @@ IntArray = NDArray[np.int64]
 
 # Of the length of all recordings: no pause between two is drawn longer.
 _WIDEST_PAUSE = 0.02
-# More names than this cannot be read.
-_NAMED = 6
+# Pixels of a narrow plot and of a letter of its names: longer names would cover each other.
+_WIDTH, _LETTER = 480.0, 6.0
+# More recordings than this are not even numbered.
+_NUMBERED = 20
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,21 @@ class SessionAxis:
         if len(self.parts) < 2:
             return ""
         pauses = ", pauses shortened" if self.shortened else ""
-        return f" Recordings follow one another in the order of their stamps{pauses}."
+        names = ""
+        if len(self.parts) <= _NUMBERED and not self._names_fit:
+            listed = [f"{number + 1} {part.bag}" for number, part in enumerate(self.parts)]
+            names = f": {', '.join(listed)}"
+        return f" Recordings follow one another in the order of their stamps{pauses}{names}."
+
+    @property
+    def _names_fit(self) -> bool:
+        """Whether the name of each recording is shorter than its part of the axis."""
+        whole = self.drawn[-1] + self.parts[-1].duration
+        ends = [*self.drawn[1:], whole]
+        return all(
+            _LETTER * len(part.bag) <= _WIDTH * (end - start) / whole
+            for part, start, end in zip(self.parts, self.drawn, ends, strict=True)
+        )
 
     def recording(self, time: FloatArray) -> IntArray:
         """Recording of each time of the session, (r,)."""
@@ -72,7 +88,7 @@ class SessionAxis:
         return np.asarray(time + shift[self.recording(time)])
 
     def marks(self) -> dict[str, Any]:
-        """Layout of a figure: a line where each recording starts, with its name."""
+        """Layout of a figure: a line where each recording starts, with its name or number."""
         if len(self.parts) < 2:
             return {}
         lines = [
@@ -87,20 +103,21 @@ class SessionAxis:
             }
             for place in self.drawn[1:]
         ]
-        if len(self.parts) > _NAMED:
+        if len(self.parts) > _NUMBERED:
             return {"shapes": lines}
+        words = [part.bag if self._names_fit else f"{k + 1}" for k, part in enumerate(self.parts)]
         names = [
             {
                 "x": place,
                 "y": 1.0,
                 "yref": "paper",
-                "text": part.bag.replace("&", "&amp;").replace("<", "&lt;"),
+                "text": word.replace("&", "&amp;").replace("<", "&lt;"),
                 "showarrow": False,
                 "xanchor": "left",
                 "yanchor": "bottom",
                 "font": {"size": 10, "color": MUTED},
             }
-            for place, part in zip(self.drawn, self.parts, strict=True)
+            for place, word in zip(self.drawn, words, strict=True)
         ]
         # Room for the names above the plot.
         margin = {"l": 58, "r": 12, "t": 22, "b": 40}
