@@ -11,7 +11,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation import JointTriangle, unseen_parameters
 from idim_iv_ros.model import InverseModel, build_inverse_model
-from idim_iv_ros.recording import Recording, read_recordings
+from idim_iv_ros.recording import Recording, prismatic_joints, read_recordings
 from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
 from idim_iv_ros.stopwatch import Progress
 
@@ -108,12 +108,18 @@ def read_configured(
 ) -> tuple[Recording, ...]:
     """Read the topics and joints of a configuration; see `read_recordings`."""
     signals = configuration.signals
+    urdf = configuration.robot.urdf
+    prismatic: frozenset[str] = frozenset()
+    # Behind a transmission the positions are angles of motors, whatever the joints are.
+    if urdf is not None and configuration.robot.motor_to_joint is None:
+        prismatic = prismatic_joints(_urdf(configuration, ())[0])
     return read_recordings(
         bags,
         joints=configuration.robot.joints,
         joint_states=signals.joint_states,
         effort=signals.effort,
         reference=signals.reference,
+        prismatic=prismatic,
         progress=progress,
     )
 

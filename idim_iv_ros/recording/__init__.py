@@ -1,5 +1,6 @@
 """Recordings: bags and tables in, immutable signals on a uniform grid out."""
 
+from idim_iv_ros.recording.description import prismatic_joints
 from idim_iv_ros.recording.frozen import FrozenStretches
 from idim_iv_ros.recording.read import read_recordings
 from idim_iv_ros.recording.recording import ClockQuality, Note, Recording, Signal
@@ -15,6 +16,7 @@ __all__ = [
     "Recording",
     "Signal",
     "import_table",
+    "prismatic_joints",
     "read_recordings",
     "write_bag",
 ]
