@@ -37,8 +37,6 @@ class Bag:
         Messages of each wanted topic that were found, and that are known to be lost.
     counted : bool
         Whether `missing` is all that is lost.
-    spans : dict
-        First and last log time of each wanted topic, ns.
     """
 
     path: Path
@@ -47,7 +45,13 @@ class Bag:
     found: Counter[str] = field(default_factory=Counter)
     missing: Counter[str] = field(default_factory=Counter)
     counted: bool = True
-    spans: dict[str, tuple[int, int]] = field(default_factory=dict)
+    _passed: Counter[str] = field(default_factory=Counter)
+    _steps: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def intervals(self) -> dict[str, float]:
+        """Mean time between two messages of each wanted topic, s; zero for a single one."""
+        return {t: 1e-9 * self._passed[t] / max(steps, 1) for t, steps in self._steps.items()}
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Raw messages of the wanted topics, file by file.
@@ -77,9 +81,9 @@ class Bag:
 
     def _meet(self, topic: str, batch: MessageBatch) -> None:
         self.found[topic] += len(batch)
-        first, last = int(batch.arrival.min()), int(batch.arrival.max())
-        before = self.spans.get(topic, (first, last))
-        self.spans[topic] = (min(first, before[0]), max(last, before[1]))
+        # Batch by batch: what is lost between two of them has no part in it.
+        self._passed[topic] += int(batch.arrival.max()) - int(batch.arrival.min())
+        self._steps[topic] += len(batch) - 1
 
     def _compare(self, wanted: set[str]) -> None:
         """Count what is missing against metadata.yaml, where it says how much there was."""

@@ -26,8 +26,7 @@ def loss_notes(bag: Bag, topics: Iterable[str]) -> list[Note]:
 
 def _topic_sentence(bag: Bag, topic: str) -> str:
     found, missing = bag.found[topic], bag.missing[topic]
-    first, last = bag.spans.get(topic, (0, 0))
-    interval = (last - first) * 1e-9 / max(found - 1, 1)
+    interval = bag.intervals.get(topic, 0.0)
     saved = f"{found * interval:.4g} s"
     if not bag.counted:
         least = f"at least {missing} and perhaps more" if missing else "how many more there were"
@@ -35,5 +34,5 @@ def _topic_sentence(bag: Bag, topic: str) -> str:
         return f"{found} messages on {topic} ({saved}) were saved, {least} {tail}"
     if not missing:
         return f"no message on {topic} is lost"
-    lost = f" ({missing * interval:.3g} s)" if found > 1 else ""
+    lost = f" ({missing * interval:.3g} s)" if interval else ""
     return f"{missing} messages on {topic}{lost} are lost, {found} ({saved}) were saved"
