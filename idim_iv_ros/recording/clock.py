@@ -14,6 +14,7 @@ IntArray = NDArray[np.int64]
 
 GAP = 2.5  # sampling intervals without a message
 _MOSTLY_BACKWARD = 0.2
+_STAMPED = 0.05  # share of the messages with a new stamp, from which stamps mean something
 # Log times are unsigned in a file: further ones are damaged, and their differences would overflow.
 _FURTHEST = 1 << 61  # ns
 
@@ -49,7 +50,8 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     topic = messages.topic
     if len(messages) < 2:
         raise DataError(f"{where}: {len(messages)} messages on {topic}: nothing to identify from")
-    headed = bool(np.ptp(messages.stamps) > 0)
+    # Of a driver that fills in no stamps, a few may be set all the same.
+    headed = np.count_nonzero(np.diff(messages.stamps)) > _STAMPED * len(messages)
     arrival = np.clip(messages.arrival, -_FURTHEST, _FURTHEST)
     time = messages.stamps if headed else arrival
     source = "header" if headed else "arrival"
