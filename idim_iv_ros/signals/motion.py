@@ -21,6 +21,7 @@ _EDGE_GROUPS = 2  # decimated samples cut at each end, likewise
 # A joint whose motion is not this many times its noise, or its range below this, stands still.
 _STILL_NOISE = 10.0
 _STILL_RANGE = 1e-4
+_JUMP = 0.5  # share of a joint's range in one step, from which it jumps
 
 
 @dataclass(frozen=True)
@@ -116,8 +117,7 @@ def filter_motion(
         filtered.append(position)
         still &= _stands_still(record.position, position)
     if still.all():
-        names = ", ".join(record.name for record in signals)
-        raise DataError(f"{names}: no joint moves; record an exciting motion")
+        raise DataError(_why_still(signals, filtered, joints))
     spans = [_span(record, processing, cutoffs) for record in signals]
     if still.any():
         names = ", ".join(name for name, stands in zip(joints, still, strict=True) if stands)
@@ -162,6 +162,32 @@ def coarser(
         (motion.cutoff, factor),
         minimum_speed,
         couplings,
+    )
+
+
+def _why_still(
+    signals: Sequence[JointSignals], filtered: Sequence[FloatArray], joints: Sequence[str]
+) -> str:
+    """Say of the joint that moves most why that is no motion: a jump, noise, or rest."""
+    names = ", ".join(record.name for record in signals)
+    ranges = [np.ptp(record.position, axis=0) for record in signals]
+    most = int(np.argmax([each.max() for each in ranges]))
+    joint = int(np.argmax(ranges[most]))
+    record, moved = signals[most], ranges[most][joint]
+    position = record.position[:, joint]
+    steps = np.abs(np.diff(position))
+    place = int(np.argmax(steps))
+    if moved > _STILL_RANGE and steps[place] > _JUMP * moved:
+        return (
+            f"{record.name}: {joints[joint]} jumps from {position[place]:.4g} to "
+            f"{position[place + 1]:.4g} (rad, or m) between two samples, {place / record.rate:.4g} "
+            "s after the start, and no joint moves beside that; look at its sensor, or leave these "
+            "samples out"
+        )
+    noise = float(np.std(position - filtered[most][:, joint]))
+    return (
+        f"{names}: no joint moves: the most is {joints[joint]} over {moved:.2g} (rad, or m), with "
+        f"noise of {noise:.2g} (σ); record an exciting motion"
     )
 
 
