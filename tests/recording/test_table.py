@@ -49,7 +49,7 @@ def test_many_impossible_rows_are_refused_with_first_last_and_count(
     tmp_path: Path, value: float, signal: str
 ) -> None:
     table = GOOD.copy()
-    table[100:150, 0] = value if signal != "effort" or not value == 1.1e6 else 1e10
+    table[100:150, 0] = value if signal != "effort" or value != 1.1e6 else 1e10
     np.save(tmp_path / "bad.npy", table)
     np.save(tmp_path / "good.npy", GOOD)
     sources = {"position": str(tmp_path / "good.npy"), signal: str(tmp_path / "bad.npy")}
