@@ -90,16 +90,19 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
         cutoffs=cutoffs,
         minimum_speed=minimum_speed,
         motions=motions,
-        reasons=cutoffs.reasons + reasons + frozen_sentences(recordings),
+        reasons=cutoffs.reasons + reasons + loss_sentences(recordings),
     )
 
 
-def frozen_sentences(recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Say of each frozen channel of each recording what was left out."""
+def loss_sentences(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Say what measurements of each recording were lost, or left out because a channel froze."""
     return tuple(
-        f"{recording.path.name}: {each.sentence}"
+        f"{recording.path.name}: {sentence}"
         for recording in recordings
-        for each in recording.frozen
+        for sentence in (
+            *(note.sentence for note in recording.notes if note.limits),
+            *(each.sentence for each in recording.frozen),
+        )
     )
 
 

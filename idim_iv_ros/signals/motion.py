@@ -120,8 +120,7 @@ def filter_motion(
         raise DataError(_why_still(signals, filtered, joints))
     spans = [_span(record, processing, cutoffs) for record in signals]
     if still.any():
-        names = ", ".join(name for name, stands in zip(joints, still, strict=True) if stands)
-        reasons.append(f"{names} stands still: its noise is not taken for motion")
+        reasons += _still_reasons(signals, still, joints)
         for position in filtered:
             position[:, still] = position[:, still].mean(axis=0)
     peaks = np.zeros(len(joints))
@@ -165,6 +164,28 @@ def coarser(
     )
 
 
+def _still_reasons(
+    signals: Sequence[JointSignals], still: BoolArray, joints: Sequence[str]
+) -> list[str]:
+    """Say which joints stand still, and of which a jump would be taken for motion."""
+    jumps = {
+        joint: f" ({record.name}) {jump}"
+        for joint in np.flatnonzero(still).tolist()
+        for record in signals
+        if (jump := _jump(record.position[:, joint], record.rate))
+    }
+    reasons = [
+        f"{joints[joint]} stands still beside a jump{where}: this is not taken for motion"
+        for joint, where in jumps.items()
+    ]
+    names = ", ".join(
+        joints[joint] for joint in np.flatnonzero(still).tolist() if joint not in jumps
+    )
+    if names:
+        reasons.append(f"{names} stands still: its noise is not taken for motion")
+    return reasons
+
+
 def _why_still(
     signals: Sequence[JointSignals], filtered: Sequence[FloatArray], joints: Sequence[str]
 ) -> str:
@@ -175,19 +196,28 @@ def _why_still(
     joint = int(np.argmax(ranges[most]))
     record, moved = signals[most], ranges[most][joint]
     position = record.position[:, joint]
-    steps = np.abs(np.diff(position))
-    place = int(np.argmax(steps))
-    if moved > _STILL_RANGE and steps[place] > _JUMP * moved:
+    jump = _jump(position, record.rate)
+    if jump:
         return (
-            f"{record.name}: {joints[joint]} jumps from {position[place]:.4g} to "
-            f"{position[place + 1]:.4g} (rad, or m) between two samples, {place / record.rate:.4g} "
-            "s after the start, and no joint moves beside that; look at its sensor, or leave these "
-            "samples out"
+            f"{record.name}: no joint moves beside a jump of {joints[joint]} {jump}; look at its "
+            "sensor, or leave these samples out"
         )
     noise = float(np.std(position - filtered[most][:, joint]))
     return (
         f"{names}: no joint moves: the most is {joints[joint]} over {moved:.2g} (rad, or m), with "
         f"noise of {noise:.2g} (σ); record an exciting motion"
+    )
+
+
+def _jump(position: FloatArray, rate: float) -> str:
+    """Where a joint passes most of its range in one step; empty where it never does."""
+    steps, moved = np.abs(np.diff(position)), np.ptp(position)
+    if moved <= _STILL_RANGE or steps.max() <= _JUMP * moved:
+        return ""
+    place = int(np.argmax(steps > _JUMP * moved))
+    return (
+        f"from {position[place]:.4g} to {position[place + 1]:.4g} (rad, or m) between two samples, "
+        f"{place / rate:.4g} s after the start"
     )
 
 
