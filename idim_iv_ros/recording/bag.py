@@ -75,7 +75,8 @@ class Bag:
                 self.topics.update(file.topics)
                 self.missing.update(file.missing)
                 self.counted &= file.counted
-                self.damages += _damages(path.name, file)
+                named = "the file" if path == self.path else path.name
+                self.damages += _damages(named, file)
         if not self.counted:
             self._compare(wanted)
 

@@ -21,7 +21,7 @@ def loss_notes(bag: Bag, topics: Iterable[str]) -> list[Note]:
     if not sentence:
         return []
     lost = not bag.counted or any(bag.missing[topic] for topic in listed)
-    return [Note(bag.path.name, sentence, 1, limits=lost)]
+    return [Note("", sentence, 1, limits=lost)]
 
 
 def _topic_sentence(bag: Bag, topic: str) -> str:

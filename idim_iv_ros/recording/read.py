@@ -265,7 +265,8 @@ def _common_grid(path: Path, request: Request, stamped: dict[str, StampedMessage
 
 def _signal(grid: Grid, stamped: StampedMessages, name: str) -> Signal:
     values = stamped.messages.values[name]
-    return on_grid(grid, stamped.time, values, f"{stamped.messages.topic} {name}")
+    origin = f"{stamped.messages.topic} {name}"
+    return on_grid(grid, stamped.time, values, origin, smooth=name == "position")
 
 
 def _optional(grid: Grid, stamped: StampedMessages, name: str) -> Signal | None:

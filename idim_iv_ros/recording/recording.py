@@ -40,7 +40,7 @@ class Note:
     Attributes
     ----------
     topic : str
-        Topic or file.
+        Empty where it is about the file.
     what : str
     count : int
         How many times.
@@ -57,7 +57,7 @@ class Note:
     def sentence(self) -> str:
         """Where, what and how often."""
         times = f" ({self.count}×)" if self.count > 1 else ""
-        return f"{self.topic}: {self.what}{times}"
+        return f"{self.topic}{': ' if self.topic else ''}{self.what}{times}"
 
 
 @dataclass(frozen=True)

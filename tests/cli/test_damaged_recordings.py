@@ -1,5 +1,6 @@
 """What a user is told of clocks that jump, wraps, impossible values and damaged files."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -167,5 +168,26 @@ def test_a_torn_bag_without_any_message_is_not_called_empty(run, config, arm) ->
     path.write_bytes(path.read_bytes()[:100])
     outcome = run("check", path, "--config", config())
     assert outcome.status == 1
-    assert "arm.mcap ends in the middle: 0 messages on /joint_states" in outcome.error
+    assert "the file ends in the middle: 0 messages on /joint_states" in outcome.error
     assert "empty" not in outcome.error
+
+
+def test_a_second_that_is_lost_costs_little_accuracy(run, config, record, tmp_path: Path) -> None:
+    """The relative error is that of the whole recording: no corner at a gap widens the filters."""
+    every = slice(None, None, 2)
+    kept = np.ones(len(record.time[every]), dtype=bool)
+    errors = []
+    for lost in (slice(0, 0), slice(1200, 1700)):
+        kept[lost] = False
+        bag = write_arm(
+            tmp_path / "arm.mcap",
+            record.time[every][kept],
+            record.position[every][kept],
+            record.effort[every][kept],
+            record.position_reference[every][kept],
+        )
+        out = tmp_path / f"out{lost.stop}"
+        assert run("identify", bag, "--config", config(), "--out", out).status == 0
+        document = json.loads((out / "result.json").read_text())
+        errors.append(document["fit"]["relative_error_percent"])
+    assert errors[1] < 1.5 * errors[0]

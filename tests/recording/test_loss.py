@@ -109,7 +109,7 @@ def test_a_damaged_second_is_counted_in_messages_and_seconds(tmp_path: Path) -> 
     recording = _read(tmp_path / "damaged.mcap", bytes(content))
     (note,) = [note for note in recording.notes if note.limits]
     for words in (
-        "damaged.mcap is damaged in 1 place",
+        "the file is damaged in 1 place",
         "200 messages on /joint_states (1 s) are lost, 2200 (11 s) were saved",
         "200 messages on /joint_reference (1 s) are lost",
     ):
@@ -121,7 +121,7 @@ def test_a_torn_file_tells_what_was_saved(tmp_path: Path) -> None:
     recording = _read(tmp_path / "torn.mcap", content[: len(content) // 2])
     (note,) = [note for note in recording.notes if note.limits]
     saved = int((~recording.effort.invented[:, 0]).sum())
-    assert f"torn.mcap ends in the middle: {saved} messages on /joint_states" in note.what
+    assert f"the file ends in the middle: {saved} messages on /joint_states" in note.what
     assert "how many more there were is not known" in note.what
 
 
@@ -177,7 +177,7 @@ def test_a_bag_torn_before_its_first_message_is_not_called_empty(tmp_path: Path)
     with pytest.raises(DataError) as caught:
         _read(tmp_path / "torn.mcap", content[:120])
     assert "empty" not in str(caught.value)
-    assert "torn.mcap ends in the middle: 0 messages on /joint_states" in str(caught.value)
+    assert "the file ends in the middle: 0 messages on /joint_states" in str(caught.value)
 
 
 @pytest.mark.parametrize("count", [1, 50])
