@@ -11,7 +11,13 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation import JointTriangle, unseen_parameters
 from idim_iv_ros.model import InverseModel, build_inverse_model
-from idim_iv_ros.recording import Recording, Session, read_recordings, session_of
+from idim_iv_ros.recording import (
+    Recording,
+    Session,
+    prismatic_joints,
+    read_recordings,
+    session_of,
+)
 from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
 from idim_iv_ros.stopwatch import Progress
 
@@ -97,16 +103,19 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
         cutoffs=cutoffs,
         minimum_speed=minimum_speed,
         motions=motions,
-        reasons=session.sentences + cutoffs.reasons + reasons + frozen_sentences(recordings),
+        reasons=session.sentences + cutoffs.reasons + reasons + loss_sentences(recordings),
     )
 
 
-def frozen_sentences(recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Say of each frozen channel of each recording what was left out."""
+def loss_sentences(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Say what measurements of each recording were lost, or left out because a channel froze."""
     return tuple(
-        f"{recording.path.name}: {each.sentence}"
+        f"{recording.path.name}: {sentence}"
         for recording in recordings
-        for each in recording.frozen
+        for sentence in (
+            *(note.sentence for note in recording.notes if note.limits),
+            *(each.sentence for each in recording.frozen),
+        )
     )
 
 
@@ -115,12 +124,18 @@ def read_configured(
 ) -> tuple[Recording, ...]:
     """Read the topics and joints of a configuration; see `read_recordings`."""
     signals = configuration.signals
+    urdf = configuration.robot.urdf
+    prismatic: frozenset[str] = frozenset()
+    # Behind a transmission the positions are angles of motors, whatever the joints are.
+    if urdf is not None and configuration.robot.motor_to_joint is None:
+        prismatic = prismatic_joints(_urdf(configuration, ())[0])
     return read_recordings(
         bags,
         joints=configuration.robot.joints,
         joint_states=signals.joint_states,
         effort=signals.effort,
         reference=signals.reference,
+        prismatic=prismatic,
         progress=progress,
     )
 

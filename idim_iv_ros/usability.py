@@ -135,7 +135,7 @@ def _recording_findings(recording: Recording, motion: Motion) -> list[Finding]:
         findings.append(Finding(name, level, sentence))
     findings += [Finding(name, "limited", frozen.sentence) for frozen in recording.frozen]
     findings += [
-        Finding(name, "good", f"{note.topic}: {note.what} ({note.count})")
+        Finding(name, "limited" if note.limits else "good", note.sentence)
         for note in recording.notes
     ]
     return findings

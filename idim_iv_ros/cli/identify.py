@@ -84,6 +84,7 @@ def print_verdict(console: Console, result: IdentificationResult) -> None:
     console.print(f"Instruments: {result.instruments.source}", highlight=False)
     console.print(f"Verdict: {result.verdict.verdict}. {result.verdict.sentence}", highlight=False)
     for bag in result.bags:
-        for each in bag.frozen:
-            text = f"[yellow]Warning:[/] {escape(f'{Path(bag.path).name}: {each.sentence}')}"
+        lost = [note.sentence for note in bag.notes if note.limits]
+        for sentence in (*lost, *(each.sentence for each in bag.frozen)):
+            text = f"[yellow]Warning:[/] {escape(f'{Path(bag.path).name}: {sentence}')}"
             console.print(text, highlight=False)

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.recording import import_table
@@ -32,7 +33,9 @@ def import_command(
 ) -> None:
     """Turn tables (.csv .npy .npz .mat) into a bag.
 
-    KEY is a variable, or comma-separated columns.
+    KEY is a variable (.npz, .mat), or comma-separated columns: their names in the first line of a
+    .csv, or their numbers, counted from 0 (d.csv:0,1). A few rows of NaN or impossible values are
+    imported as missing, with a warning; more than 1 % are refused.
 
     Example: idim-iv import r.mcap --rate 1000 --position d.mat:q --effort d.mat:tau --joints a,b
     """
@@ -43,7 +46,7 @@ def import_command(
     if urdf is not None:
         try:
             description = urdf.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
+        except (OSError, ValueError) as error:
             raise UsageError(f"{urdf}: cannot be read: {error}") from error
     summary = import_table(
         out,
@@ -58,6 +61,10 @@ def import_command(
         reference_time=reference_time,
         robot_description=description,
     )
+    for warning in summary.warnings:
+        Console(stderr=True, soft_wrap=True).print(
+            f"[yellow]Warning:[/] {escape(warning)}", highlight=False
+        )
     Console().print(
         f"{out}: {summary.samples} samples of {len(names)} joints, {summary.duration:.4g} s at "
         f"{summary.rate:.5g} per second: {', '.join(summary.signals)}",

@@ -1,5 +1,6 @@
 """Recordings: bags and tables in, immutable signals on a uniform grid out."""
 
+from idim_iv_ros.recording.description import prismatic_joints
 from idim_iv_ros.recording.frozen import FrozenStretches
 from idim_iv_ros.recording.read import read_recordings
 from idim_iv_ros.recording.recording import ClockQuality, Note, Recording, Signal
@@ -20,6 +21,7 @@ __all__ = [
     "import_table",
     "in_recordings",
     "part_at",
+    "prismatic_joints",
     "read_recordings",
     "session_of",
     "write_bag",

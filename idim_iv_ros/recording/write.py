@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from mcap.writer import CompressionType, Writer
+from mcap.writer import Writer
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.recording.cdr_layout import JOINT_STATE, read_layout
 from idim_iv_ros.recording.channel import OfferedQos, TopicChannel
+from idim_iv_ros.recording.short_chunks import ShortChunkWriter
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -55,14 +56,15 @@ def write_bag(
         The file cannot be written.
     """
     with _whole_file(out) as temporary, temporary.open("wb") as stream:
-        writer = Writer(stream, chunk_size=1 << 20, compression=CompressionType.ZSTD)
-        writer.start(profile="ros2", library="idim_iv_ros")
+        writer = ShortChunkWriter(stream)
         if robot_description is not None:
             channel = TopicChannel("/robot_description", _STRING, (_LATCHED,)).register(writer)
             start = min(_nanoseconds(topic.time)[0] for topic in topics)
             writer.add_message(
                 channel, int(start), _string(robot_description), int(start), sequence=0
             )
+            # By itself: it is long, and a byte of it shall not cost the first second.
+            writer.flush()
         _write_topics(writer, topics)
         writer.finish()  # type: ignore[no-untyped-call]
 

@@ -23,6 +23,7 @@ REVERSAL_MARGIN = 1.0
 # A joint whose motion is not this many times its noise, or its range below this, stands still.
 _STILL_NOISE = 10.0
 _STILL_RANGE = 1e-4
+_JUMP = 0.5  # share of a joint's range in one step, from which it jumps
 
 
 @dataclass(frozen=True)
@@ -118,15 +119,13 @@ def filter_motion(
         filtered.append(position)
         still &= _stands_still(record.position, position)
     if still.all():
-        names = ", ".join(record.name for record in signals)
-        raise DataError(f"{names}: no joint moves; record an exciting motion")
+        raise DataError(_why_still(signals, filtered, joints))
     spans = [
         _span(record, processing, cutoffs.position, factor)
         for record, factor in zip(signals, cutoffs.factors, strict=True)
     ]
     if still.any():
-        names = ", ".join(name for name, stands in zip(joints, still, strict=True) if stands)
-        reasons.append(f"{names} stands still: its noise is not taken for motion")
+        reasons += _still_reasons(signals, still, joints)
         for position in filtered:
             position[:, still] = position[:, still].mean(axis=0)
     peaks = np.zeros(len(joints))
@@ -169,6 +168,63 @@ def coarser(
         (motion.cutoff, factor),
         minimum_speed,
         couplings,
+    )
+
+
+def _still_reasons(
+    signals: Sequence[JointSignals], still: BoolArray, joints: Sequence[str]
+) -> list[str]:
+    """Say which joints stand still, and of which a jump would be taken for motion."""
+    jumps = {
+        joint: f" ({record.name}) {jump}"
+        for joint in np.flatnonzero(still).tolist()
+        for record in signals
+        if (jump := _jump(record.position[:, joint], record.rate))
+    }
+    reasons = [
+        f"{joints[joint]} stands still beside a jump{where}: this is not taken for motion"
+        for joint, where in jumps.items()
+    ]
+    names = ", ".join(
+        joints[joint] for joint in np.flatnonzero(still).tolist() if joint not in jumps
+    )
+    if names:
+        reasons.append(f"{names} stands still: its noise is not taken for motion")
+    return reasons
+
+
+def _why_still(
+    signals: Sequence[JointSignals], filtered: Sequence[FloatArray], joints: Sequence[str]
+) -> str:
+    """Say of the joint that moves most why that is no motion: a jump, noise, or rest."""
+    names = ", ".join(record.name for record in signals)
+    ranges = [np.ptp(record.position, axis=0) for record in signals]
+    most = int(np.argmax([each.max() for each in ranges]))
+    joint = int(np.argmax(ranges[most]))
+    record, moved = signals[most], ranges[most][joint]
+    position = record.position[:, joint]
+    jump = _jump(position, record.rate)
+    if jump:
+        return (
+            f"{record.name}: no joint moves beside a jump of {joints[joint]} {jump}; look at its "
+            "sensor, or leave these samples out"
+        )
+    noise = float(np.std(position - filtered[most][:, joint]))
+    return (
+        f"{names}: no joint moves: the most is {joints[joint]} over {moved:.2g} (rad, or m), with "
+        f"noise of {noise:.2g} (σ); record an exciting motion"
+    )
+
+
+def _jump(position: FloatArray, rate: float) -> str:
+    """Where a joint passes most of its range in one step; empty where it never does."""
+    steps, moved = np.abs(np.diff(position)), np.ptp(position)
+    if moved <= _STILL_RANGE or steps.max() <= _JUMP * moved:
+        return ""
+    place = int(np.argmax(steps > _JUMP * moved))
+    return (
+        f"from {position[place]:.4g} to {position[place + 1]:.4g} (rad, or m) between two samples, "
+        f"{place / rate:.4g} s after the start"
     )
 
 
