@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from idim_iv_ros.cli.arguments import Bags, Config, Out, progress_bar
+from idim_iv_ros.cli.doubts import print_doubts
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.identification import identify
 from idim_iv_ros.report import require_writable, write_report
@@ -79,6 +80,7 @@ def print_verdict(console: Console, result: IdentificationResult) -> None:
     )
     console.print(f"Instruments: {result.instruments.source}", highlight=False)
     console.print(f"Verdict: {result.verdict.verdict}. {result.verdict.sentence}", highlight=False)
+    print_doubts(console, result.doubts)
     for bag in result.bags:
         for each in bag.frozen:
             text = f"[yellow]Warning:[/] {escape(f'{Path(bag.path).name}: {each.sentence}')}"
