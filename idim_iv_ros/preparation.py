@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 
 
 ARMATURE_MISSING = (
-    "simulator.armature is not given: the drives of the given model have no inertia; give it in "
+    "no simulator.armature is given: the drives of the nominal model have no inertia; give it in "
     "kg m² on the joint side, zeros for direct drives"
 )
 

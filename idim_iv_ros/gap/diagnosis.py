@@ -40,7 +40,7 @@ from idim_iv_ros.gap.unexplained import unexplained
 from idim_iv_ros.gap.verdict import summary_of, verdict_of
 from idim_iv_ros.gap.where import where
 from idim_iv_ros.gap.wrong_numbers import WRONG_NUMBERS
-from idim_iv_ros.preparation import read_configured
+from idim_iv_ros.preparation import ARMATURE_MISSING, read_configured
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.stopwatch import Progress, Stopwatch
 
@@ -141,7 +141,8 @@ def _diagnosed(
         configuration=configuration.model_dump(mode="json", exclude_none=True),
         without=without,
         verdict=verdict,
-        summary=summary_of(
+        summary=_nominal_words(data)
+        + summary_of(
             verdict,
             told,
             rest,
@@ -191,6 +192,11 @@ def _other_causes(
         findings = [each for each in controller_mismatch(data) if each.joint not in turned]
         causes += controller_results(data, findings)
     return causes
+
+
+def _nominal_words(data: Baseline) -> str:
+    """What the configuration leaves out of the nominal model, before anything is told of it."""
+    return f"{ARMATURE_MISSING.capitalize()}. " if data.prepared.armature_missing else ""
 
 
 def _accepted(refused: NotTestable, causes: Sequence[Cause]) -> bool:

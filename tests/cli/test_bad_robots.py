@@ -69,5 +69,5 @@ def test_strange_link_is_warned_of(run, bag, with_urdf, tmp_path: Path, command)
 def test_check_says_that_the_armature_was_not_given(run, bag, config) -> None:
     armature = "simulator:\n  armature: [0.25, 0.1]   # kg m², joint side\n"
     said = run("check", bag, "--config", config((armature, "")))
-    assert "simulator.armature is not given" in said.out
+    assert "no simulator.armature is given" in said.out
     assert "simulator.armature" not in run("check", bag, "--config", config()).out
