@@ -49,7 +49,7 @@ class DriveInertia(ParametricEffect):
         """Of one drive, or of all."""
         if joint is not None:
             return super().subject(joint)
-        return "no simulator.armature is given, but the drives have inertia"
+        return "the drives have inertia that the nominal model lacks"
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
