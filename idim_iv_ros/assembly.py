@@ -97,12 +97,13 @@ def assemble_result(
             decimation_factors=prepared.cutoffs.factors,
             row_rate=prepared.cutoffs.row_rate,
             minimum_speed=tuple(float(speed) for speed in prepared.minimum_speed),
-            reasons=prepared.reasons,
+            reasons=prepared.doubts + prepared.reasons,
         ),
         controller=() if sources is None else sources.controller,
         fitted_gains=() if sources is None else _fitted_gains(sources, configuration),
         refined=_refined(prepared, refined, essential.columns) if coloured else None,
         series=_series(prepared, rows, linear),
+        doubts=prepared.doubts,
     )
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation import JointTriangle, unseen_parameters
-from idim_iv_ros.model import InverseModel, build_inverse_model
+from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
 from idim_iv_ros.recording import (
     Recording,
     Session,
@@ -22,6 +22,12 @@ from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, 
 from idim_iv_ros.stopwatch import Progress
 
 FloatArray = NDArray[np.float64]
+
+
+ARMATURE_MISSING = (
+    "no simulator.armature is given: the drives of the nominal model have no inertia; give it in "
+    "kg m² on the joint side, zeros for direct drives"
+)
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,22 @@ class PreparedRegression:
     def given(self) -> FloatArray | None:
         """Base parameters (b,) of the given model; None where `why_no_given` says so."""
         return None if self.why_no_given else self.model.given
+
+    @property
+    def armature_missing(self) -> bool:
+        """Whether the given model has drives without inertia because nothing was said of it."""
+        configuration = self.configuration
+        return (
+            self.given is not None
+            and configuration.identification.drive_inertia
+            and configuration.simulator.armature is None
+        )
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What makes the given model hard to believe, a sentence each."""
+        doubts = tuple(f"URDF: {doubt}" for doubt in self.model.robot.doubts)
+        return (*doubts, ARMATURE_MISSING) if self.armature_missing else doubts
 
 
 def prepare(recordings: Sequence[Recording], configuration: Configuration) -> PreparedRegression:
@@ -172,10 +194,7 @@ def require_excitation(prepared: PreparedRegression, triangles: Sequence[JointTr
 def _urdf(configuration: Configuration, recordings: Sequence[Recording]) -> tuple[str, str]:
     path = configuration.robot.urdf
     if path is not None:
-        try:
-            return path.read_text(encoding="utf-8"), str(path)
-        except (OSError, UnicodeDecodeError) as error:
-            raise UsageError(f"{path}: cannot read the URDF: {error}") from error
+        return read_urdf_file(path), str(path)
     for recording in recordings:
         if recording.robot_description is not None:
             return recording.robot_description, f"{recording.path.name} /robot_description"

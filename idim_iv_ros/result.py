@@ -229,6 +229,8 @@ class IdentificationResult:
     covariance : (b, b)
         Of the estimates in `parameters`, in their order and the products of their units; the
         diagonal holds the squares of their `std`.
+    doubts : tuple of str
+        What makes the given model hard to believe.
     """
 
     robot: str
@@ -255,3 +257,4 @@ class IdentificationResult:
     refined: Refined | None
     series: tuple[JointSeries, ...]
     timing: dict[str, float] = field(default_factory=dict)
+    doubts: tuple[str, ...] = ()

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import Trajectory
+from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.recording import JointTopic, write_bag
 from idim_iv_ros.simulated_effects import read_extended_model
 from idim_iv_ros.simulated_robot import SimulatedRobot, simulated_robot
@@ -96,7 +97,7 @@ def simulate(
         raise UsageError("--seed: a seed is given twice")
     if not out.parent.is_dir():
         raise UsageError(f"{out}: no folder {out.parent}")
-    text = urdf.read_text(encoding="utf-8")
+    text = read_urdf_file(urdf)
     extended = None if effects is None else read_extended_model(effects)
     robot = simulated_robot(configuration, text, urdf.name, extended)
     bags = []

@@ -95,7 +95,7 @@ def check(
     """
     prepared = prepare(read_configured(bags, configuration, progress), configuration)
     triangles = stream_triangles(prepared.model, prepared.motions)
-    findings: list[Finding] = []
+    findings = [Finding("nominal model", "limited", doubt) for doubt in prepared.doubts]
     for recording, motion in zip(prepared.recordings, prepared.motions, strict=True):
         findings += _recording_findings(recording, motion)
     findings += _reference_findings(prepared)

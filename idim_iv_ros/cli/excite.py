@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 
 from idim_iv_ros.cli.arguments import Config, progress_bar
+from idim_iv_ros.cli.doubts import print_doubts
 from idim_iv_ros.cli.excitation_tables import print_diagnosis, print_excitation
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
@@ -128,6 +129,7 @@ def excite_command(
         require_message_rate(message_rate, rate)
     fastest = harmonics / period if period > 0.0 else 0.0
     console = Console()
+    print_doubts(console, model.robot.doubts)
     with require_place(out), progress_bar() as progress:
         if purpose is Purpose.diagnosis:
             diagnosis = design_diagnosis(

@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from idim_iv_ros.cli.arguments import Bags, Config, Out, progress_bar
+from idim_iv_ros.cli.doubts import print_doubts
 from idim_iv_ros.cli.report_warnings import report_warnings
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.identification import identify
@@ -83,6 +84,7 @@ def print_verdict(console: Console, result: IdentificationResult) -> None:
     )
     console.print(f"Instruments: {result.instruments.source}", highlight=False)
     console.print(f"Verdict: {result.verdict.verdict}. {result.verdict.sentence}", highlight=False)
+    print_doubts(console, result.doubts)
     for bag in result.bags:
         lost = [note.sentence for note in bag.notes if note.limits]
         for sentence in (*lost, *(each.sentence for each in bag.frozen)):

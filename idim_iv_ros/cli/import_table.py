@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.recording import import_table
 
 
@@ -42,12 +43,7 @@ def import_command(
     names = [name.strip() for name in joints.split(",")]
     if not all(names) or len(set(names)) != len(names):
         raise UsageError(f"--joints {joints}: different names separated by commas are needed")
-    description = None
-    if urdf is not None:
-        try:
-            description = urdf.read_text(encoding="utf-8")
-        except (OSError, ValueError) as error:
-            raise UsageError(f"{urdf}: cannot be read: {error}") from error
+    description = None if urdf is None else read_urdf_file(urdf)
     summary = import_table(
         out,
         joints=names,

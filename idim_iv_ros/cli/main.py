@@ -15,6 +15,7 @@ from idim_iv_ros.cli.record import record_command
 from idim_iv_ros.cli.serve import serve_command
 from idim_iv_ros.cli.simulate import simulate_command
 from idim_iv_ros.errors import IdimError
+from idim_iv_ros.foreign_warnings import silence_foreign_warnings
 
 application = typer.Typer(
     name="idim-iv",
@@ -40,6 +41,7 @@ def main() -> None:
 
     With ``IDIM_IV_TRACEBACK`` set in the environment, unexpected errors keep their traceback.
     """
+    silence_foreign_warnings()
     console = Console(stderr=True, soft_wrap=True, highlight=False)
     try:
         application()

@@ -8,8 +8,10 @@ from rich.console import Console
 from rich.table import Table
 
 from idim_iv_ros.cli.arguments import Config, progress_bar
-from idim_iv_ros.configuration import load_configuration
+from idim_iv_ros.cli.doubts import print_doubts
+from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.excitation import random_motion, read_trajectory
+from idim_iv_ros.model import configured_robot, read_urdf_file
 from idim_iv_ros.simulated_recording import SimulatedBag, simulate
 
 
@@ -66,6 +68,7 @@ def simulate_command(
             progress=progress,
         )
     console = Console()
+    print_doubts(console, _doubts(configuration))
     console.print(_table(configuration.robot.joints, bags))
     for bag in bags:
         console.print(
@@ -75,6 +78,13 @@ def simulate_command(
             soft_wrap=True,
         )
     console.print(f"True base parameters: {truth}", highlight=False, soft_wrap=True)
+
+
+def _doubts(configuration: Configuration) -> tuple[str, ...]:
+    urdf = configuration.robot.urdf
+    if urdf is None:
+        return ()
+    return configured_robot(configuration, read_urdf_file(urdf), urdf.name).doubts
 
 
 def _table(joints: list[str], bags: list[SimulatedBag]) -> Table:

@@ -7,9 +7,13 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.estimation import observation_rows, solve_weighted_least_squares
+from idim_iv_ros.estimation import (
+    observation_rows,
+    solve_weighted_least_squares,
+    triangles_of_rows,
+)
 from idim_iv_ros.gap.smooth_motion import SAMPLES_PER_ROW
-from idim_iv_ros.preparation import PreparedRegression, prepare
+from idim_iv_ros.preparation import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import joint_inertia
@@ -60,6 +64,7 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
 def _noise_limit(prepared: PreparedRegression) -> float:
     """Hz, the least over the joints."""
     rows = observation_rows(prepared.model, prepared.motions)
+    require_excitation(prepared, triangles_of_rows(rows))
     values = solve_weighted_least_squares(rows, len(prepared.model.base.columns)).values
     position = prepared.motions[0].position
     model = prepared.model

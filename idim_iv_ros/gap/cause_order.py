@@ -6,6 +6,7 @@ import numpy as np
 
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.effects.controller_mismatch import ControllerMismatch
+from idim_iv_ros.gap.effects.drive_inertia import DriveInertia
 from idim_iv_ros.gap.result import Cause
 
 
@@ -14,7 +15,8 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
 
     Each stage is the effect that closed most of the gap when it was accepted. Another control law
     has no stage: its evidence decides whether it comes before them or after. The kind that holds
-    the cause that closes most of the gap comes first.
+    the cause that closes most of the gap comes first. Drive inertia that the configuration leaves
+    out stands before all: it was known to be missing.
     """
     structural = [cause for cause in causes if cause.kind == "structural"]
     parametric = [cause for cause in causes if cause.kind == "parametric"]
@@ -29,13 +31,17 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
         [structural, parametric],
         key=lambda group: -max((_closed(cause, data) for cause in group), default=0.0),
     )
-    return [*groups[0], *groups[1]]
+    return sorted([*groups[0], *groups[1]], key=lambda cause: not _left_out(cause))
 
 
 def leading(causes: Sequence[Cause], data: Baseline, most: int = 4) -> list[Cause]:
     """Return the causes that close most of the gap, in the order in which they stand."""
     widest = sorted(causes, key=lambda cause: -_closed(cause, data))[:most]
     return [cause for cause in causes if any(cause is each for each in widest)]
+
+
+def _left_out(cause: Cause) -> bool:
+    return cause.effect == DriveInertia.name and cause.joint is None
 
 
 def _most_evidence(group: Sequence[Cause]) -> float:

@@ -144,7 +144,11 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
     """
     model = data.prepared.model
     axes = level_axes(np.asarray(model.robot.pinocchio.gravity.linear))
-    space = ParameterSpace(model, model.given, axes)
+    covered = extent(data)
+    still = frozenset(joint for joint in range(len(data.joints)) if too_little(joint, covered))
+    moving = frozenset(range(len(data.joints))) - still
+    bare = moving if data.prepared.armature_missing else frozenset()
+    space = ParameterSpace(model, model.given, axes, bare)
     gravity = _gravity_rows(data, axes)
     b, joints = regression.parameters, len(regression.joints)
     columns, residuals, whitened = [], [], []
@@ -164,7 +168,6 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
         columns.append(unit)
         residuals.append(residual)
     added = regression.total - b
-    covered = extent(data)
     triangle = _projected(np.vstack(whitened), added)
     return ChangeRegression(
         space,
@@ -173,7 +176,7 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
         tuple(columns),
         tuple(residuals),
         tuple(regression.joints[joint].torque for joint in range(joints)),
-        frozenset(joint for joint in range(joints) if too_little(joint, covered)),
+        still,
     )
 
 

@@ -40,7 +40,7 @@ from idim_iv_ros.gap.unexplained import unexplained
 from idim_iv_ros.gap.verdict import summary_of, verdict_of
 from idim_iv_ros.gap.where import where
 from idim_iv_ros.gap.wrong_numbers import WRONG_NUMBERS
-from idim_iv_ros.preparation import read_configured
+from idim_iv_ros.preparation import ARMATURE_MISSING, read_configured
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.stopwatch import Progress, Stopwatch
 
@@ -142,7 +142,8 @@ def _diagnosed(
         configuration=configuration.model_dump(mode="json", exclude_none=True),
         without=without,
         verdict=verdict,
-        summary=summary_of(
+        summary=_nominal_words(data)
+        + summary_of(
             verdict,
             told,
             rest,
@@ -194,6 +195,11 @@ def _other_causes(
     return causes
 
 
+def _nominal_words(data: Baseline) -> str:
+    """What the configuration leaves out of the nominal model, before anything is told of it."""
+    return f"{ARMATURE_MISSING.capitalize()}. " if data.prepared.armature_missing else ""
+
+
 def _accepted(refused: NotTestable, causes: Sequence[Cause]) -> bool:
     return any((cause.effect, cause.joint) == (refused.effect, refused.joint) for cause in causes)
 
@@ -221,7 +227,7 @@ def _notes(
     if unchecked:
         notes.append(f"commands not compared with the control law: {unchecked}")
     notes += [each.note or each.caveat for each in tracked]
-    notes += list(data.prepared.reasons)
+    notes += [*data.prepared.doubts, *data.prepared.reasons]
     return tuple(dict.fromkeys(note for note in notes if note))
 
 

@@ -77,10 +77,9 @@ def _parametric_gap(data: Baseline, cause: ParametricCause, floors: Sequence[Noi
 
 
 def _parametric_sentence(cause: ParametricCause) -> str:
-    words = cause.effect.name.replace("_", " ")
-    place = f" of {cause.joint}" if cause.joint else ""
+    most = 4 if cause.joint else len(cause.parameters)  # one for each joint
     text = (
-        f"the given {words}{place} is wrong: {_numbers(cause.parameters)}; this takes "
+        f"{cause.effect.subject(cause.joint)}: {_numbers(cause.parameters, most)}; this takes "
         f"{100.0 * cause.share:.0f} % of the energy of the given model's gap"
     )
     if cause.rivals:
@@ -92,10 +91,10 @@ def _parametric_sentence(cause: ParametricCause) -> str:
     return text
 
 
-def _numbers(parameters: dict[str, EffectParameter]) -> str:
-    """A few parameters with their intervals, in words."""
+def _numbers(parameters: dict[str, EffectParameter], most: int = 4) -> str:
+    """The first parameters with their intervals, in words."""
     shown = []
-    for name, parameter in list(parameters.items())[:4]:
+    for name, parameter in list(parameters.items())[:most]:
         text = f"{name.replace('_', ' ')} {parameter.value:.3g}"
         if parameter.std is not None:
             text += f" ± {1.96 * parameter.std:.2g}"

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.catalogue import PARAMETRIC
-from idim_iv_ros.gap.change_regression import change_regression
+from idim_iv_ros.gap.change_regression import ChangeRegression, change_regression
 from idim_iv_ros.gap.effects.parametric_effect import ParametricEffect
+from idim_iv_ros.gap.left_out_numbers import left_out_numbers, without_negative_drives
 from idim_iv_ros.gap.likelihood import Fit, Regression
 from idim_iv_ros.gap.parametric_evidence import ParametricCause, causes_of
 from idim_iv_ros.gap.parametric_hypotheses import Hypothesis, changes_of
@@ -66,20 +67,46 @@ def parametric_causes(
         nothing = np.full(len(data.joints), np.nan)
         return ParametricOutcome((), nothing, reason)
     changes = change_regression(data, regression, fit)
-    refit = changes.refit()
-    share = changes.share(refit.contributions.sum(axis=1))
     least = LEAST_SHARE_BESIDE if regression.added else LEAST_SHARE
-    found: list[Hypothesis] = []
-    if refit.statistic - refit.rank < least * changes.energy or share < least:
-        reason = f"new parameters take {100.0 * max(share, 0.0):.2g} % of the gap's energy"
-    else:
-        found = smallest_set(changes, refit, catalogue)
-    causes = tuple(
-        cause
-        for cause in causes_of(data.joints, changes, found, catalogue)
-        if cause.share >= LEAST_SHARE_OF_A_CAUSE
-    )
-    if not causes and not reason:
+    while True:
+        known = left_out_numbers(changes, catalogue)
+        found, reason = _other_numbers(changes, known, least, catalogue)
+        physical = without_negative_drives(changes, known, found)
+        if physical.space.bare_drives == changes.space.bare_drives:
+            break
+        changes = physical
+    named = _large_enough(causes_of(data.joints, changes, [*known, *found], catalogue), changes)
+    if not named and not reason:
         reason = "no cause of the catalogue explains the change"
-    _, after = changes.rms(changes.explain(changes_of(found)).contributions.sum(axis=1))
-    return ParametricOutcome(causes, after, reason)
+    explained = changes.explain(changes_of([*known, *found]))
+    _, after = changes.rms(explained.contributions.sum(axis=1))
+    return ParametricOutcome(named, after, "" if named else reason)
+
+
+def _other_numbers(
+    changes: ChangeRegression,
+    known: Sequence[Hypothesis],
+    least: float,
+    catalogue: Sequence[ParametricEffect],
+) -> tuple[list[Hypothesis], str]:
+    """Causes beside the known ones, as if the nominal model had these; or why there are none."""
+    refit, start = changes.refit(), changes.explain(changes_of(known))
+    share, taken = (changes.share(each.contributions.sum(axis=1)) for each in (refit, start))
+    beyond = (refit.statistic - start.statistic) - (refit.rank - start.rank)
+    too_little = beyond < least * (changes.energy - start.statistic)
+    if too_little or share - taken < least * (1.0 - taken):
+        return [], f"new parameters take {100.0 * max(share, 0.0):.2g} % of the gap's energy"
+    return smallest_set(changes, refit, catalogue, known), ""
+
+
+def _large_enough(
+    causes: Sequence[ParametricCause], changes: ChangeRegression
+) -> tuple[ParametricCause, ...]:
+    """Causes that take enough of the gap that stands when what was left out is in the model."""
+    kept, gap = [], 1.0
+    for cause in causes:
+        if cause.share >= LEAST_SHARE_OF_A_CAUSE * gap:
+            kept.append(cause)
+        if cause.effect.known_to_be_left_out(changes.space):
+            gap -= cause.share
+    return tuple(kept)

@@ -70,6 +70,8 @@ def causes_of(
 ) -> tuple[ParametricCause, ...]:
     """Tell what each hypothesis explains beside the others; strongest first.
 
+    What the configuration itself leaves out stands before all others, and has no rivals.
+
     Parameters
     ----------
     joints
@@ -98,11 +100,18 @@ def causes_of(
             share=changes.share(this.contribution),
             before=before,
             after=after,
-            rivals=_rivals(joints, changes, rest, this, tried),
+            rivals=()
+            if hypothesis.effect.known_to_be_left_out(changes.space)
+            else _rivals(joints, changes, rest, this, tried),
             torque=_torque(changes, hypothesis, this),
         )
         causes.append((cause, hypothesis))
-    causes.sort(key=lambda each: -each[0].statistic)
+    causes.sort(
+        key=lambda each: (
+            not each[1].effect.known_to_be_left_out(changes.space),
+            -each[0].statistic,
+        )
+    )
     return _one_after_the_other(changes, causes)
 
 

@@ -21,6 +21,7 @@ def smallest_set(
     changes: ChangeRegression,
     refit: Explained,
     catalogue: Sequence[ParametricEffect],
+    known: Sequence[Hypothesis] = (),
 ) -> list[Hypothesis]:
     """Add the best cause until they are enough, and drop those that are not needed.
 
@@ -28,32 +29,36 @@ def smallest_set(
     ----------
     refit
         All that new base parameters explain.
+    known
+        Causes that are in the model in any case; the others are found beside them, in what they
+        leave. They are not among those returned.
     """
-    kept: list[Hypothesis] = []
-    before = changes.explain([])
-    while len(kept) < MOST_CAUSES:
+    kept: list[Hypothesis] = list(known)
+    start = before = changes.explain(changes_of(known))
+    while len(kept) < MOST_CAUSES + len(known):
         tried = trials(changes, kept, catalogue)
         if not tried or tried[0].support < LEAST_SUPPORT:
             break
         best = tried[0]
-        if best.explained.statistic - before.statistic < LEAST_PART * refit.statistic:
+        if best.explained.statistic - before.statistic < LEAST_PART * (
+            refit.statistic - start.statistic
+        ):
             break
         kept.append(best.hypothesis)
         before = best.explained
-        if explains_enough(before, refit):
+        if explains_enough(before, refit, start):
             break
-    for each in list(kept):
+    for each in kept[len(known) :]:
         rest = [other for other in kept if other is not each]
         explained = changes.explain(changes_of(rest))
-        if rest and explains_enough(explained, refit):
+        if rest[len(known) :] and explains_enough(explained, refit, start):
             kept = rest
-    return kept
+    return kept[len(known) :]
 
 
-def explains_enough(explained: Explained, refit: Explained) -> bool:
-    """Whether what is missing to `ENOUGH` of the refit may be noise."""
+def explains_enough(explained: Explained, refit: Explained, start: Explained) -> bool:
+    """Whether what is missing to `ENOUGH` of the refit may be noise, both beyond the start."""
     free = max(refit.rank - explained.rank, 0)
     missing = refit.statistic - explained.statistic - free
-    return bool(
-        missing <= (1.0 - ENOUGH) * (refit.statistic - refit.rank) + 2.0 * np.sqrt(2.0 * free)
-    )
+    explainable = (refit.statistic - start.statistic) - (refit.rank - start.rank)
+    return bool(missing <= (1.0 - ENOUGH) * explainable + 2.0 * np.sqrt(2.0 * free))

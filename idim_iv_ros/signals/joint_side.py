@@ -6,11 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.errors import UsageError
+from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.recording import Recording
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+
+
+# N m, A or V: far below what any sensor resolves.
+_SMALLEST = 1e-9
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,8 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     ------
     UsageError
         The motor-to-joint matrix is singular.
+    DataError
+        Efforts so small that no drive has them.
     """
     robot = configuration.robot
     joints = len(robot.joints)
@@ -69,6 +75,7 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     scale = np.array(configuration.signals.effort_scale or [1.0] * joints)
     position = _transformed(recording.position.values, to_joint, offset)
     torque = _transformed(recording.effort.values, to_torque * scale, np.zeros(joints))
+    _require_size(recording, torque, configuration)
     invented = _touched(recording.position.invented, to_joint)
     invented |= _touched(recording.effort.invented, to_torque)
     measured = reference = velocity = None
@@ -90,6 +97,18 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
         position_reference=reference,
         velocity_reference=velocity,
     )
+
+
+def _require_size(recording: Recording, torque: FloatArray, configuration: Configuration) -> None:
+    """Refuse torques whose squares are lost in rounding: they are none, or in another unit."""
+    largest = np.abs(torque).max(axis=0)
+    for joint, size in zip(configuration.robot.joints, largest, strict=True):
+        if size < _SMALLEST:
+            unit = configuration.signals.effort_unit
+            raise DataError(
+                f"{recording.path.name}: effort of {joint} is never above {size:.2g} {unit}: look "
+                "at what the driver publishes, and at signals.effort_scale"
+            )
 
 
 def _transformed(values: FloatArray, matrix: FloatArray, offset: FloatArray) -> FloatArray:

@@ -61,3 +61,10 @@ def test_summary_tells_the_widest_and_counts_the_others() -> None:
     assert "elasticity" not in text
     assert "smaller" not in summary_of("both", told, None, GAPS, ())
     assert "1 smaller cause is listed" in summary_of("both", told, None, GAPS, (), more=1)
+
+
+def test_drive_inertia_that_the_configuration_leaves_out_stands_before_all() -> None:
+    left_out = replace(closing("drive_inertia", "parametric", "", 0.1, 0.09, 1e2), joint=None)
+    of_a_joint = closing("drive_inertia", "parametric", "joint_2", 0.1, 0.09, 1e2)
+    assert names(strongest_first([FIRST, LARGE, left_out], DATA))[0] == "drive_inertia"  # type: ignore[arg-type]
+    assert names(strongest_first([FIRST, LARGE, of_a_joint], DATA))[0] != "drive_inertia"  # type: ignore[arg-type]

@@ -70,11 +70,15 @@ class ParameterSpace:
         Base parameters of the given model.
     axes : (2, 3)
         Unit vectors of the base frame about which gravity may be tilted.
+    bare_drives : frozenset of int
+        Joints whose drives have no inertia in the given model because none was given, and that
+        move enough to show it.
     """
 
     model: InverseModel
     given: FloatArray
     axes: FloatArray
+    bare_drives: frozenset[int] = frozenset()
 
     @property
     def joints(self) -> int:
@@ -132,6 +136,15 @@ class ParametricEffect(ABC):
     @abstractmethod
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """Sets of numbers that may change together, the smallest first."""
+
+    def known_to_be_left_out(self, space: ParameterSpace) -> bool:
+        """Whether the configuration itself says that the given model lacks these numbers."""
+        return False
+
+    def subject(self, joint: str | None) -> str:
+        """What is wrong, in words, before the numbers."""
+        place = f" of {joint}" if joint else ""
+        return f"the given {self.name.replace('_', ' ')}{place} is wrong"
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
