@@ -2,7 +2,11 @@
 
 import os
 from collections.abc import Mapping
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
+
+from idim_iv_ros.interruption import undone_if_interrupted, uninterrupted
 
 
 def probe_place(path: Path) -> None:
@@ -13,11 +17,12 @@ def probe_place(path: Path) -> None:
     OSError
         It cannot, and why.
     """
-    probe = _temporary(path)
-    try:
-        probe.write_bytes(b"\0")
-    finally:
-        probe.unlink(missing_ok=True)
+    probe = temporary_file(path)
+    with uninterrupted():
+        try:
+            probe.write_bytes(b"\0")
+        finally:
+            probe.unlink(missing_ok=True)
 
 
 def write_together(texts: Mapping[Path, str]) -> None:
@@ -28,8 +33,11 @@ def write_together(texts: Mapping[Path, str]) -> None:
     OSError
         A file cannot be written, or a folder has its name.
     """
-    temporary = {path: _temporary(path) for path in texts}
-    try:
+    temporary = {path: temporary_file(path) for path in texts}
+    with ExitStack() as undone:
+        for path in temporary.values():
+            undone.callback(path.unlink, missing_ok=True)
+            undone.enter_context(undone_if_interrupted(partial(path.unlink, missing_ok=True)))
         for path, text in texts.items():
             if path.is_dir():
                 raise IsADirectoryError(f"{path} is a folder")
@@ -37,12 +45,11 @@ def write_together(texts: Mapping[Path, str]) -> None:
                 file.write(text)
                 file.flush()
                 os.fsync(file.fileno())
-        for path in texts:
-            temporary[path].replace(path)
-    finally:
-        for path in temporary.values():
-            path.unlink(missing_ok=True)
+        with uninterrupted():
+            for path in texts:
+                temporary[path].replace(path)
 
 
-def _temporary(path: Path) -> Path:
+def temporary_file(path: Path) -> Path:
+    """Where a file is written before it is complete."""
     return path.with_name(f".{path.name}.{os.getpid()}.tmp")

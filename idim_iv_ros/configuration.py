@@ -16,6 +16,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.file_paths import FilePath
 
 Vector = list[float]
 Matrix = list[list[float]]
@@ -218,7 +219,7 @@ class Configuration(Section):
         return self
 
 
-def load_configuration(path: Path) -> Configuration:
+def load_configuration(path: FilePath) -> Configuration:
     """Read and check a robot's YAML file; the URDF path becomes absolute.
 
     Raises
@@ -227,6 +228,7 @@ def load_configuration(path: Path) -> Configuration:
         File missing or unreadable, broken YAML, unknown key, wrong type, length or value,
         URDF file missing. The message names the key and the file.
     """
+    path = Path(path)
     try:
         data: Any = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation import JointTriangle, unseen_parameters
+from idim_iv_ros.file_paths import FilePaths
 from idim_iv_ros.model import InverseModel, build_inverse_model
 from idim_iv_ros.recording import Recording, read_recordings
 from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
@@ -104,7 +104,7 @@ def frozen_sentences(recordings: Sequence[Recording]) -> tuple[str, ...]:
 
 
 def read_configured(
-    bags: Sequence[Path], configuration: Configuration, progress: Progress | None = None
+    bags: FilePaths, configuration: Configuration, progress: Progress | None = None
 ) -> tuple[Recording, ...]:
     """Read the topics and joints of a configuration; see `read_recordings`."""
     signals = configuration.signals

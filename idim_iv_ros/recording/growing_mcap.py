@@ -58,7 +58,8 @@ class GrowingMcap:
             compression=CompressionType.ZSTD,
             use_summary_offsets=False,
         )
-        self._writer.start(profile="ros2", library="idim_iv_ros")
+        # Not the name alone: what a robot did cannot be made again, so nothing may replace it.
+        self._writer.start(profile="ros2", library="idim_iv_ros recorder")
         self._end = 0
         self._trailer = b""
         self._waiting = bytearray()

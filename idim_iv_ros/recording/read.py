@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.file_paths import FilePaths, as_paths
 from idim_iv_ros.recording.bag import Bag
 from idim_iv_ros.recording.clock import StampedMessages, stamp_messages
 from idim_iv_ros.recording.description import robot_description
@@ -23,9 +24,9 @@ LEAST_SAMPLES = 20
 
 
 def read_recordings(
-    bags: Sequence[Path],
+    bags: FilePaths,
     *,
-    joints: Sequence[str],
+    joints: Sequence[str] | str,
     joint_states: str = "/joint_states",
     effort: str | None = None,
     reference: str | None = None,
@@ -36,9 +37,9 @@ def read_recordings(
     Parameters
     ----------
     bags
-        MCAP files, .db3 files or rosbag2 folders.
+        One or several MCAP files, .db3 files or rosbag2 folders: text or paths.
     joints
-        Joints to read, in the order of the columns of every signal.
+        Joints to read, in the order of the columns of every signal; one name for one joint.
     joint_states, effort, reference
         Topics; `effort` is that of `joint_states` if it is None.
 
@@ -50,9 +51,11 @@ def read_recordings(
         A bag cannot be read, or does not hold what is asked for.
     """
     recordings: list[Recording] = []
-    for number, bag in enumerate(bags):
+    joints = [joints] if isinstance(joints, str) else list(joints)
+    paths = as_paths(bags)
+    for number, bag in enumerate(paths):
         if progress is not None:
-            progress(f"reading {bag.name}", 0.3 * number / len(bags))
+            progress(f"reading {bag.name}", 0.3 * number / len(paths))
         recording = _read(bag, joints, joint_states, effort or joint_states, reference)
         _require_new(recording, recordings)
         recordings.append(recording)

@@ -1,5 +1,6 @@
 """Tables (.csv .npy .npz .mat) become bags, so that everything enters by the same door."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.recording.write import JointTopic, write_bag
+from idim_iv_ros.file_paths import FilePath
+from idim_iv_ros.recording.write import JointTopic, require_bag_place, write_bag
 
 FloatArray = NDArray[np.float64]
 
@@ -35,18 +37,19 @@ class ImportSummary:
 
 
 def import_table(
-    out: Path,
+    out: FilePath,
     *,
-    joints: Sequence[str],
-    position: str,
-    effort: str,
+    joints: Sequence[str] | str,
+    position: FilePath,
+    effort: FilePath,
     rate: float | None = None,
-    time: str | None = None,
-    velocity: str | None = None,
-    reference: str | None = None,
-    velocity_reference: str | None = None,
-    reference_time: str | None = None,
+    time: FilePath | None = None,
+    velocity: FilePath | None = None,
+    reference: FilePath | None = None,
+    velocity_reference: FilePath | None = None,
+    reference_time: FilePath | None = None,
     robot_description: str | None = None,
+    force: bool = False,
 ) -> ImportSummary:
     """Write tables as an MCAP bag with /joint_states and /joint_reference.
 
@@ -57,11 +60,15 @@ def import_table(
     out
         The bag.
     joints
-        Names for the columns.
+        Names for the columns; one name for one column.
     rate, time
         Samples per second, or the stamps in s; one of the two.
     reference_time
         Stamps of the references where they are not those of the measurements.
+    robot_description
+        Text of the URDF, for /robot_description.
+    force
+        Replace a file that this program did not write.
 
     Raises
     ------
@@ -70,12 +77,20 @@ def import_table(
     DataError
         Lengths that do not fit, or stamps that do not increase.
     """
+    out = Path(out)
+    joints = [joints] if isinstance(joints, str) else list(joints)
+    position, effort = os.fspath(position), os.fspath(effort)
+    time, velocity, reference, velocity_reference, reference_time = (
+        None if given is None else os.fspath(given)
+        for given in (time, velocity, reference, velocity_reference, reference_time)
+    )
     if (rate is None) == (time is None):
         raise UsageError("give either --rate or --time")
     if rate is not None and not (np.isfinite(rate) and rate > 0.0):
         raise UsageError(f"--rate {rate:g}: a positive number of samples per second is needed")
     if out.suffix != ".mcap":
         raise UsageError(f"{out}: the name of the bag must end in .mcap")
+    require_bag_place([out], force=force)
     measured = {"position": position, "effort": effort}
     if velocity is not None:
         measured["velocity"] = velocity
@@ -90,7 +105,7 @@ def import_table(
         )
     elif velocity_reference is not None or reference_time is not None:
         raise UsageError("--velocity-reference and --reference-time need --reference")
-    write_bag(out, topics, robot_description=robot_description)
+    write_bag(out, topics, robot_description=robot_description, force=force)
     duration = float(stamps[-1] - stamps[0])
     signals = tuple(measured) + (() if reference is None else ("reference",))
     return ImportSummary(len(stamps), (len(stamps) - 1) / duration, duration, signals)

@@ -1,9 +1,9 @@
 """Writing recordings as MCAP bags that ROS 2 tools open."""
 
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,12 @@ from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
+from idim_iv_ros.atomic_files import probe_place, temporary_file
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.file_paths import FilePath
+from idim_iv_ros.formats import PROGRAM
+from idim_iv_ros.interruption import undone_if_interrupted
+from idim_iv_ros.own_files import require_replaceable
 from idim_iv_ros.recording.cdr_layout import JOINT_STATE, read_layout
 from idim_iv_ros.recording.channel import OfferedQos, TopicChannel
 
@@ -43,20 +48,35 @@ class JointTopic:
 
 
 def write_bag(
-    out: Path, topics: Sequence[JointTopic], *, robot_description: str | None = None
+    out: FilePath,
+    topics: Sequence[JointTopic],
+    *,
+    robot_description: str | None = None,
+    force: bool = False,
 ) -> None:
     """Write JointState topics, and the URDF, into an MCAP bag.
 
     The file appears under its name only when it is whole.
 
+    Parameters
+    ----------
+    out : str or Path
+    topics : sequence of JointTopic
+    robot_description : str or None
+        Text of the URDF, for /robot_description.
+    force : bool
+        Replace a file that this program did not write.
+
     Raises
     ------
     UsageError
-        The file cannot be written.
+        The file cannot be written, or one of somebody else is in its place.
     """
+    out = Path(out)
+    require_replaceable([out], force=force)
     with _whole_file(out) as temporary, temporary.open("wb") as stream:
         writer = Writer(stream, chunk_size=1 << 20, compression=CompressionType.ZSTD)
-        writer.start(profile="ros2", library="idim_iv_ros")
+        writer.start(profile="ros2", library=PROGRAM)
         if robot_description is not None:
             channel = TopicChannel("/robot_description", _STRING, (_LATCHED,)).register(writer)
             start = min(_nanoseconds(topic.time)[0] for topic in topics)
@@ -65,6 +85,24 @@ def write_bag(
             )
         _write_topics(writer, topics)
         writer.finish()  # type: ignore[no-untyped-call]
+
+
+def require_bag_place(files: Sequence[Path], *, force: bool = False) -> None:
+    """Refuse, before long work, files that could not be written or must not be replaced.
+
+    Raises
+    ------
+    UsageError
+        The folder of a file is missing or cannot be written, or as `require_replaceable`.
+    """
+    require_replaceable(files, force=force)
+    for file in files:
+        if not file.parent.is_dir():
+            raise UsageError(f"{file}: no folder {file.parent}")
+        try:
+            probe_place(file)
+        except OSError as error:
+            raise UsageError(f"{file}: cannot be written: {error.strerror or error}") from error
 
 
 def _write_topics(writer: Writer, topics: Sequence[JointTopic]) -> None:
@@ -134,11 +172,12 @@ def _nanoseconds(time: FloatArray) -> IntArray:
 @contextmanager
 def _whole_file(out: Path) -> Iterator[Path]:
     """A temporary file beside `out` that takes its name when all went well."""
-    temporary = out.with_name(f".{out.name}.{os.getpid()}.part")
+    temporary = temporary_file(out)
     try:
         try:
-            yield temporary
-            temporary.replace(out)
+            with undone_if_interrupted(partial(temporary.unlink, missing_ok=True)):
+                yield temporary
+                temporary.replace(out)
         except OSError as error:
             raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
     finally:
