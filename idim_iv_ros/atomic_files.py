@@ -1,12 +1,14 @@
 """Text files that appear complete and together, or not at all."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
+from idim_iv_ros.errors import UsageError
 from idim_iv_ros.interruption import undone_if_interrupted, uninterrupted
+from idim_iv_ros.own_files import require_replaceable
 
 
 def probe_place(path: Path) -> None:
@@ -23,6 +25,25 @@ def probe_place(path: Path) -> None:
             probe.write_bytes(b"\0")
         finally:
             probe.unlink(missing_ok=True)
+
+
+def require_file_place(files: Iterable[Path], *, force: bool = False) -> None:
+    """Refuse, before long work, files that could not be written or must not be replaced.
+
+    Raises
+    ------
+    UsageError
+        The folder of a file is missing or cannot be written, or as `require_replaceable`.
+    """
+    files = list(files)
+    require_replaceable(files, force=force)
+    for file in files:
+        if not file.parent.is_dir():
+            raise UsageError(f"{file}: no folder {file.parent}")
+        try:
+            probe_place(file)
+        except OSError as error:
+            raise UsageError(f"{file}: cannot be written: {error.strerror or error}") from error
 
 
 def write_together(texts: Mapping[Path, str]) -> None:

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.atomic_files import write_together
+from idim_iv_ros.atomic_files import require_file_place, write_together
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import Trajectory
 from idim_iv_ros.file_paths import FilePath
 from idim_iv_ros.formats import SIMULATION_FORMAT, TRUTH_FORMAT
-from idim_iv_ros.recording import JointTopic, require_bag_place, write_bag
+from idim_iv_ros.recording import JointTopic, write_bag
 from idim_iv_ros.simulated_effects import read_extended_model
 from idim_iv_ros.simulated_robot import SimulatedRobot, simulated_robot
 from idim_iv_ros.simulation import SimulatedRecording
@@ -102,7 +102,7 @@ def simulate(
         raise UsageError("--seed: a seed is given twice")
     bag_paths = _bag_paths(Path(out), seeds)
     truth = Path(out).with_name(Path(out).stem + TRUTH)
-    require_bag_place([*bag_paths.values(), truth], force=force)
+    require_file_place([*bag_paths.values(), truth], force=force)
     text = urdf.read_text(encoding="utf-8")
     extended = None if effects is None else read_extended_model(Path(effects))
     robot = simulated_robot(configuration, text, urdf.name, extended)

@@ -9,6 +9,7 @@ from idim_iv_ros.cli.diagnose import diagnose_command
 from idim_iv_ros.cli.excite import excite_command
 from idim_iv_ros.cli.identify import identify_command
 from idim_iv_ros.cli.import_table import import_command
+from idim_iv_ros.cli.init import init_command
 from idim_iv_ros.cli.record import record_command
 from idim_iv_ros.cli.serve import serve_command
 from idim_iv_ros.cli.simulate import simulate_command
@@ -21,6 +22,7 @@ application = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
+application.command("init")(init_command)
 application.command("check")(check_command)
 application.command("identify")(identify_command)
 application.command("diagnose")(diagnose_command)

@@ -4,7 +4,7 @@ from idim_iv_ros.recording.frozen import FrozenStretches
 from idim_iv_ros.recording.read import read_recordings
 from idim_iv_ros.recording.recording import ClockQuality, Note, Recording, Signal
 from idim_iv_ros.recording.table import ImportSummary, import_table
-from idim_iv_ros.recording.write import JointTopic, require_bag_place, write_bag
+from idim_iv_ros.recording.write import JointTopic, write_bag
 
 __all__ = [
     "ClockQuality",
@@ -16,6 +16,5 @@ __all__ = [
     "Signal",
     "import_table",
     "read_recordings",
-    "require_bag_place",
     "write_bag",
 ]

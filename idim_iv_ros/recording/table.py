@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.atomic_files import require_file_place
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.file_paths import FilePath
-from idim_iv_ros.recording.write import JointTopic, require_bag_place, write_bag
+from idim_iv_ros.recording.write import JointTopic, write_bag
 
 FloatArray = NDArray[np.float64]
 
@@ -90,7 +91,7 @@ def import_table(
         raise UsageError(f"--rate {rate:g}: a positive number of samples per second is needed")
     if out.suffix != ".mcap":
         raise UsageError(f"{out}: the name of the bag must end in .mcap")
-    require_bag_place([out], force=force)
+    require_file_place([out], force=force)
     measured = {"position": position, "effort": effort}
     if velocity is not None:
         measured["velocity"] = velocity

@@ -11,7 +11,7 @@ from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
-from idim_iv_ros.atomic_files import probe_place, temporary_file
+from idim_iv_ros.atomic_files import temporary_file
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.file_paths import FilePath
 from idim_iv_ros.formats import PROGRAM
@@ -85,24 +85,6 @@ def write_bag(
             )
         _write_topics(writer, topics)
         writer.finish()  # type: ignore[no-untyped-call]
-
-
-def require_bag_place(files: Sequence[Path], *, force: bool = False) -> None:
-    """Refuse, before long work, files that could not be written or must not be replaced.
-
-    Raises
-    ------
-    UsageError
-        The folder of a file is missing or cannot be written, or as `require_replaceable`.
-    """
-    require_replaceable(files, force=force)
-    for file in files:
-        if not file.parent.is_dir():
-            raise UsageError(f"{file}: no folder {file.parent}")
-        try:
-            probe_place(file)
-        except OSError as error:
-            raise UsageError(f"{file}: cannot be written: {error.strerror or error}") from error
 
 
 def _write_topics(writer: Writer, topics: Sequence[JointTopic]) -> None:
