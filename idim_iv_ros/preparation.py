@@ -32,6 +32,8 @@ class PreparedRegression:
     motions : tuple of Motion
     reasons : tuple of str
         What was proposed or decided while filtering, and why.
+    advice : tuple of str
+        What to add to the configuration, because the recordings hold more than it names.
     """
 
     configuration: Configuration
@@ -41,6 +43,7 @@ class PreparedRegression:
     minimum_speed: FloatArray
     motions: tuple[Motion, ...]
     reasons: tuple[str, ...]
+    advice: tuple[str, ...] = ()
 
     @property
     def why_no_given(self) -> str:
@@ -91,6 +94,22 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
         minimum_speed=minimum_speed,
         motions=motions,
         reasons=cutoffs.reasons + reasons + frozen_sentences(recordings),
+        advice=_advice(recordings, configuration),
+    )
+
+
+def _advice(recordings: Sequence[Recording], configuration: Configuration) -> tuple[str, ...]:
+    """Say which line makes an unused topic the reference, where every recording has one."""
+    first, *others = (recording.unused_references for recording in recordings)
+    common = [topic for topic in first if all(topic in other for other in others)]
+    if not common:
+        return ()
+    source = configuration.source.name if configuration.source else "the configuration"
+    either = "" if len(common) == 1 else f" (or {', '.join(common[1:])})"
+    return (
+        f"{recordings[0].path.name} holds positions of all joints on {common[0]}{either} and "
+        f"nothing uses them; if that is the reference of the control, write "
+        f"`reference: {common[0]}` under `signals:` in {source}",
     )
 
 

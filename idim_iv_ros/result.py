@@ -186,7 +186,8 @@ class BagSummary:
 class ProcessingSummary:
     """Filters as they were applied, and why.
 
-    Frequencies in Hz, `minimum_speed` in rad/s (m/s for prismatic joints).
+    Frequencies in Hz, `minimum_speed` in rad/s (m/s for prismatic joints); `advice` says what to
+    add to the configuration.
     """
 
     position_cutoff: float
@@ -196,6 +197,7 @@ class ProcessingSummary:
     row_rate: float
     minimum_speed: tuple[float, ...]
     reasons: tuple[str, ...]
+    advice: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

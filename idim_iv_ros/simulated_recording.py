@@ -100,9 +100,8 @@ def simulate(
         raise UsageError(f"{configuration.source}: robot.urdf is needed to simulate")
     if len(set(seeds)) != len(seeds):
         raise UsageError("--seed: a seed is given twice")
-    bag_paths = _bag_paths(Path(out), seeds)
-    truth = Path(out).with_name(Path(out).stem + TRUTH)
-    require_file_place([*bag_paths.values(), truth], force=force)
+    require_simulation_place(out, seeds, force=force)
+    bag_paths, truth = _bag_paths(Path(out), seeds), _truth_path(Path(out))
     text = urdf.read_text(encoding="utf-8")
     extended = None if effects is None else read_extended_model(Path(effects))
     robot = simulated_robot(configuration, text, urdf.name, extended)
@@ -152,6 +151,16 @@ def simulation_document(bags: Sequence[SimulatedBag], truth: Path) -> dict[str, 
         ],
         "truth": str(truth),
     }
+
+
+def require_simulation_place(out: FilePath, seeds: Sequence[int], *, force: bool = False) -> None:
+    """Refuse, before long work, bags that could not be written; see `require_file_place`."""
+    files = [*_bag_paths(Path(out), seeds).values(), _truth_path(Path(out))]
+    require_file_place(files, force=force)
+
+
+def _truth_path(out: Path) -> Path:
+    return out.with_name(out.stem + TRUTH)
 
 
 def _bag_paths(out: Path, seeds: Sequence[int]) -> dict[int, Path]:

@@ -149,10 +149,12 @@ def _reference_findings(prepared: PreparedRegression) -> list[Finding]:
     ]
     if missing:
         sentence = (
-            "no reference recorded: the loop cannot be simulated, instruments will be smoothed "
+            "no reference is read: the loop cannot be simulated, instruments will be smoothed "
             "measurements and cannot be tested"
         )
-        return [Finding(", ".join(missing), "limited", sentence)]
+        where = ", ".join(missing)
+        sentences = (sentence, *prepared.advice)
+        return [Finding(where, "limited", each) for each in sentences]
     if prepared.configuration.controller.type == "unknown":
         sentence = "control law unknown: it will be fitted from reference, motion and torque"
         return [Finding("controller", "limited", sentence)]

@@ -117,6 +117,8 @@ def print_verdict(console: Console, result: IdentificationResult) -> None:
     console.print(f"Instruments: {escape(result.instruments.source)}", highlight=False)
     sentence = f"Verdict: {result.verdict.verdict}. {result.verdict.sentence}"
     console.print(escape(sentence), highlight=False)
+    for advice in result.processing.advice:
+        console.print(f"[yellow]Advice:[/] {escape(advice)}", highlight=False)
     for warning in frozen_warnings(result):
         console.print(f"[yellow]Warning:[/] {escape(warning)}", highlight=False)
 

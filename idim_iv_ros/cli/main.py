@@ -2,8 +2,12 @@
 
 import os
 import sys
+from collections.abc import Sequence
 
 from idim_iv_ros.interruption import STATUS, interruption_ends_process
+
+WRONG_USE = 2  # exit status
+CONFIGURED = {"check", "diagnose", "excite", "identify", "record", "serve", "simulate"}
 
 
 def main() -> None:
@@ -18,6 +22,10 @@ def main() -> None:
 
         try:
             application()
+        except SystemExit as stopped:
+            if stopped.code == WRONG_USE and _lacks_configuration(sys.argv[1:]):
+                _complain("`idim-iv init BAG… --urdf FILE` writes a first file for --config")
+            raise
         except IdimError as error:
             _complain(_one_line(error))
             sys.exit(error.exit_status)
@@ -38,6 +46,12 @@ def main() -> None:
                 "IDIM_IV_TRACEBACK=1 and report what it prints"
             )
             sys.exit(1)
+
+
+def _lacks_configuration(arguments: Sequence[str]) -> bool:
+    """Whether a command that needs the robot's file was called without."""
+    given = any(each.startswith("--config") for each in arguments)
+    return bool(CONFIGURED.intersection(arguments[:1])) and not given
 
 
 def _complain(text: str) -> None:

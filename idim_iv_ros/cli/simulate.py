@@ -63,7 +63,14 @@ def simulate_command(
     configuration = load_configuration(config)
     with output.progress() as progress:
         from idim_iv_ros.excitation import random_motion, read_trajectory
-        from idim_iv_ros.simulated_recording import simulate, simulation_document
+        from idim_iv_ros.simulated_recording import (
+            require_simulation_place,
+            simulate,
+            simulation_document,
+        )
+
+        seeds = tuple(seed or [1])
+        require_simulation_place(out, seeds, force=force)
 
         if trajectory is None:
             period = configuration.controller.period or 0.001
@@ -76,7 +83,7 @@ def simulate_command(
             configuration,
             out,
             motion,
-            seeds=tuple(seed or [1]),
+            seeds=seeds,
             effects=effects,
             force=force,
             progress=progress,

@@ -119,9 +119,12 @@ def _print_blocks(
             console.print(_text([row[0].replace("\n", ", ")]), soft_wrap=True)
         for column, cell in zip(columns[1:], row[1:], strict=True):
             if cell:
-                text = f"{column.heading}: {cell.replace(chr(10), '; ')}"
-                lines = [f"  {line}" for line in _wrapped(text, width)]
-                console.print(_text(lines), soft_wrap=True)
+                if "\n" in cell:
+                    lines = [f"{column.heading}:"]
+                    lines += [f"  {line}" for line in _wrapped(cell, width - 2)]
+                else:
+                    lines = _wrapped(f"{column.heading}: {cell}", width)
+                console.print(_text([f"  {line}" for line in lines]), soft_wrap=True)
 
 
 def _wrapped(cell: str, width: int) -> list[str]:

@@ -11,7 +11,7 @@ from idim_iv_ros.configuration import Configuration, RobotSection, SignalsSectio
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.file_paths import FilePath, FilePaths, as_paths
 from idim_iv_ros.first_configuration.control_law import propose_law
-from idim_iv_ros.first_configuration.effort_unit import guess_effort_unit
+from idim_iv_ros.first_configuration.effort_unit import EffortUnit, guess_effort_unit
 from idim_iv_ros.first_configuration.joint_choice import JointChoice, choose_joints
 from idim_iv_ros.first_configuration.topic_choice import TopicChoice, choose_states, choose_topics
 from idim_iv_ros.first_configuration.topic_contents import BagContents, read_contents
@@ -118,7 +118,17 @@ def propose_configuration(
         },
         left_out=joints.left_out,
         limits=tuple(float(limit) for limit in limits) if finite and unit.unit == "N m" else (),
-        warnings=joints.warnings,
+        warnings=joints.warnings + _unit_warning(unit),
+    )
+
+
+def _unit_warning(unit: EffortUnit) -> tuple[str, ...]:
+    if unit.unit == "N m":
+        return ()
+    return (
+        "the efforts are no torques: joints whose torque constants differ do not fit one model, "
+        "and nothing can be compared with the URDF; give torque constant times gear ratio of each "
+        "joint as signals.effort_scale, and effort_unit N m",
     )
 
 

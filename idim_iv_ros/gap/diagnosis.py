@@ -220,7 +220,7 @@ def _notes(
     if unchecked:
         notes.append(f"commands not compared with the control law: {unchecked}")
     notes += [each.note or each.caveat for each in tracked]
-    notes += list(data.prepared.reasons)
+    notes += [*data.prepared.advice, *data.prepared.reasons]
     return tuple(dict.fromkeys(note for note in notes if note))
 
 

@@ -1,6 +1,7 @@
 """From bags to recordings: the door through which everything enters."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from idim_iv_ros.recording.frozen_channels import without_frozen
 from idim_iv_ros.recording.grid import Grid, make_grid, on_grid
 from idim_iv_ros.recording.joint_messages import JointMessageReader, JointMessages, readable
 from idim_iv_ros.recording.recording import Note, Recording, Signal
+from idim_iv_ros.recording.unused_references import unused_references
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -99,11 +101,23 @@ def _read(
         if topic not in readers:
             advice = ""
             if topic == reference and bag.topics:
-                advice = "; name that of the reference in signals.reference, or leave it out"
+                advice = _reference_advice(bag, list(fields), joints)
             raise DataError(f"{_missing(path, bag, topic)}{advice}")
     stamped = {topic: stamp_messages(_checked(path, readers[topic]), str(path)) for topic in fields}
     notes = [Note(*loss) for loss in bag.losses]
-    return _assemble(path, joints, stamped, (joint_states, effort, reference), description, notes)
+    topics = (joint_states, effort, reference)
+    recording = _assemble(path, joints, stamped, topics, description, notes)
+    if reference is not None:
+        return recording
+    return replace(recording, unused_references=unused_references(bag, list(fields), joints))
+
+
+def _reference_advice(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> str:
+    """Say what to write where the reference is not on the topic that was named."""
+    found = unused_references(bag, used, joints)
+    if found:
+        return f"; if the reference is on {found[0]}, write `reference: {found[0]}` under signals"
+    return "; name that of the reference in signals.reference, or leave it out"
 
 
 def _checked(path: Path, reader: JointMessageReader) -> JointMessages:
