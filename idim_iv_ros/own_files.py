@@ -34,12 +34,16 @@ def require_replaceable(paths: Iterable[Path], *, force: bool = False) -> None:
     Raises
     ------
     UsageError
-        There is such a file (unless `force`), or a folder in its place.
+        There is such a file (unless `force`), a folder in its place, or a name that cannot be.
     """
     for path in paths:
-        if path.is_dir():
+        try:
+            folder, exists = path.is_dir(), path.exists()
+        except OSError as error:
+            raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from error
+        if folder:
             raise UsageError(f"{path} is a folder; give another --out")
-        if not force and path.exists() and not is_own(path):
+        if exists and not force and not is_own(path):
             raise UsageError(
                 f"{path}: exists, and was not written by idim_iv_ros or was changed since; give "
                 "another --out, or --force to replace it"

@@ -14,6 +14,7 @@ from rich.text import Text
 
 _GAP = 2  # spaces between columns
 _LONGEST = 24  # rows that are printed without --verbose
+_NOTHING = ("", "–")
 _NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
@@ -46,7 +47,7 @@ def print_table(
     whole: bool = True,
     rest: str = "--verbose prints them",
 ) -> None:
-    """Print rows of plain text under a title.
+    """Print rows of plain text under a title; columns that say nothing in any row are left out.
 
     Parameters
     ----------
@@ -55,6 +56,13 @@ def print_table(
     rest
         Where the other rows are.
     """
+    said = [
+        place
+        for place in range(len(columns))
+        if not rows or any(row[place] not in _NOTHING for row in rows)
+    ]
+    columns = [columns[place] for place in said]
+    rows = [[row[place] for place in said] for row in rows]
     shown = rows if whole else rows[:_LONGEST]
     if title:
         console.print(Text(title, style="bold"))

@@ -147,7 +147,7 @@ def test_edited_motion_is_kept_and_an_untouched_one_replaced(run, config, tmp_pa
     assert run(*design, *quick, "--force").status == 0
 
 
-@pytest.mark.parametrize("out", ["missing/a.mcap", "."])
+@pytest.mark.parametrize("out", ["missing/a.mcap", ".", f"{'a' * 300}.mcap"])
 def test_place_that_cannot_be_used_is_refused_before_the_tables_are_read(
     run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, out: str
 ) -> None:

@@ -36,6 +36,8 @@ def started(*arguments: str, code: str = START, **environment: str) -> subproces
         stderr=subprocess.PIPE,
         text=True,
         env=variables,
+        # A shell that runs the tests in the background lets its children ignore SIGINT.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
 
 

@@ -43,6 +43,13 @@ def test_columns_that_do_not_fit_become_blocks() -> None:
     assert narrow[2] == "  torque: 12.5 N m"
 
 
+def test_a_column_that_says_nothing_is_left_out() -> None:
+    rows = [("elbow", "–", "something"), ("wrist", "–", "")]
+    text = printed(80, rows)
+    assert "torque" not in text
+    assert "what was found" in text
+
+
 def test_a_long_table_says_how_many_rows_are_not_shown() -> None:
     rows = [(f"joint_{k}", "1", "") for k in range(30)]
     assert "… and 6 more" in printed(80, rows, whole=False)
