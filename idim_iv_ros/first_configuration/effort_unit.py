@@ -1,5 +1,6 @@
 """Torque or current?  What a driver calls effort, compared with what the URDF needs."""
 
+import re
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,7 +14,8 @@ from idim_iv_ros.preparation import PreparedRegression
 FloatArray = NDArray[np.float64]
 
 _FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
-_LEAST_SHARE = 0.2  # of the torque's variance that the masses must explain
+_LEAST_SHARE = 0.05  # of the torque's variance that only the masses explain
+_LEAST_ROWS = 20
 _LEAST_RATIO = 5.0  # standard deviations
 _SAME = (0.5, 2.0)  # effort over torque: masses of a URDF are not that far off
 _OVER_LIMIT = 1.5
@@ -48,25 +50,40 @@ def guess_effort_unit(prepared: PreparedRegression) -> EffortUnit:
 
 
 def _ratios(prepared: PreparedRegression) -> dict[int, float]:
-    """Effort over the torque of the URDF's masses, of the joints where that can be said."""
+    """Effort over the torque of the URDF's masses, of the joints where that can be said.
+
+    Friction and the inertia of the joint's own drive, which no URDF gives, are left free: the ratio
+    is seen on gravity and on the other joints' motion (Frisch and Waugh's partial regression).
+    """
     base = prepared.model.base
-    rigid = np.array([not name.startswith(_FRICTION) for name in base.names])
     given = prepared.model.given_without_friction
+    friction = np.array([name.startswith(_FRICTION) for name in base.names])
     ratios = {}
     for rows in observation_rows(prepared.model, prepared.motions):
-        if len(rows) < 20:
+        drive = re.compile(rf"\bIa{rows.joint + 1}\b")
+        own = np.array([bool(drive.search(text)) for text in base.expressions])
+        if len(rows) < _LEAST_ROWS:
             continue
-        masses = rigid[rows.columns]
-        torque = rows.matrix[:, masses] @ given[rows.columns][masses]
-        columns = np.column_stack([torque, rows.matrix[:, ~masses], np.ones(len(rows))])
-        solution = np.linalg.lstsq(columns, rows.torque, rcond=None)[0]
-        residual = rows.torque - columns @ solution
-        inverse = np.linalg.pinv(columns.T @ columns)
-        deviation = float(np.sqrt(np.var(residual) * inverse[0, 0]))
-        share = float(np.var(solution[0] * torque) / max(np.var(rows.torque), 1e-300))
-        if share > _LEAST_SHARE and abs(solution[0]) > _LEAST_RATIO * deviation:
-            ratios[rows.joint] = float(solution[0])
+        free = np.column_stack([rows.matrix[:, (friction | own)[rows.columns]], np.ones(len(rows))])
+        torque = _without(free, rows.matrix @ given[rows.columns])
+        effort = _without(free, rows.torque)
+        energy = float(torque @ torque)
+        if energy <= 0.0:
+            continue
+        ratio = float(torque @ effort) / energy
+        residual = effort - ratio * torque
+        deviation = float(np.std(residual)) / np.sqrt(energy)
+        share = (
+            ratio**2 * energy / max(float(np.sum((rows.torque - rows.torque.mean()) ** 2)), 1e-300)
+        )
+        if share > _LEAST_SHARE and abs(ratio) > _LEAST_RATIO * deviation:
+            ratios[rows.joint] = ratio
     return ratios
+
+
+def _without(columns: FloatArray, signal: FloatArray) -> FloatArray:
+    """What of a signal no combination of the columns explains."""
+    return np.asarray(signal - columns @ np.linalg.lstsq(columns, signal, rcond=None)[0])
 
 
 def _from_limits(peaks: FloatArray, limits: JointLimits, names: list[str]) -> EffortUnit:
