@@ -24,6 +24,7 @@ from idim_iv_ros.configuration_values import (
     Vector,
 )
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.file_paths import FilePath as GivenPath
 
 # Steps of the simulated plant in one control period.
 _MOST_STEPS = 100
@@ -242,7 +243,7 @@ class Configuration(Section):
             )
 
 
-def load_configuration(path: Path) -> Configuration:
+def load_configuration(path: GivenPath) -> Configuration:
     """Read and check a robot's YAML file; the URDF path becomes absolute.
 
     Raises
@@ -251,6 +252,7 @@ def load_configuration(path: Path) -> Configuration:
         File missing or unreadable, broken YAML, unknown key, wrong type, length or value,
         URDF file missing. The message names the key and the file.
     """
+    path = Path(path)
     data = read_mapping(path)
     try:
         configuration = Configuration.model_validate(data)

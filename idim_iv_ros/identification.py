@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from idim_iv_ros.estimation import (
     solve_weighted_least_squares,
     triangles_of_rows,
 )
+from idim_iv_ros.file_paths import FilePaths
 from idim_iv_ros.preparation import prepare, read_configured, require_excitation
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.result import IdentificationResult
@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 
 
 def identify(
-    bags: Sequence[Path],
+    bags: FilePaths,
     configuration: Configuration,
     *,
     estimator: Estimator = "idim-iv",
@@ -40,7 +40,7 @@ def identify(
     Parameters
     ----------
     bags
-        Recordings of one robot, used together.
+        One recording or several of one robot, used together: text or paths.
     configuration
         See `load_configuration`.
     estimator
@@ -64,15 +64,16 @@ def identify(
 
 
 def identify_recordings(
-    recordings: Sequence[Recording],
+    recordings: Recording | Sequence[Recording],
     configuration: Configuration,
     *,
     estimator: Estimator = "idim-iv",
     progress: Progress | None = None,
 ) -> IdentificationResult:
     """Identify from recordings that were read before; otherwise as `identify`."""
+    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
     with _one_thread(), Stopwatch(progress) as watch:
-        result = _identify(recordings, configuration, estimator, watch)
+        result = _identify(given, configuration, estimator, watch)
     result.timing.update(watch.timing)
     return result
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation import JointTriangle, unseen_parameters
+from idim_iv_ros.file_paths import FilePaths
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
 from idim_iv_ros.recording import (
     Recording,
@@ -45,6 +45,8 @@ class PreparedRegression:
     motions : tuple of Motion
     reasons : tuple of str
         What was proposed or decided while filtering, and why.
+    advice : tuple of str
+        What to add to the configuration, because the recordings hold more than it names.
     """
 
     configuration: Configuration
@@ -54,6 +56,7 @@ class PreparedRegression:
     minimum_speed: FloatArray
     motions: tuple[Motion, ...]
     reasons: tuple[str, ...]
+    advice: tuple[str, ...] = ()
 
     @property
     def recordings(self) -> tuple[Recording, ...]:
@@ -126,6 +129,22 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
         minimum_speed=minimum_speed,
         motions=motions,
         reasons=session.sentences + cutoffs.reasons + reasons + loss_sentences(recordings),
+        advice=_advice(recordings, configuration),
+    )
+
+
+def _advice(recordings: Sequence[Recording], configuration: Configuration) -> tuple[str, ...]:
+    """Say which line makes an unused topic the reference, where every recording has one."""
+    first, *others = (recording.unused_references for recording in recordings)
+    common = [topic for topic in first if all(topic in other for other in others)]
+    if not common:
+        return ()
+    source = configuration.source.name if configuration.source else "the configuration"
+    either = "" if len(common) == 1 else f" (or {', '.join(common[1:])})"
+    return (
+        f"{recordings[0].path.name} holds positions of all joints on {common[0]}{either} and "
+        f"nothing uses them; if that is the reference of the control, write "
+        f"`reference: {common[0]}` under `signals:` in {source}",
     )
 
 
@@ -142,7 +161,7 @@ def loss_sentences(recordings: Sequence[Recording]) -> tuple[str, ...]:
 
 
 def read_configured(
-    bags: Sequence[Path], configuration: Configuration, progress: Progress | None = None
+    bags: FilePaths, configuration: Configuration, progress: Progress | None = None
 ) -> tuple[Recording, ...]:
     """Read the topics and joints of a configuration; see `read_recordings`."""
     signals = configuration.signals

@@ -190,7 +190,7 @@ class ProcessingSummary:
     """Filters as they were applied, and why.
 
     Frequencies in Hz, `minimum_speed` in rad/s (m/s for prismatic joints); one of
-    `decimation_factors` for each recording.
+    `decimation_factors` for each recording; `advice` says what to add to the configuration.
     """
 
     position_cutoff: float
@@ -200,6 +200,7 @@ class ProcessingSummary:
     row_rate: float
     minimum_speed: tuple[float, ...]
     reasons: tuple[str, ...]
+    advice: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -17,6 +16,7 @@ from idim_iv_ros.estimation import (
     unseen_parameters,
     white_covariance,
 )
+from idim_iv_ros.file_paths import FilePaths
 from idim_iv_ros.model import BaseParameters
 from idim_iv_ros.preparation import PreparedRegression, prepare, read_configured
 from idim_iv_ros.recording import Recording
@@ -84,7 +84,7 @@ class CheckReport:
 
 
 def check(
-    bags: Sequence[Path], configuration: Configuration, progress: Progress | None = None
+    bags: FilePaths, configuration: Configuration, progress: Progress | None = None
 ) -> CheckReport:
     """Look at recordings, joints and parameters without identifying anything.
 
@@ -149,10 +149,12 @@ def _reference_findings(prepared: PreparedRegression) -> list[Finding]:
     ]
     if missing:
         sentence = (
-            "no reference recorded: the loop cannot be simulated, instruments will be smoothed "
+            "no reference is read: the loop cannot be simulated, instruments will be smoothed "
             "measurements and cannot be tested"
         )
-        return [Finding(", ".join(missing), "limited", sentence)]
+        where = ", ".join(missing)
+        sentences = (sentence, *prepared.advice)
+        return [Finding(where, "limited", each) for each in sentences]
     if prepared.configuration.controller.type == "unknown":
         sentence = "control law unknown: it will be fitted from reference, motion and torque"
         return [Finding("controller", "limited", sentence)]

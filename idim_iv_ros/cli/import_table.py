@@ -1,15 +1,15 @@
 """`idim-iv import`."""
 
+import shlex
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.markup import escape
 
+from idim_iv_ros.cli.arguments import AsJson, Force, Quiet
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.model import read_urdf_file
-from idim_iv_ros.recording import import_table
+from idim_iv_ros.formats import IMPORT_FORMAT
 
 
 def import_command(
@@ -31,6 +31,9 @@ def import_command(
         typer.Option(metavar="FILE[:KEY]", help="Stamps of the references, if they differ."),
     ] = None,
     urdf: Annotated[Path | None, typer.Option(help="URDF to put on /robot_description.")] = None,
+    force: Force = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """Turn tables (.csv .npy .npz .mat) into a bag.
 
@@ -40,6 +43,11 @@ def import_command(
 
     Example: idim-iv import r.mcap --rate 1000 --position d.mat:q --effort d.mat:tau --joints a,b
     """
+    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.model import read_urdf_file
+    from idim_iv_ros.recording import import_table
+
+    output = Output(quiet=quiet, as_json=as_json)
     names = [name.strip() for name in joints.split(",")]
     if not all(names) or len(set(names)) != len(names):
         raise UsageError(f"--joints {joints}: different names separated by commas are needed")
@@ -56,14 +64,16 @@ def import_command(
         velocity_reference=velocity_reference,
         reference_time=reference_time,
         robot_description=description,
+        force=force,
     )
-    for warning in summary.warnings:
-        Console(stderr=True, soft_wrap=True).print(
-            f"[yellow]Warning:[/] {escape(warning)}", highlight=False
-        )
-    Console().print(
+    signals = list(summary.signals)
+    output.warn(summary.warnings)
+    output.document(
+        {"format": IMPORT_FORMAT, **asdict(summary), "path": str(out), "signals": signals}
+    )
+    output.line(
         f"{out}: {summary.samples} samples of {len(names)} joints, {summary.duration:.4g} s at "
-        f"{summary.rate:.5g} per second: {', '.join(summary.signals)}",
-        highlight=False,
-        soft_wrap=True,
+        f"{summary.rate:.5g} per second: {', '.join(signals)}"
     )
+    described = "" if urdf is not None else " --urdf FILE"
+    output.line(f"Next: idim-iv init {shlex.quote(str(out))}{described} --out my_arm.yaml")

@@ -68,8 +68,8 @@ def instrument_sources(
     else:
         missing = [m.signals.name for m in motions if m.signals.position_reference is None]
         sentences.append(
-            f"no reference in {', '.join(missing)}: the closed loop cannot be simulated, so that "
-            "the instruments are smoothed measurements. Noise of the positions below the "
+            f"no reference is read from {', '.join(missing)}: the closed loop cannot be simulated, "
+            "so that the instruments are smoothed measurements. Noise of the positions below the "
             "smoothing frequency is not averaged out, and the instruments cannot be tested"
         )
     sources.append(SmoothedMeasurement(model, tuple(motions), cutoffs.decimation / 2.0))

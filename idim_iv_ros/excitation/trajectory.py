@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.file_paths import FilePath
 
 FloatArray = NDArray[np.float64]
 
@@ -65,7 +66,7 @@ class Trajectory:
         return Trajectory(tuple(joints), self.rate, *(each[:, columns] for each in signals))
 
 
-def read_trajectory(path: Path) -> Trajectory:
+def read_trajectory(path: FilePath) -> Trajectory:
     """Read a trajectory from CSV: ``time,<joint>.position,…[,<joint>.velocity,…]``.
 
     Columns may stand in any order; others are ignored. Velocities and accelerations that are
@@ -77,6 +78,7 @@ def read_trajectory(path: Path) -> Trajectory:
         Unreadable file, missing columns, a cell that is not a finite number, fewer than three
         samples, or stamps that are not uniform. The message is one line and names the file.
     """
+    path = Path(path)
     header, table = _read_table(path)
     columns = {name: table[:, place] for place, name in enumerate(header)}
     joints = tuple(name[: -len(".position")] for name in header if name.endswith(".position"))

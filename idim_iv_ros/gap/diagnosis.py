@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib import metadata
-from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.file_paths import FilePaths
 from idim_iv_ros.gap.attribution import attribute
 from idim_iv_ros.gap.baseline import Baseline, baseline
 from idim_iv_ros.gap.catalogue import PARAMETRIC, STRUCTURAL
@@ -49,7 +49,7 @@ _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 
 
 def diagnose(
-    bags: Sequence[Path],
+    bags: FilePaths,
     configuration: Configuration,
     *,
     without: Sequence[str] = (),
@@ -60,7 +60,7 @@ def diagnose(
     Parameters
     ----------
     bags
-        Recordings of one robot, used together.
+        One recording or several of one robot, used together: text or paths.
     configuration
         See `load_configuration`; the URDF, its `<dynamics>` and `simulator` are the given model.
     without
@@ -227,7 +227,7 @@ def _notes(
     if unchecked:
         notes.append(f"commands not compared with the control law: {unchecked}")
     notes += [each.note or each.caveat for each in tracked]
-    notes += [*data.prepared.doubts, *data.prepared.reasons]
+    notes += [*data.prepared.doubts, *data.prepared.advice, *data.prepared.reasons]
     return tuple(dict.fromkeys(note for note in notes if note))
 
 

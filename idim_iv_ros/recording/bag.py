@@ -13,6 +13,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.interruption import undone_if_interrupted
 from idim_iv_ros.recording.mcap_file import McapFile
 from idim_iv_ros.recording.message_batch import MessageBatch
 from idim_iv_ros.recording.paths import is_file, is_there
@@ -180,8 +181,10 @@ def _information(folder: Path) -> dict[str, Any]:
 
 
 def _decompressed(path: Path, stack: ExitStack) -> Path:
-    folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="idim_iv_"))
-    out = Path(folder) / path.with_suffix("").name
+    folder = tempfile.TemporaryDirectory(prefix="idim_iv_")
+    stack.enter_context(folder)
+    stack.enter_context(undone_if_interrupted(folder.cleanup))
+    out = Path(folder.name) / path.with_suffix("").name
     try:
         with path.open("rb") as source, out.open("wb") as target:
             zstandard.ZstdDecompressor().copy_stream(source, target)

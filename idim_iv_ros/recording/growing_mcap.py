@@ -47,7 +47,10 @@ class GrowingMcap:
         self._last: int | None = None
         self._channels: dict[str, int] = {}
         self._stream = _Stream()
-        self._writer = ShortChunkWriter(self._stream, summary_offsets=False)
+        # Not the name alone: what a robot did cannot be made again, so nothing may replace it.
+        self._writer = ShortChunkWriter(
+            self._stream, library="idim_iv_ros recorder", summary_offsets=False
+        )
         self._end = 0
         self._trailer = b""
         self._waiting = bytearray()

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.file_paths import FilePaths, as_paths
 from idim_iv_ros.recording.bag import Bag
 from idim_iv_ros.recording.clock import StampedMessages, stamp_messages
 from idim_iv_ros.recording.description import prismatic_joints, robot_description
@@ -18,6 +19,7 @@ from idim_iv_ros.recording.loss import loss_notes, loss_sentence
 from idim_iv_ros.recording.pauses import without_pauses
 from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import Note, Recording, Signal
+from idim_iv_ros.recording.unused_references import unused_references
 from idim_iv_ros.recording.wraps import without_wraps
 
 FloatArray = NDArray[np.float64]
@@ -50,9 +52,9 @@ class Request:
 
 
 def read_recordings(
-    bags: Sequence[Path],
+    bags: FilePaths,
     *,
-    joints: Sequence[str],
+    joints: Sequence[str] | str,
     joint_states: str = "/joint_states",
     effort: str | None = None,
     reference: str | None = None,
@@ -64,9 +66,9 @@ def read_recordings(
     Parameters
     ----------
     bags
-        MCAP files, .db3 files or rosbag2 folders.
+        One or several MCAP files, .db3 files or rosbag2 folders: text or paths.
     joints
-        Joints to read, in the order of the columns of every signal.
+        Joints to read, in the order of the columns of every signal; one name for one joint.
     joint_states, effort, reference
         Topics; `effort` is that of `joint_states` if it is None.
     prismatic
@@ -80,11 +82,13 @@ def read_recordings(
     DataError
         A bag cannot be read, or does not hold what is asked for.
     """
-    request = Request(joints, joint_states, effort or joint_states, reference, prismatic)
+    names = [joints] if isinstance(joints, str) else list(joints)
+    request = Request(names, joint_states, effort or joint_states, reference, prismatic)
     recordings: list[Recording] = []
-    for number, bag in enumerate(bags):
+    paths = as_paths(bags)
+    for number, bag in enumerate(paths):
         if progress is not None:
-            progress(f"reading {bag.name}", 0.3 * number / len(bags))
+            progress(f"reading {bag.name}", 0.3 * number / len(paths))
         recording = _read(bag, request)
         _require_new(recording, recordings)
         recordings.append(recording)
@@ -114,15 +118,19 @@ def _read(path: Path, request: Request) -> Recording:
         stamped = {}
         for topic in request.fields:
             if topic not in readers:
-                raise DataError(_missing(path, bag, topic, topic == request.reference))
+                raise DataError(_missing(bag, topic, request))
             messages, notes = _checked(path, readers[topic])
             ordered = stamp_messages(messages, str(path))
             stamped[topic] = replace(ordered, notes=(*notes, *ordered.notes))
-        return _assemble(path, request, stamped, description, loss_notes(bag, request.fields))
+        recording = _assemble(path, request, stamped, description, loss_notes(bag, request.fields))
     except DataError as error:
         # What is missing from a damaged bag is damaged, as far as anybody can know.
         loss = loss_sentence(bag, request.fields)
         raise DataError(f"{error} ({loss})" if loss else str(error)) from error
+    if request.reference is not None:
+        return recording
+    unused = unused_references(bag, list(request.fields), request.joints)
+    return replace(recording, unused_references=unused)
 
 
 def _messages(bag: Bag, request: Request) -> tuple[dict[str, JointMessageReader], str | None]:
@@ -141,6 +149,14 @@ def _messages(bag: Bag, request: Request) -> tuple[dict[str, JointMessageReader]
             )
         readers[topic].add(batch)
     return readers, description
+
+
+def _reference_advice(bag: Bag, request: Request) -> str:
+    """Say what to write where the reference is not on the topic that was named."""
+    found = unused_references(bag, list(request.fields), request.joints)
+    if found:
+        return f"; if the reference is on {found[0]}, write `reference: {found[0]}` under signals"
+    return "; name that of the reference in signals.reference, or leave it out"
 
 
 def _checked(path: Path, reader: JointMessageReader) -> tuple[JointMessages, list[Note]]:
@@ -299,12 +315,13 @@ def _require_type(path: Path, topic: str, message_type: str) -> None:
         )
 
 
-def _missing(path: Path, bag: Bag, topic: str, is_reference: bool) -> str:
+def _missing(bag: Bag, topic: str, request: Request) -> str:
+    path = bag.path
     if not bag.topics:
         return f"{path}: {'nothing can be read of it' if bag.damages else 'the bag is empty'}"
     advice = ""
-    if is_reference and not bag.damages:
-        advice = "; name that of the reference in signals.reference, or leave it out"
+    if topic == request.reference and not bag.damages:
+        advice = _reference_advice(bag, request)
     usable = [name for name, kind in bag.topics.items() if readable(kind)]
     if topic in bag.topics:
         return f"{path}: no message on {topic}{advice}"

@@ -105,6 +105,8 @@ class Recording:
         URDF found in the bag.
     frozen : tuple of FrozenStretches
         Channels that held their last value while the joint moved; these samples are invented.
+    unused_references : tuple of str
+        Where there is no reference: other topics with positions of all joints, likely ones first.
     """
 
     path: Path
@@ -120,6 +122,7 @@ class Recording:
     notes: tuple[Note, ...]
     robot_description: str | None
     frozen: tuple[FrozenStretches, ...] = ()
+    unused_references: tuple[str, ...] = ()
 
     @property
     def samples(self) -> int:

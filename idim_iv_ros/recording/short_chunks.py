@@ -15,11 +15,13 @@ class ShortChunkWriter(Writer):
     ----------
     stream
         Has `write`, `tell` and `flush`.
+    library
+        What wrote the file, in its header.
     summary_offsets
         Whether they are written; they pile up where `finish` is called again and again.
     """
 
-    def __init__(self, stream: object, *, summary_offsets: bool = True) -> None:
+    def __init__(self, stream: object, *, library: str, summary_offsets: bool = True) -> None:
         super().__init__(
             cast(IO[bytes], stream),
             chunk_size=_SIZE,
@@ -27,7 +29,7 @@ class ShortChunkWriter(Writer):
             use_summary_offsets=summary_offsets,
         )
         self._first: int | None = None
-        self.start(profile="ros2", library="idim_iv_ros")
+        self.start(profile="ros2", library=library)
 
     def add_message(
         self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int = 0

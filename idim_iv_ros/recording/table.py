@@ -1,5 +1,6 @@
 """Tables (.csv .npy .npz .mat) become bags, so that everything enters by the same door."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,7 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.atomic_files import require_file_place
 from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.file_paths import FilePath
 from idim_iv_ros.recording.plausible import impossible, wrong_rows
 from idim_iv_ros.recording.table_file import read_table
 from idim_iv_ros.recording.write import JointTopic, write_bag
@@ -40,18 +43,19 @@ class ImportSummary:
 
 
 def import_table(
-    out: Path,
+    out: FilePath,
     *,
-    joints: Sequence[str],
-    position: str,
-    effort: str,
+    joints: Sequence[str] | str,
+    position: FilePath,
+    effort: FilePath,
     rate: float | None = None,
-    time: str | None = None,
-    velocity: str | None = None,
-    reference: str | None = None,
-    velocity_reference: str | None = None,
-    reference_time: str | None = None,
+    time: FilePath | None = None,
+    velocity: FilePath | None = None,
+    reference: FilePath | None = None,
+    velocity_reference: FilePath | None = None,
+    reference_time: FilePath | None = None,
     robot_description: str | None = None,
+    force: bool = False,
 ) -> ImportSummary:
     """Write tables as an MCAP bag with /joint_states and /joint_reference.
 
@@ -63,11 +67,15 @@ def import_table(
     out
         The bag.
     joints
-        Names for the columns.
+        Names for the columns; one name for one column.
     rate, time
         Samples per second, or the stamps in s; one of the two.
     reference_time
         Stamps of the references where they are not those of the measurements.
+    robot_description
+        Text of the URDF, for /robot_description.
+    force
+        Replace a file that this program did not write.
 
     Raises
     ------
@@ -77,12 +85,20 @@ def import_table(
         Lengths that do not fit, stamps that do not increase, or more than a few rows that hold no
         possible value.
     """
+    out = Path(out)
+    joints = [joints] if isinstance(joints, str) else list(joints)
+    position, effort = os.fspath(position), os.fspath(effort)
+    time, velocity, reference, velocity_reference, reference_time = (
+        None if given is None else os.fspath(given)
+        for given in (time, velocity, reference, velocity_reference, reference_time)
+    )
     if (rate is None) == (time is None):
         raise UsageError("give either --rate or --time")
     if rate is not None and not (np.isfinite(rate) and rate > 0.0):
         raise UsageError(f"--rate {rate:g}: a positive number of samples per second is needed")
     if out.suffix != ".mcap":
         raise UsageError(f"{out}: the name of the bag must end in .mcap")
+    require_file_place([out], force=force)
     measured = {"position": position, "effort": effort}
     if velocity is not None:
         measured["velocity"] = velocity
@@ -102,7 +118,7 @@ def import_table(
         )
     elif velocity_reference is not None or reference_time is not None:
         raise UsageError("--velocity-reference and --reference-time need --reference")
-    write_bag(out, topics, robot_description=robot_description)
+    write_bag(out, topics, robot_description=robot_description, force=force)
     duration = float(stamps[-1] - stamps[0])
     signals = tuple(measured) + (() if reference is None else ("reference",))
     mean_rate = (len(stamps) - 1) / duration

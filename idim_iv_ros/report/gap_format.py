@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.file_paths import FilePath
 from idim_iv_ros.gap.result import FORMAT, Family, Kind, Verdict
 from idim_iv_ros.report.json_result import Document
 
@@ -200,7 +201,7 @@ def check_gap_text(text: str, name: str) -> Document:
     return checked
 
 
-def read_gap(path: Path) -> Document:
+def read_gap(path: FilePath) -> Document:
     """Read gap.json and check its format.
 
     Raises
@@ -208,6 +209,7 @@ def read_gap(path: Path) -> Document:
     UsageError
         The file cannot be read, or as `check_gap_text`.
     """
+    path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

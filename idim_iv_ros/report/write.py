@@ -9,8 +9,11 @@ from pathlib import Path
 
 from idim_iv_ros.atomic_files import probe_place, write_together
 from idim_iv_ros.errors import ReportWarning, UsageError, one_line
+from idim_iv_ros.file_paths import FilePath
 from idim_iv_ros.formats import GAP, REPORT, RESULT
 from idim_iv_ros.gap.result import GapResult
+from idim_iv_ros.interruption import undone_if_interrupted
+from idim_iv_ros.own_files import require_replaceable
 from idim_iv_ros.report.gap_html import gap_report_html
 from idim_iv_ros.report.gap_json import gap_text
 from idim_iv_ros.report.html import report_html
@@ -20,7 +23,9 @@ from idim_iv_ros.result import IdentificationResult
 _WRITTEN_BY = {RESULT: "identify", GAP: "diagnose"}
 
 
-def write_report(result: IdentificationResult, out: Path) -> tuple[Path, Path | None]:
+def write_report(
+    result: IdentificationResult, out: FilePath, *, force: bool = False
+) -> tuple[Path, Path | None]:
     """Write result.json, then report.html.
 
     Each is written beside its place and moved there when it is complete, so that no half-written
@@ -31,8 +36,10 @@ def write_report(result: IdentificationResult, out: Path) -> tuple[Path, Path | 
     ----------
     result : IdentificationResult
         What `identify` found.
-    out : Path
+    out : str or Path
         Folder; created if it does not exist.
+    force : bool
+        Replace files there that this program did not write.
 
     Returns
     -------
@@ -42,20 +49,24 @@ def write_report(result: IdentificationResult, out: Path) -> tuple[Path, Path | 
     Raises
     ------
     UsageError
-        The folder cannot be written, or holds a diagnosis.
+        The folder cannot be written, or holds a diagnosis or a file of somebody else.
     """
-    return _write(out, RESULT, result_text(result), partial(report_html, result))
+    return _write(Path(out), RESULT, result_text(result), partial(report_html, result), force)
 
 
-def write_gap_report(result: GapResult, out: Path) -> tuple[Path, Path | None]:
+def write_gap_report(
+    result: GapResult, out: FilePath, *, force: bool = False
+) -> tuple[Path, Path | None]:
     """Write gap.json, then report.html; otherwise as `write_report`.
 
     Parameters
     ----------
     result : GapResult
         What `diagnose` found.
-    out : Path
+    out : str or Path
         Folder; created if it does not exist.
+    force : bool
+        Replace files there that this program did not write.
 
     Returns
     -------
@@ -65,13 +76,15 @@ def write_gap_report(result: GapResult, out: Path) -> tuple[Path, Path | None]:
     Raises
     ------
     UsageError
-        The folder cannot be written, or holds an identification.
+        The folder cannot be written, or holds an identification or a file of somebody else.
     """
-    return _write(out, GAP, gap_text(result), partial(gap_report_html, result))
+    return _write(Path(out), GAP, gap_text(result), partial(gap_report_html, result), force)
 
 
 @contextmanager
-def require_writable(out: Path, names: Sequence[str] = (RESULT, REPORT)) -> Iterator[None]:
+def require_writable(
+    out: Path, names: Sequence[str] = (RESULT, REPORT), *, force: bool = False
+) -> Iterator[None]:
     """Make sure, before long work, that its results can be written afterwards.
 
     The folder is created if it does not exist, and removed again (with the parents that were
@@ -83,28 +96,38 @@ def require_writable(out: Path, names: Sequence[str] = (RESULT, REPORT)) -> Iter
         Folder of the results.
     names : sequence of str
         Of the files that will be written there.
+    force : bool
+        Let files there be replaced whoever wrote them.
 
     Raises
     ------
     UsageError
-        The folder cannot be written, and why; or it holds the report of another command.
+        The folder cannot be written, and why; or it holds the report of another command,
+        or a file that this program did not write.
     """
     created: list[Path] = []
     try:
         try:
-            _keep_other_report(out, names)
+            if not force:
+                _keep_other_report(out, names)
+                require_replaceable([out / name for name in names])
             _create(out, created)
             _probe(out, names)
         except OSError as error:
             raise _refusal(out, error) from error
-        yield
+        with undone_if_interrupted(partial(_remove_empty, created)):
+            yield
     except BaseException:
-        for folder in reversed(created):
-            try:
-                folder.rmdir()
-            except OSError:
-                break
+        _remove_empty(created)
         raise
+
+
+def _remove_empty(created: Sequence[Path]) -> None:
+    for folder in reversed(created):
+        try:
+            folder.rmdir()
+        except OSError:
+            break
 
 
 def _keep_other_report(out: Path, names: Sequence[str]) -> None:
@@ -113,7 +136,7 @@ def _keep_other_report(out: Path, names: Sequence[str]) -> None:
         if name not in names and (out / name).exists() and (out / REPORT).exists():
             raise UsageError(
                 f"{out}: holds {name} and {REPORT} of `idim-iv {command}`, and {REPORT} would be "
-                "replaced; give another --out"
+                "replaced; give another --out, or --force"
             )
 
 
@@ -132,10 +155,12 @@ def _probe(out: Path, names: Sequence[str]) -> None:
     probe_place(out / names[0])
 
 
-def _write(out: Path, name: str, text: str, draw: Callable[[], str]) -> tuple[Path, Path | None]:
+def _write(
+    out: Path, name: str, text: str, draw: Callable[[], str], force: bool
+) -> tuple[Path, Path | None]:
     """Write the numbers, then draw the page and write it."""
     numbers, page = out / name, out / REPORT
-    with require_writable(out, (name, REPORT)):
+    with require_writable(out, (name, REPORT), force=force):
         try:
             write_together({numbers: text})
         except OSError as error:

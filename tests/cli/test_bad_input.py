@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ def refused(outcome, status: int, *words: str) -> None:
     """One line on stderr that starts with the program's name and holds all words."""
     assert outcome.status == status, outcome
     lines = [line for line in outcome.error.splitlines() if line.strip()]
+    lines = [line for line in lines if not re.match(r"\d+ s: ", line)]  # progress
     assert len(lines) == 1, outcome.error
     assert lines[0].startswith("idim-iv: ")
     for word in words:

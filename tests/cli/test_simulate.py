@@ -18,7 +18,7 @@ def test_simulated_bag_is_identified_to_its_truth(run, tmp_path: Path) -> None:
     assert run("identify", bag, "--config", CONFIG / "arm2.yaml", "--out", out).status == 0
     result = json.loads((out / "result.json").read_text())
     off = {p["name"]: abs(p["value"] - truth[p["name"]]) / p["std"] for p in result["parameters"]}
-    assert len(off) == len(truth)
+    assert off.keys() == truth.keys() - {"format"}
     assert max(off.values()) < 4.0, off
     assert result["instruments"]["accepted"] is True
 
