@@ -58,7 +58,8 @@ def on_one_clock(topic: str, time: IntArray, arrival: IntArray, interval: float)
     stretch, jump = _longest_stretch(kept, time, arrival, interval)
     if jump is not None:
         lost = len(kept) - len(stretch)
-        what = f"{jump}: only the longest stretch in order is used, {lost} messages are left out"
+        left = "1 message is left out" if lost == 1 else f"{lost} messages are left out"
+        what = f"{jump}: only the longest stretch in order is used, {left}"
         notes.append(Note(topic, what, 1, limits=True))
     return OneClock(stretch, tuple(notes))
 
