@@ -52,7 +52,9 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
         for k in range(q.shape[0]):
             place_links(plant, q[k], work)
             composite_rigid_body(plant, work, mass[k])
-            mass[k] += plant.drive_inertia
+            for i in range(q.shape[1]):
+                for j in range(q.shape[1]):
+                    mass[k, i, j] += plant.drive_inertia[i, j]
 
     return torques, masses
 

@@ -73,6 +73,83 @@ class Workspace(NamedTuple):
     crossing: FloatArray
 
 
+class State(NamedTuple):
+    """Where a simulation stands, and what it keeps from one instant to the next.
+
+    Attributes
+    ----------
+    q, dq, ddq : (N,)
+        Of all coordinates; the acceleration is that of the last step.
+    middle, predicted, spare, rest : (N,)
+        Position and velocity half a step ahead; a copy of the acceleration; zeros.
+    integral, applied, acting, before, filtered, fraction : (n,)
+        Of the joints: integral of the control error, torque that has arrived, with the disturbance,
+        the same before this instant, output of the command's filter, delay beyond whole periods, s.
+    whole, arrivals : (n,)
+        Delay in whole control periods, commands that have arrived.
+    pending : (ring, n)
+        Commands on their way.
+    resting, mode, spare_mode : (n_contacts,)
+        See `dry_friction`.
+    """
+
+    q: FloatArray
+    dq: FloatArray
+    ddq: FloatArray
+    middle: FloatArray
+    predicted: FloatArray
+    spare: FloatArray
+    rest: FloatArray
+    integral: FloatArray
+    applied: FloatArray
+    acting: FloatArray
+    before: FloatArray
+    filtered: FloatArray
+    fraction: FloatArray
+    whole: IntArray
+    arrivals: IntArray
+    pending: FloatArray
+    resting: NDArray[np.bool_]
+    mode: IntArray
+    spare_mode: IntArray
+
+
+def initial_state(
+    plant: Plant, q: FloatArray, dq: FloatArray, delay: FloatArray, period: float
+) -> State:
+    """State at the first instant.
+
+    Parameters
+    ----------
+    q, dq : (N,)
+        Taken over, not copied.
+    delay : (n,)
+        From a command to the torque, s.
+    period : float
+        Between commands, s.
+    """
+    coordinates, n, contacts = len(q), len(delay), len(plant.level)
+    whole = np.floor(delay / period + 1e-6).astype(np.int64)
+    fraction = np.maximum(delay - whole * period, 0.0)
+    fraction[fraction < 1e-6 * period] = 0.0
+    speed = dq[plant.first] + np.where(
+        plant.second >= 0, plant.direction * dq[plant.second], 0.0
+    )
+    return State(
+        q,
+        dq,
+        *np.zeros((5, coordinates)),
+        *np.zeros((5, n)),
+        fraction=fraction,
+        whole=whole,
+        arrivals=np.zeros(n, dtype=np.int64),
+        pending=np.zeros((whole.max() + 2, n)),
+        resting=(speed == 0.0) & (plant.level > 0.0),
+        mode=np.sign(speed).astype(np.int64),
+        spare_mode=np.zeros(contacts, dtype=np.int64),
+    )
+
+
 def workspace(plant: Plant) -> Workspace:
     """Allocate the arrays for one plant."""
     n, contacts = len(plant.offset), len(plant.level)
