@@ -119,9 +119,7 @@ def copy(source: FloatArray, target: FloatArray) -> None:
 
 
 @kernel
-def control(
-    effects: Effects | None, loop: Loop, state: State, time: float, controls: int
-) -> None:
+def control(effects: Effects | None, loop: Loop, state: State, time: float, controls: int) -> None:
     """Command of one control instant, into the ring of those on their way."""
     row = state.pending[controls % state.pending.shape[0]]
     if effects is None:

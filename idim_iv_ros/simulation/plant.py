@@ -132,9 +132,7 @@ def initial_state(
     whole = np.floor(delay / period + 1e-6).astype(np.int64)
     fraction = np.maximum(delay - whole * period, 0.0)
     fraction[fraction < 1e-6 * period] = 0.0
-    speed = dq[plant.first] + np.where(
-        plant.second >= 0, plant.direction * dq[plant.second], 0.0
-    )
+    speed = dq[plant.first] + np.where(plant.second >= 0, plant.direction * dq[plant.second], 0.0)
     return State(
         q,
         dq,
