@@ -1,35 +1,16 @@
 """Real nodes on loopback, in a domain of their own."""
 
-import fcntl
 import os
 import subprocess
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import IO
 
 import pytest
 
+from tests.ros.domain import own_domain
 
-def own_domain() -> IO[str]:
-    """Lock of a domain that no other process of tests is in; it is this process's until it ends.
-
-    Two workers, or two suites on one machine, that shared a domain would hear each other's nodes.
-    """
-    for domain in range(20, 100):
-        lock = Path(tempfile.gettempdir(), f"idim_iv_ros_domain_{domain}.lock").open("w")
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            lock.close()
-            continue
-        os.environ["ROS_DOMAIN_ID"] = str(domain)
-        return lock
-    raise RuntimeError("80 suites run on this machine: no ROS domain is free")
-
-
-_DOMAIN = own_domain()
+os.environ["ROS_DOMAIN_ID"] = str(own_domain())
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 os.environ["RCUTILS_COLORIZED_OUTPUT"] = "0"
