@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from idim_iv_ros.compilation import entry, kernel, source_digest
+from idim_iv_ros.model import link_motion
 from idim_iv_ros.simulation import dry_friction, effect_kernel, plant_step, rigid_body
-from idim_iv_ros.simulation.compilation import entry, kernel, source_digest
 from idim_iv_ros.simulation.dry_friction import accelerate
 from idim_iv_ros.simulation.effect_kernel import Effects, acting_torque, measure
 from idim_iv_ros.simulation.plant import FloatArray, Plant, State, Workspace
@@ -261,4 +262,6 @@ def _entry(digest: str) -> Callable[..., Any]:
     return compiled
 
 
-run_closed_loop = _entry(source_digest(rigid_body, dry_friction, effect_kernel, plant_step))
+run_closed_loop = _entry(
+    source_digest(link_motion, rigid_body, dry_friction, effect_kernel, plant_step)
+)

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.simulation.compilation import kernel
+from idim_iv_ros.compilation import kernel
 from idim_iv_ros.simulation.plant import FloatArray, IntArray, Plant, Workspace
 
 # A constraint whose pivot is this small beside its diagonal follows from the others.

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
+from idim_iv_ros.model.link_frames import link_frames
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
 
@@ -185,16 +185,11 @@ def plant(robot: RobotModel, parameters: DynamicParameters, *, dissipative: bool
         Clip friction at what dissipates: Fv, Fc and Fcm at zero, |Fvm| at √(Fv_a Fv_b). Estimates
         near zero are negative by their noise, and a joint that friction drives runs away.
     """
-    model, order = robot.pinocchio, robot.order
+    order, frames = robot.order, link_frames(robot)
     n = len(order)
-    turned = _turned_frames(model)
-    rotation, translation = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3))
     inertial = np.zeros((n + 1, 10))
     for joint in range(1, n + 1):
-        parent, placement = turned[model.parents[joint]], model.jointPlacements[joint]
-        rotation[joint] = parent.T @ placement.rotation @ turned[joint]
-        translation[joint] = parent.T @ placement.translation
-        inertial[joint] = _in_frame(parameters.inertial[order[joint - 1]], turned[joint])
+        inertial[joint] = _in_frame(parameters.inertial[order[joint - 1]], frames.turned[joint])
     first, second, level = _contacts(parameters, order)
     drive_inertia = np.diag(parameters.drive_inertia[order])
     viscous = parameters.viscous[order]
@@ -204,14 +199,13 @@ def plant(robot: RobotModel, parameters: DynamicParameters, *, dissipative: bool
         coupling = np.clip(parameters.coupling_viscous[pair], -bound, bound)
         damping[a, b] = damping[b, a] = coupling
         drive_inertia[a, b] = drive_inertia[b, a] = parameters.coupling_inertia[pair]
-    types = [robot.joint_types[joint] for joint in order]
     return Plant(
-        parent=np.array(list(model.parents), dtype=np.int64),
-        revolute=np.array([False, *(joint_type == "revolute" for joint_type in types)]),
-        rotation=rotation,
-        translation=translation,
+        parent=frames.parent,
+        revolute=frames.revolute,
+        rotation=frames.rotation,
+        translation=frames.translation,
         inertial=inertial,
-        gravity=np.array(model.gravity.linear, dtype=float),
+        gravity=frames.gravity,
         drive_inertia=drive_inertia,
         damping=damping,
         offset=np.ascontiguousarray(parameters.offset[order], dtype=float),
@@ -220,25 +214,6 @@ def plant(robot: RobotModel, parameters: DynamicParameters, *, dissipative: bool
         second=second,
         direction=np.ones(len(first)),
     )
-
-
-def _turned_frames(model: pin.Model) -> list[FloatArray]:
-    """Rotation that takes z to the joint's axis, for the base and each joint."""
-    data = model.createData()
-    pin.computeJointJacobians(model, data, pin.neutral(model))
-    turned = [np.eye(3)]
-    for joint in range(1, model.njoints):
-        jacobian = pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL)
-        motion = jacobian.reshape(6, -1)[:, model.joints[joint].idx_v]
-        axis = motion[3:] if np.linalg.norm(motion[3:]) > 0.5 else motion[:3]
-        if axis[2] == 1.0:
-            turned.append(np.eye(3))
-            continue
-        helper = np.eye(3)[np.argmin(np.abs(axis))]
-        x = np.cross(helper, axis)
-        x /= np.linalg.norm(x)
-        turned.append(np.column_stack([x, np.cross(axis, x), axis]))
-    return turned
 
 
 def _in_frame(inertial: FloatArray, frame: FloatArray) -> FloatArray:

@@ -9,7 +9,8 @@ and the remainder of the step is integrated anew.
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.simulation.compilation import kernel
+from idim_iv_ros.compilation import kernel
+from idim_iv_ros.model.link_motion import place_links
 from idim_iv_ros.simulation.dry_friction import accelerate, factorise, slip
 from idim_iv_ros.simulation.effect_kernel import (
     Effects,
@@ -18,7 +19,7 @@ from idim_iv_ros.simulation.effect_kernel import (
     slide_bristles,
 )
 from idim_iv_ros.simulation.plant import FloatArray, IntArray, Plant, State, Workspace
-from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler, place_links
+from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler
 
 # Slip speeds that cross zero within this fraction of a step cross together.
 TOGETHER = 1e-9
