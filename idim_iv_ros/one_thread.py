@@ -2,7 +2,6 @@
 
 from contextlib import AbstractContextManager
 
-import scipy.linalg  # noqa: F401
 from threadpoolctl import threadpool_limits
 
 
@@ -12,5 +11,7 @@ def one_thread() -> AbstractContextManager[object]:
     Results then do not depend on the number of cores either. The limit holds for the libraries
     that are loaded: scipy's comes with `scipy.linalg`, which is therefore imported here.
     """
+    import scipy.linalg  # noqa: F401
+
     limits: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
     return limits

@@ -14,6 +14,9 @@ def loaded_by(module: str) -> set[str]:
     return set(said.stdout.split())
 
 
-@pytest.mark.parametrize("module", ["idim_iv_ros.simulation", "idim_iv_ros.identification"])
+@pytest.mark.parametrize(
+    "module",
+    ["idim_iv_ros.simulation", "idim_iv_ros.identification", "idim_iv_ros.simulated_robot"],
+)
 def test_filters_statistics_and_drawings_are_loaded_when_they_are_used(module: str) -> None:
     assert loaded_by(module) & set(HEAVY) == set()
