@@ -1,11 +1,9 @@
 """From recordings to validated parameters: the whole of `idim-iv identify` without its files."""
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from idim_iv_ros.assembly import assemble_result
 from idim_iv_ros.configuration import Configuration
@@ -19,6 +17,7 @@ from idim_iv_ros.estimation import (
     triangles_of_rows,
 )
 from idim_iv_ros.file_paths import FilePaths
+from idim_iv_ros.one_thread import one_thread
 from idim_iv_ros.preparation import prepare, read_configured, require_excitation
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.result import IdentificationResult
@@ -55,7 +54,7 @@ def identify(
     DataError
         The recordings cannot support the answer.
     """
-    with _one_thread(), Stopwatch(progress) as watch:
+    with one_thread(), Stopwatch(progress) as watch:
         watch.stage("reading", 0.0)
         recordings = read_configured(bags, configuration, progress)
         result = _identify(recordings, configuration, estimator, watch)
@@ -72,19 +71,10 @@ def identify_recordings(
 ) -> IdentificationResult:
     """Identify from recordings that were read before; otherwise as `identify`."""
     given = [recordings] if isinstance(recordings, Recording) else list(recordings)
-    with _one_thread(), Stopwatch(progress) as watch:
+    with one_thread(), Stopwatch(progress) as watch:
         result = _identify(given, configuration, estimator, watch)
     result.timing.update(watch.timing)
     return result
-
-
-def _one_thread() -> AbstractContextManager[object]:
-    """One thread for linear algebra: its matrices are small, and waiting for threads is not.
-
-    Results then do not depend on the number of cores either.
-    """
-    limits: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
-    return limits
 
 
 def _identify(

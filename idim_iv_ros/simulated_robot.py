@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from idim_iv_ros.configuration import Configuration, SimulatedRobotSection
 from idim_iv_ros.errors import DataError, UsageError
@@ -159,6 +159,8 @@ def _resampled(trajectory: Trajectory, rate: float) -> tuple[FloatArray, FloatAr
     if abs(rate / trajectory.rate - 1.0) < 1e-9:
         return trajectory.position, trajectory.velocity
     samples = int(np.floor(trajectory.duration * rate + 1e-6)) + 1
-    motion = CubicHermiteSpline(trajectory.time, trajectory.position, trajectory.velocity)
+    motion = scipy.interpolate.CubicHermiteSpline(
+        trajectory.time, trajectory.position, trajectory.velocity
+    )
     time = np.minimum(np.arange(samples) / rate, trajectory.time[-1])
     return motion(time), motion(time, 1)

@@ -7,7 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.estimation.fallback_instruments import FilteredReference, SmoothedMeasurement
+from idim_iv_ros.estimation.fallback_instruments import (
+    FilteredReference,
+    SmoothedMeasurement,
+    reference,
+)
 from idim_iv_ros.estimation.idim_iv import Start
 from idim_iv_ros.estimation.instruments import InstrumentSource, SimulatedLoop
 from idim_iv_ros.model import InverseModel
@@ -16,7 +20,6 @@ from idim_iv_ros.simulation import (
     ControlLaw,
     ControllerFit,
     control_law,
-    filter_reference,
     fit_controller,
 )
 
@@ -64,7 +67,7 @@ def instrument_sources(
             how = "configured" if known else "fitted"
             name = f"closed-loop simulation with the {how} control law"
             sources.append(SimulatedLoop(model, tuple(motions), law, name))
-        sources.append(_filtered_reference(model, motions))
+        sources.append(FilteredReference(model, tuple(motions)))
     else:
         missing = [m.signals.name for m in motions if m.signals.position_reference is None]
         sentences.append(
@@ -125,7 +128,7 @@ def _laws(
     try:
         laws = tuple(
             fit.law(
-                _reference(motion),
+                reference(motion),
                 motion.signals.velocity_reference,
                 torque_limit=section.torque_limit,
             )
@@ -144,22 +147,7 @@ def _fit(motion: Motion, torque_limit: Sequence[float] | None) -> ControllerFit:
         signals.position,
         signals.velocity,
         signals.torque,
-        _reference(motion),
+        reference(motion),
         signals.velocity_reference,
         torque_limit=torque_limit,
     )
-
-
-def _filtered_reference(model: InverseModel, motions: Sequence[Motion]) -> FilteredReference:
-    filters = [
-        filter_reference(motion.signals.rate, motion.position, _reference(motion))
-        for motion in motions
-    ]
-    fit = np.min([found.fit_percent for found in filters], axis=0)
-    return FilteredReference(model, tuple(motions), tuple(found.position for found in filters), fit)
-
-
-def _reference(motion: Motion) -> FloatArray:
-    if motion.signals.position_reference is None:
-        raise ValueError(f"{motion.signals.name} has no reference")
-    return motion.signals.position_reference

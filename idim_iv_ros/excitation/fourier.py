@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import null_space
 
 from idim_iv_ros.errors import UsageError
 
@@ -42,8 +42,8 @@ class FourierBasis:
         order = np.arange(1, self.harmonics + 1)
         pulsation = 2.0 * np.pi / self.period * order
         sine, cosine = np.sin(time[:, None] * pulsation), np.cos(time[:, None] * pulsation)
-        sines = null_space(np.ones((1, self.harmonics)))
-        cosines = null_space(order[None, :].astype(float))
+        sines = scipy.linalg.null_space(np.ones((1, self.harmonics)))
+        cosines = scipy.linalg.null_space(order[None, :].astype(float))
         position = np.hstack([(sine / order) @ sines, ((cosine - 1.0) / order) @ cosines])
         speed = pulsation / order
         velocity = np.hstack([(cosine * speed) @ sines, (-sine * speed) @ cosines])

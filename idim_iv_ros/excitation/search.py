@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.excitation.cost import ExcitationCost
@@ -127,7 +127,9 @@ class Search:
                     raise StopIteration
 
             options = {"maxiter": iterations, "maxcor": 30}
-            x = minimize(cost, x, jac=True, method="L-BFGS-B", callback=watch, options=options).x
+            x = scipy.optimize.minimize(
+                cost, x, jac=True, method="L-BFGS-B", callback=watch, options=options
+            ).x
             self.done = before + iterations
         return np.asarray(x)
 

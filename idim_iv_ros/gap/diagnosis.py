@@ -5,7 +5,6 @@ from dataclasses import replace
 from importlib import metadata
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.file_paths import FilePaths
@@ -40,6 +39,7 @@ from idim_iv_ros.gap.unexplained import unexplained
 from idim_iv_ros.gap.verdict import summary_of, verdict_of
 from idim_iv_ros.gap.where import where
 from idim_iv_ros.gap.wrong_numbers import WRONG_NUMBERS
+from idim_iv_ros.one_thread import one_thread
 from idim_iv_ros.preparation import ARMATURE_MISSING, read_configured
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.stopwatch import Progress, Stopwatch
@@ -73,7 +73,7 @@ def diagnose(
     UsageError, DataError
         As `identify`.
     """
-    with threadpool_limits(limits=1, user_api="blas"), Stopwatch(progress) as watch:
+    with one_thread(), Stopwatch(progress) as watch:
         watch.stage("reading", 0.0)
         recordings = read_configured(bags, configuration, progress)
         result = _diagnosed(recordings, configuration, tuple(without), watch)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from idim_iv_ros.configuration import ProcessingSection
 from idim_iv_ros.errors import DataError, UsageError
@@ -161,7 +161,7 @@ def motion_bandwidth(position: FloatArray, rate: float) -> float:
     segment = min(len(position), max(64, int(8.0 * rate)))
     highest = 0.0
     for joint in position.T:  # one at a time, for the sake of memory
-        frequency, density = welch(joint, fs=rate, nperseg=segment, detrend="linear")
+        frequency, density = scipy.signal.welch(joint, fs=rate, nperseg=segment, detrend="linear")
         floor = float(np.median(density[frequency > rate / 4.0]))
         moving = density[1:] > _ABOVE_NOISE * floor
         end = len(moving) if moving.all() else int(np.argmin(moving))

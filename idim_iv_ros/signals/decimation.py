@@ -11,8 +11,8 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import cheby1, sosfiltfilt
 
 FloatArray = NDArray[np.float64]
 
@@ -67,7 +67,9 @@ class ParallelDecimation:
 
     @cached_property
     def _sections(self) -> FloatArray:
-        return np.asarray(cheby1(_ORDER, _RIPPLE, self.edge / self.factor, output="sos"))
+        return np.asarray(
+            scipy.signal.cheby1(_ORDER, _RIPPLE, self.edge / self.factor, output="sos")
+        )
 
     def chunks(self, length: int) -> Iterator[Chunk]:
         """Split the record into chunks of about `length` samples that overlap by the memory.
@@ -89,7 +91,7 @@ class ParallelDecimation:
         """Filter samples ``chunk.first … chunk.last`` along axis 0 and keep ``chunk.kept``."""
         if self.factor > 1:
             padding = min(_PADDING, len(signal) - 1)
-            signal = sosfiltfilt(self._sections, signal, axis=0, padlen=padding)
+            signal = scipy.signal.sosfiltfilt(self._sections, signal, axis=0, padlen=padding)
         return np.asarray(signal[chunk.kept - chunk.first])
 
     def whole(self, signal: FloatArray) -> FloatArray:

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 FloatArray = NDArray[np.float64]
 
@@ -155,10 +155,12 @@ def _laguerre(signal: FloatArray, pole: float) -> FloatArray:
     """Outputs (n_samples, ORDER) of a Laguerre bank, steady at the first value before it."""
     gain = np.sqrt(1.0 - pole**2)
     start = signal[0] * gain / (1.0 - pole)
-    output = lfilter([gain], [1.0, -pole], signal, zi=[start * pole])[0]
+    output = scipy.signal.lfilter([gain], [1.0, -pole], signal, zi=[start * pole])[0]
     columns = [output]
     for _ in range(ORDER - 1):
         # All-pass (z⁻¹ − p)/(1 − p z⁻¹), of unit gain at rest.
-        output = lfilter([-pole, 1.0], [1.0, -pole], output, zi=[start * (1.0 + pole)])[0]
+        output = scipy.signal.lfilter(
+            [-pole, 1.0], [1.0, -pole], output, zi=[start * (1.0 + pole)]
+        )[0]
         columns.append(output)
     return np.column_stack(columns)

@@ -7,8 +7,8 @@ from types import ModuleType
 from numba import njit
 
 # Divisions in the kernels are guarded where they need to be: no check for zero in each.
-kernel = njit(error_model="numpy")
-entry = njit(error_model="numpy", cache=True, nogil=True)
+kernel = njit(error_model="numpy", _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+entry = njit(error_model="numpy", _nrt=False, cache=True, nogil=True, no_cfunc_wrapper=True)
 
 
 def source_digest(*modules: ModuleType) -> str:
