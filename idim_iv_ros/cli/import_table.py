@@ -8,6 +8,7 @@ from rich.console import Console
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.recording import import_table
+from idim_iv_ros.text_file import read_text
 
 
 def import_command(
@@ -41,10 +42,7 @@ def import_command(
         raise UsageError(f"--joints {joints}: different names separated by commas are needed")
     description = None
     if urdf is not None:
-        try:
-            description = urdf.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise UsageError(f"{urdf}: cannot be read: {error}") from error
+        description = read_text(urdf, "the URDF", megabytes=50.0)
     summary = import_table(
         out,
         joints=names,
