@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ _PROGRAM = "idim-iv: "
 # What a progress display may leave on stderr: a stage with its share or its seconds.
 _PROGRESS = re.compile(r"^(?!idim-iv: )[\w .:…/-]{0,80}\s\d+(:\d\d)*(\.\d+)? ?(%|s\b)?.{0,30}$")
 _USAGE_PANEL = re.compile(r"^(Usage: idim-iv|Try 'idim-iv|[╭│╰])")
-_FORBIDDEN = ("Traceback", "defect in", "not enough memory", "Warning:", "Error:   ")
+_FORBIDDEN = ("Traceback", "defect in", "not enough memory")
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def _places_of_results(arguments: list[str]) -> list[str]:
 def faults(outcome: Outcome, *, refused: bool) -> list[str]:
     """Everything a user would call a defect, apart from files."""
     found = []
-    if outcome.seconds > SECONDS:
+    if outcome.seconds > SECONDS or outcome.status == -signal.SIGKILL:
         return [f"took more than {SECONDS:g} s"]
     if outcome.status not in _STATUSES:
         found.append(f"status {outcome.status}")
