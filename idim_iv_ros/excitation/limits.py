@@ -150,7 +150,8 @@ def _per_joint(acceleration: Sequence[float], joints: int) -> FloatArray:
         raise UsageError(f"acceleration has {len(values)} values for {joints} joints")
     if not np.all((values >= _SLOWEST) & (values <= _FASTEST)):
         raise UsageError(
-            f"acceleration: values from {_SLOWEST:g} to {_FASTEST:g} rad/s² (m/s²) are needed"
+            f"acceleration: positive values from {_SLOWEST:g} to {_FASTEST:g} rad/s² (m/s²) are "
+            "needed"
         )
     return np.broadcast_to(values, (joints,)).copy()
 

@@ -45,7 +45,8 @@ class Case:
     build : callable
         Writes the input into an empty folder and returns the arguments of ``idim-iv``.
     refused : bool
-        Whether nothing but a refusal (status 1 or 2) is right; else an answer is right too.
+        Whether nothing but a refusal (status 1 or 2) or a warning is right; else an answer in
+        silence is right too.
     """
 
     name: str

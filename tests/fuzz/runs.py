@@ -17,6 +17,7 @@ MEMORY = 1 << 30
 _STATUSES = (0, 1, 2)
 _COMPLETE = {"identify": {"result.json", "report.html"}, "diagnose": {"gap.json", "report.html"}}
 _PROGRAM = "idim-iv: "
+_WARNING = "Warning: "  # ours; those of libraries begin with the path of a module
 # What a progress display may leave on stderr: a stage with its share or its seconds.
 _PROGRESS = re.compile(r"^(?!idim-iv: )[\w .:…/-]{0,80}\s\d+(:\d\d)*(\.\d+)? ?(%|s\b)?.{0,30}$")
 _USAGE_PANEL = re.compile(r"^(Usage: idim-iv|Try 'idim-iv|[╭│╰])")
@@ -110,8 +111,8 @@ def faults(outcome: Outcome, *, refused: bool) -> list[str]:
         return [f"took more than {SECONDS:g} s"]
     if outcome.status not in _STATUSES:
         found.append(f"status {outcome.status}")
-    elif refused and outcome.status == 0:
-        found.append("accepted")
+    elif refused and outcome.status == 0 and "Warning" not in outcome.out + outcome.error:
+        found.append("accepted in silence")
     if outcome.memory > MEMORY:
         found.append(f"took {outcome.memory / MEMORY:.1f} GB")
     text = outcome.out + outcome.error
@@ -119,7 +120,9 @@ def faults(outcome: Outcome, *, refused: bool) -> list[str]:
     lines = [line for line in outcome.error.splitlines() if line.strip()]
     panel = [line for line in lines if _USAGE_PANEL.match(line)]
     said = [line for line in lines if line.startswith(_PROGRAM)]
-    other = [line for line in lines if line not in panel + said and not _PROGRESS.match(line)]
+    warned = [line for line in lines if line.startswith(_WARNING)]
+    ours = panel + said + warned
+    other = [line for line in lines if line not in ours and not _PROGRESS.match(line)]
     if other:
         found.append(f"on stderr: {other[0][:200]}")
     shown = panel or "Usage: idim-iv" in outcome.out or "Not usable" in outcome.out

@@ -1,7 +1,8 @@
 """Runs the command line in forked processes: imports and compiled kernels are paid for once.
 
 Reads one JSON request a line on stdin, ``{"arguments": […], "folder": …, "seconds": …}``, and
-answers with one line: status (negative: the signal that ended it), seconds of computation, bytes of memory.
+answers with one line: status (negative: the signal that ended it), seconds of computation, bytes
+of memory.
 What the command wrote is in ``stdout`` and ``stderr`` of the folder ``log``.
 """
 
