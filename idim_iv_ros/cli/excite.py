@@ -126,7 +126,6 @@ def excite_command(
     posture = None if start is None else np.array(_numbers("--start", start))
     if message_rate is not None:
         require_message_rate(message_rate, rate)
-    fastest = harmonics / period if period > 0.0 else 0.0
     console = Console()
     with require_place(out), progress_bar() as progress:
         if purpose is Purpose.diagnosis:
@@ -151,6 +150,7 @@ def excite_command(
             excitation = excite(
                 model, limits, settings, torque_noise=torque_noise, progress=progress
             )
+            fastest = harmonics / period
             trajectory, document = excitation.design.trajectory, dict(excitation.document)
             tables = {}
         if message_rate is None:

@@ -9,7 +9,7 @@ from tests.fuzz.case import Case, Good, command, random_of, simulation, write_co
 
 _NUMBERS = (
     "0", "-1", "1", "nan", "inf", "-inf", "1e300", "-1e300", "1e-300", "1e9999", "999999999999999",
-    "1" * 400, "x", "", " ", "1,2", "0x10", "１", "1_000", "\udcff", "[bold]", "a\nb",
+    "1" * 400, "x", "", " ", "1,2", "0x10", "１", "1_0", "\udcff", "[bold]", "a\nb",
 )  # fmt: skip
 _EXCITE = (
     "--floor", "--margin", "--acceleration", "--start", "--rate", "--message-rate", "--seed",

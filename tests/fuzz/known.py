@@ -47,7 +47,7 @@ _NAMES: dict[str, str] = {
         urdf-random-0 urdf-random-1 urdf-random-10 urdf-random-12 urdf-random-14
         urdf-random-15 urdf-random-16 urdf-random-17 urdf-random-18 urdf-random-19
         urdf-random-2 urdf-random-3 urdf-random-4 urdf-random-7 urdf-random-8
-        urdf-random-9 urdf-same-link-twice urdf-short-axis urdf-text-mass urdf-tiny-axis
+        urdf-same-link-twice urdf-short-axis urdf-text-mass urdf-tiny-axis
         urdf-two-parents urdf-two-roots urdf-xacro urdf-zero-axis
     """,
     _RESULTS: """
