@@ -138,7 +138,6 @@ def excite_command(
     posture = None if start is None else np.array(_numbers("--start", start))
     if message_rate is not None:
         require_message_rate(message_rate, rate)
-    fastest = harmonics / period if period > 0.0 else 0.0
     print_doubts(output.console, model.robot.doubts)
     endings = (*ENDINGS, "segments.csv") if purpose is Purpose.diagnosis else ENDINGS
     with require_place(out, endings, force=force), output.progress() as progress:
@@ -164,6 +163,7 @@ def excite_command(
             excitation = excite(
                 model, limits, settings, torque_noise=torque_noise, progress=progress
             )
+            fastest = harmonics / period
             trajectory, document = excitation.design.trajectory, dict(excitation.document)
             tables = {}
         if message_rate is None:

@@ -1,5 +1,6 @@
 """Search for a motion: random starts, their improvement, the scaling to the limits."""
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -29,6 +30,7 @@ _KEPT = 2
 _POINTS = 100
 # The design aims this far inside the margin, for what lies between the points of its grid.
 _INSIDE = 0.995
+_LARGEST_EXPONENT = 700.0  # a motion far outside the limits costs more than a float can show
 
 
 class Search:
@@ -121,7 +123,8 @@ class Search:
 
             def watch(intermediate_result: object) -> None:
                 self.done += 1
-                self._show(float(np.exp(intermediate_result.fun)))  # type: ignore[attr-defined]
+                exponent = min(intermediate_result.fun, _LARGEST_EXPONENT)  # type: ignore[attr-defined]
+                self._show(math.exp(exponent))
                 if time.monotonic() > deadline:
                     self.ended_early = True
                     raise StopIteration

@@ -1,5 +1,6 @@
 """From what was recorded to joint positions and joint torques."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +13,10 @@ from idim_iv_ros.recording import Recording
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-
-# N m, A or V: far below what any sensor resolves.
-_SMALLEST = 1e-9
+_LARGEST_POSITION = 1e6  # rad (m)
+# Least and greatest peak of a joint's torque, N m (N): what is beyond is no torque, or has another
+# unit, and its squares have no place in a float.
+_TORQUES = (1e-9, 1e9)
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     UsageError
         The motor-to-joint matrix is singular.
     DataError
-        Efforts so small that no drive has them.
+        Positions or torques that no robot has, before or after the scaling.
     """
     robot = configuration.robot
     joints = len(robot.joints)
@@ -75,7 +77,9 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     scale = np.array(configuration.signals.effort_scale or [1.0] * joints)
     position = _transformed(recording.position.values, to_joint, offset)
     torque = _transformed(recording.effort.values, to_torque * scale, np.zeros(joints))
-    _require_size(recording, torque, configuration)
+    name = recording.path.name
+    _require_possible(name, robot.joints, "position", position, (0.0, _LARGEST_POSITION))
+    _require_possible(name, robot.joints, "torque", torque, _TORQUES)
     invented = _touched(recording.position.invented, to_joint)
     invented |= _touched(recording.effort.invented, to_torque)
     measured = reference = velocity = None
@@ -88,7 +92,7 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
         values = recording.velocity_reference.values
         velocity = _transformed(values, to_joint, np.zeros(joints))
     return JointSignals(
-        name=recording.path.name,
+        name=name,
         rate=recording.rate,
         position=position,
         torque=torque,
@@ -99,23 +103,27 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     )
 
 
-def _require_size(recording: Recording, torque: FloatArray, configuration: Configuration) -> None:
-    """Refuse torques whose squares are lost in rounding: they are none, or in another unit."""
-    largest = np.abs(torque).max(axis=0)
-    for joint, size in zip(configuration.robot.joints, largest, strict=True):
-        if size < _SMALLEST:
-            unit = configuration.signals.effort_unit
-            raise DataError(
-                f"{recording.path.name}: effort of {joint} is never above {size:.2g} {unit}: look "
-                "at what the driver publishes, and at signals.effort_scale"
-            )
-
-
 def _transformed(values: FloatArray, matrix: FloatArray, offset: FloatArray) -> FloatArray:
     """Matrix · values + offset for each sample; the values themselves where nothing changes."""
     if np.array_equal(matrix, np.eye(len(matrix))) and not offset.any():
         return values
     return np.asarray(values @ matrix.T + offset)
+
+
+def _require_possible(
+    name: str,
+    joints: Sequence[str],
+    what: str,
+    values: FloatArray,
+    peaks: tuple[float, float],
+) -> None:
+    """Refuse a joint whose largest value is outside of what a robot can have."""
+    for joint, peak in zip(joints, np.abs(values).max(axis=0, initial=0.0), strict=True):
+        if not peaks[0] <= peak <= peaks[1]:
+            raise DataError(
+                f"{name}: the largest {what} of {joint} is {peak:.3g}, and no robot has that; look "
+                "at the driver and its units, and at signals.effort_scale and robot.motor_to_joint"
+            )
 
 
 def _touched(invented: BoolArray, matrix: FloatArray) -> BoolArray:

@@ -52,7 +52,7 @@ def test_efforts_that_no_drive_has_are_refused_in_one_line(
     done = run(command, bag, "--config", config, *out)
     assert done.status == 1
     (line,) = lines(done.error)
-    assert line.startswith("idim-iv: odd.mcap: effort of joint_2 is never above")
+    assert line.startswith("idim-iv: odd.mcap: the largest torque of joint_2 is")
     assert "N m" in line
 
 
