@@ -31,7 +31,7 @@ def test_torque_that_no_robot_has_is_refused_by_joint(tmp_path: Path, effort: fl
 
 def test_scale_that_makes_an_impossible_torque_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"torque of b .*effort_scale"):
-        side(tmp_path, signals={"effort_scale": [1.0, 1e10]})
+        side(tmp_path, effort=10.0, signals={"effort_scale": [1.0, 1e9]})
 
 
 def test_position_that_no_robot_has_is_refused(tmp_path: Path) -> None:
