@@ -176,8 +176,8 @@ class IdentificationSection(Section):
     drive_inertia: bool = True
     exclude: list[Name] = []
     start: Literal["given", "regular"] = "given"
-    tolerance: Fraction = 0.01
-    max_iterations: Annotated[int, Field(ge=1, le=1000)] = 10
+    tolerance: Annotated[float, Field(ge=1e-6, lt=1.0)] = 0.01
+    max_iterations: Annotated[int, Field(ge=1, le=100)] = 10
     significance: Fraction = 0.05
 
 

@@ -83,7 +83,9 @@ def first_problem(error: ValidationError) -> str:
     elif first["type"] == "string_type":
         text = f"{key}: a text is needed; put numbers and dates in quotes"
     else:
-        reason = shortened(first["msg"].removeprefix("Value error, "))
+        reason = shortened(
+            first["msg"].removeprefix("Value error, ").replace("Input should", "must", 1)
+        )
         text = f"{key}: {reason}{_given(first['input'])}" if key else reason
     more = len(problems) - 1
     return f"{text} (and {more} more)" if more else text

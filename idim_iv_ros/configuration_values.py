@@ -22,12 +22,13 @@ def _not_zero(value: float) -> float:
 _LARGEST = 1e9
 Number = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST)]
 NotNegative = Annotated[float, Field(ge=0.0, le=_LARGEST)]
-Positive = Annotated[float, Field(ge=1e-12, le=_LARGEST)]
+Positive = Annotated[float, Field(ge=1e-6, le=_LARGEST)]
 NotZero = Annotated[Number, AfterValidator(_not_zero)]
-# No controller, drive or recorder of a robot is faster than 100 kHz.
-Frequency = Annotated[float, Field(gt=0.0, le=1e5)]
+# No recorder of a robot is faster than 100 kHz, and no control of its joints than 20 kHz; what is
+# slower than 0.01 Hz is no motion.
+Frequency = Annotated[float, Field(ge=0.01, le=1e5)]
 Rate = Annotated[float, Field(ge=0.01, le=1e5)]
-Period = Annotated[float, Field(ge=1e-5, le=10.0)]
+Period = Annotated[float, Field(ge=5e-5, le=10.0)]
 Delay = Annotated[float, Field(ge=0.0, le=1.0)]
 Acceleration = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 Fraction = Annotated[float, Field(gt=0.0, lt=1.0)]

@@ -95,8 +95,8 @@ class PreparedRegression:
     @property
     def doubts(self) -> tuple[str, ...]:
         """What makes the given model hard to believe, a sentence each."""
-        doubts = tuple(f"URDF: {doubt}" for doubt in self.model.robot.doubts)
-        return (*doubts, ARMATURE_MISSING) if self.armature_missing else doubts
+        missing = (ARMATURE_MISSING,) if self.armature_missing else ()
+        return (*self.model.robot.doubts, *missing)
 
 
 def prepare(recordings: Sequence[Recording], configuration: Configuration) -> PreparedRegression:

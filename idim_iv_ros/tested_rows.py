@@ -26,6 +26,8 @@ FloatArray = NDArray[np.float64]
 _TIMES_THE_LOOP = 2.0
 # Rows up to this many times denser than that are tested as they are.
 _DENSER = 2.0
+# Rows of a recording below which there is nothing to test.
+_FEWEST = 10
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,11 @@ def tested_rows(
     if wanted <= 0.0 or cutoff < _DENSER * wanted:
         return as_it_is
     times = int(cutoff / wanted)
+    if any(
+        motion.decimation.factor * times * _FEWEST > motion.decimation.samples
+        for motion in prepared.motions
+    ):
+        return as_it_is  # gains so low that the loop takes longer than the recording
     couplings = prepared.model.regressor.layout.coupling_joints
     motions = tuple(
         coarser(

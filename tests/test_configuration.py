@@ -69,6 +69,8 @@ def test_shipped_configurations_are_right(path: Path) -> None:
         ),
         (GOOD.replace("[a, b]", "[a, b]\n  gravity: [0, 0, 1e300]"), "robot.gravity.2"),
         (GOOD.replace("[a, b]", "[1, 2]"), "robot.joints.0: .* quotes"),
+        (GOOD + "identification: {tolerance: 1.0e-300}\n", "identification.tolerance"),
+        (GOOD + "identification: {max_iterations: 1000000}\n", "identification.max_iterations"),
         (GOOD.replace("[a, b]", "[a, b]\n  couplings: [{joints: [a, a]}]"), "a with itself"),
         (
             GOOD.replace("[a, b]", "[a, b]\n  couplings: [{joints: [a, b]}, {joints: [a, b]}]"),

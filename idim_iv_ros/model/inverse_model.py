@@ -93,8 +93,12 @@ def configured_robot(configuration: Configuration, urdf: str, source: str) -> Ro
     Raises
     ------
     UsageError
-        See `load_robot`.
+        A singular transmission; see `load_robot` for the rest.
     """
+    for key in ("motor_to_joint", "motor_to_joint_torque"):
+        matrix = getattr(configuration.robot, key)
+        if matrix is not None and np.linalg.matrix_rank(np.array(matrix)) < len(matrix):
+            raise UsageError(f"{configuration.source or 'configuration'}: robot.{key} is singular")
     return load_robot(
         urdf,
         configuration.robot.joints,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording import Recording
 
 FloatArray = NDArray[np.float64]
@@ -58,8 +58,6 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
 
     Raises
     ------
-    UsageError
-        The motor-to-joint matrix is singular.
     DataError
         Positions or torques that no robot has, before or after the scaling.
     """
@@ -68,8 +66,6 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     to_joint, to_torque = np.eye(joints), np.eye(joints)
     if robot.motor_to_joint is not None:
         matrix = np.array(robot.motor_to_joint)
-        if np.linalg.matrix_rank(matrix) < joints:
-            raise UsageError(f"{configuration.source}: robot.motor_to_joint is singular")
         to_joint, to_torque = np.linalg.inv(matrix), matrix.T
     if robot.motor_to_joint_torque is not None:
         to_torque = np.array(robot.motor_to_joint_torque)

@@ -163,6 +163,18 @@ def test_wrong_configuration(identify, bag, config, old, new, words) -> None:
     identify(bag, 2, *words, configuration=config((old, new)))
 
 
+@pytest.mark.parametrize("key", ["motor_to_joint", "motor_to_joint_torque"])
+def test_singular_transmission(identify, bag, config, key) -> None:
+    wrong = config(("joints: [joint_1", f"{key}: [[0, 0], [0, 1]]\n  joints: [joint_1"))
+    identify(bag, 2, "arm2.yaml", f"robot.{key} is singular", configuration=wrong)
+
+
+def test_gains_that_hardly_move_the_robot_end_in_an_answer(run, bag, config, tmp_path) -> None:
+    weak = config(("kp: [1200.0, 250.0]", "kp: [1.0e-6, 1.0e-6]"))
+    outcome = run("identify", bag, "--config", weak, "--out", tmp_path / "results")
+    assert outcome.status == 0, outcome.error
+
+
 @pytest.mark.parametrize(
     ("processing", "words"),
     [
