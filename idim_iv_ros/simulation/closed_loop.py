@@ -154,17 +154,19 @@ def simulate_closed_loop(
         robot, law, present, position_reference, velocity_reference, disturbance, rate, step
     )
     links = link_positions(robot, parameters, shafts, q) if shafts else q
-    start = (
+    start, speed = (
         np.concatenate([values[robot.order], linked[behind]])
         for values, linked in ((q, links), (dq, dq))
     )
-    state = initial_state(dynamics, *start, loop.delay, loop.period)
+    state = initial_state(dynamics, start, speed, loop.delay, loop.period)
     samples = len(position_reference)
     coordinates = joints + len(shafts)
     trace = Trace(
-        *(np.zeros((samples, coordinates)) for _ in range(2)),
-        np.zeros((samples if accelerations else 0, coordinates)),
-        *(np.zeros((samples, joints)) for _ in range(2)),
+        position=np.zeros((samples, coordinates)),
+        velocity=np.zeros((samples, coordinates)),
+        acceleration=np.zeros((samples if accelerations else 0, coordinates)),
+        commanded=np.zeros((samples, joints)),
+        applied=np.zeros((samples, joints)),
     )
     outcome, coordinate, recorded, time = run_closed_loop(
         dynamics, arrays, loop, state, trace, workspace(dynamics)

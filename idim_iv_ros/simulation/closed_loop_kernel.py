@@ -214,7 +214,7 @@ def _entry(digest: str) -> Callable[..., Any]:
         samples = trace.position.shape[0]
         tolerance = 1e-9 * min(loop.period, 1.0 / loop.rate)
         # As literals the counts would have two types, and each function that takes them too.
-        controls = recorded = np.int64(0)
+        controls = recorded = int(np.int64(0))
         time = 0.0
         while True:
             copy(state.acting, state.before)

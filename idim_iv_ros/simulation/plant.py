@@ -128,16 +128,26 @@ def initial_state(
     period : float
         Between commands, s.
     """
-    coordinates, n, contacts = len(q), len(delay), len(plant.level)
     whole = np.floor(delay / period + 1e-6).astype(np.int64)
     fraction = np.maximum(delay - whole * period, 0.0)
     fraction[fraction < 1e-6 * period] = 0.0
     speed = dq[plant.first] + np.where(plant.second >= 0, plant.direction * dq[plant.second], 0.0)
+    n, contacts = len(delay), len(plant.level)
+    ddq, middle, predicted, spare, rest = np.zeros((5, len(q)))
+    integral, applied, acting, before, filtered = np.zeros((5, n))
     return State(
-        q,
-        dq,
-        *np.zeros((5, coordinates)),
-        *np.zeros((5, n)),
+        q=q,
+        dq=dq,
+        ddq=ddq,
+        middle=middle,
+        predicted=predicted,
+        spare=spare,
+        rest=rest,
+        integral=integral,
+        applied=applied,
+        acting=acting,
+        before=before,
+        filtered=filtered,
         fraction=fraction,
         whole=whole,
         arrivals=np.zeros(n, dtype=np.int64),

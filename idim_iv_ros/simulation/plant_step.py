@@ -51,7 +51,8 @@ def prepare(
             load -= plant.damping[i, j] * dq[j]
             work.mass[i, j] += plant.drive_inertia[i, j] + 0.5 * step * plant.damping[i, j]
         work.load[i] = load
-    return factorise(work.mass, work.factor)
+    positive: bool = factorise(work.mass, work.factor)
+    return positive
 
 
 @kernel
@@ -100,7 +101,8 @@ def prepare_with_effects(
         work.load[effects.link[i]] -= work.bias[i]
         for j in range(n):
             work.mass[effects.link[i], effects.link[j]] += effects.rigid_mass[i, j]
-    return factorise(work.mass, work.factor)
+    positive: bool = factorise(work.mass, work.factor)
+    return positive
 
 
 @kernel
