@@ -74,8 +74,9 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     position = _transformed(recording.position.values, to_joint, offset)
     torque = _transformed(recording.effort.values, to_torque * scale, np.zeros(joints))
     name = recording.path.name
-    _require_possible(name, robot.joints, "position", position, (0.0, _LARGEST_POSITION))
-    _require_possible(name, robot.joints, "torque", torque, _TORQUES)
+    _require_possible(name, robot.joints, "position", "rad (m)", position, (0.0, _LARGEST_POSITION))
+    unit = configuration.signals.effort_unit
+    _require_possible(name, robot.joints, "torque", unit, torque, _TORQUES)
     invented = _touched(recording.position.invented, to_joint)
     invented |= _touched(recording.effort.invented, to_torque)
     measured = reference = velocity = None
@@ -110,6 +111,7 @@ def _require_possible(
     name: str,
     joints: Sequence[str],
     what: str,
+    unit: str,
     values: FloatArray,
     peaks: tuple[float, float],
 ) -> None:
@@ -117,8 +119,9 @@ def _require_possible(
     for joint, peak in zip(joints, np.abs(values).max(axis=0, initial=0.0), strict=True):
         if not peaks[0] <= peak <= peaks[1]:
             raise DataError(
-                f"{name}: the largest {what} of {joint} is {peak:.3g}, and no robot has that; look "
-                "at the driver and its units, and at signals.effort_scale and robot.motor_to_joint"
+                f"{name}: the largest {what} of {joint} is {peak:.3g} {unit}, and no robot has "
+                "that; look at the driver and its units, and at signals.effort_scale and "
+                "robot.motor_to_joint"
             )
 
 

@@ -101,7 +101,7 @@ def test_bad_diagnosis_is_one_line_with_file_and_key(run, tmp_path: Path) -> Non
         outcome = run("simulate", "--config", config, "--out", bag, "--effects", gap)
         refused(outcome, 2, "gap.json", *words)
 
-    simulate_must_refuse("cannot be read")
+    simulate_must_refuse("cannot read the diagnosis")
     gap.write_text("{")
     simulate_must_refuse("not JSON")
     gap.write_bytes(b"\xff\xfe\x00")

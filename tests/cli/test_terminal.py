@@ -80,12 +80,12 @@ def test_a_joint_that_stands_still_is_named_by_the_diagnosis(
 
 def test_warnings_of_libraries_are_not_shown_but_can_be_asked_for(tmp_path: Path) -> None:
     broken = (
-        "import warnings, idim_iv_ros.cli.check as check, idim_iv_ros.cli.main as main_module\n"
+        "import warnings, idim_iv_ros.configuration as read, idim_iv_ros.cli.main as main_module\n"
         "def load(path):\n"
         "    warnings.warn('overflow encountered', RuntimeWarning)\n"
         "    warnings.warn('pkg_resources is deprecated', UserWarning)\n"
         "    raise SystemExit(0)\n"
-        "check.load_configuration = load\n"
+        "read.load_configuration = load\n"
     )
     arguments = ("check", tmp_path / "a.mcap", "--config", CONFIG / "arm2.yaml")
     assert started(*arguments, before=broken).stderr == ""
