@@ -105,7 +105,7 @@ def test_bad_diagnosis_is_one_line_with_file_and_key(run, tmp_path: Path) -> Non
     gap.write_text("{")
     simulate_must_refuse("not JSON")
     gap.write_bytes(b"\xff\xfe\x00")
-    simulate_must_refuse("not JSON")
+    simulate_must_refuse("not a text file")
     gap.write_text("[]")
     simulate_must_refuse("format")
     gap_file(gap, format="idim_iv_ros/identification/1")
