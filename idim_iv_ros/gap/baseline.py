@@ -33,7 +33,8 @@ _FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
 class Baseline:
     """The refit of the given model to the recordings, and what candidates are made from.
 
-    The model has no offsets: a constant torque is an effect, found as the others are.
+    The model has torque offsets, whatever the configuration says: what is constant is a number of
+    the given model (zero there), and no physics that it lacks.
 
     Attributes
     ----------
@@ -86,14 +87,14 @@ class Baseline:
 
 
 def baseline(recordings: Sequence[Recording], configuration: Configuration) -> Baseline:
-    """Refit the model without offsets by IDIM-IV.
+    """Refit the model by IDIM-IV, with torque offsets.
 
     Raises
     ------
     UsageError, DataError
         As `identify`.
     """
-    configuration = widened(recordings, without_offsets(configuration))
+    configuration = widened(recordings, with_offsets(configuration))
     prepared = prepare(recordings, configuration)
     rows = observation_rows(prepared.model, prepared.motions)
     require_excitation(prepared, triangles_of_rows(rows))
@@ -130,12 +131,12 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
     )
 
 
-def without_offsets(configuration: Configuration) -> Configuration:
-    """Return the configuration with a model that has no torque offsets."""
+def with_offsets(configuration: Configuration) -> Configuration:
+    """Return the configuration with a model that has torque offsets, but those that it excludes."""
     section = configuration.identification
-    names = [name for name in section.exclude if not name.startswith("off")]
-    friction = [term for term in section.friction if term != "offset"]
-    changed = section.model_copy(update={"friction": friction, "exclude": names})
+    if "offset" in section.friction:
+        return configuration
+    changed = section.model_copy(update={"friction": [*section.friction, "offset"]})
     return configuration.model_copy(update={"identification": changed})
 
 

@@ -45,10 +45,16 @@ class NamedModel:
 
     @property
     def whole(self) -> Regression:
-        """With what has no name, too."""
+        """With what has no name, too, and with the constants that belong to the effects' laws."""
         regression = self.regression
         for each in self.nameless:
             regression = regression.with_columns(each.candidate.columns)
+        for each in self.found:
+            if each.candidate.effect.with_constant:
+                constants = {
+                    joint: np.ones((len(rows), 1)) for joint, rows in each.candidate.columns.items()
+                }
+                regression = regression.with_columns(constants)
         return regression
 
     @property
@@ -214,8 +220,6 @@ def _sentence(data: Baseline, found: Found, gap: Gap, gain: float) -> str:
         for rival, _ in found.rivals
         if not isinstance(rival.effect, Generic)
     ]
-    if candidate.effect.same_as:
-        text += f"; no recording can tell it from {candidate.effect.same_as}"
     if rivals:
         text += f"; this recording cannot tell it from {', '.join(rivals)}"
     if gain <= 0.0:

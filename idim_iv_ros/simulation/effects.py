@@ -71,6 +71,7 @@ _IN_BASE_PARAMETERS = (
     "payload",
     "link_inertia",
     "gravity_direction",
+    "torque_offset",
     "friction_level",
     "drive_inertia",
 )

@@ -123,6 +123,8 @@ class ParametricEffect(ABC):
     order: ClassVar[int]
     kind: ClassVar[str] = "parametric"
     look_alikes: ClassVar[tuple[str, ...]] = ()
+    # Structural effects that no recording separates from it: part of their torque is the same.
+    same_as: ClassVar[tuple[str, ...]] = ()
     excitation: ClassVar[str]
 
     def places(self, space: ParameterSpace) -> list[int | None]:
