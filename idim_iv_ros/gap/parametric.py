@@ -13,6 +13,7 @@ from idim_iv_ros.gap.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.gap.likelihood import Fit, Regression
 from idim_iv_ros.gap.parametric_evidence import ParametricCause, causes_of
 from idim_iv_ros.gap.parametric_hypotheses import Hypothesis, changes_of
+from idim_iv_ros.gap.parametric_joints import LEAST_SHARE as JOINT_SHARE
 from idim_iv_ros.gap.parametric_selection import smallest_set
 
 FloatArray = NDArray[np.float64]
@@ -20,7 +21,8 @@ FloatArray = NDArray[np.float64]
 # Share of the given model's gap that the refit must take; the second where structural effects
 # were accepted, for what is left of them biases the refit.
 LEAST_SHARE, LEAST_SHARE_BESIDE = 0.01, 0.05
-# Share of the gap's energy that each cause must take, beside those before it.
+# Share of the gap's energy that each cause must take, beside those before it, unless it takes that
+# of one joint: `parametric_joints.LEAST_SHARE` of its torque.
 LEAST_SHARE_OF_A_CAUSE = 0.02
 
 
@@ -77,7 +79,7 @@ def parametric_causes(
     causes = tuple(
         cause
         for cause in causes_of(data.joints, changes, found, catalogue)
-        if cause.share >= LEAST_SHARE_OF_A_CAUSE
+        if cause.share >= LEAST_SHARE_OF_A_CAUSE or cause.share_of_torque >= JOINT_SHARE
     )
     if not causes and not reason:
         reason = "no cause of the catalogue explains the change"

@@ -6,7 +6,13 @@ import numpy as np
 
 from idim_iv_ros.gap.change_regression import ChangeRegression, Explained
 from idim_iv_ros.gap.effects.parametric_effect import ParametricEffect
-from idim_iv_ros.gap.parametric_hypotheses import Hypothesis, changes_of, trials
+from idim_iv_ros.gap.parametric_hypotheses import (
+    Hypothesis,
+    changes_of,
+    of_base_parameters,
+    trials,
+)
+from idim_iv_ros.gap.parametric_joints import missing, with_every_joint
 
 # Share of the explainable change that the causes must explain together.
 ENOUGH = 0.9
@@ -23,6 +29,10 @@ def smallest_set(
     catalogue: Sequence[ParametricEffect],
 ) -> list[Hypothesis]:
     """Add the best cause until they are enough, and drop those that are not needed.
+
+    They are enough where they explain most of the change. If a few more account for what matters
+    at every joint, these are added. Where neither a few explain most of the torque, most numbers
+    are wrong: each joint's friction, offset and drive, and each link, are causes then.
 
     Parameters
     ----------
@@ -42,11 +52,41 @@ def smallest_set(
         before = best.explained
         if explains_enough(before, refit):
             break
-    for each in list(kept):
-        rest = [other for other in kept if other is not each]
-        explained = changes.explain(changes_of(rest))
-        if rest and explains_enough(explained, refit):
-            kept = rest
+    kept = _needed(changes, refit, kept)
+    if not missing(changes, changes.explain(changes_of(kept)), refit).any():
+        return kept
+    more = with_every_joint(changes, refit, kept, catalogue, LEAST_SUPPORT)
+    more = _needed(changes, refit, more)
+    if len(more) <= MOST_CAUSES:
+        return more
+    explained = changes.explain(changes_of(kept))
+    if _share(changes, explained) >= ENOUGH * _share(changes, refit):
+        return kept
+    return of_base_parameters(changes, catalogue)
+
+
+def _share(changes: ChangeRegression, explained: Explained) -> float:
+    return changes.share(explained.contributions.sum(axis=1))
+
+
+def _needed(
+    changes: ChangeRegression, refit: Explained, found: Sequence[Hypothesis]
+) -> list[Hypothesis]:
+    """Drop what the others make up for, one after the other, always what costs least."""
+    kept = list(found)
+    lacking = np.count_nonzero(missing(changes, changes.explain(changes_of(kept)), refit))
+    while len(kept) > 1:
+        without = [[other for other in kept if other is not each] for each in kept]
+        explained = [changes.explain(changes_of(rest)) for rest in without]
+        able = [
+            number
+            for number, each in enumerate(explained)
+            if explains_enough(each, refit)
+            and np.count_nonzero(missing(changes, each, refit)) <= lacking
+        ]
+        if not able:
+            break
+        kept = without[max(able, key=lambda number: explained[number].statistic)]
     return kept
 
 

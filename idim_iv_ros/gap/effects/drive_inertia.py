@@ -27,6 +27,10 @@ class DriveInertia(ParametricEffect):
         changes = space.change("Ia", joint, "change_of_drive_inertia")
         return [changes] if changes else []
 
+    def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
+        """Its own."""
+        return space.base("Ia", joint, "change_of_drive_inertia")
+
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
     ) -> bool:

@@ -15,6 +15,7 @@ FloatArray = NDArray[np.float64]
 
 # A negative value counts as such when it lies this many standard deviations below zero.
 CLEARLY = 3.0
+NORMAL_95 = 1.96
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,11 @@ class Estimated:
     def clearly_negative(self) -> bool:
         """Whether noise cannot explain that it lies below zero."""
         return self.above(0.0) is False
+
+    @property
+    def tells(self) -> bool:
+        """Whether it is known to differ from zero, at 95 %."""
+        return self.std is not None and abs(self.value) >= NORMAL_95 * self.std
 
     def above(self, least: float) -> bool | None:
         """Whether it may lie above `least`; None where it is not determined."""
@@ -101,6 +107,14 @@ class ParameterSpace:
         found = self.standard(kind, joint)
         return [] if found is None else [Change(name, found[0].unit, found[1])]
 
+    def base(self, kind: str, joint: int, name: str) -> list[Change]:
+        """Return the change of a base parameter, empty where the model has none of that kind."""
+        names = list(self.model.base.names)
+        if f"{kind}{joint + 1}" not in names:
+            return []
+        place = names.index(f"{kind}{joint + 1}")
+        return [Change(name, self.model.base.units[place], self._unit(place))]
+
     def tilt(self, axis: int) -> FloatArray:
         """Direction (d,) of a rotation of gravity about one of the axes, rad."""
         return self._unit(len(self.given) + axis)
@@ -134,6 +148,10 @@ class ParametricEffect(ABC):
     @abstractmethod
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """Sets of numbers that may change together, the smallest first."""
+
+    def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
+        """Base parameters of a joint that belong to it and to no other effect; none by default."""
+        return []
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]

@@ -21,3 +21,7 @@ class TorqueOffset(ParametricEffect):
         assert joint is not None
         changes = space.change("off", joint, "offset")
         return [changes] if changes else []
+
+    def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
+        """Its own."""
+        return space.base("off", joint, "offset")
