@@ -12,7 +12,7 @@ from idim_iv_ros.gap.change_regression import change_regression
 from idim_iv_ros.gap.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.gap.likelihood import Fit, Regression
 from idim_iv_ros.gap.parametric_evidence import ParametricCause, causes_of
-from idim_iv_ros.gap.parametric_hypotheses import Hypothesis, changes_of
+from idim_iv_ros.gap.parametric_hypotheses import Hypothesis
 from idim_iv_ros.gap.parametric_joints import LEAST_SHARE as JOINT_SHARE
 from idim_iv_ros.gap.parametric_selection import smallest_set
 
@@ -34,15 +34,22 @@ class ParametricOutcome:
     ----------
     causes : tuple of ParametricCause
         Strongest first; empty where nothing is wrong.
-    after : (n_joints,)
-        RMS of the given model's residual with all that was selected, N m (N).
     reason : str
         Why there are no causes; empty otherwise.
+    given : (n_joints,) or None
+        RMS of the given model's residual, N m (N); None without a given model.
+    after, refit : (n_joints,)
+        The same with the causes, and with new base parameters.
+    sizes : (n_joints,)
+        RMS of the recorded torque, N m (N).
     """
 
     causes: tuple[ParametricCause, ...]
-    after: FloatArray
     reason: str
+    given: FloatArray | None
+    after: FloatArray
+    refit: FloatArray
+    sizes: FloatArray
 
 
 def parametric_causes(
@@ -66,13 +73,13 @@ def parametric_causes(
     reason = data.prepared.why_no_given
     if reason:
         nothing = np.full(len(data.joints), np.nan)
-        return ParametricOutcome((), nothing, reason)
+        return ParametricOutcome((), reason, None, nothing, nothing, nothing)
     changes = change_regression(data, regression, fit)
     refit = changes.refit()
     share = changes.share(refit.contributions.sum(axis=1))
-    least = LEAST_SHARE_BESIDE if regression.added else LEAST_SHARE
+    least_share = LEAST_SHARE_BESIDE if regression.added else LEAST_SHARE
     found: list[Hypothesis] = []
-    if refit.statistic - refit.rank < least * changes.energy or share < least:
+    if refit.statistic - refit.rank < least_share * changes.energy or share < least_share:
         reason = f"new parameters take {100.0 * max(share, 0.0):.2g} % of the gap's energy"
     else:
         found = smallest_set(changes, refit, catalogue)
@@ -83,5 +90,7 @@ def parametric_causes(
     )
     if not causes and not reason:
         reason = "no cause of the catalogue explains the change"
-    _, after = changes.rms(changes.explain(changes_of(found)).contributions.sum(axis=1))
-    return ParametricOutcome(causes, after, reason)
+    named = changes.explain([change for cause in causes for change in cause.changes])
+    given, after = changes.rms(named.contributions.sum(axis=1))
+    _, least = changes.rms(refit.contributions.sum(axis=1))
+    return ParametricOutcome(causes, reason, given, after, least, changes.sizes)

@@ -35,6 +35,8 @@ class ParametricCause:
     effect : ParametricEffect
     joint : str or None
         None where it belongs to none.
+    changes : tuple of Change
+        Of the given numbers.
     parameters : dict of str to EffectParameter
         Those that the recording determines.
     statistic : float
@@ -55,6 +57,7 @@ class ParametricCause:
 
     effect: ParametricEffect
     joint: str | None
+    changes: tuple[Change, ...]
     parameters: dict[str, EffectParameter]
     statistic: float
     p_value: float
@@ -106,6 +109,7 @@ def causes_of(
         cause = ParametricCause(
             effect=hypothesis.effect,
             joint=_name(joints, hypothesis),
+            changes=hypothesis.changes,
             parameters=hypothesis.effect.parameters(changes.space, hypothesis.joint, this.own),
             statistic=statistic,
             p_value=min(1.0, count * float(stats.chi2.sf(statistic, degrees))),

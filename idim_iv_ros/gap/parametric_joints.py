@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 
 # Share of a joint's torque (rms) from which on a parameter error matters, and times the gap of the
 # refit that is left beside it.
-LEAST_SHARE, _TIMES_REFIT = 0.02, 1.5
+LEAST_SHARE, TIMES_REFIT = 0.02, 1.5
 # Of the energy that is missing at a joint, what one more cause must take.
 _LEAST_PART = 0.25
 # Of what the best one takes there, what a cause must take to be chosen for its likelihood.
@@ -33,7 +33,7 @@ def missing(changes: ChangeRegression, explained: Explained, refit: Explained) -
     after = _after(changes, explained)
     least = _after(changes, refit)
     energy = after**2 - least**2
-    matters = (energy > (LEAST_SHARE * changes.sizes) ** 2) & (after > _TIMES_REFIT * least)
+    matters = (energy > (LEAST_SHARE * changes.sizes) ** 2) & (after > TIMES_REFIT * least)
     return np.where(matters, energy, 0.0)
 
 
@@ -68,9 +68,7 @@ def with_every_joint(
         if shares[worst] <= 0.0:
             return found
         able = [
-            trial
-            for trial in trials(changes, found, catalogue)
-            if trial.support >= least_support
+            trial for trial in trials(changes, found, catalogue) if trial.support >= least_support
         ]
         best = _best_at(changes, able, worst, explained, lacking[worst])
         if best is None:
@@ -93,9 +91,7 @@ def _best_at(
     most = max(taken, default=0.0)
     if most < _LEAST_PART * lacking:
         return None
-    near = [
-        trial for trial, energy in zip(able, taken, strict=True) if energy >= _NEARLY * most
-    ]
+    near = [trial for trial, energy in zip(able, taken, strict=True) if energy >= _NEARLY * most]
     return max(near, key=lambda trial: trial.support)
 
 

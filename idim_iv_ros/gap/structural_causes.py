@@ -12,9 +12,10 @@ from idim_iv_ros.gap.effect_deviations import parameters_of
 from idim_iv_ros.gap.effects.effect import Place
 from idim_iv_ros.gap.generic import Generic
 from idim_iv_ros.gap.held_out import HeldOut
+from idim_iv_ros.gap.joint_gaps import signed_share
 from idim_iv_ros.gap.joint_units import in_units_of, unit_at
 from idim_iv_ros.gap.likelihood import Fit, Regression
-from idim_iv_ros.gap.result import Cause, EffectParameter, Evidence, Gap, Rival
+from idim_iv_ros.gap.result import Cause, EffectParameter, Evidence, Gap, JointChange, Rival
 from idim_iv_ros.gap.wrong_numbers import WrongNumber
 from idim_iv_ros.simulation import SimulatedEffect
 
@@ -196,9 +197,16 @@ def structural_causes(
                 torque_gap=gap,
                 simulation_gap=simulation,
                 sentence=_sentence(data, found, gap, gain),
+                joint_gaps=(_joint_change(data, candidate.place.joint, gap),),
             )
         )
     return causes
+
+
+def _joint_change(data: Baseline, joint: int, gap: Gap) -> JointChange:
+    size = float(np.sqrt(np.mean(data.rows[joint].torque ** 2)))
+    share = signed_share(gap.before, gap.after, size)
+    return JointChange(data.joints[joint], gap.before, gap.after, share)
 
 
 def _sentence(data: Baseline, found: Found, gap: Gap, gain: float) -> str:

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.gap.significance import differs
 from idim_iv_ros.model import InverseModel, StandardParameter
 
 FloatArray = NDArray[np.float64]
 
 # A negative value counts as such when it lies this many standard deviations below zero.
 CLEARLY = 3.0
-NORMAL_95 = 1.96
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Estimated:
     @property
     def tells(self) -> bool:
         """Whether it is known to differ from zero, at 95 %."""
-        return self.std is not None and abs(self.value) >= NORMAL_95 * self.std
+        return self.std is not None and differs(self.value, self.std)
 
     def above(self, least: float) -> bool | None:
         """Whether it may lie above `least`; None where it is not determined."""

@@ -11,7 +11,7 @@ class TorqueOffset(ParametricEffect):
 
     name = "torque_offset"
     order = 35
-    look_alikes = ("payload", "gravity_direction", "spring")
+    look_alikes = ("payload", "gravity_direction")
     # Dry friction of Fc + d one way and Fc - d the other is Fc, and a constant torque d.
     same_as = ("asymmetric_friction",)
     excitation = "the whole range of the joint, slowly, in both directions"
