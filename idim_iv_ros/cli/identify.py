@@ -1,5 +1,7 @@
 """`idim-iv identify`."""
 
+import shlex
+from collections.abc import Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +15,7 @@ from idim_iv_ros.cli.arguments import Bags, Config, Out, progress_bar
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.identification import identify
 from idim_iv_ros.report import require_writable, write_report
-from idim_iv_ros.result import IdentificationResult
+from idim_iv_ros.result import IMPOSSIBLE, NOT_SIGNIFICANT, IdentificationResult
 
 
 class EstimatorName(str, Enum):
@@ -41,7 +43,9 @@ def identify_command(
         _, html = write_report(result, out)
     console = Console()
     console.print(parameter_table(result))
+    print_remarks(console, result)
     print_verdict(console, result)
+    print_next(console, result, bags, config)
     console.print(f"Report: {html}", soft_wrap=True, highlight=False)
 
 
@@ -53,6 +57,9 @@ def parameter_table(result: IdentificationResult, truth: dict[str, float] | None
     for heading in ("value", "σ", "%σ", *(["truth", "off by"] if truth else [])):
         table.add_column(heading, justify="right")
     table.add_column("unit")
+    remarked = any(parameter.essential_remark for parameter in result.parameters)
+    if remarked:
+        table.add_column("remark")
     for parameter in result.parameters:
         if not parameter.essential:
             continue
@@ -63,8 +70,26 @@ def parameter_table(result: IdentificationResult, truth: dict[str, float] | None
         if truth:
             true = truth[parameter.name]
             cells += [f"{true:.4g}", f"{(value - true) / std:+.1f} σ"]
-        table.add_row(*cells, parameter.unit)
+        cells.append(parameter.unit)
+        table.add_row(*cells, *([parameter.essential_remark] if remarked else []))
     return table
+
+
+def print_remarks(console: Console, result: IdentificationResult) -> None:
+    """What the remarks of the table mean, where there are any."""
+    found = {parameter.essential_remark for parameter in result.parameters}
+    if IMPOSSIBLE in found:
+        console.print(
+            f"{IMPOSSIBLE}: negative beyond its 95 % interval, and nothing that it groups may be: "
+            "the model lacks an effect that it takes up, or the motion does not excite it.",
+            highlight=False,
+        )
+    if NOT_SIGNIFICANT in found:
+        console.print(
+            f"{NOT_SIGNIFICANT}: its 95 % interval holds zero; it is essential together with "
+            "others, not alone.",
+            highlight=False,
+        )
 
 
 def print_verdict(console: Console, result: IdentificationResult) -> None:
@@ -77,9 +102,31 @@ def print_verdict(console: Console, result: IdentificationResult) -> None:
         f"{'converged' if result.converged else 'NOT converged'}",
         highlight=False,
     )
+    errors = fit.joint_relative_error_percent
+    if errors:
+        listed = ", ".join(
+            f"{joint} {'–' if error is None else f'{error:.3g} %'}"
+            for joint, error in errors.items()
+        )
+        console.print(f"Relative error of the torque by joint: {escape(listed)}", highlight=False)
     console.print(f"Instruments: {result.instruments.source}", highlight=False)
     console.print(f"Verdict: {result.verdict.verdict}. {result.verdict.sentence}", highlight=False)
     for bag in result.bags:
         for each in bag.frozen:
             text = f"[yellow]Warning:[/] {escape(f'{Path(bag.path).name}: {each.sentence}')}"
             console.print(text, highlight=False)
+
+
+def print_next(
+    console: Console, result: IdentificationResult, bags: Sequence[Path], config: Path
+) -> None:
+    """Name the command that looks for the cause of a model error, with its arguments."""
+    if result.verdict.verdict == "model error here":
+        recordings = " ".join(shlex.quote(str(bag)) for bag in bags)
+        console.print(
+            escape(
+                f"Next: idim-iv diagnose {recordings} --config {shlex.quote(str(config))} --out why"
+            ),
+            soft_wrap=True,
+            highlight=False,
+        )

@@ -24,20 +24,34 @@ class FilteredReference:
     motions : tuple of Motion
     positions : one (n_samples, n_joints) array for each motion
         Output of the filter, rad, on the untrimmed record.
-    fit_percent : (n_joints,)
-        Share of the tracking error that the filter explains.
+    error : (n_joints,)
+        RMS of measured less filtered position where the filter was not fitted, the largest of all
+        motions, rad or m.
+    spread : (n_joints,)
+        Standard deviation of the measured position, rad or m.
     """
 
     model: InverseModel
     motions: tuple[Motion, ...]
     positions: tuple[FloatArray, ...]
-    fit_percent: FloatArray
+    error: FloatArray
+    spread: FloatArray
 
     @property
     def name(self) -> str:
-        """Name with the fit."""
-        fits = ", ".join(f"{fit:.0f} %" for fit in self.fit_percent)
-        return f"reference through a fitted closed-loop filter (fit of the tracking error: {fits})"
+        """Name with how closely it follows the recorded motion."""
+        robot = self.model.robot
+        joints = ", ".join(
+            f"{name} {error:.2g} {'rad' if kind == 'revolute' else 'm'}"
+            + (f" ({100.0 * error / spread:.2g} %)" if spread > 0.0 else "")
+            for name, kind, error, spread in zip(
+                robot.joints, robot.joint_types, self.error, self.spread, strict=True
+            )
+        )
+        return (
+            "reference through a fitted closed-loop filter, which misses the recorded motion where "
+            f"it was not fitted by (rms, and share of the motion's standard deviation): {joints}"
+        )
 
     @property
     def testable(self) -> str | None:

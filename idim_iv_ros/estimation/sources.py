@@ -152,8 +152,10 @@ def _filtered_reference(model: InverseModel, motions: Sequence[Motion]) -> Filte
         filter_reference(motion.signals.rate, motion.position, _reference(motion))
         for motion in motions
     ]
-    fit = np.min([found.fit_percent for found in filters], axis=0)
-    return FilteredReference(model, tuple(motions), tuple(found.position for found in filters), fit)
+    positions = tuple(found.position for found in filters)
+    error = np.max([found.error for found in filters], axis=0)
+    spread = np.max([found.spread for found in filters], axis=0)
+    return FilteredReference(model, tuple(motions), positions, error, spread)
 
 
 def _reference(motion: Motion) -> FloatArray:
