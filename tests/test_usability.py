@@ -26,13 +26,13 @@ def test_a_joint_reverses_where_it_moves_the_other_way(speed: list[float], count
 
 
 def reversals(tmp_path: Path, seconds_of_rest: float) -> list[int]:
-    """Reversals of the joints that `check` finds in a motion before a rest."""
+    """Reversals of the joints that `check` finds in a motion after a rest."""
     arm = arm2(seconds=8.0)
     recording = record(arm, 1, position_noise=5e-5)
     rest = round(seconds_of_rest * recording.rate)
     noise = 5e-5 * np.random.default_rng(2).standard_normal((rest, 2))
-    position = np.vstack([recording.position, recording.position[-50:].mean(axis=0) + noise])
-    effort = np.vstack([recording.effort, np.repeat(recording.effort[-1:], rest, axis=0)])
+    position = np.vstack([recording.truth.position[0] + noise, recording.position])
+    effort = np.vstack([np.repeat(recording.effort[:1], rest, axis=0), recording.effort])
     time = np.arange(len(position)) / recording.rate
     path = tmp_path / "motion.mcap"
     joints = arm.configuration.robot.joints
