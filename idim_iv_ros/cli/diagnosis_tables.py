@@ -3,6 +3,7 @@
 from rich.console import Console
 from rich.table import Table
 
+from idim_iv_ros.gap.parameter_words import surest
 from idim_iv_ros.gap.result import Cause, EffectParameter, Gap, GapResult
 from idim_iv_ros.report.gap_words import (
     VERDICTS,
@@ -16,6 +17,7 @@ from idim_iv_ros.report.numerals import measured
 
 _COLOURS = {"good": "green", "fair": "blue", "bad": "red", "open": "yellow"}
 _MOST_UNTESTABLE = 10
+_MOST_NUMBERS = 4  # of one cause
 
 
 def print_diagnosis(console: Console, result: GapResult) -> None:
@@ -42,21 +44,41 @@ def _causes(result: GapResult) -> Table:
     table.add_column("torque gap, shrinkage", no_wrap=True)
     table.add_column("cannot be told from")
     for cause in result.causes:
-        unit = torque_unit(result, cause.joint)
         joints = [each for each in (cause.joint, cause.other_joint) if each]
-        gap = cause.torque_gap
         table.add_row(
             _plain(f"{effect_words(cause.effect)}\n{', '.join(joints) or 'all joints'}"),
-            _plain("\n".join(_parameter(k, v) for k, v in cause.parameters.items())),
-            f"{gap.before:.3g} → {gap.after:.3g} {unit}\n{_shrinkage(gap)}",
+            _plain("\n".join(_parameters(cause))),
+            _plain("\n".join(_gaps(result, cause))),
             _plain(_rivals(cause)),
         )
     return table
 
 
+def _parameters(cause: Cause) -> list[str]:
+    """The surest of its numbers under their names in gap.json; words and all are in the report."""
+    shown = surest(cause.parameters, _MOST_NUMBERS)
+    lines = [_parameter(name, each) for name, each in shown.items()]
+    more = len(cause.parameters) - len(shown)
+    return [*lines, f"and {more} more"] if more else lines
+
+
 def _parameter(name: str, parameter: EffectParameter) -> str:
     value, half = measured(parameter.value, parameter.std)
     return " ".join(filter(None, (f"{name.replace('_', ' ')} =", value, half, parameter.unit)))
+
+
+def _gaps(result: GapResult, cause: Cause) -> list[str]:
+    """Gap before and after at its own joint, and at the others that it changes."""
+    gap = cause.torque_gap
+    unit = torque_unit(result, cause.joint)
+    lines = [f"{gap.before:.3g} → {gap.after:.3g} {unit}", _shrinkage(gap)]
+    for each in cause.joint_gaps:
+        share = f"{100.0 * each.share_of_torque:.2g} % of its torque"
+        if each.joint != cause.joint:
+            unit = torque_unit(result, each.joint)
+            lines.append(f"{each.joint}: {each.before:.3g} → {each.after:.3g} {unit}")
+        lines.append(share)
+    return lines
 
 
 def _shrinkage(gap: Gap) -> str:

@@ -6,9 +6,11 @@ import numpy as np
 
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.controller_check import ControllerFinding
+from idim_iv_ros.gap.effects.link_inertia import LinkInertia
 from idim_iv_ros.gap.joint_gaps import signed_share
 from idim_iv_ros.gap.joint_units import in_units_of, unit_at
 from idim_iv_ros.gap.noise_floor import NoiseFloor
+from idim_iv_ros.gap.parameter_words import parameter_words, surest
 from idim_iv_ros.gap.parametric_evidence import ParametricCause
 from idim_iv_ros.gap.parametric_joints import LEAST_SHARE
 from idim_iv_ros.gap.result import Cause, EffectParameter, Evidence, Gap, JointChange
@@ -79,7 +81,7 @@ def _controller_cause(data: Baseline, finding: ControllerFinding) -> Cause:
         sentence=(
             f"another control law than configured at {finding.joint}: recorded and computed "
             f"commands differ by {finding.before:.3g} {unit}, with "
-            f"{_numbers(parameters)} by {finding.after:.3g} {unit}"
+            f"{_numbers(finding.effect.name, parameters)} by {finding.after:.3g} {unit}"
         ),
     )
 
@@ -101,7 +103,9 @@ def _parametric_gap(data: Baseline, cause: ParametricCause, floors: Sequence[Noi
 def _parametric_sentence(data: Baseline, cause: ParametricCause) -> str:
     words = cause.effect.name.replace("_", " ")
     place = f" of {cause.joint}" if cause.joint else ""
-    text = f"{words}{place} is not as given: {_numbers(cause.parameters)}"
+    if cause.joint and cause.effect.name == LinkInertia.name:
+        place += f" (link {data.joints.index(cause.joint) + 1})"
+    text = f"{words}{place} is not as given: {_numbers(cause.effect.name, cause.parameters)}"
     smaller = [each for each in _joint_gaps(data, cause) if each.share_of_torque > 0.0]
     if smaller:
         gaps = ", ".join(_gap_words(data, each) for each in smaller)
@@ -121,15 +125,11 @@ def _gap_words(data: Baseline, each: JointChange) -> str:
     return f"at {each.joint} from {each.before:.3g} to {each.after:.3g} {unit} ({share})"
 
 
-def _numbers(parameters: dict[str, EffectParameter]) -> str:
+def _numbers(effect: str, parameters: dict[str, EffectParameter]) -> str:
     """A few parameters with their intervals, in words, those that are surest of the fitted."""
     shown = []
-    ratios = {name: abs(each.value) / each.std for name, each in parameters.items() if each.std}
-    chosen = set(sorted(ratios, key=lambda name: -ratios[name])[:_MOST_NUMBERS]) or set(parameters)
-    for name, parameter in parameters.items():
-        if name not in chosen:
-            continue
-        text = f"{name.replace('_', ' ')} {parameter.value:.3g}"
+    for name, parameter in surest(parameters, _MOST_NUMBERS).items():
+        text = f"{parameter_words(effect, name)} {parameter.value:.3g}"
         if parameter.std is not None:
             text += f" ± {NORMAL_95 * parameter.std:.2g}"
         shown.append(f"{text} {parameter.unit}".rstrip())

@@ -76,7 +76,10 @@ _IN_BASE_PARAMETERS = (
     "drive_inertia",
 )
 
-_POSITIVE = ("speed", "exponent", "power", "scale", "width", "time_constant", "span_k", "knee", "factor")
+_POSITIVE = (
+    *("speed", "exponent", "power", "scale", "width", "time_constant", "span_k", "knee"),
+    "factor",
+)
 _NOT_NEGATIVE = ("gap", "delay", "level_k", "slope", "lag")
 _SWITCHES = ("hardening", "motor_torque")
 

@@ -223,7 +223,7 @@ UNITS = {
         "lowest": "rad", "highest": "rad",
     },
     "encoder_eccentricity": dict.fromkeys(("sine", "cosine", "sine_2", "cosine_2"), "rad"),
-    "joint_coupling": {"direction": "", "coulomb": "N m", "viscous": "N m s/rad", "power": ""},
+    "joint_coupling": {"direction": "", "coulomb": "N m", "viscous": "N m at 1 rad/s", "power": ""},
 }  # fmt: skip
 # Of the parameters above; the first shape of the grid elsewhere.
 SHAPES = {"encoder_eccentricity": (2.0,)}
