@@ -1,6 +1,7 @@
 """Effects that also hold on data not used to fit them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.effect_deviations import differs_from_nothing
 from idim_iv_ros.gap.held_out import HeldOut, held_out
 from idim_iv_ros.gap.noise_floor import NoiseFloor, Repeat
-from idim_iv_ros.gap.structural_causes import NamedModel, built_model, label
+from idim_iv_ros.gap.structural_causes import NamedModel, built_model, label, named_model
 
 FloatArray = NDArray[np.float64]
 
@@ -63,18 +64,22 @@ def confirmed(
             interleaved=any(each.candidate.effect.family == "time" for each in model.found),
         )
 
-    result = tested(model)
-    helpful = _helpful(model, result)
-    if len(helpful) < len(model.found):
-        model = built_model(attribution, helpful, model.nameless)
+    left_out: list[Found] = []
+    while True:
         result = tested(model)
-    while model.found:
+        helpful = _helpful(model, result)
+        if len(helpful) < len(model.found):
+            model = built_model(attribution, helpful, model.nameless)
+            result = tested(model)
         known = sized(data, model)
-        if len(known) == len(model.found):
-            break
-        model = built_model(attribution, known, model.nameless)
-        result = tested(model)
-    return model, result
+        unknown = [each for each in model.found if not any(each is other for other in known)]
+        if not unknown:
+            return model, result
+        # One at a time, the last accepted first: beside it another may be unknown, and not alone.
+        # What only corrected its shape has another chance without it.
+        left_out.append(unknown[-1])
+        rest = [each for each in attribution.found if not any(each is one for one in left_out)]
+        model = named_model(replace(attribution, found=tuple(rest)))
 
 
 def _helpful(model: NamedModel, tested: HeldOut) -> list[Found]:

@@ -63,12 +63,20 @@ def differs_from_nothing(
 ) -> bool:
     """Whether the size of an effect is known to differ from zero at 95 %, its shape being free.
 
-    See `significance.any_differs`; of its coefficients, which scale its torque.
+    See `significance.any_differs`; of its coefficients, which scale its torque. Where a coefficient
+    only scales a shape, of the numbers that an engineer reads: both together are one number.
     """
     free = _with_free_shape(data, regression, fit, candidate, start)
     width = candidate.width
     values = fit.coefficients[start : start + width]
     covariance = free.covariance[:width, :width] + np.diag(free.further[:width] ** 2)
+    if candidate.effect.size_in == "scale":
+        effect, shape = candidate.effect, candidate.shape
+        slopes = _slopes(effect, shape, values, free.held, free.near)
+        read = [each.value for each in effect.parameters(shape, values, free.held).values()]
+        sizes = np.any(slopes[:, :width] != 0.0, axis=1)
+        values, slopes = np.array(read)[sizes], slopes[sizes]
+        covariance = slopes @ free.covariance @ slopes.T + np.diag((slopes @ free.further) ** 2)
     return any_differs(values, covariance)
 
 
