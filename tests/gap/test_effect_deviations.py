@@ -95,6 +95,7 @@ def test_an_effect_whose_numbers_may_each_be_zero_is_not_confirmed(
     for each, kept in ((found, 1), (same, 0)):
         model = built_model(attribution, [each], [])
         assert model.fits[-1].log_likelihood > model.fits[0].log_likelihood + 50.0
-        confirmed_model, tested = confirmed(data, attribution, model, floors, (), None)
+        searched = replace(attribution, found=(each,))
+        confirmed_model, tested = confirmed(data, searched, model, floors, (), None)
         assert len(confirmed_model.found) == kept
         assert len(tested.stages()) == 1 + kept
