@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from idim_iv_ros import identify, load_configuration, write_report
-from idim_iv_ros.cli.identify import print_parameters, print_verdict
+from idim_iv_ros.cli.identify import print_parameters, print_remarks, print_verdict
 from idim_iv_ros.cli.progress import shown_progress
 from idim_iv_ros.errors import IdimError
 
@@ -29,6 +29,7 @@ def demo(out: Annotated[Path, typer.Option(help="Folder for the report.")]) -> N
         result = identify([FOLDER / "arm6.mcap"], load_configuration(CONFIG), progress=progress)
         _, html = write_report(result, out)
     print_parameters(console, result, truth)
+    print_remarks(console, result)
     print_verdict(console, result)
     within = [
         abs(parameter.value - truth[parameter.name]) < 3.0 * parameter.std

@@ -89,6 +89,12 @@ def assemble_result(
             base_parameters=count,
             essential_parameters=len(essential.columns),
             essential_p_value=essential.p_value,
+            joint_relative_error_percent={
+                name: _relative_error_of(residual, joint.torque)
+                for name, residual, joint in zip(
+                    configuration.robot.joints, linear.residuals, rows, strict=True
+                )
+            },
         ),
         processing=ProcessingSummary(
             position_cutoff=prepared.cutoffs.position,
@@ -179,6 +185,12 @@ def _relative_error(rows: Sequence[ObservationRows], linear: LinearEstimate) -> 
     error = sum(float(residual @ residual) for residual in linear.residuals)
     torque = sum(float(joint.torque @ joint.torque) for joint in rows)
     return 100.0 * float(np.sqrt(error / torque)) if torque > 0.0 else float("nan")
+
+
+def _relative_error_of(residual: FloatArray, torque: FloatArray) -> float | None:
+    """Of one joint, %; None without torque."""
+    size = float(np.linalg.norm(torque))
+    return 100.0 * float(np.linalg.norm(residual)) / size if size > 0.0 else None
 
 
 def _fitted_gains(

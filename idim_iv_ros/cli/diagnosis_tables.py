@@ -4,6 +4,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from idim_iv_ros.cli.table import Column, print_table, unbroken
+from idim_iv_ros.gap.parameter_words import surest
 from idim_iv_ros.gap.result import Cause, EffectParameter, Gap, GapResult
 from idim_iv_ros.report.gap_words import (
     VERDICTS,
@@ -19,6 +20,7 @@ _COLOURS = {"good": "green", "fair": "blue", "bad": "red", "open": "yellow"}
 _MOST_UNTESTABLE = 10
 _FEW_STAGES = 3  # the given model, the refit, and all that was found
 _MOST_ROWS = 24
+_MOST_NUMBERS = 4  # of one cause
 
 
 def print_diagnosis(console: Console, result: GapResult, *, whole: bool = True) -> None:
@@ -47,24 +49,44 @@ def _print_causes(console: Console, result: GapResult) -> None:
     ]
     rows = []
     for cause in result.causes:
-        unit = torque_unit(result, cause.joint)
         joints = [each for each in (cause.joint, cause.other_joint) if each]
-        gap = cause.torque_gap
         rows.append(
             (
                 f"{effect_words(cause.effect)}\n{', '.join(joints) or 'all joints'}",
-                "\n".join(_parameter(k, v) for k, v in cause.parameters.items()),
-                unbroken(f"{gap.before:.3g} → {gap.after:.3g} {unit}\n{_shrinkage(gap)}"),
+                "\n".join(_parameters(cause)),
+                "\n".join(unbroken(line) for line in _gaps(result, cause)),
                 _rivals(cause),
             )
         )
     print_table(console, "Causes, strongest first", columns, rows)
 
 
+def _parameters(cause: Cause) -> list[str]:
+    """The surest of its numbers under their names in gap.json; words and all are in the report."""
+    shown = surest(cause.parameters, _MOST_NUMBERS)
+    lines = [_parameter(name, each) for name, each in shown.items()]
+    more = len(cause.parameters) - len(shown)
+    return [*lines, f"and {more} more"] if more else lines
+
+
 def _parameter(name: str, parameter: EffectParameter) -> str:
     value, half = measured(parameter.value, parameter.std)
     number = unbroken(" ".join(filter(None, (value, half, parameter.unit))))
     return f"{name.replace('_', ' ')} = {number}"
+
+
+def _gaps(result: GapResult, cause: Cause) -> list[str]:
+    """Gap before and after at its own joint, and at the others that it changes."""
+    gap = cause.torque_gap
+    unit = torque_unit(result, cause.joint)
+    lines = [f"{gap.before:.3g} → {gap.after:.3g} {unit}", _shrinkage(gap)]
+    for each in cause.joint_gaps:
+        share = f"{100.0 * each.share_of_torque:.2g} % of its torque"
+        if each.joint != cause.joint:
+            unit = torque_unit(result, each.joint)
+            lines.append(f"{each.joint}: {each.before:.3g} → {each.after:.3g} {unit}")
+        lines.append(share)
+    return lines
 
 
 def _shrinkage(gap: Gap) -> str:

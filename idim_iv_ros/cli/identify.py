@@ -39,6 +39,7 @@ def identify_command(
 
     Example: idim-iv identify run1.mcap run2.mcap --config ur5.yaml --out results
     """
+    from idim_iv_ros.cli.next_command import next_command
     from idim_iv_ros.cli.output import Output, require_destination
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.formats import REPORT, RESULT
@@ -59,7 +60,10 @@ def identify_command(
     output.document(result_document(result))
     output.warn_quietly([*result.doubts, *data_warnings(result)])
     print_parameters(output.console, result, whole=verbose)
+    print_remarks(output.console, result)
     print_verdict(output.console, result)
+    if result.verdict.verdict == "model error here":
+        output.line(f"Next: {next_command('diagnose', bags, config, '--out', 'why')}")
     if page is not None:
         output.line(f"Report: {page}")
     elif numbers is not None:
@@ -83,6 +87,9 @@ def print_parameters(
     if truth:
         columns += [Column("truth", right=True), Column("off by", right=True)]
     columns.append(Column("unit"))
+    remarked = any(parameter.essential_remark for parameter in result.parameters)
+    if remarked:
+        columns.append(Column("remark"))
     rows: list[tuple[float, list[str]]] = []
     for parameter in result.parameters:
         value, std = parameter.essential_value, parameter.essential_std
@@ -93,7 +100,10 @@ def print_parameters(
         if truth:
             true = truth[parameter.name]
             cells += [f"{true:.4g}", unbroken(f"{(value - true) / std:+.1f} σ")]
-        rows.append((percent, [*cells, unbroken(parameter.unit)]))
+        cells.append(unbroken(parameter.unit))
+        if remarked:
+            cells.append(parameter.essential_remark)
+        rows.append((percent, cells))
     ordered = rows if whole else sorted(rows, key=lambda row: row[0])
     title = f"{result.robot}: essential parameters, {result.estimator}"
     if not whole:
@@ -106,6 +116,25 @@ def print_parameters(
         whole=whole,
         rest="--verbose prints all, and the report has them",
     )
+
+
+def print_remarks(console: Console, result: IdentificationResult) -> None:
+    """What the remarks of the table mean, where there are any."""
+    from idim_iv_ros.result import IMPOSSIBLE, NOT_SIGNIFICANT
+
+    found = {parameter.essential_remark for parameter in result.parameters}
+    if IMPOSSIBLE in found:
+        console.print(
+            f"{IMPOSSIBLE}: negative beyond its 95 % interval, and nothing that it groups may be: "
+            "the model lacks an effect that it takes up, or the motion does not excite it.",
+            highlight=False,
+        )
+    if NOT_SIGNIFICANT in found:
+        console.print(
+            f"{NOT_SIGNIFICANT}: its 95 % interval holds zero; it is essential together with "
+            "others, not alone.",
+            highlight=False,
+        )
 
 
 def print_verdict(console: Console, result: IdentificationResult) -> None:
@@ -122,6 +151,13 @@ def print_verdict(console: Console, result: IdentificationResult) -> None:
         f"{'converged' if result.converged else 'NOT converged'}",
         highlight=False,
     )
+    errors = fit.joint_relative_error_percent
+    if errors:
+        listed = ", ".join(
+            f"{joint} {'–' if error is None else f'{error:.3g} %'}"
+            for joint, error in errors.items()
+        )
+        console.print(f"Relative error of the torque by joint: {escape(listed)}", highlight=False)
     console.print(f"Instruments: {escape(result.instruments.source)}", highlight=False)
     sentence = f"Verdict: {result.verdict.verdict}. {result.verdict.sentence}"
     console.print(escape(sentence), highlight=False)

@@ -46,10 +46,21 @@ class FilteredReference:
 
     @property
     def name(self) -> str:
-        """Name with the fit: the share of the tracking error that the filter explains."""
-        worst = np.min([found.fit_percent for found in self.filters], axis=0)
-        fits = ", ".join(f"{fit:.0f} %" for fit in worst)
-        return f"reference through a fitted closed-loop filter (fit of the tracking error: {fits})"
+        """Name with how closely it follows the recorded motion, that of the worst recording."""
+        robot = self.model.robot
+        errors = np.max([found.error for found in self.filters], axis=0)
+        spreads = np.max([found.spread for found in self.filters], axis=0)
+        joints = ", ".join(
+            f"{name} {error:.2g} {'rad' if kind == 'revolute' else 'm'}"
+            + (f" ({100.0 * error / spread:.2g} %)" if spread > 0.0 else "")
+            for name, kind, error, spread in zip(
+                robot.joints, robot.joint_types, errors, spreads, strict=True
+            )
+        )
+        return (
+            "reference through a fitted closed-loop filter, which misses the recorded motion where "
+            f"it was not fitted by (rms, and share of the motion's standard deviation): {joints}"
+        )
 
     @property
     def testable(self) -> str | None:

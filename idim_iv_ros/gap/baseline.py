@@ -35,7 +35,8 @@ _FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
 class Baseline:
     """The refit of the given model to the recordings, and what candidates are made from.
 
-    The model has no offsets: a constant torque is an effect, found as the others are.
+    The model has torque offsets, whatever the configuration says: what is constant is a number of
+    the given model (zero there), and no physics that it lacks.
 
     Attributes
     ----------
@@ -91,7 +92,7 @@ class Baseline:
 
 
 def baseline(recordings: Sequence[Recording], configuration: Configuration) -> Baseline:
-    """Refit the model without offsets by IDIM-IV.
+    """Refit the model by IDIM-IV, with torque offsets.
 
     Unless the user says how far rows keep from a reversal, they count there if, and only if, the
     closed loop could be simulated: see `gap.reversals`.
@@ -101,7 +102,7 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
     UsageError, DataError
         As `identify`.
     """
-    section = widened(recordings, without_offsets(configuration))
+    section = widened(recordings, with_offsets(configuration))
     if may_count(section, recordings):
         found = _refit(prepare(recordings, with_margin(section, 0.0)))
         if found.sticking:
@@ -157,12 +158,12 @@ def _explained(found: Baseline, configuration: Configuration, margin: float) -> 
     return replace(found, prepared=prepared)
 
 
-def without_offsets(configuration: Configuration) -> Configuration:
-    """Return the configuration with a model that has no torque offsets."""
+def with_offsets(configuration: Configuration) -> Configuration:
+    """Return the configuration with a model that has torque offsets, but those that it excludes."""
     section = configuration.identification
-    names = [name for name in section.exclude if not name.startswith("off")]
-    friction = [term for term in section.friction if term != "offset"]
-    changed = section.model_copy(update={"friction": friction, "exclude": names})
+    if "offset" in section.friction:
+        return configuration
+    changed = section.model_copy(update={"friction": [*section.friction, "offset"]})
     return configuration.model_copy(update={"identification": changed})
 
 

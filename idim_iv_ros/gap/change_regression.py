@@ -80,6 +80,12 @@ class ChangeRegression:
         return sum(len(residual) for residual in self.residuals)
 
     @property
+    def sizes(self) -> FloatArray:
+        """RMS of the torque of each joint, (n_joints,) N m (N)."""
+        rms = [float(np.sqrt(np.mean(torque**2))) for torque in self.torques]
+        return np.maximum(rms, 1e-300)
+
+    @property
     def energy(self) -> float:
         """Of the whitened residual of the given model."""
         return float(self.right @ self.right)

@@ -11,6 +11,7 @@ from idim_iv_ros.gap.command_regression import command_regression, rms
 from idim_iv_ros.gap.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
 from idim_iv_ros.gap.law_change import LONGEST_LAG, LawChange, law_change, worth
 from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.gap.significance import differs
 from idim_iv_ros.simulation import ControlLaw, control_law
 
 # Share of the torque that recorded and computed commands must differ by to matter.
@@ -102,7 +103,7 @@ def _finding(
         if worth(rows, short.fit(change.groups, with_lag=False), fit):
             changes[LAG] = (lag, deviation)
             base = short.fit((), with_lag=False)
-    if not changes:
+    if not any(differs(value, deviation) for value, deviation in changes.values()):
         return None
     statistic = 2.0 * float(fit.log_likelihood - base.log_likelihood)
     tried = (len(GROUPS) + 1) * len(data.joints)

@@ -26,8 +26,8 @@ from idim_iv_ros.gap.left_over import left_over
 from idim_iv_ros.gap.likelihood import Regression
 from idim_iv_ros.gap.missing_gravity import missing_gravity
 from idim_iv_ros.gap.noise_floor import NoiseFloor, noise_floors, repeats_of
-from idim_iv_ros.gap.numbers_left import numbers_left
 from idim_iv_ros.gap.other_causes import controller_results, parametric_results
+from idim_iv_ros.gap.parameter_errors import parameter_errors, remaining_words
 from idim_iv_ros.gap.parametric import ParametricOutcome, parametric_causes
 from idim_iv_ros.gap.regression_rows import smooth_regression
 from idim_iv_ros.gap.result import Cause, EffectParameter, GapResult, NotTestable
@@ -125,7 +125,8 @@ def _diagnosed(
     rest = unexplained(data, model)
     causes = strongest_first(causes, data)
     told = leading(causes, data)
-    numbers = numbers_left(data, outcome, tested.stages()) if given is not None else ""
+    errors = parameter_errors(data, outcome)
+    numbers = remaining_words(data, errors)
     stages = with_tracking(tested.stages(), tracked)
     left = left_over(data, stages, floors)
     verdict = verdict_of(causes, rest, unexplained=bool(numbers or left))
@@ -167,6 +168,7 @@ def _diagnosed(
         notes=_notes(data, tested.note, [floor.note for floor in floors], tracked),
         extended_parameters=_extended(data, model),
         recorded=sum(part.duration for part in data.prepared.session.parts),
+        parameter_errors=errors,
     )
 
 

@@ -14,6 +14,7 @@ from idim_iv_ros.gap.left_out_numbers import left_out_numbers, without_negative_
 from idim_iv_ros.gap.likelihood import Fit, Regression
 from idim_iv_ros.gap.parametric_evidence import ParametricCause, causes_of
 from idim_iv_ros.gap.parametric_hypotheses import Hypothesis, changes_of
+from idim_iv_ros.gap.parametric_joints import LEAST_SHARE as JOINT_SHARE
 from idim_iv_ros.gap.parametric_selection import smallest_set
 
 FloatArray = NDArray[np.float64]
@@ -21,7 +22,8 @@ FloatArray = NDArray[np.float64]
 # Share of the given model's gap that the refit must take; the second where structural effects
 # were accepted, for what is left of them biases the refit.
 LEAST_SHARE, LEAST_SHARE_BESIDE = 0.01, 0.05
-# Share of the gap's energy that each cause must take, beside those before it.
+# Share of the gap's energy that each cause must take, beside those before it, unless it takes that
+# of one joint: `parametric_joints.LEAST_SHARE` of its torque.
 LEAST_SHARE_OF_A_CAUSE = 0.02
 
 
@@ -33,15 +35,22 @@ class ParametricOutcome:
     ----------
     causes : tuple of ParametricCause
         Strongest first; empty where nothing is wrong.
-    after : (n_joints,)
-        RMS of the given model's residual with all that was selected, N m (N).
     reason : str
         Why there are no causes; empty otherwise.
+    given : (n_joints,) or None
+        RMS of the given model's residual, N m (N); None without a given model.
+    after, refit : (n_joints,)
+        The same with the causes, and with new base parameters.
+    sizes : (n_joints,)
+        RMS of the recorded torque, N m (N).
     """
 
     causes: tuple[ParametricCause, ...]
-    after: FloatArray
     reason: str
+    given: FloatArray | None
+    after: FloatArray
+    refit: FloatArray
+    sizes: FloatArray
 
 
 def parametric_causes(
@@ -65,22 +74,23 @@ def parametric_causes(
     reason = data.prepared.why_no_given
     if reason:
         nothing = np.full(len(data.joints), np.nan)
-        return ParametricOutcome((), nothing, reason)
+        return ParametricOutcome((), reason, None, nothing, nothing, nothing)
     changes = change_regression(data, regression, fit)
-    least = LEAST_SHARE_BESIDE if regression.added else LEAST_SHARE
+    least_share = LEAST_SHARE_BESIDE if regression.added else LEAST_SHARE
     while True:
         known = left_out_numbers(changes, catalogue)
-        found, reason = _other_numbers(changes, known, least, catalogue)
+        found, reason = _other_numbers(changes, known, least_share, catalogue)
         physical = without_negative_drives(changes, known, found)
         if physical.space.bare_drives == changes.space.bare_drives:
             break
         changes = physical
-    named = _large_enough(causes_of(data.joints, changes, [*known, *found], catalogue), changes)
-    if not named and not reason:
+    causes = _large_enough(causes_of(data.joints, changes, [*known, *found], catalogue), changes)
+    if not causes and not reason:
         reason = "no cause of the catalogue explains the change"
-    explained = changes.explain(changes_of([*known, *found]))
-    _, after = changes.rms(explained.contributions.sum(axis=1))
-    return ParametricOutcome(named, after, "" if named else reason)
+    named = changes.explain([change for cause in causes for change in cause.changes])
+    given, after = changes.rms(named.contributions.sum(axis=1))
+    _, least = changes.rms(changes.refit().contributions.sum(axis=1))
+    return ParametricOutcome(causes, "" if causes else reason, given, after, least, changes.sizes)
 
 
 def _other_numbers(
@@ -102,10 +112,11 @@ def _other_numbers(
 def _large_enough(
     causes: Sequence[ParametricCause], changes: ChangeRegression
 ) -> tuple[ParametricCause, ...]:
-    """Causes that take enough of the gap that stands when what was left out is in the model."""
+    """Causes that take enough of the gap beside what was left out, or of a joint's torque."""
     kept, gap = [], 1.0
     for cause in causes:
-        if cause.share >= LEAST_SHARE_OF_A_CAUSE * gap:
+        enough = cause.share >= LEAST_SHARE_OF_A_CAUSE * gap
+        if enough or cause.share_of_torque >= JOINT_SHARE:
             kept.append(cause)
         if cause.effect.known_to_be_left_out(changes.space):
             gap -= cause.share

@@ -88,6 +88,53 @@ class Gap:
 
 
 @dataclass(frozen=True)
+class JointChange:
+    """What one cause takes of the torque gap at one joint.
+
+    Attributes
+    ----------
+    joint : str
+    before, after : float
+        RMS of the torque gap, beside the causes before it, N m (N).
+    share_of_torque : float
+        Root of before² − after², as a share of the joint's torque (rms); negative where the gap
+        grows.
+    """
+
+    joint: str
+    before: float
+    after: float
+    share_of_torque: float
+
+
+@dataclass(frozen=True)
+class ParameterError:
+    """What parameter errors make of the given model's torque gap at one joint, rms, N m (N).
+
+    Attributes
+    ----------
+    joint : str
+    given : float
+        Of the given model.
+    named : float
+        With the parametric causes that are listed.
+    refit : float
+        With new base parameters.
+    remaining : float
+        Root of named² − refit²: the parameter error that no listed cause accounts for.
+    share_of_torque : float
+        Of that, as a share of the joint's torque (rms).
+    """
+
+    joint: str
+    given: float
+    named: float
+    refit: float
+    remaining: float
+    share_of_torque: float
+
+
+@dataclass(frozen=True)
 class Cause:
     """One accepted cause of the gap.
 
@@ -110,6 +157,8 @@ class Cause:
         loop cannot be simulated.
     sentence : str
         What a robot engineer should read: where, what, how large, how far the gap shrinks.
+    joint_gaps : tuple of JointChange
+        Joints whose torque gap it changes noticeably, its own first.
     """
 
     effect: str
@@ -122,6 +171,7 @@ class Cause:
     torque_gap: Gap
     simulation_gap: Gap | None
     sentence: str
+    joint_gaps: tuple[JointChange, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -343,6 +393,8 @@ class GapResult:
         Length of all recordings together, without the pauses between them, s.
     session : tuple of SessionPart
         Where each recording lies in the time of the session, in the order of `bags`.
+    parameter_errors : tuple of ParameterError
+        One for each joint; empty without a given model.
     """
 
     robot: str
@@ -369,3 +421,4 @@ class GapResult:
     timing: dict[str, float] = field(default_factory=dict)
     recorded: float | None = None
     session: tuple[SessionPart, ...] = ()
+    parameter_errors: tuple[ParameterError, ...] = ()

@@ -59,6 +59,26 @@ class TorqueGapPart(SimulationGapPart):
     noise_floor: Number | None
 
 
+class JointChangePart(_Part):
+    """What a cause takes of the torque gap at one joint."""
+
+    joint: str
+    before: Number | None
+    after: Number | None
+    share_of_torque: Number | None
+
+
+class ParameterErrorPart(_Part):
+    """What parameter errors make of the given model's torque gap at one joint."""
+
+    joint: str
+    given: Number | None
+    named: Number | None
+    refit: Number | None
+    remaining: Number | None
+    share_of_torque: Number | None
+
+
 class CausePart(_Part):
     """One accepted cause."""
 
@@ -71,6 +91,7 @@ class CausePart(_Part):
     evidence: EvidencePart
     indistinguishable_from: list[RivalPart]
     torque_gap: TorqueGapPart
+    joint_gaps: list[JointChangePart] = []
     simulation_gap: SimulationGapPart | None
 
 
@@ -157,6 +178,7 @@ class GapFile(_Part):
     summary: str
     causes: list[CausePart]
     unexplained: UnexplainedPart | None
+    parameter_errors: list[ParameterErrorPart] = []
     where: WherePart
     findings: list[str]
     not_testable: list[NotTestablePart]

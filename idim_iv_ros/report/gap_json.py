@@ -28,6 +28,7 @@ def gap_document(result: GapResult) -> Document:
             "summary": result.summary,
             "causes": [_cause(cause) for cause in result.causes],
             "unexplained": result.unexplained,
+            "parameter_errors": result.parameter_errors,
             "where": {"joints": result.joint_gaps, "regimes": result.regimes},
             "findings": result.findings,
             "not_testable": result.not_testable,
@@ -57,6 +58,7 @@ def _cause(cause: Cause) -> Document:
         "evidence": cause.evidence,
         "indistinguishable_from": cause.indistinguishable_from,
         "torque_gap": cause.torque_gap,
+        "joint_gaps": cause.joint_gaps,
         "simulation_gap": _simulation_gap(cause.simulation_gap),
     }
 

@@ -45,11 +45,17 @@ class DriveInertia(ParametricEffect):
         """Where no armature is given."""
         return bool(space.bare_drives)
 
-    def subject(self, joint: str | None) -> str:
+    def subject(self, place: str) -> str:
         """Of one drive, or of all."""
-        if joint is not None:
-            return super().subject(joint)
-        return "the drives have inertia that the nominal model lacks"
+        return (
+            super().subject(place)
+            if place
+            else ("the drives have inertia that the nominal model lacks")
+        )
+
+    def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
+        """Its own."""
+        return space.base("Ia", joint, "change_of_drive_inertia")
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
