@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.gap.result import EffectParameter, Rival
 from idim_iv_ros.model import InverseModel, StandardParameter
 
 FloatArray = NDArray[np.float64]
@@ -140,6 +140,10 @@ class ParametricEffect(ABC):
     def known_to_be_left_out(self, space: ParameterSpace) -> bool:
         """Whether the configuration itself says that the given model lacks these numbers."""
         return False
+
+    def inseparable_from(self, space: ParameterSpace) -> tuple[Rival, ...]:
+        """Effects that no recording tells from it where it is known to be left out."""
+        return ()
 
     def subject(self, joint: str | None) -> str:
         """What is wrong, in words, before the numbers."""
