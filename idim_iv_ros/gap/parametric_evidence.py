@@ -83,7 +83,8 @@ def causes_of(
 ) -> tuple[ParametricCause, ...]:
     """Tell what each hypothesis explains beside the others; strongest first.
 
-    What the configuration itself leaves out stands before all others, and has no rivals.
+    What the configuration itself leaves out stands before all others; it has only those rivals
+    that no recording tells from it.
 
     Parameters
     ----------
@@ -119,7 +120,7 @@ def causes_of(
             before=before,
             after=after,
             sizes=changes.sizes,
-            rivals=()
+            rivals=hypothesis.effect.inseparable_from(changes.space)
             if hypothesis.effect.known_to_be_left_out(changes.space)
             else _rivals(joints, changes, rest, this, tried),
             torque=_torque(changes, hypothesis, this),

@@ -78,7 +78,9 @@ def drives(data: Baseline) -> np.ndarray:
 def test_drives_without_inertia_are_one_cause_with_the_value_of_each(data, seed: int) -> None:
     causes = found(data, seed, drives(data))
     assert [(cause.effect.name, cause.joint) for cause in causes] == [("drive_inertia", None)]
-    assert causes[0].rivals == ()
+    grouped = {2: ["joint_1"], 6: ["joint_1", "joint_2"]}[len(data.joints)]
+    rivals = [("link_inertia", joint) for joint in grouped]
+    assert [(rival.effect, rival.joint) for rival in causes[0].rivals] == rivals
     assert causes[0].share > 0.5
     for joint, true in zip(data.joints, DRIVES[len(data.joints)], strict=True):
         value = causes[0].parameters[joint]

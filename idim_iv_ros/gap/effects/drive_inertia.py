@@ -8,6 +8,7 @@ from idim_iv_ros.gap.effects.parametric_effect import (
     ParameterSpace,
     ParametricEffect,
 )
+from idim_iv_ros.gap.result import Rival
 
 
 class DriveInertia(ParametricEffect):
@@ -45,13 +46,17 @@ class DriveInertia(ParametricEffect):
         """Where no armature is given."""
         return bool(space.bare_drives)
 
+    def inseparable_from(self, space: ParameterSpace) -> tuple[Rival, ...]:
+        """Links of the joints whose drive has no base parameter of its own (ZZ1 + Ia1)."""
+        joints, names = space.model.robot.joints, space.model.base.names
+        grouped = [drive for drive in sorted(space.bare_drives) if f"Ia{drive + 1}" not in names]
+        return tuple(Rival("link_inertia", joints[drive], 1.0) for drive in grouped)
+
     def subject(self, place: str) -> str:
         """Of one drive, or of all."""
-        return (
-            super().subject(place)
-            if place
-            else ("the drives have inertia that the nominal model lacks")
-        )
+        if place:
+            return super().subject(place)
+        return "the drives have inertia that the nominal model lacks"
 
     def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
         """Its own."""

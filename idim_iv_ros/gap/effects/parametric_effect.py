@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.gap.result import EffectParameter, Rival
 from idim_iv_ros.gap.significance import differs
 from idim_iv_ros.model import InverseModel, StandardParameter
 
@@ -156,6 +156,10 @@ class ParametricEffect(ABC):
     def known_to_be_left_out(self, space: ParameterSpace) -> bool:
         """Whether the configuration itself says that the given model lacks these numbers."""
         return False
+
+    def inseparable_from(self, space: ParameterSpace) -> tuple[Rival, ...]:
+        """What shares base parameters with these numbers, where it was known to be left out."""
+        return ()
 
     def subject(self, place: str) -> str:
         """What is not as given, in words, before the numbers; `place` is empty for none."""
