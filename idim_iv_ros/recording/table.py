@@ -99,6 +99,7 @@ def import_table(
     if out.suffix != ".mcap":
         raise UsageError(f"{out}: the name of the bag must end in .mcap")
     require_file_place([out], force=force)
+    _require_text(joints)
     measured = {"position": position, "effort": effort}
     if velocity is not None:
         measured["velocity"] = velocity
@@ -123,6 +124,15 @@ def import_table(
     signals = tuple(measured) + (() if reference is None else ("reference",))
     mean_rate = (len(stamps) - 1) / duration
     return ImportSummary(len(stamps), mean_rate, duration, signals, tuple(warnings))
+
+
+def _require_text(joints: Sequence[str]) -> None:
+    """Refuse names that no message can hold: bytes of the command line that are not UTF-8."""
+    for joint in joints:
+        try:
+            joint.encode()
+        except UnicodeEncodeError as error:
+            raise UsageError(f"joint {joint!a}: the name is not text in UTF-8") from error
 
 
 def _reference_topic(
