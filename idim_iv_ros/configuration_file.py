@@ -12,7 +12,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.text_file import read_text
 
 # A configuration has a few hundred lines and three levels.
-_LARGEST_FILE = 0.1  # MB; the reader of YAML takes seconds for each
+_LARGEST_FILE = 0.1  # MB, for which the reader of YAML takes 1 to 2 s
 _DEEPEST = 20
 
 

@@ -32,7 +32,7 @@ class ImportSummary:
         Mean rate in Hz, s.
     signals : tuple of str
     warnings : tuple of str
-        Rows that hold no possible value, and were written as missing.
+        Rows that hold no possible value, and were written as missing; what was assumed.
     """
 
     samples: int
@@ -148,6 +148,10 @@ def _reference_topic(
     if time is not None:
         stamps = _stamps(time, None, position, reference)
     elif rate is not None and len(position) != len(stamps):
+        warnings.append(
+            f"{reference}: {len(position)} samples, but {len(stamps)} of the measurements; both "
+            "are taken to begin at the same instant, with the same rate"
+        )
         stamps = _stamps(None, rate, position, reference)
     _require_length(position, stamps, reference, "the time stamps")
     speed = None
