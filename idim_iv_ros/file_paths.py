@@ -34,5 +34,5 @@ def as_file(out: FilePath) -> Path:
     """
     path = Path(out)
     if not path.name:
-        raise UsageError(f"--out {os.fspath(out)!r}: the name of a file is needed")
+        raise UsageError(f"--out {path}: the name of a file is needed")
     return path

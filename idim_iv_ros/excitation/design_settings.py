@@ -66,7 +66,9 @@ def require_possible(
     if settings.repeats < 1:
         raise UsageError(f"repeats {settings.repeats}: at least 1 is needed")
     if settings.repeats > MOST_SAMPLES:
-        raise UsageError(f"repeats: at most {MOST_SAMPLES} samples are possible")
+        raise UsageError(
+            f"the motion has more than {MOST_SAMPLES} repeats: no more samples are possible"
+        )
     if not (np.isfinite(settings.rate) and settings.rate > 0.0):
         raise UsageError(f"rate {settings.rate:g}: samples per second above 0 are needed")
     if settings.harmonics > _MOST_HARMONICS:

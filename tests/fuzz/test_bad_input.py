@@ -41,7 +41,7 @@ _ALWAYS = (
     "file-config-fifo", "file-urdf-fifo", "file-init-urdf-fifo", "out-simulate-fifo",
     "out-import-fifo", "out-no-name", "table-nothing.mat", "table-flipped-5",
     "table-csv-same-header", "import-surrogate-joint", "content-same-joints",
-    "arguments-repeats-of-400-digits",
+    "arguments-repeats-of-400-digits", "arguments-torque-noise-of-1e-300",
     "trajectory-hour-steps", "simulate--duration-infinite", "file-trajectory-endless-zeros",
 )  # fmt: skip
 
