@@ -1,5 +1,6 @@
 """Text files that appear complete and together, or not at all."""
 
+import hashlib
 import os
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
@@ -72,5 +73,9 @@ def write_together(texts: Mapping[Path, str]) -> None:
 
 
 def temporary_file(path: Path) -> Path:
-    """Where a file is written before it is complete."""
-    return path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    """Where a file is written before it is complete.
+
+    Its name is short and of ASCII whatever that of the file: a name of 255 bytes is a name, too.
+    """
+    name = hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]
+    return path.with_name(f".{name}.{os.getpid()}.tmp")

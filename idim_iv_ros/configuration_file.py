@@ -6,12 +6,13 @@ from typing import Any
 from pydantic import ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
-from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
+from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, ScalarEvent
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.text_file import read_text
 
 # A configuration has a few hundred lines and three levels.
-_LARGEST_FILE = 1_000_000  # bytes
+_LARGEST_FILE = 0.1  # MB, for which the reader of YAML takes 1 to 2 s
 _DEEPEST = 20
 
 
@@ -23,7 +24,7 @@ def read_mapping(path: Path) -> dict[Any, Any]:
     UsageError
         File missing, unreadable, too large, no text, broken YAML, or no mapping.
     """
-    text = _text(path)
+    text = read_text(path, "the configuration", megabytes=_LARGEST_FILE)
     try:
         _require_flat(path, text)
         data: Any = YAML(typ="safe", pure=True).load(text)
@@ -40,25 +41,18 @@ def read_mapping(path: Path) -> dict[Any, Any]:
     return data
 
 
-def _text(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            content = file.read(_LARGEST_FILE + 1)
-        if len(content) > _LARGEST_FILE:
-            raise UsageError(f"{path}: larger than 1 MB: not a configuration")
-        return content.decode("utf-8-sig")
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not a text file"
-        raise UsageError(f"{path}: cannot read the configuration: {reason}") from error
-
-
 def _require_flat(path: Path, text: str) -> None:
-    """Refuse what makes a short text endless: deep nesting, and references within references."""
+    """Refuse what makes a short text endless: deep nesting, and references within references.
+
+    And characters that cannot be written again.
+    """
     depth = 0
     anchored: list[bool] = []  # of each open collection, whether it or one around it is anchored
     for event in YAML(typ="safe", pure=True).parse(text):
         where = f"{path}, line {event.start_mark.line + 1}"
-        if isinstance(event, CollectionStartEvent):
+        if isinstance(event, ScalarEvent):
+            _require_characters(where, event.value)
+        elif isinstance(event, CollectionStartEvent):
             depth += 1
             anchored.append(event.anchor is not None or (bool(anchored) and anchored[-1]))
             if depth > _DEEPEST:
@@ -68,6 +62,14 @@ def _require_flat(path: Path, text: str) -> None:
             anchored.pop()
         elif isinstance(event, AliasEvent) and anchored and anchored[-1]:
             raise UsageError(f"{where}: an alias within an anchor is not allowed")
+
+
+def _require_characters(where: str, text: str) -> None:
+    """Refuse halves of characters, which an escape can spell."""
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise UsageError(f"{where}: {shortened(ascii(text))} is not text in UTF-8") from error
 
 
 def first_problem(error: ValidationError) -> str:

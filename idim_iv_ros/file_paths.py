@@ -22,3 +22,17 @@ def as_paths(bags: FilePaths) -> tuple[Path, ...]:
     if not given:
         raise UsageError("no bag was given; at least one is needed")
     return tuple(Path(each) for each in given)
+
+
+def as_file(out: FilePath) -> Path:
+    """Return the path of a file that will be written.
+
+    Raises
+    ------
+    UsageError
+        It has no name: it is empty, ``.`` or ``/``.
+    """
+    path = Path(out)
+    if not path.name:
+        raise UsageError(f"--out {path}: the name of a file is needed")
+    return path

@@ -13,6 +13,7 @@ file                    known by
 
 import hashlib
 import json
+import stat
 import struct
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -34,20 +35,35 @@ def require_replaceable(paths: Iterable[Path], *, force: bool = False) -> None:
     Raises
     ------
     UsageError
-        There is such a file (unless `force`), a folder in its place, or a name that cannot be.
+        There is such a file (unless `force`), something else than a file in its place, or a name
+        that cannot be.
     """
     for path in paths:
         try:
-            folder, exists = path.is_dir(), path.exists()
-        except OSError as error:
-            raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from error
-        if folder:
-            raise UsageError(f"{path} is a folder; give another --out")
-        if exists and not force and not is_own(path):
+            kind = _kind(path)
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise UsageError(f"{path}: cannot be written: {reason}") from error
+        if kind not in (None, "file"):
+            raise UsageError(f"{path} is {kind}; give another --out")
+        if kind and not force and not is_own(path):
             raise UsageError(
                 f"{path}: exists, and was not written by idim_iv_ros or was changed since; give "
                 "another --out, or --force to replace it"
             )
+
+
+def _kind(path: Path) -> str | None:
+    """``file`` or what else is there, in words; None where there is nothing."""
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        return "a link that leads nowhere" if path.is_symlink() else None
+    except NotADirectoryError:
+        return None  # on the way there is a file; the missing folder is what is wrong
+    if stat.S_ISDIR(mode):
+        return "a folder"
+    return "file" if stat.S_ISREG(mode) else "a device, a pipe or a socket"
 
 
 def is_own(path: Path) -> bool:

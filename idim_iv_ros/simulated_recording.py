@@ -12,7 +12,7 @@ from idim_iv_ros.atomic_files import require_file_place, write_together
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import Trajectory
-from idim_iv_ros.file_paths import FilePath
+from idim_iv_ros.file_paths import FilePath, as_file
 from idim_iv_ros.formats import SIMULATION_FORMAT, TRUTH_FORMAT
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.recording import JointTopic, write_bag
@@ -156,7 +156,8 @@ def simulation_document(bags: Sequence[SimulatedBag], truth: Path) -> dict[str, 
 
 def require_simulation_place(out: FilePath, seeds: Sequence[int], *, force: bool = False) -> None:
     """Refuse, before long work, bags that could not be written; see `require_file_place`."""
-    files = [*_bag_paths(Path(out), seeds).values(), _truth_path(Path(out))]
+    bag = as_file(out)
+    files = [*_bag_paths(bag, seeds).values(), _truth_path(bag)]
     require_file_place(files, force=force)
 
 

@@ -1,13 +1,21 @@
 """Text that a user names: whole, of a bounded size, or one line on why not."""
 
 import stat
+from collections.abc import Callable
 from pathlib import Path
 
 from idim_iv_ros.errors import UsageError
 
 
-def read_text(path: Path, what: str, *, megabytes: float) -> str:
-    """Read a UTF-8 file, with or without a byte order mark.
+def utf_8(content: bytes) -> str:
+    """UTF-8, with or without a byte order mark."""
+    return content.decode("utf-8-sig")
+
+
+def read_text(
+    path: Path, what: str, *, megabytes: float, decode: Callable[[bytes], str] = utf_8
+) -> str:
+    """Read a text file.
 
     A device or a pipe is refused before it is opened: it may never end, or never begin.
 
@@ -18,6 +26,8 @@ def read_text(path: Path, what: str, *, megabytes: float) -> str:
         What is expected there, for the message: ``the trajectory``.
     megabytes
         The largest size that such a file has.
+    decode
+        From the bytes to the text; a `ValueError` or `LookupError` where they are none.
 
     Raises
     ------
@@ -34,7 +44,7 @@ def read_text(path: Path, what: str, *, megabytes: float) -> str:
             content = file.read(int(1e6 * megabytes) + 1)
         if len(content) > 1e6 * megabytes:
             raise OSError(0, f"it is larger than {megabytes:g} MB")
-        return content.decode("utf-8-sig")
-    except (OSError, ValueError) as error:
+        return decode(content)
+    except (OSError, ValueError, LookupError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not a text file"
         raise UsageError(f"{path}: cannot read {what}: {reason or error}") from error

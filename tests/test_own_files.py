@@ -1,6 +1,7 @@
 """Only what this program wrote is replaced, and what somebody changed since is not its own."""
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +73,43 @@ def test_bags_of_other_programs_and_of_a_recorder_are_refused(tmp_path: Path) ->
         with pytest.raises(UsageError, match="--force"):
             write_bag(path, [TOPIC])
         assert path.read_bytes() == before
+
+
+@pytest.mark.timeout(30)
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (os.mkfifo, "is a device, a pipe or a socket"),
+        (os.mkdir, "is a folder"),
+        (lambda path: path.symlink_to("/dev/null"), "is a device, a pipe or a socket"),
+        (lambda path: path.symlink_to("/nowhere/at/all"), "is a link that leads nowhere"),
+        (lambda path: path.symlink_to(path.name), "cannot be written"),
+    ],
+)
+@pytest.mark.parametrize("name", ["a.mcap", "result.json", "arm.yaml"])
+def test_nothing_but_a_file_is_ever_replaced(tmp_path: Path, make, words: str, name: str) -> None:
+    make(tmp_path / name)
+    before = (tmp_path / name).lstat().st_ino
+    for force in (False, True):
+        with pytest.raises(UsageError, match=words):
+            require_replaceable([tmp_path / name], force=force)
+    with pytest.raises(UsageError, match=words):
+        write_bag(tmp_path / name, [TOPIC], force=True)
+    assert (tmp_path / name).lstat().st_ino == before
+
+
+def test_a_device_in_the_place_of_a_report_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "report.html").symlink_to("/dev/null")
+    with pytest.raises(UsageError, match="is a device"):
+        write_report(sample_result(1), tmp_path, force=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_a_file_may_have_the_longest_name_that_the_system_allows(tmp_path: Path) -> None:
+    path = tmp_path / ("x" * 250 + ".mcap")
+    write_bag(path, [TOPIC])
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+    assert is_own(path)
 
 
 def test_a_signed_text_is_its_own_until_it_is_edited(tmp_path: Path) -> None:

@@ -32,6 +32,7 @@ def check_command(
     from idim_iv_ros.cli.next_command import next_command
     from idim_iv_ros.cli.output import Output
     from idim_iv_ros.configuration import load_configuration
+    from idim_iv_ros.errors import DataError
 
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
@@ -44,12 +45,21 @@ def check_command(
     _print_findings(output.console, report)
     _print_parameters(output.console, report, verbose)
     if not report.usable:
+        if quiet:
+            raise DataError(_why_unusable(report))
         output.console.print("[red]Not usable[/] for an identification.")
         raise typer.Exit(1)
     limits = sum(finding.level == "limited" for finding in report.findings)
     plural = "s" if limits > 1 else ""
     output.line(f"Usable, with {limits} limit{plural} named above." if limits else "Usable.")
     output.line(f"Next: {next_command('identify', bags, config, '--out', 'results')}")
+
+
+def _why_unusable(report: CheckReport) -> str:
+    """The first reason, and how many more there are."""
+    first, *others = [finding for finding in report.findings if finding.level == "unusable"]
+    more = f" (and {len(others)} more)" if others else ""
+    return f"not usable for an identification: {first.where}: {first.sentence}{more}"
 
 
 def _print_findings(console: Console, report: CheckReport) -> None:

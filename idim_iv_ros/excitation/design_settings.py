@@ -9,7 +9,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.cost import Criterion
 from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.excitation.limits import MotionLimits
-from idim_iv_ros.excitation.sampling import require_sampling
+from idim_iv_ros.excitation.sampling import MOST_SAMPLES, require_sampling
 from idim_iv_ros.excitation.start_posture import require_inside
 
 FloatArray = NDArray[np.float64]
@@ -65,6 +65,10 @@ def require_possible(
     FourierBasis(settings.period, settings.harmonics)
     if settings.repeats < 1:
         raise UsageError(f"repeats {settings.repeats}: at least 1 is needed")
+    if settings.repeats > MOST_SAMPLES:
+        raise UsageError(
+            f"the motion has more than {MOST_SAMPLES} repeats: no more samples are possible"
+        )
     if not (np.isfinite(settings.rate) and settings.rate > 0.0):
         raise UsageError(f"rate {settings.rate:g}: samples per second above 0 are needed")
     if settings.harmonics > _MOST_HARMONICS:

@@ -12,6 +12,8 @@ from idim_iv_ros.excitation.limits import MotionLimits
 from idim_iv_ros.excitation.prediction import PredictedParameter, predict_parameters
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
 
+_LEAST_NOISE = 1e-6  # of the torque limit: no effort is measured more finely
+
 
 @dataclass(frozen=True)
 class Excitation:
@@ -75,8 +77,10 @@ def excite(
     UsageError, DataError
         See `motion_limits`, `design_excitation`, `predict_parameters`.
     """
-    if not 0.0 < torque_noise < 1.0:
-        raise UsageError(f"torque noise {torque_noise:g}: a share between 0 and 1 is needed")
+    if not _LEAST_NOISE <= torque_noise < 1.0:
+        raise UsageError(
+            f"torque noise {torque_noise:g}: a share from {_LEAST_NOISE:g} to below 1 is needed"
+        )
     design = design_excitation(model, limits, settings, progress)
     parameters = predict_parameters(
         model, design.period, settings.repeats, limits.torque, torque_noise

@@ -10,14 +10,21 @@ from idim_iv_ros.atomic_files import probe_place, write_together
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.joint_trajectory import write_joint_trajectory
 from idim_iv_ros.excitation.trajectory import Trajectory, write_csv
-from idim_iv_ros.file_paths import FilePath
+from idim_iv_ros.file_paths import FilePath, as_file
 from idim_iv_ros.own_files import FILES, digests, require_replaceable
 
 ENDINGS = ("csv", "yaml", "json")
 
 
-def motion_stem(out: Path) -> Path:
-    """Path without ending that the files of a motion share: ``run.csv`` and ``run`` alike."""
+def motion_stem(out: FilePath) -> Path:
+    """Path without ending that the files of a motion share: ``run.csv`` and ``run`` alike.
+
+    Raises
+    ------
+    UsageError
+        `out` has no name.
+    """
+    out = as_file(out)
     return out.with_suffix("") if out.suffix in (".csv", ".yaml", ".json") else out
 
 

@@ -15,6 +15,7 @@ from idim_iv_ros.first_configuration.effort_unit import EffortUnit, guess_effort
 from idim_iv_ros.first_configuration.joint_choice import JointChoice, choose_joints
 from idim_iv_ros.first_configuration.topic_choice import TopicChoice, choose_states, choose_topics
 from idim_iv_ros.first_configuration.topic_contents import BagContents, read_contents
+from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.preparation import prepare, read_configured
 from idim_iv_ros.stopwatch import Progress, Stopwatch
 
@@ -135,11 +136,7 @@ def _unit_warning(unit: EffortUnit) -> tuple[str, ...]:
 def _description(contents: list[BagContents], urdf: Path | None) -> tuple[str, str]:
     """Text of the URDF, and what to call it."""
     if urdf is not None:
-        try:
-            return urdf.read_text(encoding="utf-8"), str(urdf)
-        except (OSError, UnicodeDecodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "not a text file"
-            raise UsageError(f"{urdf}: cannot read the URDF: {reason}") from error
+        return read_urdf_file(urdf), str(urdf)
     for bag in contents:
         if bag.description is not None:
             return bag.description, f"{bag.path.name} /robot_description"

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.urdf import TYPES, Inertial, Urdf, UrdfJoint, base_link, quoted, refuse
+from idim_iv_ros.text_file import read_text
 
 FloatArray = NDArray[np.float64]
 
@@ -25,6 +26,7 @@ FloatArray = NDArray[np.float64]
 RIGHT_ANGLE_TOLERANCE = 1e-5
 # No length, mass or moment of a robot is larger in SI units; products of larger ones overflow.
 LARGEST = 1e9
+_LARGEST_FILE = 50.0  # MB
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
@@ -36,17 +38,12 @@ def read_urdf_file(path: Path) -> str:
     UsageError
         The file cannot be read, or is no text.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        reason = error.strerror or error
-        raise UsageError(f"{path}: cannot read the URDF: {reason}") from error
+    return read_text(path, "the URDF", megabytes=_LARGEST_FILE, decode=_decoded)
+
+
+def _decoded(content: bytes) -> str:
     declared = re.match(rb"<\?xml[^>]*encoding=[\"']([\w.-]+)[\"']", content)
-    encoding = declared.group(1).decode() if declared else "utf-8-sig"
-    try:
-        return content.decode(encoding)
-    except (UnicodeDecodeError, LookupError) as error:
-        raise UsageError(f"{path}: cannot read the URDF: not a text file") from error
+    return content.decode(declared.group(1).decode() if declared else "utf-8-sig")
 
 
 def read_urdf_text(urdf: str, source: str) -> Urdf:

@@ -170,9 +170,9 @@ def _counts(folder: Path) -> dict[str, int]:
 def _information(folder: Path) -> dict[str, Any]:
     """Content of metadata.yaml; empty where there is none that can be read."""
     metadata = folder / "metadata.yaml"
-    if not metadata.is_file() or metadata.stat().st_size > _LONGEST_METADATA:
-        return {}
     try:
+        if not metadata.is_file() or metadata.stat().st_size > _LONGEST_METADATA:
+            return {}
         document = YAML(typ="safe", pure=True).load(metadata.read_text(encoding="utf-8"))
         information = document["rosbag2_bagfile_information"]
     except (OSError, ValueError, YAMLError, KeyError, TypeError, RecursionError):

@@ -4,6 +4,7 @@ A file may hold any database: only tables are read, by their row numbers, and no
 computes (views, virtual tables, generated columns).
 """
 
+import os
 import sqlite3
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -29,6 +30,14 @@ _COLUMNS = {
 }
 
 _Row = tuple[int, object, object, object]
+
+
+def _has_log(path: Path) -> bool:
+    """Whether a write-ahead log beside the file holds what a killed recorder had not merged yet."""
+    try:
+        return path.with_name(f"{path.name}-wal").is_file()
+    except OSError:  # a name too long for a file: then there is none
+        return False
 
 
 @dataclass
@@ -67,9 +76,8 @@ class SqliteFile:
         DataError
             Not a rosbag2 database.
         """
-        # A write-ahead log beside the file holds what a killed recorder had not merged yet.
-        mode = "mode=ro" if Path(f"{self.path}-wal").exists() else "immutable=1"
-        address = f"file:{quote(str(self.path))}?{mode}"
+        mode = "mode=ro" if _has_log(self.path) else "immutable=1"
+        address = f"file:{quote(os.fsencode(self.path))}?{mode}"
         try:
             with closing(sqlite3.connect(address, uri=True)) as connection:
                 numbers = self._open(connection)

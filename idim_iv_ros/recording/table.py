@@ -32,7 +32,7 @@ class ImportSummary:
         Mean rate in Hz, s.
     signals : tuple of str
     warnings : tuple of str
-        Rows that hold no possible value, and were written as missing.
+        Rows that hold no possible value, and were written as missing; what was assumed.
     """
 
     samples: int
@@ -99,6 +99,7 @@ def import_table(
     if out.suffix != ".mcap":
         raise UsageError(f"{out}: the name of the bag must end in .mcap")
     require_file_place([out], force=force)
+    _require_text(joints)
     measured = {"position": position, "effort": effort}
     if velocity is not None:
         measured["velocity"] = velocity
@@ -125,6 +126,15 @@ def import_table(
     return ImportSummary(len(stamps), mean_rate, duration, signals, tuple(warnings))
 
 
+def _require_text(joints: Sequence[str]) -> None:
+    """Refuse names that no message can hold: bytes of the command line that are not UTF-8."""
+    for joint in joints:
+        try:
+            joint.encode()
+        except UnicodeEncodeError as error:
+            raise UsageError(f"joint {joint!a}: the name is not text in UTF-8") from error
+
+
 def _reference_topic(
     joints: Sequence[str],
     sources: tuple[str, str | None, str | None],
@@ -138,6 +148,10 @@ def _reference_topic(
     if time is not None:
         stamps = _stamps(time, None, position, reference)
     elif rate is not None and len(position) != len(stamps):
+        warnings.append(
+            f"{reference}: {len(position)} samples, but {len(stamps)} of the measurements; both "
+            "are taken to begin at the same instant, with the same rate"
+        )
         stamps = _stamps(None, rate, position, reference)
     _require_length(position, stamps, reference, "the time stamps")
     speed = None

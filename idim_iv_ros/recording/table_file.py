@@ -1,11 +1,9 @@
 """Numbers in .csv, .npy, .npz and .mat files: ``FILE`` or ``FILE:KEY``."""
 
-import struct
 import warnings
 import zipfile
-import zlib
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,26 +12,11 @@ from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.recording.paths import is_file
 
 FloatArray = NDArray[np.float64]
+_Wanted = TypeVar("_Wanted", str, int)  # name of a variable, or number of a column
 
 SUFFIXES = (".csv", ".npy", ".npz", ".mat")
 _NUMBERS = "iuf"  # kinds of numpy: integers, unsigned ones, floats
 _LARGEST = 1 << 30  # bytes of one array
-# What the readers of numpy and scipy raise when the bytes are not what the name says.
-_NOT_READABLE = (
-    ValueError,
-    KeyError,
-    TypeError,
-    IndexError,
-    AttributeError,
-    NotImplementedError,
-    EOFError,
-    OverflowError,
-    RecursionError,
-    SyntaxError,
-    struct.error,
-    zlib.error,
-    zipfile.BadZipFile,
-)
 
 
 def read_table(spec: str) -> FloatArray:
@@ -55,7 +38,9 @@ def read_table(spec: str) -> FloatArray:
         raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
     except MemoryError as error:
         raise UsageError(f"{path}: claims more numbers than fit into memory") from error
-    except _NOT_READABLE as error:
+    except Exception as error:
+        # The readers of numpy and scipy raise more than is written down when the bytes are not
+        # what the name of the file says.
         reason = " ".join(str(error).split()) or type(error).__name__
         raise UsageError(f"{path}: not a table that can be read: {reason[:200]}") from error
     array = np.asarray(values)
@@ -67,7 +52,8 @@ def read_table(spec: str) -> FloatArray:
         array = array[:, None]
     if array.ndim != 2:
         raise UsageError(f"{spec}: {array.ndim} dimensions; samples and joints are needed")
-    array = array.astype(float, copy=False)
+    with np.errstate(over="ignore"):  # beyond double precision: infinite, which is refused later
+        array = array.astype(float, copy=False)
     return array if array.shape[0] >= array.shape[1] else array.T
 
 
@@ -100,7 +86,9 @@ def _load(path: Path, key: str | None) -> Any:
         # Mapped, so that a header that claims more than the file holds is an error and no memory.
         array = np.load(path, mmap_mode="r", allow_pickle=False)
         _require_size(path, array.nbytes)
-        return array if key is None else array[:, [_column(path, part) for part in key.split(",")]]
+        if key is None:
+            return array
+        return array[:, _different(path, [_column(path, part) for part in key.split(",")])]
     if suffix == ".npz":
         return _npz(path, key)
     from scipy.io import loadmat, whosmat  # here, because a recorder starts faster without it
@@ -157,6 +145,14 @@ def _variables(path: Path, names: list[str], key: str | None) -> list[str]:
     for name in wanted:
         if name not in names:
             raise UsageError(f"{path}: no variable {name}; there are {listed}")
+    return _different(path, wanted)
+
+
+def _different(path: Path, wanted: list[_Wanted]) -> list[_Wanted]:
+    """Refuse what is asked for twice: it would be the signal of two joints."""
+    for each in wanted:
+        if wanted.count(each) > 1:
+            raise UsageError(f"{path}: {each} is given twice; each joint has its own")
     return wanted
 
 
@@ -182,6 +178,11 @@ def _csv(path: Path, key: str | None) -> FloatArray:
     if key is not None:
         wanted = []
         for column in key.split(","):
+            if headed and names.count(column) > 1:
+                raise UsageError(
+                    f"{path}: {names.count(column)} columns are named {column}; give their numbers "
+                    "from 0"
+                )
             if headed and column in names:
                 wanted.append(names.index(column))
             elif column.isdigit() and int(column) < len(names):
@@ -192,6 +193,7 @@ def _csv(path: Path, key: str | None) -> FloatArray:
                     f"{path}: no column {column}; there are {listed}"
                     + (", or numbers from 0" if headed else "")
                 )
+        wanted = _different(path, wanted)
     return np.loadtxt(
         path,
         delimiter=delimiter,

@@ -10,6 +10,9 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.file_paths import FilePath
 from idim_iv_ros.gap.result import FORMAT, Family, Kind, Verdict
 from idim_iv_ros.report.json_result import Document
+from idim_iv_ros.text_file import read_text
+
+_LARGEST_FILE = 50.0  # MB
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Interval = tuple[Number | None, Number | None]
@@ -232,9 +235,5 @@ def read_gap(path: FilePath) -> Document:
         The file cannot be read, or as `check_gap_text`.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not a text file"
-        raise UsageError(f"{path}: cannot read the diagnosis: {reason}") from error
+    text = read_text(path, "the diagnosis", megabytes=_LARGEST_FILE)
     return check_gap_text(text, str(path))

@@ -110,7 +110,7 @@ def require_writable(
         try:
             if not force:
                 _keep_other_report(out, names)
-                require_replaceable([out / name for name in names])
+            require_replaceable([out / name for name in names], force=force)
             _create(out, created)
             _probe(out, names)
         except OSError as error:

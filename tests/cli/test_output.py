@@ -59,6 +59,9 @@ def test_unusable_recording_is_a_document_with_status_one(run, config, record, t
     done = run("check", still, "--config", config(), "--json")
     assert done.status == 1
     assert json.loads(done.out)["usable"] is False
+    quiet = run("check", still, "--config", config(), "--quiet")
+    refused(quiet, 1, "not usable", "Fv2")
+    assert quiet.out == ""
 
 
 def test_result_needs_somewhere_to_go(run, config, bag) -> None:

@@ -86,6 +86,14 @@ def _diagnose_with(*options: str) -> Build:
 
 _WRONG: dict[str, Build] = {
     "none": lambda folder, good, random: [],
+    "repeats-of-400-digits": lambda folder, good, random: [
+        "excite", "--config", str(write_configuration(folder)), "--out", str(folder / "m"),
+        "--repeats", "1" * 400,
+    ],
+    "torque-noise-of-1e-300": lambda folder, good, random: [
+        "excite", "--config", str(write_configuration(folder)), "--out", str(folder / "m"),
+        "--period", "2", "--rate", "100", "--time-limit", "0.2", "--torque-noise", "1e-300",
+    ],
     "estimator": _identify_with("--estimator", "[bold]"),
     "estimator-long": _identify_with("--estimator", "x" * 20_000),
     "config-twice": _identify_with("--config", "/none.yaml"),

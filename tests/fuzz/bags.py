@@ -24,7 +24,7 @@ def cases(seed: int) -> Iterator[Case]:
     yield from _torn(seed)
     yield from _flipped(seed)
     yield from _databases(seed)
-    for number, (name, change) in enumerate({**_CONTENTS, **_STAMPS, **_VALUES}.items()):
+    for number, (name, change) in enumerate(changes().items()):
         yield _content_case(f"content-{name}", change, seed, _COMMANDS[number % len(_COMMANDS)])
     for name in ("huge-efforts", "tiny-efforts", "one-spike", "constant", "wrap"):
         for heavy in ("identify", "diagnose"):
@@ -164,6 +164,11 @@ def _database_case(name: str, statements: tuple[str, ...]) -> Case:
 
 
 Change = Callable[[list[State], np.random.Generator], list[State]]
+
+
+def changes() -> dict[str, Change]:
+    """What can be wrong with the contents, by name."""
+    return {**_CONTENTS, **_STAMPS, **_VALUES}
 
 
 def _content_case(name: str, change: Change, seed: int, what: str) -> Case:

@@ -48,6 +48,7 @@ _VALUES = {
     "empty-text": "''",
     "long-text": "x" * 3000,
     "markup": "'[bold]/[/]'",
+    "half-character": r'"\ud800"',
     "line-break": '"a\\nb\\e[2J"',
     "mapping": "{a: 1}",
     "mapping-of-nan": "{YY1: .nan}",

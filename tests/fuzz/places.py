@@ -14,12 +14,12 @@ _VERY_LONG = "/".join(["y" * 200] * 40)
 
 def cases(seed: int) -> Iterator[Case]:
     """Every special file in every place; every odd name; then places for results."""
-    for number, (what, make) in enumerate(_SPECIAL.items()):
+    for what, make in _SPECIAL.items():
         for place, arguments in _INPUTS.items():
             yield _input_case(f"file-{place}-{what}", make, arguments)
         if what in _REPLACEABLE:
-            how = ("identify", "simulate", "import")[number % 3]
-            yield _output_case(f"out-{what}", make, how)
+            for how in ("identify", "simulate", "import", "init", "excite"):
+                yield _output_case(f"out-{how}-{what}", make, how)
     for name, text in _NAMES.items():
         yield _name_case(f"name-{name}", text)
     for name, build in _OUTPUTS.items():
@@ -92,11 +92,20 @@ _INPUTS: dict[str, tuple[str, Callable[[Path, Path, Good], list[str]]]] = {
         "t.csv",
         lambda folder, path, good: [*simulation(folder), "--trajectory", str(path)],
     ),
+    "init-bag": (
+        "b.mcap",
+        lambda folder, path, good: _first(folder, path, CONFIG / "arm2.urdf"),
+    ),
+    "init-urdf": ("r.urdf", lambda folder, path, good: _first(folder, good.bag, path)),
     "description": (
         "r.urdf",
         lambda folder, path, good: [*_good_table(folder), "--urdf", str(path)],
     ),
 }
+
+
+def _first(folder: Path, bag: Path, urdf: Path) -> list[str]:
+    return ["init", str(bag), "--urdf", str(urdf), "--out", str(folder / "a.yaml")]
 
 
 def _good_table(folder: Path) -> list[str]:
@@ -110,16 +119,26 @@ def _input_case(name: str, make: Callable, place: tuple) -> Case:
         return place[1](folder, path, good)
 
     # An empty URDF on /robot_description is for others to judge.
-    return Case(name, build, refused=place[0] != "r.urdf" or name.startswith("file-urdf"))
+    return Case(name, build, refused=not name.startswith("file-description"))
+
+
+_RESULTS = {
+    "identify": "out",
+    "simulate": "o.mcap",
+    "import": "o.mcap",
+    "init": "arm.yaml",
+    "excite": "m.csv",
+}
 
 
 def _output_case(name: str, make: Callable, how: str) -> Case:
     def build(folder: Path, good: Good) -> list[str]:
-        path = folder / ("out" if how == "identify" else "o.mcap")
+        path = folder / _RESULTS[how]
         make(path)
         return _writing(how, folder, good, path)
 
-    return Case(name, build)
+    # What is empty holds nothing that could be lost, but this program did not write it.
+    return Case(name, build, refused=not name.startswith("out-identify-"))
 
 
 def _writing(how: str, folder: Path, good: Good, out: Path) -> list[str]:
@@ -129,6 +148,10 @@ def _writing(how: str, folder: Path, good: Good, out: Path) -> list[str]:
         arguments = simulation(folder)
         arguments[arguments.index("--out") + 1] = str(out)
         return arguments
+    if how == "init":
+        return ["init", str(good.bag), "--urdf", str(CONFIG / "arm2.urdf"), "--out", str(out)]
+    if how == "excite":
+        return _excite(out, folder)
     arguments = _good_table(folder)
     arguments[1] = str(out)
     return arguments
@@ -262,4 +285,4 @@ _OUTPUTS: dict[str, Callable[[Path, Good], list[str]]] = {
     "markup": _out("[bold]out[/"),
     "line-break": _out("a\nb"),
 }
-_FINE = {"markup", "line-break"}
+_FINE = {"markup", "line-break", "import-of-245-bytes", "motion-of-250-bytes"}

@@ -23,8 +23,7 @@ _COMMANDS = ("check", "simulate", "check", "identify", "excite")
 
 def cases(seed: int) -> Iterator[Case]:
     """Texts, replacements in the arm's URDF, and arms with random numbers."""
-    named = {**_TEXTS, **{name: _replaced(*pairs) for name, pairs in _REPLACED.items()}}
-    for number, (name, text) in enumerate(named.items()):
+    for number, (name, text) in enumerate(texts().items()):
         what = _COMMANDS[number % len(_COMMANDS)]
         yield _case(f"urdf-{name}", text, what, name in _IMPOSSIBLE)
     for number in range(20):
@@ -34,6 +33,11 @@ def cases(seed: int) -> Iterator[Case]:
     for name, change in _DAMAGED.items():
         random = random_of(seed, name)
         yield _case(f"urdf-{name}", change(random), "check", False)
+
+
+def texts() -> dict[str, str]:
+    """URDFs by what is wrong with them."""
+    return {**_TEXTS, **{name: _replaced(*pairs) for name, pairs in _REPLACED.items()}}
 
 
 def _case(name: str, text: str, what: str, refused: bool) -> Case:

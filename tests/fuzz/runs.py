@@ -18,9 +18,11 @@ _STATUSES = (0, 1, 2)
 _COMPLETE = {"identify": {"result.json", "report.html"}, "diagnose": {"gap.json", "report.html"}}
 _PROGRAM = "idim-iv: "
 _WARNING = "Warning: "  # ours; those of libraries begin with the path of a module
-# What a progress display may leave on stderr: a stage with its share or its seconds.
-_PROGRESS = re.compile(r"^(?!idim-iv: )[\w .:…/-]{0,80}\s\d+(:\d\d)*(\.\d+)? ?(%|s\b)?.{0,30}$")
+# What `shown_progress` leaves on stderr: "5 s: simulating seed 1, 30 %".
+_PROGRESS = re.compile(r"^\d+ s: .{1,200}, \d+ %$")
 _USAGE_PANEL = re.compile(r"^(Usage: idim-iv|Try 'idim-iv|[╭│╰])")
+# What tells on stdout why the status is not 0: help, and the table or the document of `check`.
+_SHOWN = ("Usage: idim-iv", "Not usable", '"usable": false')
 _FORBIDDEN = ("Traceback", "defect in", "not enough memory")
 
 
@@ -125,7 +127,7 @@ def faults(outcome: Outcome, *, refused: bool) -> list[str]:
     other = [line for line in lines if line not in ours and not _PROGRESS.match(line)]
     if other:
         found.append(f"on stderr: {other[0][:200]}")
-    shown = panel or "Usage: idim-iv" in outcome.out or "Not usable" in outcome.out
+    shown = panel or any(words in outcome.out for words in _SHOWN)
     if outcome.status in (1, 2) and not shown and len(said) != 1:
         found.append(f"{len(said)} lines say what is wrong")
     return found

@@ -1,0 +1,59 @@
+"""`init` with bags and URDFs of every kind: it meets both before anybody has looked at them."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.fuzz import bags, messages, robots
+from tests.fuzz.case import CONFIG, Case, Good, random_of
+
+_PAIRS = 40
+
+
+def cases(seed: int) -> Iterator[Case]:
+    """Every kind of bag or URDF beside a good one would be hundreds: each seed draws pairs."""
+    for number in range(_PAIRS):
+        yield _pair(f"init-pair-{number}", seed, number)
+    for name, arguments in _ARGUMENTS.items():
+        yield Case(f"init-{name}", arguments, refused=True)
+
+
+def _pair(name: str, seed: int, number: int) -> Case:
+    """Good and bad, bad and good, bad and bad in turns."""
+
+    def build(folder: Path, good: Good) -> list[str]:
+        random = random_of(seed, name)
+        states = messages.states(good)
+        if number % 3 != 1:
+            changes = bags.changes()
+            states = changes[str(random.choice(list(changes)))](states, random)
+        urdf = (CONFIG / "arm2.urdf").read_text(encoding="utf-8")
+        if number % 3 != 0:
+            texts = robots.texts()
+            urdf = texts[str(random.choice(list(texts)))]
+        raw = messages.raw(states)
+        within = number % 4 == 3  # the URDF is in the bag, where it fits into a message
+        if within:
+            text = urdf.encode("utf-8", "surrogateescape").decode("utf-8", "replace")
+            raw = [messages.text_message(text), *raw]
+        messages.write_mcap(folder / "bag.mcap", raw)
+        (folder / "robot.urdf").write_bytes(urdf.encode("utf-8", "surrogateescape"))
+        return _init(folder, folder / "bag.mcap", None if within else folder / "robot.urdf")
+
+    return Case(name, build)
+
+
+def _init(folder: Path, bag: Path, urdf: Path | None, *, out: str = "arm.yaml") -> list[str]:
+    description = [] if urdf is None else ["--urdf", str(urdf)]
+    return ["init", str(bag), *description, "--out", str(folder / out)]
+
+
+_GOOD_URDF = CONFIG / "arm2.urdf"
+_ARGUMENTS = {
+    "no-bag": lambda folder, good: ["init", "--out", str(folder / "arm.yaml")],
+    "missing-bag": lambda folder, good: _init(folder, folder / "none.mcap", _GOOD_URDF),
+    "missing-urdf": lambda folder, good: _init(folder, good.bag, folder / "none.urdf"),
+    "urdf-is-the-bag": lambda folder, good: _init(folder, good.bag, good.bag),
+    "missing-folder": lambda folder, good: _init(folder, good.bag, _GOOD_URDF, out="none/a.yaml"),
+    "long-out": lambda folder, good: _init(folder, good.bag, _GOOD_URDF, out="x" * 300),
+    "no-out": lambda folder, good: _init(folder, good.bag, _GOOD_URDF, out=""),
+}
