@@ -10,6 +10,7 @@ from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.command_regression import command_regression, rms
 from idim_iv_ros.gap.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
 from idim_iv_ros.gap.law_change import LONGEST_LAG, LawChange, law_change, worth
+from idim_iv_ros.gap.law_speed_choice import law_speed
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.simulation import ControlLaw, control_law
 
@@ -59,8 +60,9 @@ def why_not_checked(data: Baseline) -> str:
 def controller_mismatch(data: Baseline) -> list[ControllerFinding]:
     """Compare the recorded efforts with the configured law on the measured motion.
 
-    All samples count, also at reversals, except those at the torque limit. Constants and a lag
-    of up to two periods of the control, common to all joints, are no mismatch. Empty where nothing
+    All samples count, also at reversals, except those at the torque limit. Constants, a lag of up
+    to two periods of the control, common to all joints, and a speed that the law differentiates and
+    filters (`law_speed`) are no mismatch. Empty where nothing
     can be compared (`why_not_checked`) or nothing differs.
     """
     if why_not_checked(data):
@@ -68,9 +70,10 @@ def controller_mismatch(data: Baseline) -> list[ControllerFinding]:
     configuration = data.prepared.configuration
     law = control_law(configuration.controller, len(data.joints))
     period = configuration.controller.period or 1.0 / data.prepared.motions[0].signals.rate
+    speed = law_speed(data.prepared.motions, law)
     compared = {}
     for joint in range(len(data.joints)):
-        rows = command_regression(data.prepared.motions, law, joint)
+        rows = command_regression(data.prepared.motions, law, joint, speed)
         if rows is not None:
             compared[joint] = law_change(rows, law, joint, period)
     longest = _longest_lag(list(compared.values()), period)

@@ -32,6 +32,7 @@ from idim_iv_ros.gap.other_causes import controller_results, parametric_results
 from idim_iv_ros.gap.parametric import ParametricOutcome, parametric_causes
 from idim_iv_ros.gap.regression_rows import smooth_regression
 from idim_iv_ros.gap.result import Cause, EffectParameter, GapResult, NotTestable
+from idim_iv_ros.gap.signal_chain import aligned
 from idim_iv_ros.gap.structural_causes import NamedModel, named_model, structural_causes
 from idim_iv_ros.gap.testability import floor_colours, shown_by_motion
 from idim_iv_ros.gap.tracked_stages import simulation_gaps, tracked_stages
@@ -96,6 +97,7 @@ def _diagnosed(
         weightless = _given_alone(data, regression)
         data = baseline(recordings, gravity.corrected(configuration))
         regression = smooth_regression(data)
+    data, regression, chain = aligned(data, regression)
     watch.stage("attribution", 0.2)
     catalogue = [effect for effect in STRUCTURAL if effect.name not in without]
     wrong = [effect for effect in WRONG_NUMBERS if effect.name not in without]
@@ -162,7 +164,10 @@ def _diagnosed(
         confusability=confusability,
         series=gap_series(data, regression, model),
         tracking=tracking_series(data, first, last),
-        notes=_notes(data, tested.note, [floor.note for floor in floors], tracked),
+        notes=(
+            chain.sentence(data.joints),
+            *_notes(data, tested.note, [floor.note for floor in floors], tracked),
+        ),
         extended_parameters=_extended(data, model),
         recorded=sum(recording.duration for recording in recordings),
     )
