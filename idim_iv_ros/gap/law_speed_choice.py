@@ -22,8 +22,9 @@ _LEAST_ROWS = 50
 def law_speed(motions: Sequence[Motion], law: ControlLaw) -> LawSpeed:
     """Choose the speed of the law, one for all joints and recordings.
 
-    Constants and a lag of the command are fitted with each. The plain central difference stays
-    unless another leaves clearly less.
+    Constants, the gains and a lag of the command are fitted with each, so that another gain does
+    not pass for another speed. The plain central difference stays unless another leaves clearly
+    less.
     """
     if not law.torque_gains[1].any():
         return LawSpeed()
@@ -65,8 +66,10 @@ def _shares(
         central = plain.of(signals, joint)
         parts = ControllerMismatch().parts(signals, law, joint, central)
         recorded = signals.torque[:, joint]
-        later = [gain * (speed.of(signals, joint) - central) for speed in speeds]
-        table = np.column_stack([recorded, parts.rate, recorded - parts.command, *later])
+        later = [speed.of(signals, joint) - central for speed in speeds]
+        error, slip = parts.groups["kp"], parts.groups["kd"]
+        rest = recorded - parts.command
+        table = np.column_stack([recorded, rest, parts.rate, error, slip, *later])
         rows = motion.decimation.whole(table[motion.span])[comparable_rows(motion, law, joint)]
         tables.append(rows)
         constants.append(np.full(len(rows), number))
@@ -74,8 +77,10 @@ def _shares(
     if len(table) < _LEAST_ROWS:
         return None
     which = np.concatenate(constants)
-    matrix = np.column_stack([which[:, None] == np.unique(which), table[:, 1]])
-    rests = table[:, 2:3] + table[:, 3:]
-    solution = np.linalg.lstsq(matrix, rests, rcond=None)[0]
-    left = np.sum((rests - matrix @ solution) ** 2, axis=0)
-    return np.asarray(left / max(float(np.sum(table[:, 0] ** 2)), 1e-300))
+    plain_columns = np.column_stack([which[:, None] == np.unique(which), table[:, 2:4]])
+    left = []
+    for change in table[:, 5:].T:
+        matrix = np.column_stack([plain_columns, table[:, 4] - change])
+        rest = table[:, 1] + gain * change
+        left.append(float(np.sum((rest - matrix @ np.linalg.lstsq(matrix, rest)[0]) ** 2)))
+    return np.array(left) / max(float(np.sum(table[:, 0] ** 2)), 1e-300)

@@ -130,16 +130,18 @@ def _rate_of_torque(data: Baseline, joint: int) -> Columns:
 
 
 def _chain(shifts: FloatArray, deviations: FloatArray, period: float) -> SignalChain:
-    """Shift that most joints share; of as many, the one nearest to whole halves of a period."""
+    """Shift that most joints share; of as many, the smallest."""
     usable = np.isfinite(deviations) & (deviations > 0.0) & (deviations < period)
+    likely = (shifts >= _EARLIEST * period) & (shifts <= _LATEST * period)
     best = np.zeros(len(shifts), dtype=bool)
-    preference: tuple[float, ...] = (0.0,)
+    preference = (0, -np.inf)
     for joint in np.flatnonzero(usable):
         room = _AGREEMENT * period + _DEVIATIONS * np.hypot(deviations, deviations[joint])
         agreeing = usable & (np.abs(shifts - shifts[joint]) <= room)
-        halves = shifts[joint] / (0.5 * period)
-        rank = (float(agreeing.sum()), -abs(halves - round(halves)), -abs(float(shifts[joint])))
-        if rank > preference:
+        count = int(agreeing.sum())
+        shared = count >= 2 and 2 * count > usable.sum()
+        rank = (count, -abs(float(shifts[joint])))
+        if (shared or likely[joint]) and rank > preference:
             best, preference = agreeing, rank
     shift, std = 0.0, None
     if best.any():
@@ -147,9 +149,6 @@ def _chain(shifts: FloatArray, deviations: FloatArray, period: float) -> SignalC
         shift = float(np.sum(weights * shifts[best]) / weights.sum())
         spread = float(np.sum(weights * (shifts[best] - shift) ** 2) / max(best.sum() - 1, 1))
         std = float(np.sqrt(max(1.0, spread) / weights.sum()))
-        shared = best.sum() >= 2 and 2 * best.sum() > usable.sum()
-        if not shared and not _EARLIEST * period <= shift <= _LATEST * period:
-            shift, std, best = 0.0, None, np.zeros_like(best)
     return SignalChain(shift, std, period, shifts, deviations, best)
 
 
