@@ -4,12 +4,21 @@ VENV := .venv
 BIN := $(VENV)/bin
 INTERFACES := $(wildcard idim_iv_interfaces/*.* idim_iv_interfaces/*/*.*)
 
+# Compiled kernels stay with the environment, and with it outlive a fresh clone. Not for `demo`: the
+# commands that a user gives afterwards look beside the sources.
+KERNELS := $(CURDIR)/$(VENV)/numba
+SOURCES := $(wildcard idim_iv_ros/simulation/*.py)
+tests slow load bench $(VENV)/ready-kernels: export NUMBA_CACHE_DIR := $(KERNELS)
+
 .PHONY: demo test slow load lint types tests bench clean
 
 demo: $(VENV)/ready
 	$(BIN)/python -m bags.demo --out out/demo
 
-test: lint types tests
+# The kernels compile while mypy runs: two cores.
+test: lint
+	@$(MAKE) --no-print-directory -j2 types $(VENV)/ready-kernels
+	@$(MAKE) --no-print-directory tests
 
 lint: $(VENV)/ready-test
 	$(BIN)/ruff check .
@@ -18,8 +27,9 @@ lint: $(VENV)/ready-test
 types: $(VENV)/ready-test
 	$(BIN)/mypy
 
-tests: $(VENV)/ready-test
-	$(BIN)/pytest
+# Two workers, each with whole files; in the order of the folders, because the longest come first.
+tests: $(VENV)/ready-kernels
+	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # Monte Carlo studies and long recordings: about half an hour.
 slow: $(VENV)/ready-test
@@ -29,12 +39,13 @@ slow: $(VENV)/ready-test
 load: $(VENV)/ready-test
 	$(BIN)/pytest -m load
 
-bench: $(VENV)/ready-bench
+bench: $(VENV)/ready-bench $(VENV)/ready-test
 	$(BIN)/python -m benchmarks.decode
 	$(BIN)/python -m benchmarks.simulation
 	$(BIN)/python -m benchmarks.figaroh
 	$(BIN)/python -m benchmarks.long_recording
 	$(BIN)/python -m benchmarks.recorder_rate
+	$(BIN)/pytest -m bench
 
 $(VENV)/bin/python:
 	@echo "== making the Python environment $(VENV) with $$($(PYTHON) --version)"
@@ -61,6 +72,11 @@ $(VENV)/ready-ros: $(VENV)/ready $(INTERFACES)
 $(VENV)/ready-test: $(VENV)/ready-ros
 	@echo "== installing the test tools from PyPI"
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[test]"
+	@touch $@
+
+$(VENV)/ready-kernels: $(VENV)/ready-test $(SOURCES)
+	@echo "== compiling the kernels of the simulation"
+	@$(BIN)/python -m tests.compile_kernels
 	@touch $@
 
 $(VENV)/ready-bench: $(VENV)/ready-ros

@@ -9,8 +9,8 @@ import typer
 from rich.console import Console
 
 from idim_iv_ros import identify, load_configuration, write_report
-from idim_iv_ros.cli.arguments import progress_bar
-from idim_iv_ros.cli.identify import parameter_table, print_verdict
+from idim_iv_ros.cli.identify import print_parameters, print_remarks, print_verdict
+from idim_iv_ros.cli.progress import shown_progress
 from idim_iv_ros.errors import IdimError
 
 FOLDER = Path(__file__).parent
@@ -25,10 +25,11 @@ def demo(out: Annotated[Path, typer.Option(help="Folder for the report.")]) -> N
         "The arm is 10 to 30 % off what the URDF says; the true values are used only to compare."
     )
     truth = json.loads((FOLDER / "arm6.truth.json").read_text(encoding="utf-8"))
-    with progress_bar() as progress:
+    with shown_progress() as progress:
         result = identify([FOLDER / "arm6.mcap"], load_configuration(CONFIG), progress=progress)
         _, html = write_report(result, out)
-    console.print(parameter_table(result, truth))
+    print_parameters(console, result, truth)
+    print_remarks(console, result)
     print_verdict(console, result)
     within = [
         abs(parameter.value - truth[parameter.name]) < 3.0 * parameter.std

@@ -121,7 +121,8 @@ def main() -> None:
             f"{mine.seconds / theirs.detail['frictionless']:.2f} without (target: at most 3).",
             "",
             f"First call with everything imported: {compiled.detail['first']:.1f} s with an empty "
-            f"numba cache, {mine.detail['first']:.1f} s afterwards, one simulation included.",
+            f"numba cache (target: 15), {mine.detail['first']:.1f} s afterwards (target: 2), one "
+            "simulation included.",
         ],
     )
 

@@ -8,9 +8,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    __version__: str
     from idim_iv_ros.configuration import Configuration, load_configuration
     from idim_iv_ros.errors import DataError, IdimError, UsageError
     from idim_iv_ros.excitation import Trajectory, excite, read_trajectory
+    from idim_iv_ros.first_configuration import propose_configuration, write_configuration
     from idim_iv_ros.gap.diagnosis import diagnose
     from idim_iv_ros.gap.result import GapResult
     from idim_iv_ros.identification import identify, identify_recordings
@@ -36,9 +38,11 @@ __all__ = [
     "identify_recordings",
     "import_table",
     "load_configuration",
+    "propose_configuration",
     "read_recordings",
     "read_trajectory",
     "write_bag",
+    "write_configuration",
     "write_gap_report",
     "write_report",
 ]
@@ -47,6 +51,7 @@ _MODULES = {
     "configuration": ("Configuration", "load_configuration"),
     "errors": ("DataError", "IdimError", "UsageError"),
     "excitation": ("Trajectory", "excite", "read_trajectory"),
+    "first_configuration": ("propose_configuration", "write_configuration"),
     "gap.diagnosis": ("diagnose",),
     "gap.result": ("GapResult",),
     "identification": ("identify", "identify_recordings"),
@@ -58,6 +63,8 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> object:
+    if name == "__version__":
+        return import_module("importlib.metadata").version("idim-iv-ros")
     for module, names in _MODULES.items():
         if name in names:
             return getattr(import_module(f"{__name__}.{module}"), name)

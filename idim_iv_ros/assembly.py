@@ -89,20 +89,28 @@ def assemble_result(
             base_parameters=count,
             essential_parameters=len(essential.columns),
             essential_p_value=essential.p_value,
+            joint_relative_error_percent={
+                name: _relative_error_of(residual, joint.torque)
+                for name, residual, joint in zip(
+                    configuration.robot.joints, linear.residuals, rows, strict=True
+                )
+            },
         ),
         processing=ProcessingSummary(
             position_cutoff=prepared.cutoffs.position,
             position_order=configuration.processing.position_order,
             decimation_cutoff=prepared.cutoffs.decimation,
-            decimation_factor=prepared.cutoffs.factor,
-            row_rate=prepared.motions[0].signals.rate / prepared.cutoffs.factor,
+            decimation_factors=prepared.cutoffs.factors,
+            row_rate=prepared.cutoffs.row_rate,
             minimum_speed=tuple(float(speed) for speed in prepared.minimum_speed),
-            reasons=prepared.reasons,
+            reasons=prepared.doubts + prepared.reasons + prepared.advice,
+            advice=prepared.advice,
         ),
         controller=() if sources is None else sources.controller,
         fitted_gains=() if sources is None else _fitted_gains(sources, configuration),
         refined=_refined(prepared, refined, essential.columns) if coloured else None,
         series=_series(prepared, rows, linear),
+        doubts=prepared.doubts,
     )
 
 
@@ -179,6 +187,12 @@ def _relative_error(rows: Sequence[ObservationRows], linear: LinearEstimate) -> 
     return 100.0 * float(np.sqrt(error / torque)) if torque > 0.0 else float("nan")
 
 
+def _relative_error_of(residual: FloatArray, torque: FloatArray) -> float | None:
+    """Of one joint, %; None without torque."""
+    size = float(np.linalg.norm(torque))
+    return 100.0 * float(np.linalg.norm(residual)) / size if size > 0.0 else None
+
+
 def _fitted_gains(
     sources: InstrumentSources, configuration: Configuration
 ) -> tuple[FittedGain, ...]:
@@ -199,7 +213,9 @@ def _fitted_gains(
 
 def _bags(prepared: PreparedRegression) -> tuple[BagSummary, ...]:
     bags = []
-    for recording, motion in zip(prepared.recordings, prepared.motions, strict=True):
+    session = prepared.session
+    parts = zip(session.recordings, session.parts, prepared.motions, strict=True)
+    for recording, part, motion in parts:
         signals = (
             recording.position,
             recording.effort,
@@ -212,6 +228,7 @@ def _bags(prepared: PreparedRegression) -> tuple[BagSummary, ...]:
                 path=str(recording.path),
                 rate=recording.rate,
                 duration=recording.duration,
+                session_start=part.start,
                 samples=recording.samples,
                 signals=tuple(signal.origin for signal in signals if signal is not None),
                 clocks=recording.clocks,
@@ -226,14 +243,13 @@ def _bags(prepared: PreparedRegression) -> tuple[BagSummary, ...]:
 def _series(
     prepared: PreparedRegression, rows: Sequence[ObservationRows], linear: LinearEstimate
 ) -> tuple[JointSeries, ...]:
-    """Measured and predicted torque of the rows that count, recordings one after the other."""
-    starts = np.cumsum([0.0, *(recording.duration for recording in prepared.recordings)])
+    """Measured and predicted torque of the rows that count, over the time of the session."""
     series = []
     for joint, residual in zip(rows, linear.residuals, strict=True):
         name = prepared.configuration.robot.joints[joint.joint]
         time = [
-            start + motion.time[motion.kept[:, joint.joint]]
-            for start, motion in zip(starts, prepared.motions, strict=False)
+            part.start + motion.time[motion.kept[:, joint.joint]]
+            for part, motion in zip(prepared.session.parts, prepared.motions, strict=True)
         ]
         series.append(
             JointSeries(name, np.concatenate(time), joint.torque, joint.torque - residual)

@@ -1,47 +1,54 @@
 """One YAML file a robot, checked key by key (design: Configuration)."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    PositiveFloat,
-    PositiveInt,
-    ValidationError,
-    model_validator,
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from idim_iv_ros.configuration_file import first_problem, read_mapping, shortened
+from idim_iv_ros.configuration_values import (
+    Acceleration,
+    Delay,
+    FilePath,
+    Fraction,
+    Frequency,
+    Gains,
+    Levels,
+    Matrix,
+    Name,
+    NotZero,
+    Number,
+    Period,
+    PositiveValues,
+    Rate,
+    Vector,
 )
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
-
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.file_paths import FilePath as GivenPath
 
-Vector = list[float]
-Matrix = list[list[float]]
-Levels = list[Annotated[float, Field(ge=0.0)]]
-Fraction = Annotated[float, Field(gt=0.0, lt=1.0)]
+# Steps of the simulated plant in one control period.
+_MOST_STEPS = 100
 
 
 class Section(BaseModel):
-    """Base of all sections: unknown keys are errors, values do not change."""
+    """Base of all sections: unknown keys are errors, text is no number, values do not change."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 class Coupling(Section):
     """A transmission that couples two joints: the second's motor turns with both (TX40 wrist)."""
 
-    joints: Annotated[list[str], Field(min_length=2, max_length=2)]
+    joints: Annotated[list[Name], Field(min_length=2, max_length=2)]
 
 
 class RobotSection(Section):
     """Geometry, joints and transmission; every list is in the order of `joints`."""
 
-    name: str | None = None
-    urdf: Path | None = None
-    joints: Annotated[list[str], Field(min_length=1)]
-    gravity: Annotated[Vector, Field(min_length=3, max_length=3)] = [0.0, 0.0, -9.81]
+    name: Name | None = None
+    urdf: FilePath | None = None
+    joints: Annotated[list[Name], Field(min_length=1, max_length=100)]
+    gravity: Annotated[list[Acceleration], Field(min_length=3, max_length=3)] = [0.0, 0.0, -9.81]
     position_offset: Vector | None = None
     motor_to_joint: Matrix | None = None
     motor_to_joint_torque: Matrix | None = None
@@ -51,7 +58,7 @@ class RobotSection(Section):
 class SimulatorSection(Section):
     """What the user's simulator holds besides the URDF: drive inertia on the joint side, kg m²."""
 
-    armature: Vector | None = None
+    armature: Levels | None = None
 
 
 class SimulatedRobotSection(Section):
@@ -80,16 +87,16 @@ class SimulatedRobotSection(Section):
         s; None: a quarter of the control period.
     """
 
-    parameters: dict[str, float] = {}
-    rate: PositiveFloat | None = None
+    parameters: dict[Name, Number] = {}
+    rate: Rate | None = None
     position_noise: Levels | None = None
     encoder_resolution: Levels | None = None
     torque_noise: Levels | None = None
     disturbance: Levels | None = None
-    disturbance_bandwidth: PositiveFloat = 10.0
-    stamp_jitter: Annotated[float, Field(ge=0.0)] = 0.0
-    delay: Annotated[float, Field(ge=0.0)] | None = None
-    plant_step: PositiveFloat | None = None
+    disturbance_bandwidth: Frequency = 10.0
+    stamp_jitter: Delay = 0.0
+    delay: Delay | None = None
+    plant_step: Annotated[float, Field(ge=1e-6, le=10.0)] | None = None
 
 
 class ControllerSection(Section):
@@ -101,15 +108,15 @@ class ControllerSection(Section):
     """
 
     type: Literal["pd", "cascade", "unknown"] = "unknown"
-    kp: Vector | None = None
-    kd: Vector | None = None
-    ki: Vector | None = None
-    kv: Vector | None = None
-    drive_gain: Vector | None = None
+    kp: PositiveValues | None = None
+    kd: Gains | None = None
+    ki: Gains | None = None
+    kv: PositiveValues | None = None
+    drive_gain: PositiveValues | None = None
     velocity_reference: bool = True
-    torque_limit: Vector | None = None
-    period: PositiveFloat | None = None
-    delay: Annotated[float, Field(ge=0.0)] = 0.0
+    torque_limit: PositiveValues | None = None
+    period: Period | None = None
+    delay: Delay = 0.0
 
     @model_validator(mode="after")
     def _gains_of_the_law(self) -> "ControllerSection":
@@ -131,10 +138,10 @@ class ControllerSection(Section):
 class SignalsSection(Section):
     """Topics, and what arrives on the effort topic."""
 
-    joint_states: str = "/joint_states"
-    effort: str | None = None
-    reference: str | None = None
-    effort_scale: Vector | None = None
+    joint_states: Name = "/joint_states"
+    effort: Name | None = None
+    reference: Name | None = None
+    effort_scale: list[NotZero] | None = None
     effort_unit: Literal["N m", "A", "V"] = "N m"
 
 
@@ -145,17 +152,18 @@ class ProcessingSection(Section):
     at 0.95 white noise stays white, at MATLAB's 0.8 the empty band above the edge colours it.
     `decimation_phase` chooses which sample of each group is kept: ``first`` as SciPy does,
     ``last`` as MATLAB's decimate does. `reversal_margin` is the number of decimated samples that
-    are dropped on either side of a slow one, for the decimation filter smears what happens there.
+    are dropped on either side of a slow one, for the decimation filter smears what happens there;
+    where it is left out, a diagnosis decides once it knows whether the closed loop is simulated.
     """
 
-    position_cutoff: PositiveFloat | None = None
+    position_cutoff: Frequency | None = None
     position_order: Annotated[int, Field(ge=1, le=10)] = 4
-    decimation_cutoff: PositiveFloat | None = None
+    decimation_cutoff: Frequency | None = None
     decimation_edge: Annotated[float, Field(ge=0.5, le=1.0)] = 0.95
     decimation_phase: Literal["first", "last"] = "first"
-    minimum_speed: Vector | None = None
-    reversal_margin: Annotated[float, Field(ge=0.0, le=20.0)] = 1.0
-    trim: Annotated[Vector, Field(min_length=2, max_length=2)] | None = None
+    minimum_speed: Levels | None = None
+    reversal_margin: Annotated[float, Field(ge=0.0, le=20.0)] | None = None
+    trim: Annotated[Levels, Field(min_length=2, max_length=2)] | None = None
 
 
 class IdentificationSection(Section):
@@ -166,10 +174,10 @@ class IdentificationSection(Section):
 
     friction: list[Literal["viscous", "coulomb", "offset"]] = ["viscous", "coulomb", "offset"]
     drive_inertia: bool = True
-    exclude: list[str] = []
+    exclude: list[Name] = []
     start: Literal["given", "regular"] = "given"
-    tolerance: Fraction = 0.01
-    max_iterations: PositiveInt = 10
+    tolerance: Annotated[float, Field(ge=1e-6, lt=1.0)] = 0.01
+    max_iterations: Annotated[int, Field(ge=1, le=100)] = 10
     significance: Fraction = 0.05
 
 
@@ -183,7 +191,7 @@ class Configuration(Section):
     signals: SignalsSection = SignalsSection()
     processing: ProcessingSection = ProcessingSection()
     identification: IdentificationSection = IdentificationSection()
-    source: Annotated[Path | None, Field(exclude=True)] = None
+    source: Annotated[FilePath | None, Field(exclude=True)] = None
 
     @model_validator(mode="after")
     def _lengths(self) -> "Configuration":
@@ -207,18 +215,35 @@ class Configuration(Section):
             matrix = getattr(self.robot, name)
             if matrix is not None and (len(matrix) != n or any(len(row) != n for row in matrix)):
                 raise ValueError(f"robot.{name} must be {n} by {n}")
+        self._couplings()
+        self._plant_step()
+        return self
+
+    def _couplings(self) -> None:
+        motors: set[str] = set()
         for coupling in self.robot.couplings:
+            first, second = coupling.joints
             for joint in coupling.joints:
                 if joint not in self.robot.joints:
                     raise ValueError(f"robot.couplings names {joint}, not in robot.joints")
-        for key in ("kp", "kv"):
-            gains = getattr(self.controller, key)
-            if gains is not None and any(gain <= 0.0 for gain in gains):
-                raise ValueError(f"controller.{key} must be positive")
-        return self
+            if first == second:
+                raise ValueError(f"robot.couplings couples {first} with itself")
+            if second in motors:
+                raise ValueError(f"robot.couplings couples the motor of {second} twice")
+            motors.add(second)
+
+    def _plant_step(self) -> None:
+        step, period = self.simulated_robot.plant_step, self.controller.period
+        if step is None or period is None:
+            return
+        if not period / _MOST_STEPS <= step <= period:
+            raise ValueError(
+                f"simulated_robot.plant_step is {step:g} s: between controller.period, {period:g} "
+                f"s, and a {_MOST_STEPS}th of it is needed"
+            )
 
 
-def load_configuration(path: Path) -> Configuration:
+def load_configuration(path: GivenPath) -> Configuration:
     """Read and check a robot's YAML file; the URDF path becomes absolute.
 
     Raises
@@ -227,41 +252,27 @@ def load_configuration(path: Path) -> Configuration:
         File missing or unreadable, broken YAML, unknown key, wrong type, length or value,
         URDF file missing. The message names the key and the file.
     """
-    try:
-        data: Any = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not a text file"
-        raise UsageError(f"{path}: cannot read the configuration: {reason}") from error
-    except YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f", line {mark.line + 1}" if mark else ""
-        problem = getattr(error, "problem", None) or "not YAML"
-        raise UsageError(f"{path}{where}: {problem}") from error
-    if not isinstance(data, dict):
-        raise UsageError(f"{path}: a mapping with the key 'robot' is expected")
+    path = Path(path)
+    data = read_mapping(path)
     try:
         configuration = Configuration.model_validate(data)
     except ValidationError as error:
-        raise UsageError(f"{path}: {_first_problem(error)}") from error
+        raise UsageError(f"{path}: {first_problem(error)}") from error
     urdf = configuration.robot.urdf
     if urdf is not None:
-        urdf = (path.parent / urdf).resolve()
-        if not urdf.is_file():
-            raise UsageError(f"{path}: robot.urdf: no file {urdf}")
+        urdf = _existing(path, urdf)
     robot = configuration.robot.model_copy(update={"urdf": urdf})
     return configuration.model_copy(update={"robot": robot, "source": path})
 
 
-def _first_problem(error: ValidationError) -> str:
-    problems = error.errors()
-    first = problems[0]
-    key = ".".join(str(part) for part in first["loc"])
-    if first["type"] == "extra_forbidden":
-        text = f"unknown key {key}"
-    elif first["type"] == "missing":
-        text = f"key {key} is missing"
-    else:
-        reason = first["msg"].removeprefix("Value error, ")
-        text = f"{key}: {reason}" if key else reason
-    more = len(problems) - 1
-    return f"{text} (and {more} more)" if more else text
+def _existing(path: Path, urdf: Path) -> Path:
+    """Absolute path of the URDF that a configuration names."""
+    try:
+        absolute = (path.parent / urdf).resolve()
+        found = absolute.is_file()
+    except (OSError, ValueError, RuntimeError) as error:  # too long, a zero byte, a loop of links
+        reason = getattr(error, "strerror", None) or "not a path"
+        raise UsageError(f"{path}: robot.urdf: {shortened(str(urdf))}: {reason}") from error
+    if not found:
+        raise UsageError(f"{path}: robot.urdf: no file {absolute}")
+    return absolute

@@ -1,4 +1,4 @@
-"""The two ways in which a request can fail, each with one line for the user."""
+"""The two ways in which a request can fail, each with one line for the user, and a warning."""
 
 
 class IdimError(Exception):
@@ -22,3 +22,7 @@ class DataError(IdimError):
     """The recording or the model cannot support the answer that was asked for."""
 
     exit_status = 1
+
+
+class ReportWarning(UserWarning):
+    """A part of a report cannot be drawn or written; the numbers are complete all the same."""

@@ -114,6 +114,7 @@ def estimated_parameters(
             ls_std=float(ls_std[k]),
             ordinary_ls_value=float(ordinary.values[k]),
             given_value=None if given is None else float(given[k]),
+            non_negative=base.non_negative[k],
         )
         for k in range(len(base.columns))
     )

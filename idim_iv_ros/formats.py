@@ -2,5 +2,13 @@
 
 RESULT, GAP, REPORT = "result.json", "gap.json", "report.html"
 
-IDENTIFICATION_FORMAT = "idim_iv_ros/identification/1"  # of result.json
-GAP_FORMAT = "idim_iv_ros/gap/1"
+# The first part of every format, and how HTML and MCAP files name what wrote them.
+PROGRAM = "idim_iv_ros"
+
+IDENTIFICATION_FORMAT = f"{PROGRAM}/identification/1"  # of result.json
+GAP_FORMAT = f"{PROGRAM}/gap/1"
+CHECK_FORMAT = f"{PROGRAM}/check/1"
+IMPORT_FORMAT = f"{PROGRAM}/import/1"
+INIT_FORMAT = f"{PROGRAM}/init/1"
+SIMULATION_FORMAT = f"{PROGRAM}/simulation/1"
+TRUTH_FORMAT = f"{PROGRAM}/truth/1"  # of BAG.truth.json

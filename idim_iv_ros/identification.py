@@ -1,12 +1,9 @@
 """From recordings to validated parameters: the whole of `idim-iv identify` without its files."""
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from idim_iv_ros.assembly import assemble_result
 from idim_iv_ros.configuration import Configuration
@@ -19,6 +16,8 @@ from idim_iv_ros.estimation import (
     solve_weighted_least_squares,
     triangles_of_rows,
 )
+from idim_iv_ros.file_paths import FilePaths
+from idim_iv_ros.one_thread import one_thread
 from idim_iv_ros.preparation import prepare, read_configured, require_excitation
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.result import IdentificationResult
@@ -29,7 +28,7 @@ FloatArray = NDArray[np.float64]
 
 
 def identify(
-    bags: Sequence[Path],
+    bags: FilePaths,
     configuration: Configuration,
     *,
     estimator: Estimator = "idim-iv",
@@ -40,7 +39,7 @@ def identify(
     Parameters
     ----------
     bags
-        Recordings of one robot, used together.
+        One recording or several of one robot, used together: text or paths.
     configuration
         See `load_configuration`.
     estimator
@@ -55,7 +54,7 @@ def identify(
     DataError
         The recordings cannot support the answer.
     """
-    with _one_thread(), Stopwatch(progress) as watch:
+    with one_thread(), Stopwatch(progress) as watch:
         watch.stage("reading", 0.0)
         recordings = read_configured(bags, configuration, progress)
         result = _identify(recordings, configuration, estimator, watch)
@@ -64,26 +63,18 @@ def identify(
 
 
 def identify_recordings(
-    recordings: Sequence[Recording],
+    recordings: Recording | Sequence[Recording],
     configuration: Configuration,
     *,
     estimator: Estimator = "idim-iv",
     progress: Progress | None = None,
 ) -> IdentificationResult:
     """Identify from recordings that were read before; otherwise as `identify`."""
-    with _one_thread(), Stopwatch(progress) as watch:
-        result = _identify(recordings, configuration, estimator, watch)
+    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    with one_thread(), Stopwatch(progress) as watch:
+        result = _identify(given, configuration, estimator, watch)
     result.timing.update(watch.timing)
     return result
-
-
-def _one_thread() -> AbstractContextManager[object]:
-    """One thread for linear algebra: its matrices are small, and waiting for threads is not.
-
-    Results then do not depend on the number of cores either.
-    """
-    limits: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
-    return limits
 
 
 def _identify(

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +9,25 @@ from numpy.typing import NDArray
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation import JointTriangle, unseen_parameters
-from idim_iv_ros.model import InverseModel, build_inverse_model
-from idim_iv_ros.recording import Recording, read_recordings
+from idim_iv_ros.file_paths import FilePaths
+from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
+from idim_iv_ros.recording import (
+    Recording,
+    Session,
+    prismatic_joints,
+    read_recordings,
+    session_of,
+)
 from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
 from idim_iv_ros.stopwatch import Progress
 
 FloatArray = NDArray[np.float64]
+
+
+ARMATURE_MISSING = (
+    "no simulator.armature is given: the drives of the nominal model have no inertia; give it in "
+    "kg m² on the joint side, zeros for direct drives"
+)
 
 
 @dataclass(frozen=True)
@@ -25,22 +37,31 @@ class PreparedRegression:
     Attributes
     ----------
     configuration : Configuration
-    recordings : tuple of Recording
+    session : Session
+        The recordings in their order, and the time that they share.
     model : InverseModel
     cutoffs : Cutoffs
     minimum_speed : (n_joints,) rad/s
     motions : tuple of Motion
     reasons : tuple of str
         What was proposed or decided while filtering, and why.
+    advice : tuple of str
+        What to add to the configuration, because the recordings hold more than it names.
     """
 
     configuration: Configuration
-    recordings: tuple[Recording, ...]
+    session: Session
     model: InverseModel
     cutoffs: Cutoffs
     minimum_speed: FloatArray
     motions: tuple[Motion, ...]
     reasons: tuple[str, ...]
+    advice: tuple[str, ...] = ()
+
+    @property
+    def recordings(self) -> tuple[Recording, ...]:
+        """In the order of the session, as `motions`."""
+        return self.session.recordings
 
     @property
     def why_no_given(self) -> str:
@@ -61,59 +82,101 @@ class PreparedRegression:
         """Base parameters (b,) of the given model; None where `why_no_given` says so."""
         return None if self.why_no_given else self.model.given
 
+    @property
+    def armature_missing(self) -> bool:
+        """Whether the given model has drives without inertia because nothing was said of it."""
+        configuration = self.configuration
+        return (
+            self.given is not None
+            and configuration.identification.drive_inertia
+            and configuration.simulator.armature is None
+        )
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What makes the given model hard to believe, a sentence each."""
+        missing = (ARMATURE_MISSING,) if self.armature_missing else ()
+        return (*self.model.robot.doubts, *missing)
+
 
 def prepare(recordings: Sequence[Recording], configuration: Configuration) -> PreparedRegression:
     """Build the model and filter the motion: everything that precedes an estimate.
+
+    Recordings are put in the order of their session first (`session_of`): the order in which they
+    are given changes nothing.
 
     Raises
     ------
     UsageError, DataError
         See `build_inverse_model`, `choose_cutoffs`, `filter_motion`.
     """
+    session = session_of(recordings)
+    recordings = session.recordings
     urdf, source = _urdf(configuration, recordings)
     model = build_inverse_model(configuration, urdf, source)
     records = [joint_side(recording, configuration) for recording in recordings]
-    cutoffs = choose_cutoffs(
-        configuration.processing,
-        [record.position for record in records],
-        records[0].rate,
-        str(configuration.source or "configuration"),
-    )
+    source = str(configuration.source or "the configuration")
+    cutoffs = choose_cutoffs(configuration.processing, records, source)
     couplings = model.regressor.layout.coupling_joints
     motions, minimum_speed, reasons = filter_motion(
         records, configuration.processing, cutoffs, configuration.robot.joints, couplings
     )
     return PreparedRegression(
         configuration=configuration,
-        recordings=tuple(recordings),
+        session=session,
         model=model,
         cutoffs=cutoffs,
         minimum_speed=minimum_speed,
         motions=motions,
-        reasons=cutoffs.reasons + reasons + frozen_sentences(recordings),
+        reasons=session.sentences + cutoffs.reasons + reasons + loss_sentences(recordings),
+        advice=_advice(recordings, configuration),
     )
 
 
-def frozen_sentences(recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Say of each frozen channel of each recording what was left out."""
+def _advice(recordings: Sequence[Recording], configuration: Configuration) -> tuple[str, ...]:
+    """Say which line makes an unused topic the reference, where every recording has one."""
+    first, *others = (recording.unused_references for recording in recordings)
+    common = [topic for topic in first if all(topic in other for other in others)]
+    if not common:
+        return ()
+    source = configuration.source.name if configuration.source else "the configuration"
+    either = "" if len(common) == 1 else f" (or {', '.join(common[1:])})"
+    return (
+        f"{recordings[0].path.name} holds positions of all joints on {common[0]}{either} and "
+        f"nothing uses them; if that is the reference of the control, write "
+        f"`reference: {common[0]}` under `signals:` in {source}",
+    )
+
+
+def loss_sentences(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Say what measurements of each recording were lost, or left out because a channel froze."""
     return tuple(
-        f"{recording.path.name}: {each.sentence}"
+        f"{recording.path.name}: {sentence}"
         for recording in recordings
-        for each in recording.frozen
+        for sentence in (
+            *(note.sentence for note in recording.notes if note.limits),
+            *(each.sentence for each in recording.frozen),
+        )
     )
 
 
 def read_configured(
-    bags: Sequence[Path], configuration: Configuration, progress: Progress | None = None
+    bags: FilePaths, configuration: Configuration, progress: Progress | None = None
 ) -> tuple[Recording, ...]:
     """Read the topics and joints of a configuration; see `read_recordings`."""
     signals = configuration.signals
+    urdf = configuration.robot.urdf
+    prismatic: frozenset[str] = frozenset()
+    # Behind a transmission the positions are angles of motors, whatever the joints are.
+    if urdf is not None and configuration.robot.motor_to_joint is None:
+        prismatic = prismatic_joints(_urdf(configuration, ())[0])
     return read_recordings(
         bags,
         joints=configuration.robot.joints,
         joint_states=signals.joint_states,
         effort=signals.effort,
         reference=signals.reference,
+        prismatic=prismatic,
         progress=progress,
     )
 
@@ -150,10 +213,7 @@ def require_excitation(prepared: PreparedRegression, triangles: Sequence[JointTr
 def _urdf(configuration: Configuration, recordings: Sequence[Recording]) -> tuple[str, str]:
     path = configuration.robot.urdf
     if path is not None:
-        try:
-            return path.read_text(encoding="utf-8"), str(path)
-        except (OSError, UnicodeDecodeError) as error:
-            raise UsageError(f"{path}: cannot read the URDF: {error}") from error
+        return read_urdf_file(path), str(path)
     for recording in recordings:
         if recording.robot_description is not None:
             return recording.robot_description, f"{recording.path.name} /robot_description"

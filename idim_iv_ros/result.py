@@ -18,6 +18,11 @@ FloatArray = NDArray[np.float64]
 
 FORMAT = IDENTIFICATION_FORMAT
 
+# Remarks on a parameter. The first where the 95 % interval lies below zero, and there is nothing
+# in the parameter that may be negative; the second where the interval holds zero.
+IMPOSSIBLE, NOT_SIGNIFICANT = "physically impossible", "not significant"
+_INTERVAL = 1.96
+
 
 @dataclass(frozen=True)
 class ParameterEstimate:
@@ -42,6 +47,8 @@ class ParameterEstimate:
         IDIM-LS with all rows weighted alike.
     given_value : float or None
         What the URDF and the configuration hold.
+    non_negative : bool
+        Whether physics forbids a negative value.
     """
 
     name: str
@@ -57,6 +64,19 @@ class ParameterEstimate:
     ls_std: float
     ordinary_ls_value: float
     given_value: float | None
+    non_negative: bool = False
+
+    @property
+    def remark(self) -> str:
+        """What forbids to rely on `value`: `IMPOSSIBLE`, `NOT_SIGNIFICANT`, or nothing."""
+        return _remark(self.value, self.std, self.non_negative)
+
+    @property
+    def essential_remark(self) -> str:
+        """The same of `essential_value`."""
+        if self.essential_value is None or self.essential_std is None:
+            return ""
+        return _remark(self.essential_value, self.essential_std, self.non_negative)
 
     @property
     def relative_std_percent(self) -> float | None:
@@ -146,6 +166,8 @@ class Fit:
     base_parameters, essential_parameters : int
     essential_p_value : float
         F-test of the null hypothesis that the parameters that are not essential are zero.
+    joint_relative_error_percent : dict of joint to float or None
+        100 ‖y_j - X_j β̂‖ / ‖y_j‖ of each joint; None where its torque is zero.
     """
 
     relative_error_percent: float
@@ -155,6 +177,7 @@ class Fit:
     base_parameters: int
     essential_parameters: int
     essential_p_value: float
+    joint_relative_error_percent: dict[str, float | None] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -165,6 +188,8 @@ class BagSummary:
     ----------
     rate, duration
         Hz, s.
+    session_start
+        Of this recording in the time of the session, s.
     dropped : dict
         Decimated joint samples that do not count, by reason.
     frozen : tuple of FrozenStretches
@@ -180,22 +205,25 @@ class BagSummary:
     notes: tuple[Note, ...]
     dropped: dict[str, int]
     frozen: tuple[FrozenStretches, ...] = ()
+    session_start: float = 0.0
 
 
 @dataclass(frozen=True)
 class ProcessingSummary:
     """Filters as they were applied, and why.
 
-    Frequencies in Hz, `minimum_speed` in rad/s (m/s for prismatic joints).
+    Frequencies in Hz, `minimum_speed` in rad/s (m/s for prismatic joints); one of
+    `decimation_factors` for each recording; `advice` says what to add to the configuration.
     """
 
     position_cutoff: float
     position_order: int
     decimation_cutoff: float
-    decimation_factor: int
+    decimation_factors: tuple[int, ...]
     row_rate: float
     minimum_speed: tuple[float, ...]
     reasons: tuple[str, ...]
+    advice: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -205,7 +233,7 @@ class JointSeries:
     Attributes
     ----------
     time : (n,) s
-        From the start of the first recording; recordings follow each other.
+        Of the session (`recording.session`): it increases.
     measured, predicted : (n,) N m
         Decimated torque and X β̂ of the rows that count; the others are gaps in time.
     """
@@ -225,6 +253,8 @@ class IdentificationResult:
     covariance : (b, b)
         Of the estimates in `parameters`, in their order and the products of their units; the
         diagonal holds the squares of their `std`.
+    doubts : tuple of str
+        What makes the given model hard to believe.
     """
 
     robot: str
@@ -251,3 +281,10 @@ class IdentificationResult:
     refined: Refined | None
     series: tuple[JointSeries, ...]
     timing: dict[str, float] = field(default_factory=dict)
+    doubts: tuple[str, ...] = ()
+
+
+def _remark(value: float, std: float, non_negative: bool) -> str:
+    if abs(value) < _INTERVAL * std:
+        return NOT_SIGNIFICANT
+    return IMPOSSIBLE if non_negative and value < 0.0 else ""

@@ -10,6 +10,7 @@ from typing import Any
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulation.effects import joint_effects
+from idim_iv_ros.text_file import read_text
 
 FORMAT = "idim_iv_ros/gap/1"
 
@@ -67,10 +68,11 @@ def read_extended_model(path: Path) -> ExtendedModel:
     UsageError
         Not a file that a diagnosis wrote; the message names the file and the key.
     """
+    text = read_text(path, "the diagnosis", megabytes=50.0)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
+        content = json.loads(text)
+    except RecursionError as error:
+        raise UsageError(f"{path}: not a diagnosis: nested too deep") from error
     except ValueError as error:
         raise UsageError(f"{path}: not JSON: {' '.join(str(error).split())}") from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
@@ -112,7 +114,10 @@ def _values(group: Any, source: str) -> dict[str, float]:
         value = entry.get("value") if isinstance(entry, dict) else None
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise UsageError(f"{source}.{name}.value is not a number")
-        if not math.isfinite(value):
+        try:
+            values[name] = float(value)
+        except OverflowError:  # a whole number of more than 308 digits
+            values[name] = math.inf
+        if not math.isfinite(values[name]):
             raise UsageError(f"{source}.{name}.value is not a finite number")
-        values[name] = float(value)
     return values

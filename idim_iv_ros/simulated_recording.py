@@ -8,9 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.atomic_files import require_file_place, write_together
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import Trajectory
+from idim_iv_ros.file_paths import FilePath
+from idim_iv_ros.formats import SIMULATION_FORMAT, TRUTH_FORMAT
+from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.recording import JointTopic, write_bag
 from idim_iv_ros.simulated_effects import read_extended_model
 from idim_iv_ros.simulated_robot import SimulatedRobot, simulated_robot
@@ -53,11 +57,12 @@ class SimulatedBag:
 
 def simulate(
     configuration: Configuration,
-    out: Path,
+    out: FilePath,
     trajectory: Trajectory,
     *,
     seeds: Sequence[int] = (1,),
-    effects: Path | None = None,
+    effects: FilePath | None = None,
+    force: bool = False,
     progress: Progress | None = None,
 ) -> tuple[list[SimulatedBag], Path]:
     """Write one bag for each seed, and the true base parameters beside them.
@@ -69,18 +74,20 @@ def simulate(
     ----------
     configuration : Configuration
         With a URDF and a control law; `simulated_robot` says how the robot differs from both.
-    out : Path
+    out : str or Path
         The bag; with several seeds ``-SEED`` is put before its suffix.
     trajectory : Trajectory
         References; the robot starts on its first sample.
-    effects : Path or None
+    effects : str, Path or None
         A diagnosis (`gap.json`): the robot is its extended model, with its causes.
+    force : bool
+        Replace files that this program did not write.
 
     Returns
     -------
     list of SimulatedBag, Path
-        The bags, and the JSON file ``{name: value}`` of the true base parameters, with effects
-        also ``{"effects": […]}``.
+        The bags, and the JSON file ``{name: value}`` of the true base parameters, with the key
+        ``format``, and with effects also ``{"effects": […]}``.
 
     Raises
     ------
@@ -94,22 +101,22 @@ def simulate(
         raise UsageError(f"{configuration.source}: robot.urdf is needed to simulate")
     if len(set(seeds)) != len(seeds):
         raise UsageError("--seed: a seed is given twice")
-    if not out.parent.is_dir():
-        raise UsageError(f"{out}: no folder {out.parent}")
-    text = urdf.read_text(encoding="utf-8")
-    extended = None if effects is None else read_extended_model(effects)
+    require_simulation_place(out, seeds, force=force)
+    bag_paths, truth = _bag_paths(Path(out), seeds), _truth_path(Path(out))
+    text = read_urdf_file(urdf)
+    extended = None if effects is None else read_extended_model(Path(effects))
     robot = simulated_robot(configuration, text, urdf.name, extended)
     bags = []
     with Stopwatch(progress) as watch:
         for count, seed in enumerate(seeds):
             watch.stage(f"simulating seed {seed}", count / len(seeds))
             record = robot.record(trajectory, seed)
-            path = out if len(seeds) == 1 else out.with_name(f"{out.stem}-{seed}{out.suffix}")
+            path = bag_paths[seed]
             watch.stage(f"writing {path.name}", (count + 0.7) / len(seeds))
-            write_bag(path, recorded_topics(configuration, robot, record), robot_description=text)
+            topics = recorded_topics(configuration, robot, record)
+            write_bag(path, topics, robot_description=text, force=force)
             bags.append(_summary(path, seed, record, robot.robot.joint_types))
-    truth = out.with_name(out.stem + TRUTH)
-    content: dict[str, object] = dict(robot.truth)
+    content: dict[str, object] = {"format": TRUTH_FORMAT, **robot.truth}
     if effects is not None:
         content["effects"] = [
             {
@@ -121,10 +128,47 @@ def simulate(
             for effect in robot.effects
         ]
     try:
-        truth.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_together({truth: json.dumps(content, indent=1) + "\n"})
     except OSError as error:
         raise UsageError(f"{truth}: cannot be written: {error.strerror or error}") from error
     return bags, truth
+
+
+def simulation_document(bags: Sequence[SimulatedBag], truth: Path) -> dict[str, object]:
+    """Plain values of the bags that were written, for programs."""
+    return {
+        "format": SIMULATION_FORMAT,
+        "bags": [
+            {
+                "path": str(bag.path),
+                "seed": bag.seed,
+                "samples": bag.samples,
+                "rate": bag.rate,
+                "duration": bag.duration,
+                "peak_torque": bag.peak_torque.tolist(),
+                "peak_error": bag.peak_error.tolist(),
+            }
+            for bag in bags
+        ],
+        "truth": str(truth),
+    }
+
+
+def require_simulation_place(out: FilePath, seeds: Sequence[int], *, force: bool = False) -> None:
+    """Refuse, before long work, bags that could not be written; see `require_file_place`."""
+    files = [*_bag_paths(Path(out), seeds).values(), _truth_path(Path(out))]
+    require_file_place(files, force=force)
+
+
+def _truth_path(out: Path) -> Path:
+    return out.with_name(out.stem + TRUTH)
+
+
+def _bag_paths(out: Path, seeds: Sequence[int]) -> dict[int, Path]:
+    """Return the bag of each seed."""
+    if len(seeds) == 1:
+        return {seeds[0]: out}
+    return {seed: out.with_name(f"{out.stem}-{seed}{out.suffix}") for seed in seeds}
 
 
 def recorded_topics(

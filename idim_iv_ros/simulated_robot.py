@@ -3,12 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from idim_iv_ros.configuration import Configuration, SimulatedRobotSection
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.excitation import Trajectory
+from idim_iv_ros.excitation import Trajectory, require_sampling
 from idim_iv_ros.model import DynamicParameters, RobotModel, build_inverse_model
 from idim_iv_ros.simulated_effects import ExtendedModel
 from idim_iv_ros.simulation import (
@@ -57,7 +57,7 @@ class SimulatedRobot:
         Raises
         ------
         UsageError
-            The trajectory is for other joints, or the rates do not fit each other.
+            The trajectory is for other joints or too long, or the rates do not fit each other.
         DataError
             The closed loop diverged.
         """
@@ -65,6 +65,7 @@ class SimulatedRobot:
         settings = self.settings
         period = self.law.period or 1.0 / trajectory.rate
         rate = settings.rate or round(1.0 / period, 6)
+        require_sampling(max(rate, 1.0 / period), trajectory.duration, "the simulation")
         position, velocity = _resampled(trajectory, rate)
         oversampling = 4 if settings.plant_step is None else round(period / settings.plant_step)
         n = len(trajectory.joints)
@@ -159,6 +160,8 @@ def _resampled(trajectory: Trajectory, rate: float) -> tuple[FloatArray, FloatAr
     if abs(rate / trajectory.rate - 1.0) < 1e-9:
         return trajectory.position, trajectory.velocity
     samples = int(np.floor(trajectory.duration * rate + 1e-6)) + 1
-    motion = CubicHermiteSpline(trajectory.time, trajectory.position, trajectory.velocity)
+    motion = scipy.interpolate.CubicHermiteSpline(
+        trajectory.time, trajectory.position, trajectory.velocity
+    )
     time = np.minimum(np.arange(samples) / rate, trajectory.time[-1])
     return motion(time), motion(time, 1)

@@ -26,6 +26,8 @@ FloatArray = NDArray[np.float64]
 _TIMES_THE_LOOP = 2.0
 # Rows up to this many times denser than that are tested as they are.
 _DENSER = 2.0
+# Rows of a recording below which there is nothing to test.
+_FEWEST = 10
 
 
 @dataclass(frozen=True)
@@ -72,11 +74,20 @@ def tested_rows(
     cutoff = prepared.cutoffs.decimation
     if wanted <= 0.0 or cutoff < _DENSER * wanted:
         return as_it_is
-    factor = prepared.cutoffs.factor * int(cutoff / wanted)
+    times = int(cutoff / wanted)
+    if any(
+        motion.decimation.factor * times * _FEWEST > motion.decimation.samples
+        for motion in prepared.motions
+    ):
+        return as_it_is  # gains so low that the loop takes longer than the recording
     couplings = prepared.model.regressor.layout.coupling_joints
     motions = tuple(
         coarser(
-            motion, factor, prepared.configuration.processing, prepared.minimum_speed, couplings
+            motion,
+            motion.decimation.factor * times,
+            prepared.configuration.processing,
+            prepared.minimum_speed,
+            couplings,
         )
         for motion in prepared.motions
     )
@@ -85,9 +96,9 @@ def tested_rows(
         instruments = slower.instruments(values, values)
     except SourceFailure:
         return as_it_is
-    rate = motions[0].signals.rate / factor
     note = (
-        f"tested on {rate:.3g} rows per second: the fastest loop has a natural frequency of "
+        f"tested on {prepared.cutoffs.row_rate / times:.3g} rows per second: the fastest loop has "
+        "a natural frequency of "
         f"{wanted / _TIMES_THE_LOOP:.3g} Hz, and denser rows say nothing more"
     )
     rows = observation_rows(prepared.model, motions)

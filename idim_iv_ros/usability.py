@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -17,6 +16,7 @@ from idim_iv_ros.estimation import (
     unseen_parameters,
     white_covariance,
 )
+from idim_iv_ros.file_paths import FilePaths
 from idim_iv_ros.model import BaseParameters
 from idim_iv_ros.preparation import PreparedRegression, prepare, read_configured
 from idim_iv_ros.recording import Recording
@@ -31,6 +31,8 @@ _JITTER_LIMIT = 0.2  # of the sampling interval
 _CLIPPED_SHARE = 0.005  # of samples that sit exactly at the largest effort
 _LEAST_RANGE = 0.1  # rad (m for a prismatic joint) that shows gravity and inertia
 _LEAST_REVERSALS = 4
+# A joint moves from this share of its largest speed on, and this many times its noise.
+_MOVING, _TIMES_NOISE = 0.02, 5.0
 _LEAST_DURATION = 5.0  # s
 _ACCELERATION_NOISE = 3.0  # motion over noise
 _WELL_SEEN, _SEEN = 10.0, 30.0  # relative deviation in percent
@@ -84,7 +86,7 @@ class CheckReport:
 
 
 def check(
-    bags: Sequence[Path], configuration: Configuration, progress: Progress | None = None
+    bags: FilePaths, configuration: Configuration, progress: Progress | None = None
 ) -> CheckReport:
     """Look at recordings, joints and parameters without identifying anything.
 
@@ -95,7 +97,7 @@ def check(
     """
     prepared = prepare(read_configured(bags, configuration, progress), configuration)
     triangles = stream_triangles(prepared.model, prepared.motions)
-    findings: list[Finding] = []
+    findings = [Finding("nominal model", "limited", doubt) for doubt in prepared.doubts]
     for recording, motion in zip(prepared.recordings, prepared.motions, strict=True):
         findings += _recording_findings(recording, motion)
     findings += _reference_findings(prepared)
@@ -135,7 +137,7 @@ def _recording_findings(recording: Recording, motion: Motion) -> list[Finding]:
         findings.append(Finding(name, level, sentence))
     findings += [Finding(name, "limited", frozen.sentence) for frozen in recording.frozen]
     findings += [
-        Finding(name, "good", f"{note.topic}: {note.what} ({note.count})")
+        Finding(name, "limited" if note.limits else "good", note.sentence)
         for note in recording.notes
     ]
     return findings
@@ -149,10 +151,12 @@ def _reference_findings(prepared: PreparedRegression) -> list[Finding]:
     ]
     if missing:
         sentence = (
-            "no reference recorded: the loop cannot be simulated, instruments will be smoothed "
+            "no reference is read: the loop cannot be simulated, instruments will be smoothed "
             "measurements and cannot be tested"
         )
-        return [Finding(", ".join(missing), "limited", sentence)]
+        where = ", ".join(missing)
+        sentences = (sentence, *prepared.advice)
+        return [Finding(where, "limited", each) for each in sentences]
     if prepared.configuration.controller.type == "unknown":
         sentence = "control law unknown: it will be fitted from reference, motion and torque"
         return [Finding("controller", "limited", sentence)]
@@ -170,7 +174,12 @@ def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list
     speed, acceleration = np.concatenate(speeds), np.concatenate(accelerations)
     revolute = prepared.model.robot.joint_types[joint] == "revolute"
     unit = "rad" if revolute else "m"
-    reversals = int(np.count_nonzero(np.diff(np.sign(speed[np.abs(speed) > 0.0]))))
+    threshold = max(
+        float(prepared.minimum_speed[joint]),
+        _MOVING * float(np.abs(speed).max()),
+        _TIMES_NOISE * _speed_noise(prepared, joint),
+    )
+    reversals = sum(count_reversals(each, threshold) for each in speeds)
     findings = [
         Finding(
             name,
@@ -202,6 +211,23 @@ def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list
     return findings
 
 
+def count_reversals(speed: FloatArray, threshold: float) -> int:
+    """Count changes of direction between stretches that are faster than a threshold.
+
+    The noise of a joint at rest changes the sign of its speed all the time; a joint reverses where
+    it moves the other way than it moved last.
+
+    Parameters
+    ----------
+    speed
+        (n_samples,) rad/s (m/s) of one recording.
+    threshold
+        Speed from which on the joint moves, rad/s (m/s).
+    """
+    moving = np.sign(speed[np.abs(speed) > threshold])
+    return int(np.count_nonzero(np.diff(moving)))
+
+
 def _clipped_share(torque: FloatArray) -> float:
     """Share of samples exactly at the largest magnitude; that of one lone peak is negligible."""
     size = np.abs(torque)
@@ -215,12 +241,26 @@ def _acceleration_over_noise(
 
     The noise of the positions is taken as white, with the variance of what the filter removed.
     """
-    motion = prepared.motions[0]
-    rate, cutoff = motion.signals.rate, min(prepared.cutoffs.decimation, motion.signals.rate / 2)
-    removed = motion.signals.position[motion.span, joint] - motion.position[motion.span, joint]
-    density = float(np.var(removed)) / (rate / 2.0)
+    density, cutoff = _noise_density(prepared, joint), prepared.cutoffs.decimation
     noise = np.sqrt(density * (2.0 * np.pi) ** 4 * cutoff**5 / 5.0)
     return acceleration / noise if noise > 0.0 else np.inf
+
+
+def _speed_noise(prepared: PreparedRegression, joint: int) -> float:
+    """Standard deviation that the noise of the positions gives the filtered speed, rad/s (m/s)."""
+    slowest = min(motion.signals.rate for motion in prepared.motions)
+    cutoff = min(prepared.cutoffs.position, slowest / 2.0)
+    density = _noise_density(prepared, joint)
+    return float(np.sqrt(density * (2.0 * np.pi) ** 2 * cutoff**3 / 3.0))
+
+
+def _noise_density(prepared: PreparedRegression, joint: int) -> float:
+    """Power density of the positions' noise, rad²/Hz (m²/Hz): of what the filters removed."""
+    densities = []
+    for motion in prepared.motions:
+        removed = motion.signals.position[motion.span, joint] - motion.position[motion.span, joint]
+        densities.append(float(np.var(removed)) / (motion.signals.rate / 2.0))
+    return float(np.mean(densities))
 
 
 def _visibility(

@@ -1,10 +1,13 @@
 """A wrong configuration is one line that names the file and the key."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from time import perf_counter
 
 import pytest
+from ruamel.yaml import YAML
 
-from idim_iv_ros.configuration import load_configuration
+from idim_iv_ros.configuration import Configuration, Section, load_configuration
 from idim_iv_ros.errors import UsageError
 
 GOOD = """
@@ -45,6 +48,34 @@ def test_shipped_configurations_are_right(path: Path) -> None:
         (GOOD.replace("[a, b]", "[a, a]"), "names a joint twice"),
         (GOOD.replace("kp: [1.0, 1.0]", "kp: [1.0, fast]"), "controller.kp.1"),
         (GOOD.replace("kp: [1.0, 1.0]", "kp: [1.0, .inf]"), "controller.kp.1"),
+        (GOOD.replace("kp: [1.0, 1.0]", "kp: [1.0, 0]"), "controller.kp.1: .*, not 0"),
+        (GOOD.replace("kd: [0.1, 0.1]", "kd: [0.1, -2]"), "controller.kd.1: .*, not -2"),
+        (GOOD + "  ki: [-1, 0]\n", "controller.ki.0: .*, not -1"),
+        (GOOD + "  torque_limit: [-1, -1]\n", "controller.torque_limit.0: .*, not -1"),
+        (GOOD + "  period: -0.001\n", "controller.period: .*, not -0.001"),
+        (GOOD + "  period: 1.0e-300\n", "controller.period"),
+        (GOOD + "  delay: -0.1\n", "controller.delay: .*, not -0.1"),
+        (GOOD + "simulator: {armature: [-1, -1]}\n", "simulator.armature.0: .*, not -1"),
+        (GOOD + "signals: {effort_scale: [1, 0]}\n", "signals.effort_scale.1: must not be zero"),
+        (GOOD + "signals: {effort: ''}\n", "signals.effort: "),
+        (GOOD + "processing: {trim: [-1, 0]}\n", "processing.trim.0: .*, not -1"),
+        (GOOD + "processing: {minimum_speed: [-1, 0]}\n", "processing.minimum_speed.0"),
+        (GOOD + "processing: {decimation_cutoff: 0}\n", "processing.decimation_cutoff"),
+        (GOOD + "simulated_robot: {rate: -5}\n", "simulated_robot.rate: .*, not -5"),
+        (GOOD + "simulated_robot: {parameters: {ZZ1: .nan}}\n", "simulated_robot.parameters.ZZ1"),
+        (
+            GOOD + "  period: 0.001\nsimulated_robot: {plant_step: 1.0e-6}\n",
+            "plant_step is 1e-06 s: between controller.period, 0.001 s",
+        ),
+        (GOOD.replace("[a, b]", "[a, b]\n  gravity: [0, 0, 1e300]"), "robot.gravity.2"),
+        (GOOD.replace("[a, b]", "[1, 2]"), "robot.joints.0: .* quotes"),
+        (GOOD + "identification: {tolerance: 1.0e-300}\n", "identification.tolerance"),
+        (GOOD + "identification: {max_iterations: 1000000}\n", "identification.max_iterations"),
+        (GOOD.replace("[a, b]", "[a, b]\n  couplings: [{joints: [a, a]}]"), "a with itself"),
+        (
+            GOOD.replace("[a, b]", "[a, b]\n  couplings: [{joints: [a, b]}, {joints: [a, b]}]"),
+            "couples the motor of b twice",
+        ),
         (GOOD.replace("robot:\n  joints: [a, b]", "robot: {}"), "key robot.joints is missing"),
         (GOOD.replace("[a, b]", "[a, b]\n  urdf: no.urdf"), "no file .*no.urdf"),
         ("robot: [", "line"),
@@ -75,3 +106,144 @@ def test_missing_and_binary_files_are_named(tmp_path: Path) -> None:
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00\x80")
     with pytest.raises(UsageError, match=r"binary\.yaml"):
         load_configuration(tmp_path / "binary.yaml")
+
+
+def keys(section: type[Section], path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """Every key of a configuration that is no section."""
+    for name, field in section.model_fields.items():
+        annotation = field.annotation
+        if isinstance(annotation, type) and issubclass(annotation, Section):
+            yield from keys(annotation, (*path, name))
+        elif not field.exclude:
+            yield (*path, name)
+
+
+KEYS = [".".join(path) for path in keys(Configuration)]
+NO_VALUE = [
+    "2001-99-99",
+    "!!binary aGVsbG8=",
+    "!!python/object:os.system {}",
+    "{a: [b]}",
+    "1" * 5000,
+]
+NO_NUMBER = [".nan", ".inf", "-.inf", "1e300", "-1e300", "1" * 400, "text", "true", "[[text]]"]
+
+
+def with_key(path: str, value: str) -> str:
+    section, key = path.split(".")
+    other = "" if section == "robot" else "robot:\n  joints: [a, b]\n"
+    joints = "  joints: [a, b]\n" if section == "robot" and key != "joints" else ""
+    law = "  kp: [1.0, 1.0]\n  kd: [1.0, 1.0]\n" if path == "controller.type" else ""
+    return f"{other}{section}:\n{joints}{law}  {key}: {value}\n"
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_no_value_of_any_key_is_more_than_a_line(tmp_path: Path, key: str) -> None:
+    values = [*NO_VALUE, *NO_NUMBER, "-1", "[]", "[-1, -1]", "[.nan, 1]", "[1e300, 1]", "null"]
+    for value in [*values, "x" * 10_000, "[" + "1, " * 300 + "1]", '"a\\nb\\0"']:
+        path = write(tmp_path, with_key(key, value))
+        started = perf_counter()
+        try:
+            load_configuration(path)
+        except UsageError as error:
+            assert str(error).startswith(str(path))
+            assert "\n" not in str(error)
+            assert len(str(error)) < len(str(path)) + 500
+        assert perf_counter() - started < 10.0
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_what_is_no_value_is_taken_for_no_key(tmp_path: Path, key: str) -> None:
+    for value in NO_VALUE:
+        with pytest.raises(UsageError):
+            load_configuration(write(tmp_path, with_key(key, value)))
+
+
+NUMBERS = [
+    *("controller.period", "controller.delay", "simulated_robot.rate", "simulated_robot.delay"),
+    *("simulated_robot.disturbance_bandwidth", "simulated_robot.stamp_jitter"),
+    *("simulated_robot.plant_step", "processing.position_cutoff", "processing.position_order"),
+    *("processing.decimation_cutoff", "processing.decimation_edge", "processing.reversal_margin"),
+    *("identification.tolerance", "identification.max_iterations", "identification.significance"),
+]
+LISTS = [
+    *("robot.gravity", "robot.position_offset", "simulator.armature", "controller.kp"),
+    *("controller.kd", "controller.ki", "controller.kv", "controller.drive_gain"),
+    *("controller.torque_limit", "signals.effort_scale", "processing.minimum_speed"),
+    *("processing.trim", "simulated_robot.position_noise", "simulated_robot.encoder_resolution"),
+    *("simulated_robot.torque_noise", "simulated_robot.disturbance"),
+]
+
+
+@pytest.mark.parametrize("key", [*NUMBERS, *LISTS])
+def test_what_is_no_number_is_refused_by_its_key(tmp_path: Path, key: str) -> None:
+    for value in NO_NUMBER:
+        path = write(tmp_path, with_key(key, value if key in NUMBERS else f"[1.0, {value}]"))
+        with pytest.raises(UsageError, match=key.replace(".", r"\.")) as caught:
+            load_configuration(path)
+        assert str(caught.value).startswith(f"{path}: ")
+
+
+BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"{new}: &{new} [{', '.join([f'*{old}'] * 9)}]\n"
+    for old, new in zip("abcdefgh", "bcdefghi", strict=True)
+)
+MERGED = "a: &a {x: 1}\n" + "".join(
+    f"{new}: &{new}\n  <<: [{', '.join([f'*{old}'] * 9)}]\n"
+    for old, new in zip("abcdefgh", "bcdefghi", strict=True)
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[" * 5000, "nested more than 20 deep"),
+        ("{a: " * 5000, "nested more than 20 deep"),
+        ("- " * 5000, "nested more than 20 deep"),
+        (BOMB, "an alias within an anchor"),
+        (MERGED, "an alias within an anchor"),
+        ("robot: &r {joints: *r}", "an alias within an anchor"),
+        ("- robot", "a mapping"),
+        ("---\na: 1\n---\nb: 2\n", "line 3"),
+        ("robot: {joints: [a]}\nrobot: {joints: [b]}", "line 2"),
+        ("? [1, 2]\n: 3", "key robot is missing"),
+        ("robot: *nowhere", "line 1"),
+        ("a: \x07", "special characters"),
+        ("x" * 2_000_000, "larger than 1 MB"),
+        ("\ufeff" + GOOD + "colour: red", "unknown key colour"),
+        (f"{'k' * 1000}: 1", "unknown key k"),
+    ],
+    ids=[str(k) for k in range(15)],
+)
+def test_text_that_is_no_configuration_is_one_line(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_text(text, encoding="utf-8")
+    started = perf_counter()
+    with pytest.raises(UsageError, match=words) as caught:
+        load_configuration(path)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < len(str(path)) + 500
+    assert perf_counter() - started < 20.0
+
+
+def test_an_anchor_may_be_used_for_two_keys(tmp_path: Path) -> None:
+    text = GOOD.replace("kp: [1.0, 1.0]", "kp: &same [1.0, 1.0]").replace("[0.1, 0.1]", "*same")
+    assert load_configuration(write(tmp_path, text)).controller.kd == [1.0, 1.0]
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "a/" * 3000, '"a\\0b"'])
+def test_paths_that_no_file_can_have_are_refused(tmp_path: Path, name: str) -> None:
+    path = write(tmp_path, GOOD.replace("[a, b]", f"[a, b]\n  urdf: {name}"))
+    with pytest.raises(UsageError, match=r"robot\.urdf: ") as caught:
+        load_configuration(path)
+    assert len(str(caught.value)) < len(str(path)) + 300
+    with pytest.raises(UsageError, match="cannot read"):
+        load_configuration(tmp_path / YAML(typ="safe", pure=True).load(name))
+
+
+def test_a_folder_or_an_endless_file_is_no_configuration(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="cannot read the configuration"):
+        load_configuration(tmp_path)
+    with pytest.raises(UsageError, match="larger than 1 MB"):
+        load_configuration(Path("/dev/zero"))

@@ -62,7 +62,9 @@ def test_bags_hold_states_references_and_the_urdf(motion, tmp_path: Path) -> Non
     configuration = configured("arm2")
     bags, truth = simulate(configuration, tmp_path / "a.mcap", motion, seeds=[4, 9])
     assert [bag.path.name for bag in bags] == ["a-4.mcap", "a-9.mcap"]
-    assert json.loads(truth.read_text()) == robot_of(configuration).truth
+    written = json.loads(truth.read_text())
+    assert written.pop("format") == "idim_iv_ros/truth/1"
+    assert written == robot_of(configuration).truth
     first, second = read_configured([bag.path for bag in bags], configuration)
     assert first.rate == pytest.approx(1000.0)
     assert first.robot_description == configuration.robot.urdf.read_text()

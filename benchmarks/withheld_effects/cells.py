@@ -113,9 +113,22 @@ def all_cells(master: int = MASTER_SEED) -> tuple[Cell, ...]:
 
 
 def chosen_cells(subset: str, master: int = MASTER_SEED) -> tuple[Cell, ...]:
-    """`full` or `fast` (KeyError: neither)."""
-    keep = {"full": lambda cell: True, "fast": lambda cell: cell.fast}[subset]
-    return tuple(cell for cell in all_cells(master) if keep(cell))
+    """`full`, `fast`, or `families`: the first of each family in `fast` (KeyError: another)."""
+    cells = all_cells(master)
+    fast = tuple(cell for cell in cells if cell.fast)
+    firsts = {family(cell): cell for cell in reversed(fast)}
+    families = tuple(cell for cell in fast if cell is firsts[family(cell)])
+    return {"full": cells, "fast": fast, "families": families}[subset]
+
+
+def family(cell: Cell) -> str:
+    """Group of a cell; with a single effect what that acts on: friction, transmission, actuation.
+
+    That is the module which draws it.
+    """
+    if cell.group != "single":
+        return cell.group
+    return STRUCTURAL[cell.effects[0].effect].__module__.rpartition(".")[2]
 
 
 def _arm2(cells: _List) -> None:

@@ -149,7 +149,7 @@ def seal(out: Path, cells: dict[str, Cell], master: int) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--subset", choices=["full", "fast"], default="fast")
+    parser.add_argument("--subset", choices=["full", "fast", "families"], default="fast")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seed", type=int, default=MASTER_SEED)
     parser.add_argument("--processes", type=int, default=2)

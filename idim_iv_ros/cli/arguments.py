@@ -1,13 +1,13 @@
-"""Arguments and progress that several commands share."""
+"""Arguments that several commands share.
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+Nothing here or in the modules of the commands imports what computes or draws: `--help` and shell
+completion load them all. Each command imports what it needs when it runs.
+"""
+
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 Bags = Annotated[
     list[Path],
@@ -16,19 +16,27 @@ Bags = Annotated[
     ),
 ]
 Config = Annotated[
-    Path, typer.Option("--config", help="The robot's YAML file.", show_default=False)
+    Path,
+    typer.Option(
+        "--config",
+        help="The robot's YAML file; `idim-iv init` writes a first one.",
+        show_default=False,
+    ),
 ]
 Out = Annotated[Path, typer.Option("--out", help="Folder for the results.", show_default=False)]
-
-
-@contextmanager
-def progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """Show stage, share and time on stderr while a command works; gone when it ends."""
-    columns = (TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=1.0)
-
-        def report(stage: str, share: float) -> None:
-            bar.update(task, description=stage, completed=share)
-
-        yield report
+OutOrJson = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", help="Folder for the results; may be left out with --json.", show_default=False
+    ),
+]
+Force = Annotated[
+    bool, typer.Option("--force", help="Replace files that idim_iv_ros did not write.")
+]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")
+]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Print the result as JSON, and nothing else, on stdout.")
+]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print long tables whole.")]

@@ -1,70 +1,93 @@
 """`idim-iv check`."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import typer
-from rich.console import Console
-from rich.table import Table
 
-from idim_iv_ros.cli.arguments import Bags, Config, progress_bar
-from idim_iv_ros.configuration import load_configuration
-from idim_iv_ros.usability import CheckReport, check
+from idim_iv_ros.cli.arguments import AsJson, Bags, Config, Quiet, Verbose
 
-_COLOUR = {"good": "green", "limited": "yellow", "unusable": "red"}
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from idim_iv_ros.usability import CheckReport
+
+_STYLES = {"good": "green", "limited": "yellow", "unusable": "red"}
 
 
-def check_command(bags: Bags, config: Config) -> None:
+def check_command(
+    bags: Bags,
+    config: Config,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    verbose: Verbose = False,
+) -> None:
     """Say whether recordings can support an identification, per joint and per parameter.
 
     Exit status 1 if they cannot.
 
     Example: idim-iv check run1.mcap --config ur5.yaml
     """
+    from idim_iv_ros.cli.next_command import next_command
+    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.configuration import load_configuration
+
+    output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
-    with progress_bar() as progress:
+    with output.progress() as progress:
+        from idim_iv_ros.report import check_document
+        from idim_iv_ros.usability import check
+
         report = check(bags, configuration, progress)
-    console = Console()
-    _print_findings(console, report)
-    _print_parameters(console, report)
+    output.document(check_document(report))
+    _print_findings(output.console, report)
+    _print_parameters(output.console, report, verbose)
     if not report.usable:
-        console.print("[red]Not usable[/] for an identification.")
+        output.console.print("[red]Not usable[/] for an identification.")
         raise typer.Exit(1)
     limits = sum(finding.level == "limited" for finding in report.findings)
     plural = "s" if limits > 1 else ""
-    console.print(f"Usable, with {limits} limit{plural} named above." if limits else "Usable.")
+    output.line(f"Usable, with {limits} limit{plural} named above." if limits else "Usable.")
+    output.line(f"Next: {next_command('identify', bags, config, '--out', 'results')}")
 
 
 def _print_findings(console: Console, report: CheckReport) -> None:
-    table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_column(no_wrap=True)
-    table.add_column(no_wrap=True)
-    table.add_column()
-    for finding in report.findings:
-        level = f"[{_COLOUR[finding.level]}]{finding.level}[/]"
-        table.add_row(
-            finding.where.replace("[", "\\["), level, finding.sentence.replace("[", "\\[")
-        )
-    console.print(table)
+    """One paragraph a recording and a joint: its name, then each finding with its level."""
+    from rich.padding import Padding
+    from rich.text import Text
+
+    for where in dict.fromkeys(finding.where for finding in report.findings):
+        console.print(Text(where, style="bold"), soft_wrap=True)
+        for finding in report.findings:
+            if finding.where == where:
+                level = "" if finding.level == "good" else f"{finding.level}: "
+                text = Text.assemble((level, _STYLES[finding.level]), finding.sentence)
+                console.print(Padding(text, (0, 0, 0, 2), expand=False))
 
 
-def _print_parameters(console: Console, report: CheckReport) -> None:
+def _print_parameters(console: Console, report: CheckReport, whole: bool) -> None:
+    from rich.padding import Padding
+    from rich.text import Text
+
+    from idim_iv_ros.cli.table import Column, print_table, unbroken
+
     if report.condition_number is None:
         return
     console.print(
         f"\nWhat the excitation shows (condition number {report.condition_number:.3g}; the "
-        "residual of least squares is taken as white, so that these are lower bounds):",
-        highlight=False,
+        "residual of least squares is taken as white, so that these are lower bounds):"
     )
     for seen, words in (("well", "well, σ ≤ 10 %"), ("yes", "σ ≤ 30 %")):
         names = [parameter.name for parameter in report.parameters if parameter.seen == seen]
         if names:
-            console.print(f"  {words}: {' '.join(names)}", highlight=False)
-    poorly = [parameter for parameter in report.parameters if parameter.seen == "poorly"]
-    if not poorly:
-        return
-    table = Table(title="Seen poorly, or small", title_justify="left", box=None)
-    table.add_column("parameter")
-    table.add_column("visible from (2σ)", justify="right")
-    table.add_column("unit")
-    for parameter in poorly:
-        smallest = "" if parameter.smallest is None else f"{parameter.smallest:.2g}"
-        table.add_row(parameter.name, smallest, parameter.unit)
-    console.print(table)
+            console.print(Padding(Text(f"{words}: {' '.join(names)}"), (0, 0, 0, 2), expand=False))
+    poorly = [
+        ("" if parameter.smallest is None else f"{parameter.smallest:.2g}", parameter)
+        for parameter in report.parameters
+        if parameter.seen == "poorly"
+    ]
+    if poorly:
+        columns = [Column("parameter"), Column("visible from (2σ)", right=True), Column("unit")]
+        rows = [(each.name, smallest, unbroken(each.unit)) for smallest, each in poorly]
+        print_table(console, "Seen poorly, or small", columns, rows, whole=whole)

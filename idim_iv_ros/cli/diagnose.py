@@ -1,20 +1,23 @@
 """`idim-iv diagnose`."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Protocol
+from typing import TYPE_CHECKING, Annotated, Protocol
 
 import typer
-from rich.console import Console
 
-from idim_iv_ros.cli.arguments import Bags, Config, Out, progress_bar
-from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
-from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.cli.arguments import AsJson, Bags, Config, Force, OutOrJson, Quiet, Verbose
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.formats import GAP, REPORT
-from idim_iv_ros.gap.result import GapResult
-from idim_iv_ros.report import require_writable, write_gap_report
-from idim_iv_ros.stopwatch import Progress
+
+if TYPE_CHECKING:
+    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.configuration import Configuration
+    from idim_iv_ros.file_paths import FilePaths
+    from idim_iv_ros.gap.result import GapResult
+    from idim_iv_ros.stopwatch import Progress
 
 
 class Diagnose(Protocol):
@@ -22,7 +25,7 @@ class Diagnose(Protocol):
 
     def __call__(
         self,
-        bags: Sequence[Path],
+        bags: FilePaths,
         configuration: Configuration,
         *,
         without: Sequence[str] = (),
@@ -34,7 +37,7 @@ class Diagnose(Protocol):
 def diagnose_command(
     bags: Bags,
     config: Config,
-    out: Out,
+    out: OutOrJson = None,
     without: Annotated[
         list[str] | None,
         typer.Option(
@@ -44,6 +47,10 @@ def diagnose_command(
             show_default=False,
         ),
     ] = None,
+    force: Force = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    verbose: Verbose = False,
 ) -> None:
     """Say where simulator and robot differ, which effect causes it, and how far the gap shrinks.
 
@@ -51,21 +58,33 @@ def diagnose_command(
 
     Example: idim-iv diagnose run1.mcap run2.mcap --config ur5.yaml --out why
     """
-    # Here, so that the help of every command is shown without loading the diagnosis.
+    from idim_iv_ros.cli.output import Output
     from idim_iv_ros.gap.catalogue import EFFECTS
     from idim_iv_ros.gap.diagnosis import diagnose
 
-    run_diagnosis(bags, config, out, without or (), diagnose=diagnose, effects=EFFECTS)
+    output = Output(quiet=quiet, as_json=as_json, verbose=verbose)
+    run_diagnosis(
+        bags,
+        config,
+        out,
+        without or (),
+        diagnose=diagnose,
+        effects=EFFECTS,
+        force=force,
+        output=output,
+    )
 
 
 def run_diagnosis(
     bags: Sequence[Path],
     config: Path,
-    out: Path,
+    out: Path | None,
     without: Sequence[str],
     *,
     diagnose: Diagnose,
     effects: Sequence[str],
+    force: bool = False,
+    output: Output | None = None,
 ) -> None:
     """Check the request, diagnose, write the files, print the tables.
 
@@ -79,16 +98,32 @@ def run_diagnosis(
     Raises
     ------
     UsageError
-        An effect that the catalogue does not have, or as `load_configuration`.
+        An effect that the catalogue does not have, or as `load_configuration` and
+        `require_destination`.
     """
+    from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
+    from idim_iv_ros.cli.output import Output, require_destination
+    from idim_iv_ros.cli.report_warnings import report_warnings
+    from idim_iv_ros.configuration import load_configuration
+    from idim_iv_ros.report import gap_document, write_gap_report
+
+    output = output or Output()
     for name in without:
         if name not in effects:
             raise UsageError(f"--without {name}: no such effect; there are {', '.join(effects)}")
     configuration = load_configuration(config)
-    with require_writable(out, (GAP, REPORT)), progress_bar() as progress:
+    destination = require_destination(out, (GAP, REPORT), as_json=output.as_json, force=force)
+    numbers = page = None
+    with destination:
         left_out = tuple(dict.fromkeys(without))
-        result = diagnose(bags, configuration, without=left_out, progress=progress)
-        _, html = write_gap_report(result, out)
-    console = Console()
-    print_diagnosis(console, result)
-    console.print(f"Report: {html}", soft_wrap=True, highlight=False, markup=False)
+        with output.progress() as progress:
+            result = diagnose(bags, configuration, without=left_out, progress=progress)
+        if out is not None:
+            with report_warnings():
+                numbers, page = write_gap_report(result, out, force=force)
+    output.document(gap_document(result))
+    print_diagnosis(output.console, result, whole=output.verbose)
+    if page is not None:
+        output.line(f"Report: {page}")
+    elif numbers is not None:
+        output.line(f"Numbers: {numbers}")

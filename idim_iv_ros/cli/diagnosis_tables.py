@@ -1,8 +1,10 @@
 """The tables of a diagnosis on the terminal."""
 
 from rich.console import Console
-from rich.table import Table
+from rich.markup import escape
 
+from idim_iv_ros.cli.table import Column, print_table, unbroken
+from idim_iv_ros.gap.parameter_words import surest
 from idim_iv_ros.gap.result import Cause, EffectParameter, Gap, GapResult
 from idim_iv_ros.report.gap_words import (
     VERDICTS,
@@ -16,47 +18,75 @@ from idim_iv_ros.report.numerals import measured
 
 _COLOURS = {"good": "green", "fair": "blue", "bad": "red", "open": "yellow"}
 _MOST_UNTESTABLE = 10
+_FEW_STAGES = 3  # the given model, the refit, and all that was found
+_MOST_ROWS = 24
+_MOST_NUMBERS = 4  # of one cause
 
 
-def print_diagnosis(console: Console, result: GapResult) -> None:
-    """Verdict, causes, stages, and what could not be tested."""
+def print_diagnosis(console: Console, result: GapResult, *, whole: bool = True) -> None:
+    """Verdict, causes, stages, and what could not be tested; long tables `whole` or their start."""
     colour, _, words = VERDICTS[result.verdict]
     console.print(f"[bold {_COLOURS[colour]}]Verdict: {words}.[/]", highlight=False)
-    console.print(_plain(result.summary), highlight=False)
+    console.print(escape(result.summary), highlight=False)
     for finding in result.findings:
-        console.print(f"  {_plain(finding)}", highlight=False)
+        console.print(f"  {escape(finding)}", highlight=False)
     if result.causes:
-        console.print(_causes(result))
+        _print_causes(console, result)
     if result.stages:
-        console.print(_stages(result))
+        _print_stages(console, result, whole)
     if result.not_testable:
-        _print_untestable(console, result)
+        _print_untestable(console, result, whole)
     for note in result.notes:
-        console.print(f"Note: {_plain(note)}", highlight=False)
+        console.print(f"Note: {escape(note)}", highlight=False)
 
 
-def _causes(result: GapResult) -> Table:
-    table = Table(title="Causes, strongest first", title_justify="left")
-    table.add_column("effect, joint")
-    table.add_column("parameters (± 95 %)")
-    table.add_column("torque gap, shrinkage", no_wrap=True)
-    table.add_column("cannot be told from")
+def _print_causes(console: Console, result: GapResult) -> None:
+    columns = [
+        Column("effect, joint"),
+        Column("parameters (± 95 %)"),
+        Column("torque gap, shrinkage"),
+        Column("cannot be told from"),
+    ]
+    rows = []
     for cause in result.causes:
-        unit = torque_unit(result, cause.joint)
         joints = [each for each in (cause.joint, cause.other_joint) if each]
-        gap = cause.torque_gap
-        table.add_row(
-            _plain(f"{effect_words(cause.effect)}\n{', '.join(joints) or 'all joints'}"),
-            _plain("\n".join(_parameter(k, v) for k, v in cause.parameters.items())),
-            f"{gap.before:.3g} → {gap.after:.3g} {unit}\n{_shrinkage(gap)}",
-            _plain(_rivals(cause)),
+        rows.append(
+            (
+                f"{effect_words(cause.effect)}\n{', '.join(joints) or 'all joints'}",
+                "\n".join(_parameters(cause)),
+                "\n".join(unbroken(line) for line in _gaps(result, cause)),
+                _rivals(cause),
+            )
         )
-    return table
+    print_table(console, "Causes, strongest first", columns, rows)
+
+
+def _parameters(cause: Cause) -> list[str]:
+    """The surest of its numbers under their names in gap.json; words and all are in the report."""
+    shown = surest(cause.parameters, _MOST_NUMBERS)
+    lines = [_parameter(name, each) for name, each in shown.items()]
+    more = len(cause.parameters) - len(shown)
+    return [*lines, f"and {more} more"] if more else lines
 
 
 def _parameter(name: str, parameter: EffectParameter) -> str:
     value, half = measured(parameter.value, parameter.std)
-    return " ".join(filter(None, (f"{name.replace('_', ' ')} =", value, half, parameter.unit)))
+    number = unbroken(" ".join(filter(None, (value, half, parameter.unit))))
+    return f"{name.replace('_', ' ')} = {number}"
+
+
+def _gaps(result: GapResult, cause: Cause) -> list[str]:
+    """Gap before and after at its own joint, and at the others that it changes."""
+    gap = cause.torque_gap
+    unit = torque_unit(result, cause.joint)
+    lines = [f"{gap.before:.3g} → {gap.after:.3g} {unit}", _shrinkage(gap)]
+    for each in cause.joint_gaps:
+        share = f"{100.0 * each.share_of_torque:.2g} % of its torque"
+        if each.joint != cause.joint:
+            unit = torque_unit(result, each.joint)
+            lines.append(f"{each.joint}: {each.before:.3g} → {each.after:.3g} {unit}")
+        lines.append(share)
+    return lines
 
 
 def _shrinkage(gap: Gap) -> str:
@@ -78,28 +108,35 @@ def _rivals(cause: Cause) -> str:
     return "\n".join(rivals) or "–"
 
 
-def _stages(result: GapResult) -> Table:
-    table = Table(title="Torque gap of each model, rms, held out", title_justify="left")
-    table.add_column("model")
-    for joint in result.joints:
-        table.add_column(_plain(f"{joint}\n{torque_unit(result, joint)}"), justify="right")
-    tracked = any(stage.tracking_rms for stage in result.stages)
-    kinds: dict[str, list[str]] = {}  # joints by the unit of their motion
-    for joint in result.joints if tracked else ():
-        kinds.setdefault(small_unit(result, joint), []).append(joint)
-    for small in kinds:
-        table.add_column(f"simulation gap,\nlargest, {small}", justify="right")
-    for stage in result.stages:
-        cells = [_number(stage.torque_rms.get(joint)) for joint in result.joints]
-        for joints in kinds.values():
-            errors = [(stage.tracking_rms or {}).get(joint) for joint in joints]
-            known = [1e3 * error for error in errors if error is not None]
-            cells.append(_number(max(known, default=None)))
-        table.add_row(_plain(stage_words(stage.name)), *cells)
+def _print_stages(console: Console, result: GapResult, whole: bool) -> None:
+    """One row a joint: the given model, the refit, the extended model, the noise floor.
+
+    The `whole` table has every stage, one row a joint and stage.
+    """
+    stages = list(result.stages)
+    if not whole and len(stages) > _FEW_STAGES and len(stages) * len(result.joints) > _MOST_ROWS:
+        stages = [*stages[: _FEW_STAGES - 1], stages[-1]]
+    tracked = any(stage.tracking_rms for stage in stages)
+    columns = [Column("joint"), Column("model"), Column("torque", right=True)]
+    if tracked:
+        columns.append(Column("simulation", right=True))
     floors = {each.joint: each.noise_floor for each in result.joint_gaps}
-    cells = [_number(floors.get(joint)) for joint in result.joints]
-    table.add_row(_floor_words(result), *cells, *([""] * len(kinds)), style="dim")
-    return table
+    rows = []
+    for joint in result.joints:
+        unit, small = torque_unit(result, joint), small_unit(result, joint)
+        for number, stage in enumerate(stages):
+            row = ["" if number else joint, stage_words(stage.name)]
+            row.append(_with_unit(stage.torque_rms.get(joint), unit))
+            if tracked:
+                error = (stage.tracking_rms or {}).get(joint)
+                row.append(_with_unit(None if error is None else 1e3 * error, small))
+            rows.append(row)
+        floor = ["", _floor_words(result), _with_unit(floors.get(joint), unit)]
+        rows.append(floor + [""] * tracked)
+    print_table(console, "Gap of each model, rms, held out", columns, rows)
+    if len(stages) < len(result.stages):
+        left_out = len(result.stages) - len(stages)
+        console.print(f"… and {left_out} models in between: --verbose prints them")
 
 
 def _floor_words(result: GapResult) -> str:
@@ -107,25 +144,18 @@ def _floor_words(result: GapResult) -> str:
     return f"noise floor ({origins.pop()})" if len(origins) == 1 else "noise floor"
 
 
-def _print_untestable(console: Console, result: GapResult) -> None:
+def _print_untestable(console: Console, result: GapResult, whole: bool) -> None:
     groups = untestable(result)
-    table = Table(title="Not testable on this recording", title_justify="left")
-    table.add_column("effect")
-    table.add_column("joint")
-    table.add_column("why")
-    table.add_column("record this next")
-    for each in groups[:_MOST_UNTESTABLE]:
-        cells = (effect_words(each.effect), each.joints or "all")
-        table.add_row(*map(_plain, (*cells, each.reason, each.excitation_needed)))
-    console.print(table)
-    if len(groups) > _MOST_UNTESTABLE:
-        console.print(f"… and {len(groups) - _MOST_UNTESTABLE} more in the report")
+    columns = [Column(each) for each in ("effect", "joint", "why", "record this next")]
+    rows = [
+        (effect_words(each.effect), each.joints or "all", each.reason, each.excitation_needed)
+        for each in groups
+    ]
+    shown = rows if whole else rows[:_MOST_UNTESTABLE]
+    print_table(console, "Not testable on this recording", columns, shown)
+    if len(shown) < len(rows):
+        console.print(f"… and {len(rows) - len(shown)} more: --verbose prints them")
 
 
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3g}"
-
-
-def _plain(text: str) -> str:
-    """Text in which no square bracket is markup."""
-    return text.replace("[", "\\[")
+def _with_unit(value: float | None, unit: str) -> str:
+    return "–" if value is None else unbroken(f"{value:.3g} {unit}")

@@ -1,18 +1,21 @@
 """What `idim-iv excite` prints of a motion."""
 
 from rich.console import Console
-from rich.table import Table
 
+from idim_iv_ros.cli.table import Column, print_table, unbroken
 from idim_iv_ros.excitation import Diagnosis, Excitation, LimitUse, MotionLimits
 from idim_iv_ros.excitation.prediction import BAD_DEVIATION, BAD_SHARE
 from idim_iv_ros.excitation.segment import NOT_REVEALED
 from idim_iv_ros.model import InverseModel
 
-_ROWS = 12
-
 
 def print_excitation(
-    console: Console, model: InverseModel, limits: MotionLimits, excitation: Excitation
+    console: Console,
+    model: InverseModel,
+    limits: MotionLimits,
+    excitation: Excitation,
+    *,
+    whole: bool = True,
 ) -> None:
     """Condition numbers, limits used, and the parameters that stay badly excited."""
     design = excitation.design
@@ -21,27 +24,25 @@ def print_excitation(
         "parameters with friction",
         highlight=False,
     )
-    table = Table()
-    for heading in ("", "random (median)", "designed"):
-        table.add_column(heading, justify="right" if heading else "left")
-    rows = (
+    columns = [Column(""), Column("random (median)", right=True), Column("designed", right=True)]
+    kinds = (
         ("rows over torque limit", "weighted"),
         ("plain, SI units", "plain"),
         ("weighted, columns of unit length", "equilibrated"),
         ("mean deviation of a sample, noise of the torque limit, SI", "deviation"),
     )
-    for words, name in rows:
-        table.add_row(
-            words, f"{getattr(design.before, name):.4g}", f"{getattr(design.after, name):.4g}"
-        )
-    console.print(table)
+    rows = [
+        (words, f"{getattr(design.before, name):.4g}", f"{getattr(design.after, name):.4g}")
+        for words, name in kinds
+    ]
+    print_table(console, "", columns, rows)
     if excitation.criterion == "condition":
         console.print(
             "A condition number does not tell a slow motion from a fast one: --criterion precision "
             "finds the motion with the smallest standard deviations."
         )
     print_use(console, model, limits, design.use)
-    _print_parameters(console, excitation)
+    _print_parameters(console, excitation, whole)
     console.print(
         f"{design.trajectory.duration:g} s at {design.trajectory.rate:g} per second, searched "
         f"{design.seconds:.0f} s",
@@ -59,16 +60,15 @@ def print_use(console: Console, model: InverseModel, limits: MotionLimits, use: 
     console.print(
         f"Largest share of each limit (allowed: {100 * limits.margin:g} %)", highlight=False
     )
-    table = Table()
-    table.add_column("joint")
-    for heading in ("position", "velocity", "acceleration", "torque"):
-        table.add_column(heading, justify="right")
-    columns = [use.position, use.velocity, use.acceleration]
+    headings = ("position", "velocity", "acceleration", "torque")
+    columns = [Column("joint"), *(Column(each, right=True) for each in headings)]
+    rows = []
     for index, joint in enumerate(model.robot.joints):
-        cells = [f"{100 * column[index]:.0f} %" for column in columns]
+        shares = (use.position, use.velocity, use.acceleration)
+        cells = [f"{100 * share[index]:.0f} %" for share in shares]
         cells.append("?" if use.torque is None else f"{100 * use.torque[index]:.0f} %")
-        table.add_row(joint.replace("[", "\\["), *cells)
-    console.print(table)
+        rows.append((joint, *map(unbroken, cells)))
+    print_table(console, "", columns, rows)
     if use.torque is None:
         console.print(
             "[yellow]Torques were not checked[/]: the URDF gives no mass to the moving links."
@@ -81,7 +81,7 @@ def print_use(console: Console, model: InverseModel, limits: MotionLimits, use: 
     )
 
 
-def _print_parameters(console: Console, excitation: Excitation) -> None:
+def _print_parameters(console: Console, excitation: Excitation, whole: bool) -> None:
     parameters = excitation.parameters
     bad = [parameter for parameter in parameters if parameter.bad]
     valued = sum(parameter.relative_std is not None for parameter in parameters)
@@ -94,24 +94,24 @@ def _print_parameters(console: Console, excitation: Excitation) -> None:
     )
     if not bad:
         return
-    table = Table()
-    table.add_column("parameter")
-    for heading in ("given", "predicted σ", "%σ", "unexplained"):
-        table.add_column(heading, justify="right")
-    table.add_column("unit")
-    for parameter in bad[:_ROWS]:
+    headings = ("given", "predicted σ", "%σ", "unexplained")
+    columns = [Column("parameter"), *(Column(each, right=True) for each in headings)]
+    columns.append(Column("unit"))
+    rows = []
+    for parameter in bad:
         relative = parameter.relative_std
-        table.add_row(
-            parameter.name,
-            f"{parameter.given:.3g}",
-            f"{parameter.std:.2g}",
-            "" if relative is None else f"{100 * relative:.2g}",
-            f"{100 * parameter.unexplained:.2g} %",
-            parameter.unit,
+        rows.append(
+            (
+                parameter.name,
+                f"{parameter.given:.3g}",
+                f"{parameter.std:.2g}",
+                "" if relative is None else f"{100 * relative:.2g}",
+                unbroken(f"{100 * parameter.unexplained:.2g} %"),
+                unbroken(parameter.unit),
+            )
         )
-    console.print(table)
-    if len(bad) > _ROWS:
-        console.print(f"… and {len(bad) - _ROWS} more in the JSON file")
+    rest = "--verbose prints them, and the JSON file has them"
+    print_table(console, "", columns, rows, whole=whole, rest=rest)
 
 
 def print_diagnosis(
@@ -123,14 +123,18 @@ def print_diagnosis(
         f"{model.robot.name}: {count} segments, {diagnosis.trajectory.duration:.4g} s",
         highlight=False,
     )
-    table = Table()
-    for heading in ("segments", "of them", "seconds", "reveal"):
-        table.add_column(heading, justify="right" if heading in ("of them", "seconds") else "left")
+    columns = [
+        Column("segments"),
+        Column("of them", right=True),
+        Column("seconds", right=True),
+        Column("reveal"),
+    ]
+    rows = []
     for kind in dict.fromkeys(segment.plan.kind for segment in diagnosis.segments):
-        alike = [segment for segment in diagnosis.segments if segment.plan.kind == kind]
-        seconds = sum(segment.end - segment.start for segment in alike)
-        table.add_row(kind, str(len(alike)), f"{seconds:.1f}", ", ".join(alike[0].effects))
-    console.print(table)
+        same = [segment for segment in diagnosis.segments if segment.plan.kind == kind]
+        seconds = sum(segment.end - segment.start for segment in same)
+        rows.append((kind, str(len(same)), f"{seconds:.1f}", ", ".join(same[0].effects)))
+    print_table(console, "", columns, rows)
     print_use(console, model, limits, diagnosis.use)
     frequencies = ", ".join(f"{f:.2g}" for f in diagnosis.bandwidth)
     words = "taken" if diagnosis.bandwidth_known else "[yellow]not known, assumed[/]"

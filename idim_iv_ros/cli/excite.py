@@ -1,29 +1,16 @@
 """`idim-iv excite`."""
 
+from __future__ import annotations
+
+import math
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
-from rich.console import Console
 
-from idim_iv_ros.cli.arguments import Config, progress_bar
-from idim_iv_ros.cli.excitation_tables import print_diagnosis, print_excitation
-from idim_iv_ros.configuration import load_configuration
+from idim_iv_ros.cli.arguments import AsJson, Config, Force, Quiet, Verbose
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation import (
-    DesignSettings,
-    design_diagnosis,
-    diagnosis_document,
-    excite,
-    load_model,
-    motion_limits,
-    require_message_rate,
-    require_place,
-    segment_table,
-    write_motion,
-)
 
 _FOURIER = "For identification"
 _SEGMENTS = "For diagnosis"
@@ -109,11 +96,36 @@ def excite_command(
     duration: Annotated[
         float, typer.Option(help="Budget in seconds.", rich_help_panel=_SEGMENTS)
     ] = 180.0,
+    force: Force = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    verbose: Verbose = False,
 ) -> None:
     """Design a motion within the robot's limits that shows its parameters well.
 
     Example: idim-iv excite --config ur5.yaml --out run --floor 0.05
     """
+    import numpy as np
+
+    from idim_iv_ros.cli.doubts import print_doubts
+    from idim_iv_ros.cli.excitation_tables import print_diagnosis, print_excitation
+    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.configuration import load_configuration
+    from idim_iv_ros.excitation import (
+        DesignSettings,
+        design_diagnosis,
+        diagnosis_document,
+        excite,
+        load_model,
+        motion_limits,
+        require_message_rate,
+        require_place,
+        segment_table,
+        write_motion,
+    )
+    from idim_iv_ros.excitation.files import ENDINGS
+
+    output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
     model = load_model(configuration)
     limits = motion_limits(
@@ -126,9 +138,9 @@ def excite_command(
     posture = None if start is None else np.array(_numbers("--start", start))
     if message_rate is not None:
         require_message_rate(message_rate, rate)
-    fastest = harmonics / period if period > 0.0 else 0.0
-    console = Console()
-    with require_place(out), progress_bar() as progress:
+    print_doubts(output.console, model.robot.doubts)
+    endings = (*ENDINGS, "segments.csv") if purpose is Purpose.diagnosis else ENDINGS
+    with require_place(out, endings, force=force), output.progress() as progress:
         if purpose is Purpose.diagnosis:
             diagnosis = design_diagnosis(
                 model,
@@ -151,24 +163,33 @@ def excite_command(
             excitation = excite(
                 model, limits, settings, torque_noise=torque_noise, progress=progress
             )
+            fastest = harmonics / period
             trajectory, document = excitation.design.trajectory, dict(excitation.document)
             tables = {}
         if message_rate is None:
             least = _LEAST_MESSAGE_RATES[purpose.value]
             message_rate = min(rate, max(least, _POINTS_PER_PERIOD * fastest))
-        paths = write_motion(out, trajectory, document, message_rate=message_rate, tables=tables)
+        paths = write_motion(
+            out, trajectory, document, message_rate=message_rate, tables=tables, force=force
+        )
+    output.document(document)
     if purpose is Purpose.diagnosis:
-        print_diagnosis(console, model, limits, diagnosis)
+        print_diagnosis(output.console, model, limits, diagnosis)
     else:
-        print_excitation(console, model, limits, excitation)
-    console.print("Written: " + " ".join(map(str, paths)), soft_wrap=True, highlight=False)
+        print_excitation(output.console, model, limits, excitation, whole=verbose)
+    output.line("Written: " + " ".join(map(str, paths)))
+    output.line(
+        f"Next: run {paths[0].name} on the robot and record it: "
+        f"idim-iv record --config {config} --out bags"
+    )
 
 
 def _numbers(option: str, text: str) -> list[float]:
+    """Finite numbers separated by commas."""
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError as error:
         raise UsageError(f"{option} {text}: numbers separated by commas are needed") from error
-    if not np.all(np.isfinite(values)):
+    if not all(map(math.isfinite, values)):
         raise UsageError(f"{option} {text}: finite numbers are needed")
     return values

@@ -1,19 +1,19 @@
 """`idim-iv identify`."""
 
+from __future__ import annotations
+
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
-from idim_iv_ros.cli.arguments import Bags, Config, Out, progress_bar
-from idim_iv_ros.configuration import load_configuration
-from idim_iv_ros.identification import identify
-from idim_iv_ros.report import require_writable, write_report
-from idim_iv_ros.result import IdentificationResult
+from idim_iv_ros.cli.arguments import AsJson, Bags, Config, Force, OutOrJson, Quiet, Verbose
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from idim_iv_ros.result import IdentificationResult
 
 
 class EstimatorName(str, Enum):
@@ -26,49 +26,123 @@ class EstimatorName(str, Enum):
 def identify_command(
     bags: Bags,
     config: Config,
-    out: Out,
+    out: OutOrJson = None,
     estimator: Annotated[
         EstimatorName, typer.Option(help="Instrumental variables, or least squares.")
     ] = EstimatorName.idim_iv,
+    force: Force = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    verbose: Verbose = False,
 ) -> None:
     """Identify the dynamic parameters, test them, write result.json and report.html.
 
     Example: idim-iv identify run1.mcap run2.mcap --config ur5.yaml --out results
     """
+    from idim_iv_ros.cli.next_command import next_command
+    from idim_iv_ros.cli.output import Output, require_destination
+    from idim_iv_ros.configuration import load_configuration
+    from idim_iv_ros.formats import REPORT, RESULT
+
+    output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
-    with require_writable(out), progress_bar() as progress:
-        result = identify(bags, configuration, estimator=estimator.value, progress=progress)
-        _, html = write_report(result, out)
-    console = Console()
-    console.print(parameter_table(result))
-    print_verdict(console, result)
-    console.print(f"Report: {html}", soft_wrap=True, highlight=False)
+    numbers = page = None
+    with output.progress() as progress:
+        from idim_iv_ros.cli.report_warnings import report_warnings
+        from idim_iv_ros.identification import identify
+        from idim_iv_ros.report import result_document, write_report
+
+        with require_destination(out, (RESULT, REPORT), as_json=as_json, force=force):
+            result = identify(bags, configuration, estimator=estimator.value, progress=progress)
+            if out is not None:
+                with report_warnings():
+                    numbers, page = write_report(result, out, force=force)
+    output.document(result_document(result))
+    output.warn_quietly([*result.doubts, *data_warnings(result)])
+    print_parameters(output.console, result, whole=verbose)
+    print_remarks(output.console, result)
+    print_verdict(output.console, result)
+    if result.verdict.verdict == "model error here":
+        output.line(f"Next: {next_command('diagnose', bags, config, '--out', 'why')}")
+    if page is not None:
+        output.line(f"Report: {page}")
+    elif numbers is not None:
+        output.line(f"Numbers: {numbers}")
 
 
-def parameter_table(result: IdentificationResult, truth: dict[str, float] | None = None) -> Table:
-    """Essential parameters with their standard deviations, beside the true values if known."""
-    title = f"{result.robot}: essential parameters, {result.estimator}"
-    table = Table(title=title, title_justify="left")
-    table.add_column("parameter")
-    for heading in ("value", "σ", "%σ", *(["truth", "off by"] if truth else [])):
-        table.add_column(heading, justify="right")
-    table.add_column("unit")
+def print_parameters(
+    console: Console,
+    result: IdentificationResult,
+    truth: dict[str, float] | None = None,
+    *,
+    whole: bool = True,
+) -> None:
+    """Essential parameters with their standard deviations, beside the true values if known.
+
+    The best determined ones come first where not the `whole` table is printed.
+    """
+    from idim_iv_ros.cli.table import Column, print_table, unbroken
+
+    columns = [Column("parameter"), *(Column(each, right=True) for each in ("value", "σ", "%σ"))]
+    if truth:
+        columns += [Column("truth", right=True), Column("off by", right=True)]
+    columns.append(Column("unit"))
+    remarked = any(parameter.essential_remark for parameter in result.parameters)
+    if remarked:
+        columns.append(Column("remark"))
+    rows: list[tuple[float, list[str]]] = []
     for parameter in result.parameters:
-        if not parameter.essential:
-            continue
         value, std = parameter.essential_value, parameter.essential_std
-        if value is None or std is None:
+        if not parameter.essential or value is None or std is None:
             continue
-        cells = [parameter.name, f"{value:.4g}", f"{std:.2g}", f"{100 * std / abs(value):.2g}"]
+        percent = 100.0 * std / abs(value)
+        cells = [parameter.name, f"{value:.4g}", f"{std:.2g}", f"{percent:.2g}"]
         if truth:
             true = truth[parameter.name]
-            cells += [f"{true:.4g}", f"{(value - true) / std:+.1f} σ"]
-        table.add_row(*cells, parameter.unit)
-    return table
+            cells += [f"{true:.4g}", unbroken(f"{(value - true) / std:+.1f} σ")]
+        cells.append(unbroken(parameter.unit))
+        if remarked:
+            cells.append(parameter.essential_remark)
+        rows.append((percent, cells))
+    ordered = rows if whole else sorted(rows, key=lambda row: row[0])
+    title = f"{result.robot}: essential parameters, {result.estimator}"
+    if not whole:
+        title += ", best determined first"
+    print_table(
+        console,
+        title,
+        columns,
+        [cells for _, cells in ordered],
+        whole=whole,
+        rest="--verbose prints all, and the report has them",
+    )
+
+
+def print_remarks(console: Console, result: IdentificationResult) -> None:
+    """What the remarks of the table mean, where there are any."""
+    from idim_iv_ros.result import IMPOSSIBLE, NOT_SIGNIFICANT
+
+    found = {parameter.essential_remark for parameter in result.parameters}
+    if IMPOSSIBLE in found:
+        console.print(
+            f"{IMPOSSIBLE}: negative beyond its 95 % interval, and nothing that it groups may be: "
+            "the model lacks an effect that it takes up, or the motion does not excite it.",
+            highlight=False,
+        )
+    if NOT_SIGNIFICANT in found:
+        console.print(
+            f"{NOT_SIGNIFICANT}: its 95 % interval holds zero; it is essential together with "
+            "others, not alone.",
+            highlight=False,
+        )
 
 
 def print_verdict(console: Console, result: IdentificationResult) -> None:
     """The verdict, the fit, where the instruments came from, and what was left out."""
+    from rich.markup import escape
+
+    from idim_iv_ros.cli.doubts import print_doubts
+
     fit = result.fit
     console.print(
         f"{fit.essential_parameters} of {fit.base_parameters} base parameters are essential; "
@@ -77,9 +151,30 @@ def print_verdict(console: Console, result: IdentificationResult) -> None:
         f"{'converged' if result.converged else 'NOT converged'}",
         highlight=False,
     )
-    console.print(f"Instruments: {result.instruments.source}", highlight=False)
-    console.print(f"Verdict: {result.verdict.verdict}. {result.verdict.sentence}", highlight=False)
-    for bag in result.bags:
-        for each in bag.frozen:
-            text = f"[yellow]Warning:[/] {escape(f'{Path(bag.path).name}: {each.sentence}')}"
-            console.print(text, highlight=False)
+    errors = fit.joint_relative_error_percent
+    if errors:
+        listed = ", ".join(
+            f"{joint} {'–' if error is None else f'{error:.3g} %'}"
+            for joint, error in errors.items()
+        )
+        console.print(f"Relative error of the torque by joint: {escape(listed)}", highlight=False)
+    console.print(f"Instruments: {escape(result.instruments.source)}", highlight=False)
+    sentence = f"Verdict: {result.verdict.verdict}. {result.verdict.sentence}"
+    console.print(escape(sentence), highlight=False)
+    print_doubts(console, result.doubts)
+    for advice in result.processing.advice:
+        console.print(f"[yellow]Advice:[/] {escape(advice)}", highlight=False)
+    for warning in data_warnings(result):
+        console.print(f"[yellow]Warning:[/] {escape(warning)}", highlight=False)
+
+
+def data_warnings(result: IdentificationResult) -> list[str]:
+    """Return what was lost of each bag, or left out because a channel froze."""
+    return [
+        f"{Path(bag.path).name}: {sentence}"
+        for bag in result.bags
+        for sentence in (
+            *(note.sentence for note in bag.notes if note.limits),
+            *(each.sentence for each in bag.frozen),
+        )
+    ]

@@ -1,13 +1,15 @@
 """`idim-iv import`."""
 
+import shlex
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
+from idim_iv_ros.cli.arguments import AsJson, Force, Quiet
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.recording import import_table
+from idim_iv_ros.formats import IMPORT_FORMAT
 
 
 def import_command(
@@ -29,22 +31,27 @@ def import_command(
         typer.Option(metavar="FILE[:KEY]", help="Stamps of the references, if they differ."),
     ] = None,
     urdf: Annotated[Path | None, typer.Option(help="URDF to put on /robot_description.")] = None,
+    force: Force = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """Turn tables (.csv .npy .npz .mat) into a bag.
 
-    KEY is a variable, or comma-separated columns.
+    KEY is a variable (.npz, .mat), or comma-separated columns: their names in the first line of a
+    .csv, or their numbers, counted from 0 (d.csv:0,1). A few rows of NaN or impossible values are
+    imported as missing, with a warning; more than 1 % are refused.
 
     Example: idim-iv import r.mcap --rate 1000 --position d.mat:q --effort d.mat:tau --joints a,b
     """
+    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.model import read_urdf_file
+    from idim_iv_ros.recording import import_table
+
+    output = Output(quiet=quiet, as_json=as_json)
     names = [name.strip() for name in joints.split(",")]
     if not all(names) or len(set(names)) != len(names):
         raise UsageError(f"--joints {joints}: different names separated by commas are needed")
-    description = None
-    if urdf is not None:
-        try:
-            description = urdf.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise UsageError(f"{urdf}: cannot be read: {error}") from error
+    description = None if urdf is None else read_urdf_file(urdf)
     summary = import_table(
         out,
         joints=names,
@@ -57,10 +64,16 @@ def import_command(
         velocity_reference=velocity_reference,
         reference_time=reference_time,
         robot_description=description,
+        force=force,
     )
-    Console().print(
+    signals = list(summary.signals)
+    output.warn(summary.warnings)
+    output.document(
+        {"format": IMPORT_FORMAT, **asdict(summary), "path": str(out), "signals": signals}
+    )
+    output.line(
         f"{out}: {summary.samples} samples of {len(names)} joints, {summary.duration:.4g} s at "
-        f"{summary.rate:.5g} per second: {', '.join(summary.signals)}",
-        highlight=False,
-        soft_wrap=True,
+        f"{summary.rate:.5g} per second: {', '.join(signals)}"
     )
+    described = "" if urdf is not None else " --urdf FILE"
+    output.line(f"Next: idim-iv init {shlex.quote(str(out))}{described} --out my_arm.yaml")

@@ -2,7 +2,6 @@
 
 from idim_iv_ros.cli.arguments import Config, Out
 from idim_iv_ros.cli.start_node import start_node
-from idim_iv_ros.configuration import load_configuration
 
 
 def record_command(config: Config, out: Out) -> None:
@@ -12,6 +11,8 @@ def record_command(config: Config, out: Out) -> None:
 
     Example: idim-iv record --config ur5.yaml --out bags
     """
+    from idim_iv_ros.configuration import load_configuration
+
     load_configuration(config)
     parameters = {"configuration": config.resolve(), "bag_directory": out, "autostart": True}
     start_node("recorder", parameters)

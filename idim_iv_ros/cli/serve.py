@@ -7,7 +7,6 @@ import typer
 
 from idim_iv_ros.cli.arguments import Config, Out
 from idim_iv_ros.cli.start_node import start_node
-from idim_iv_ros.configuration import load_configuration
 
 
 def serve_command(
@@ -26,6 +25,8 @@ def serve_command(
 
     Example: idim-iv serve --config ur5.yaml --bags bags --out results
     """
+    from idim_iv_ros.configuration import load_configuration
+
     load_configuration(config)
     parameters = {
         "configuration": config.resolve(),

@@ -1,16 +1,21 @@
 """`idim-iv simulate`."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
-from idim_iv_ros.cli.arguments import Config, progress_bar
-from idim_iv_ros.configuration import load_configuration
-from idim_iv_ros.excitation import random_motion, read_trajectory
-from idim_iv_ros.simulated_recording import SimulatedBag, simulate
+from idim_iv_ros.cli.arguments import AsJson, Config, Force, Quiet
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.console import Console
+
+    from idim_iv_ros.configuration import Configuration
+    from idim_iv_ros.simulated_recording import SimulatedBag
 
 
 def simulate_command(
@@ -39,6 +44,9 @@ def simulate_command(
             help="A diagnosis: the robot has its extended parameters and its accepted effects.",
         ),
     ] = None,
+    force: Force = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """Write the recording of a simulated robot, whose true parameters are known.
 
@@ -48,8 +56,24 @@ def simulate_command(
 
     Example: idim-iv simulate --config config/tx40.yaml --out tx40.mcap --effects gap.json --seed 1
     """
+    from idim_iv_ros.cli.doubts import print_doubts
+    from idim_iv_ros.cli.next_command import next_command
+    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.configuration import load_configuration
+
+    output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
-    with progress_bar() as progress:
+    with output.progress() as progress:
+        from idim_iv_ros.excitation import random_motion, read_trajectory
+        from idim_iv_ros.simulated_recording import (
+            require_simulation_place,
+            simulate,
+            simulation_document,
+        )
+
+        seeds = tuple(seed or [1])
+        require_simulation_place(out, seeds, force=force)
+
         if trajectory is None:
             period = configuration.controller.period or 0.001
             motion = random_motion(
@@ -61,31 +85,47 @@ def simulate_command(
             configuration,
             out,
             motion,
-            seeds=tuple(seed or [1]),
+            seeds=seeds,
             effects=effects,
+            force=force,
             progress=progress,
         )
-    console = Console()
-    console.print(_table(configuration.robot.joints, bags))
+    output.document(simulation_document(bags, truth))
+    print_doubts(output.console, _doubts(configuration))
+    _print_largest(output.console, configuration.robot.joints, bags)
     for bag in bags:
-        console.print(
+        output.line(
             f"{bag.path}: {bag.samples} samples, {bag.duration:.4g} s at {bag.rate:.5g} Hz, "
-            f"noise seed {bag.seed}",
-            highlight=False,
-            soft_wrap=True,
+            f"noise seed {bag.seed}"
         )
-    console.print(f"True base parameters: {truth}", highlight=False, soft_wrap=True)
+    output.line(f"True base parameters: {truth}")
+    paths = [bag.path for bag in bags]
+    output.line(f"Next: {next_command('identify', paths, config, '--out', 'results')}")
 
 
-def _table(joints: list[str], bags: list[SimulatedBag]) -> Table:
-    table = Table(title="Largest over the recording", title_justify="left")
-    table.add_column("joint")
-    table.add_column("effort", justify="right")
-    table.add_column("tracking error", justify="right")
+def _doubts(configuration: Configuration) -> tuple[str, ...]:
+    from idim_iv_ros.model import configured_robot, read_urdf_file
+
+    urdf = configuration.robot.urdf
+    if urdf is None:
+        return ()
+    return configured_robot(configuration, read_urdf_file(urdf), urdf.name).doubts
+
+
+def _print_largest(console: Console, joints: list[str], bags: Sequence[SimulatedBag]) -> None:
+    from idim_iv_ros.cli.table import Column, print_table, unbroken
+
+    columns = [
+        Column("joint"),
+        Column("effort", right=True),
+        Column("tracking error", right=True),
+    ]
+    rows = []
     for column, joint in enumerate(joints):
         torque = max(float(bag.peak_torque[column]) for bag in bags)
         error = max(float(bag.peak_error[column]) for bag in bags)
         prismatic = bags[0].joint_types[column] == "prismatic"
         units = ("N", "mm") if prismatic else ("N m", "mrad")
-        table.add_row(joint, f"{torque:.3g} {units[0]}", f"{1e3 * error:.3g} {units[1]}")
-    return table
+        cells = (f"{torque:.3g} {units[0]}", f"{1e3 * error:.3g} {units[1]}")
+        rows.append((joint, *map(unbroken, cells)))
+    print_table(console, "Largest over the recording", columns, rows)

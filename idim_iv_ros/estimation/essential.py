@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import f as fisher
 
 FloatArray = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ def essential_parameters(
         left_out = values[out]
         distance = float(left_out @ np.linalg.solve(covariance[np.ix_(out, out)], left_out))
         trial_statistic = distance / len(out)
-        trial_p = float(fisher.sf(trial_statistic, len(out), rows - parameters))
+        trial_p = float(scipy.stats.f.sf(trial_statistic, len(out), rows - parameters))
         if trial_p < alpha:
             break
         kept, statistic, p_value = trial, trial_statistic, trial_p

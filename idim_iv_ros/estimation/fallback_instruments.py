@@ -1,7 +1,7 @@
 """Instruments where the loop cannot be simulated; each says what it is and what it costs."""
 
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,16 @@ from idim_iv_ros.estimation.instruments import Instruments, differentiated
 from idim_iv_ros.estimation.rows import instrument_rows
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Motion, zero_phase_butterworth
+from idim_iv_ros.simulation import ReferenceFilter, filter_reference
 
 FloatArray = NDArray[np.float64]
+
+
+def reference(motion: Motion) -> FloatArray:
+    """Position reference of a motion that has one, rad."""
+    if motion.signals.position_reference is None:
+        raise ValueError(f"{motion.signals.name} has no reference")
+    return motion.signals.position_reference
 
 
 @dataclass(frozen=True)
@@ -22,22 +30,37 @@ class FilteredReference:
     ----------
     model : InverseModel
     motions : tuple of Motion
-    positions : one (n_samples, n_joints) array for each motion
-        Output of the filter, rad, on the untrimmed record.
-    fit_percent : (n_joints,)
-        Share of the tracking error that the filter explains.
+        All with references.
     """
 
     model: InverseModel
     motions: tuple[Motion, ...]
-    positions: tuple[FloatArray, ...]
-    fit_percent: FloatArray
+
+    @cached_property
+    def filters(self) -> tuple[ReferenceFilter, ...]:
+        """One for each motion; fitted when they are needed, which a loop that simulates spares."""
+        return tuple(
+            filter_reference(motion.signals.rate, motion.position, reference(motion))
+            for motion in self.motions
+        )
 
     @property
     def name(self) -> str:
-        """Name with the fit."""
-        fits = ", ".join(f"{fit:.0f} %" for fit in self.fit_percent)
-        return f"reference through a fitted closed-loop filter (fit of the tracking error: {fits})"
+        """Name with how closely it follows the recorded motion, that of the worst recording."""
+        robot = self.model.robot
+        errors = np.max([found.error for found in self.filters], axis=0)
+        spreads = np.max([found.spread for found in self.filters], axis=0)
+        joints = ", ".join(
+            f"{name} {error:.2g} {'rad' if kind == 'revolute' else 'm'}"
+            + (f" ({100.0 * error / spread:.2g} %)" if spread > 0.0 else "")
+            for name, kind, error, spread in zip(
+                robot.joints, robot.joint_types, errors, spreads, strict=True
+            )
+        )
+        return (
+            "reference through a fitted closed-loop filter, which misses the recorded motion where "
+            f"it was not fitted by (rms, and share of the motion's standard deviation): {joints}"
+        )
 
     @property
     def testable(self) -> str | None:
@@ -58,8 +81,8 @@ class FilteredReference:
     def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
         """Differentiate the filtered references."""
         states = tuple(
-            partial(differentiated, position, motion)
-            for position, motion in zip(self.positions, self.motions, strict=True)
+            partial(differentiated, found.position, motion)
+            for found, motion in zip(self.filters, self.motions, strict=True)
         )
         return Instruments(instrument_rows(self.model, self.motions, states), states)
 

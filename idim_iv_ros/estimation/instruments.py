@@ -212,6 +212,7 @@ class SimulatedLoop:
                 velocity_reference=signals.velocity_reference,
                 initial_position=start,
                 initial_velocity=velocity,
+                accelerations=False,
             )
             if result.diverged is not None:
                 raise SourceFailure(f"{signals.name}: {result.diverged}")

@@ -1,13 +1,17 @@
 """Which instruments a recording allows: the control law, its fit, or what replaces them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.estimation.fallback_instruments import FilteredReference, SmoothedMeasurement
+from idim_iv_ros.estimation.fallback_instruments import (
+    FilteredReference,
+    SmoothedMeasurement,
+    reference,
+)
 from idim_iv_ros.estimation.idim_iv import Start
 from idim_iv_ros.estimation.instruments import InstrumentSource, SimulatedLoop
 from idim_iv_ros.model import InverseModel
@@ -16,7 +20,6 @@ from idim_iv_ros.simulation import (
     ControlLaw,
     ControllerFit,
     control_law,
-    filter_reference,
     fit_controller,
 )
 
@@ -64,12 +67,12 @@ def instrument_sources(
             how = "configured" if known else "fitted"
             name = f"closed-loop simulation with the {how} control law"
             sources.append(SimulatedLoop(model, tuple(motions), law, name))
-        sources.append(_filtered_reference(model, motions))
+        sources.append(FilteredReference(model, tuple(motions)))
     else:
         missing = [m.signals.name for m in motions if m.signals.position_reference is None]
         sentences.append(
-            f"no reference in {', '.join(missing)}: the closed loop cannot be simulated, so that "
-            "the instruments are smoothed measurements. Noise of the positions below the "
+            f"no reference is read from {', '.join(missing)}: the closed loop cannot be simulated, "
+            "so that the instruments are smoothed measurements. Noise of the positions below the "
             "smoothing frequency is not averaged out, and the instruments cannot be tested"
         )
     sources.append(SmoothedMeasurement(model, tuple(motions), cutoffs.decimation / 2.0))
@@ -105,6 +108,9 @@ def _laws(
     joints = configuration.robot.joints
     if section.type != "unknown":
         law = control_law(section, len(joints))
+        if law.period is None:
+            # The robot has one controller, at least as fast as the fastest of its recordings.
+            law = replace(law, period=1.0 / max(motion.signals.rate for motion in motions))
         return tuple(law for _ in motions), (), [f"control law {section.type} as configured"]
     fits = tuple(_fit(motion, section.torque_limit) for motion in motions)
     sentences = [
@@ -122,7 +128,7 @@ def _laws(
     try:
         laws = tuple(
             fit.law(
-                _reference(motion),
+                reference(motion),
                 motion.signals.velocity_reference,
                 torque_limit=section.torque_limit,
             )
@@ -141,22 +147,7 @@ def _fit(motion: Motion, torque_limit: Sequence[float] | None) -> ControllerFit:
         signals.position,
         signals.velocity,
         signals.torque,
-        _reference(motion),
+        reference(motion),
         signals.velocity_reference,
         torque_limit=torque_limit,
     )
-
-
-def _filtered_reference(model: InverseModel, motions: Sequence[Motion]) -> FilteredReference:
-    filters = [
-        filter_reference(motion.signals.rate, motion.position, _reference(motion))
-        for motion in motions
-    ]
-    fit = np.min([found.fit_percent for found in filters], axis=0)
-    return FilteredReference(model, tuple(motions), tuple(found.position for found in filters), fit)
-
-
-def _reference(motion: Motion) -> FloatArray:
-    if motion.signals.position_reference is None:
-        raise ValueError(f"{motion.signals.name} has no reference")
-    return motion.signals.position_reference

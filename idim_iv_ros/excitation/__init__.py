@@ -12,6 +12,7 @@ from idim_iv_ros.excitation.limit_use import LimitUse, limit_use
 from idim_iv_ros.excitation.limits import MotionLimits, motion_limits
 from idim_iv_ros.excitation.prediction import PredictedParameter, predict_parameters
 from idim_iv_ros.excitation.random_motion import random_motion
+from idim_iv_ros.excitation.sampling import require_sampling
 from idim_iv_ros.excitation.segment import Segment
 from idim_iv_ros.excitation.trajectory import Trajectory, read_trajectory, write_csv
 
@@ -39,6 +40,7 @@ __all__ = [
     "read_trajectory",
     "require_message_rate",
     "require_place",
+    "require_sampling",
     "segment_table",
     "write_csv",
     "write_joint_trajectory",

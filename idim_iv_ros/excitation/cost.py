@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.errors import DataError
 from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.excitation.heights import MovingFrames
 from idim_iv_ros.excitation.limits import MotionLimits
@@ -67,7 +68,13 @@ class ExcitationCost:
         return self.limits.middle + x[:joints] * scale, coefficients
 
     def __call__(self, x: FloatArray) -> tuple[float, FloatArray]:
-        """Cost and gradient of a design vector (n_joints · (1 + size),)."""
+        """Cost and gradient of a design vector (n_joints · (1 + size),).
+
+        Raises
+        ------
+        DataError
+            They are no finite numbers.
+        """
         start, coefficients = self.unpack(x)
         position, velocity, acceleration = (shape @ coefficients for shape in self.shapes)
         q, dq, ddq = start + position, velocity, acceleration
@@ -88,7 +95,13 @@ class ExcitationCost:
         scale = self.limits.half_range
         gradient = sum(s.T @ g for s, g in zip(self.shapes, by_state, strict=True)) * scale
         by_start = np.zeros(len(start)) if self.start is not None else by_state[0].sum(0) * scale
-        return value, np.concatenate([by_start, np.ravel(gradient)])
+        slope = np.concatenate([by_start, np.ravel(gradient)])
+        if not (np.isfinite(value) and np.all(np.isfinite(slope))):
+            raise DataError(
+                "the torques of the given model are beyond every number: look at the inertials, "
+                "axes and limits of the URDF"
+            )
+        return value, slope
 
     def _regressors(
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.excitation.criterion import ConditionNumbers
@@ -16,6 +15,7 @@ from idim_iv_ros.excitation.limits import MotionLimits
 from idim_iv_ros.excitation.search import Search
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
+from idim_iv_ros.one_thread import one_thread
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def design_excitation(
     report = progress or (lambda stage, share: None)
     search = Search(model, limits, frames, settings, report)
     # The matrices are small: threads of the linear algebra would cost more than they bring.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_thread():
         random, found = search.run(began + settings.time_limit)
     judged = "weighted" if settings.criterion == "condition" else "deviation"
     best, numbers = min(found, key=lambda pair: float(getattr(pair[1], judged)))

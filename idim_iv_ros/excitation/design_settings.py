@@ -9,11 +9,13 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.cost import Criterion
 from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.excitation.limits import MotionLimits
+from idim_iv_ros.excitation.sampling import require_sampling
 from idim_iv_ros.excitation.start_posture import require_inside
 
 FloatArray = NDArray[np.float64]
 
 SAMPLES_PER_HARMONIC = 16
+_MOST_HARMONICS = 100  # the search has two coefficients for each, at every joint
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,9 @@ def require_possible(
         raise UsageError(f"repeats {settings.repeats}: at least 1 is needed")
     if not (np.isfinite(settings.rate) and settings.rate > 0.0):
         raise UsageError(f"rate {settings.rate:g}: samples per second above 0 are needed")
+    if settings.harmonics > _MOST_HARMONICS:
+        raise UsageError(f"harmonics {settings.harmonics}: at most {_MOST_HARMONICS} are possible")
+    require_sampling(settings.rate, settings.period * settings.repeats, "the motion")
     if not settings.time_limit > 0.0:
         raise UsageError(f"time limit {settings.time_limit:g}: seconds above 0 are needed")
     samples = settings.period * settings.rate

@@ -13,6 +13,7 @@ from idim_iv_ros.excitation.heights import MovingFrames, moving_frames, require_
 from idim_iv_ros.excitation.limit_use import LimitUse, limit_use
 from idim_iv_ros.excitation.limits import MotionLimits
 from idim_iv_ros.excitation.loop_bandwidth import loop_bandwidth
+from idim_iv_ros.excitation.sampling import require_sampling
 from idim_iv_ros.excitation.segment import Segment, SegmentPlan, effects_of
 from idim_iv_ros.excitation.shapes import Shape, rest_to_rest
 from idim_iv_ros.excitation.start_posture import require_inside
@@ -90,6 +91,7 @@ def design_diagnosis(
         raise UsageError(
             f"duration {duration:g}: {SHORTEST:g} to {LONGEST:g} s are needed for a diagnosis"
         )
+    require_sampling(rate, duration, "the motion")
     frames = moving_frames(model.robot)
     posture = _posture(model, limits, frames, start)
     inertia = np.ones(len(posture))

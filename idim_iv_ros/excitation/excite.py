@@ -10,7 +10,7 @@ from idim_iv_ros.excitation.design_settings import DesignSettings
 from idim_iv_ros.excitation.documents import FORMAT, limits_document, use_document
 from idim_iv_ros.excitation.limits import MotionLimits
 from idim_iv_ros.excitation.prediction import PredictedParameter, predict_parameters
-from idim_iv_ros.model import InverseModel, build_inverse_model
+from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,7 @@ def load_model(configuration: Configuration) -> InverseModel:
     urdf = configuration.robot.urdf
     if urdf is None:
         raise UsageError(f"{configuration.source}: robot.urdf is needed to design a motion")
-    try:
-        text = urdf.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{urdf}: cannot be read: {error}") from error
+    text = read_urdf_file(urdf)
     signals = configuration.signals.model_copy(update={"effort_unit": "N m"})
     return build_inverse_model(
         configuration.model_copy(update={"signals": signals}), text, str(urdf)

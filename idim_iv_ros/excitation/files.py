@@ -2,7 +2,7 @@
 
 import io
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -10,6 +10,10 @@ from idim_iv_ros.atomic_files import probe_place, write_together
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.joint_trajectory import write_joint_trajectory
 from idim_iv_ros.excitation.trajectory import Trajectory, write_csv
+from idim_iv_ros.file_paths import FilePath
+from idim_iv_ros.own_files import FILES, digests, require_replaceable
+
+ENDINGS = ("csv", "yaml", "json")
 
 
 def motion_stem(out: Path) -> Path:
@@ -18,15 +22,29 @@ def motion_stem(out: Path) -> Path:
 
 
 @contextmanager
-def require_place(out: Path) -> Iterator[None]:
+def require_place(
+    out: FilePath, endings: Sequence[str] = ENDINGS, *, force: bool = False
+) -> Iterator[None]:
     """Make sure, before long work, that the files of a motion can be written afterwards.
+
+    Parameters
+    ----------
+    out
+        Stem, or one of the files.
+    endings
+        Of the files that will be written.
+    force
+        Replace files that this program did not write.
 
     Raises
     ------
     UsageError
-        The folder of `out` is missing or cannot be written, or `out` is a folder.
+        The folder of `out` is missing or cannot be written, `out` is a folder, or as
+        `require_replaceable`.
     """
+    out = Path(out)
     stem = motion_stem(out)
+    require_replaceable(_files(stem, endings), force=force)
     try:
         if not stem.name or stem.is_dir():
             raise IsADirectoryError(f"{out} is a folder")
@@ -37,12 +55,13 @@ def require_place(out: Path) -> Iterator[None]:
 
 
 def write_motion(
-    out: Path,
+    out: FilePath,
     trajectory: Trajectory,
     document: Mapping[str, object],
     *,
     message_rate: float,
     tables: Mapping[str, str] | None = None,
+    force: bool = False,
 ) -> tuple[Path, ...]:
     """Write ``STEM.csv``, ``STEM.yaml``, ``STEM.json`` and further tables ``STEM.<key>``.
 
@@ -58,6 +77,8 @@ def write_motion(
         Points per second of the JointTrajectory.
     tables
         Text of further files by their ending, e.g. ``segments.csv``.
+    force
+        Replace files that this program did not write.
 
     Returns
     -------
@@ -67,20 +88,29 @@ def write_motion(
     Raises
     ------
     UsageError
-        A file cannot be written; none is then left behind.
+        A file cannot be written, or must not be replaced; none is then left behind.
     """
+    out = Path(out)
     stem = motion_stem(out)
     table, message = io.StringIO(), io.StringIO()
     write_csv(trajectory, table)
     write_joint_trajectory(trajectory, message, rate=message_rate)
-    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    texts = {"csv": table.getvalue(), "yaml": message.getvalue(), "json": text, **(tables or {})}
-    paths = {stem.with_name(f"{stem.name}.{ending}"): text for ending, text in texts.items()}
+    texts = {"csv": table.getvalue(), "yaml": message.getvalue(), "json": "", **(tables or {})}
+    paths = dict(zip(_files(stem, texts), texts.values(), strict=True))
+    beside = {path.name: text for path, text in paths.items() if path.suffix != ".json"}
+    complete = {**document, FILES: digests(beside)}
+    text = json.dumps(complete, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    paths[_files(stem, ["json"])[0]] = text
+    require_replaceable(paths, force=force)
     try:
         write_together(paths)
     except OSError as error:
         raise _refusal(out, error) from error
     return tuple(paths)
+
+
+def _files(stem: Path, endings: Iterable[str]) -> list[Path]:
+    return [stem.with_name(f"{stem.name}.{ending}") for ending in endings]
 
 
 def _refusal(out: Path, error: OSError) -> UsageError:

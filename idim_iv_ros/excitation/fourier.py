@@ -1,14 +1,17 @@
 """Periodic motions at rest where a period begins: finite Fourier series."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import null_space
 
 from idim_iv_ros.errors import UsageError
 
 FloatArray = NDArray[np.float64]
+
+_BLOCK = 2000  # samples
 
 
 @dataclass(frozen=True)
@@ -39,14 +42,44 @@ class FourierBasis:
 
     def shapes(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Position, velocity and acceleration of the shapes: three of (n_samples, size)."""
+        sines, cosines = _at_rest(self.harmonics)
+        position, velocity, acceleration = (
+            np.hstack([odd @ sines, even @ cosines]) for odd, even in self._waves(time)
+        )
+        return position, velocity, acceleration
+
+    def motion(
+        self, time: FloatArray, coefficients: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Σ shape_i(t) c_i: three of (n_samples, n_joints), for `coefficients` (size, n_joints).
+
+        Long motions have many harmonics: the shapes of all samples are never in memory at once.
+        """
+        sines, cosines = _at_rest(self.harmonics)
+        odd_part = sines @ coefficients[: self.harmonics - 1]
+        even_part = cosines @ coefficients[self.harmonics - 1 :]
+        blocks = [
+            [odd @ odd_part + even @ even_part for odd, even in self._waves(time[k : k + _BLOCK])]
+            for k in range(0, len(time), _BLOCK)
+        ]
+        position, velocity, acceleration = (np.vstack(part) for part in zip(*blocks, strict=True))
+        return position, velocity, acceleration
+
+    def _waves(self, time: FloatArray) -> tuple[tuple[FloatArray, FloatArray], ...]:
+        """Sine and cosine of each harmonic over its order, and two time derivatives."""
         order = np.arange(1, self.harmonics + 1)
         pulsation = 2.0 * np.pi / self.period * order
         sine, cosine = np.sin(time[:, None] * pulsation), np.cos(time[:, None] * pulsation)
-        sines = null_space(np.ones((1, self.harmonics)))
-        cosines = null_space(order[None, :].astype(float))
-        position = np.hstack([(sine / order) @ sines, ((cosine - 1.0) / order) @ cosines])
-        speed = pulsation / order
-        velocity = np.hstack([(cosine * speed) @ sines, (-sine * speed) @ cosines])
-        rate = pulsation**2 / order
-        acceleration = np.hstack([(-sine * rate) @ sines, (-cosine * rate) @ cosines])
-        return position, velocity, acceleration
+        speed, rate = pulsation / order, pulsation**2 / order
+        return (
+            (sine / order, (cosine - 1.0) / order),
+            (cosine * speed, -sine * speed),
+            (-sine * rate, -cosine * rate),
+        )
+
+
+@cache
+def _at_rest(harmonics: int) -> tuple[FloatArray, FloatArray]:
+    """Coefficients of the sines without velocity, of the cosines without acceleration, at t = 0."""
+    order = np.arange(1.0, harmonics + 1.0)
+    return scipy.linalg.null_space(np.ones((1, harmonics))), scipy.linalg.null_space(order[None, :])

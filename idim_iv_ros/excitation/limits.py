@@ -17,6 +17,7 @@ FloatArray = NDArray[np.float64]
 # and full speed takes this long at least.
 SHARE_OF_TORQUE = 0.5
 SECONDS_TO_FULL_SPEED = 0.1
+_SLOWEST, _FASTEST = 1e-6, 1e6  # rad/s² (m/s²): accelerations that may be asked for
 _POSTURES = 200
 _SEED = 11
 
@@ -147,8 +148,11 @@ def _per_joint(acceleration: Sequence[float], joints: int) -> FloatArray:
     values = np.asarray(acceleration, dtype=float)
     if len(values) not in (1, joints):
         raise UsageError(f"acceleration has {len(values)} values for {joints} joints")
-    if not np.all(np.isfinite(values) & (values > 0.0)):
-        raise UsageError("acceleration: positive values in rad/s² (m/s²) are needed")
+    if not np.all((values >= _SLOWEST) & (values <= _FASTEST)):
+        raise UsageError(
+            f"acceleration: positive values from {_SLOWEST:g} to {_FASTEST:g} rad/s² (m/s²) are "
+            "needed"
+        )
     return np.broadcast_to(values, (joints,)).copy()
 
 

@@ -9,9 +9,11 @@ from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.excitation.heights import moving_frames
 from idim_iv_ros.excitation.limit_use import limit_use
 from idim_iv_ros.excitation.limits import motion_limits
+from idim_iv_ros.excitation.sampling import require_sampling
 from idim_iv_ros.excitation.trajectory import Trajectory
 
 _HIGHEST_FREQUENCY = 2.0  # Hz
+_LONGEST = 1000.0  # s; the work grows with the square of the duration
 _SHRINK = 0.8
 _ATTEMPTS = 20
 
@@ -36,21 +38,28 @@ def random_motion(
     Raises
     ------
     UsageError
-        No URDF, a limit that is missing, or a duration below 1 s.
+        No URDF, a limit that is missing, a duration that is not 1 to 1000 s, or as
+        `require_sampling`.
     DataError
         The robot cannot even stay near the middle of its range.
     """
     if not duration >= 1.0:
         raise UsageError(f"duration {duration:g}: at least 1 s is needed")
+    if duration > _LONGEST:
+        raise UsageError(
+            f"duration {duration:g}: a random motion lasts at most {_LONGEST:g} s; design a "
+            "longer one with idim-iv excite --for diagnosis"
+        )
+    require_sampling(rate, duration, "the random motion")
     model = load_model(configuration)
     limits = motion_limits(model, configuration)
     random = np.random.default_rng(seed)
     joints = len(limits.lower)
     basis = FourierBasis(duration, round(_HIGHEST_FREQUENCY * duration))
-    shapes = basis.shapes(np.arange(round(duration * rate) + 1) / rate)
     coefficients = random.normal(size=(basis.size, joints))
     posture = limits.middle + limits.half_range * random.uniform(-0.2, 0.2, joints)
-    wave, slope, curve = (shape @ coefficients for shape in shapes)
+    time = np.arange(round(duration * rate) + 1) / rate
+    wave, slope, curve = basis.motion(time, coefficients)
     room = limits.margin * limits.half_range - np.abs(posture - limits.middle)
     scale = np.minimum(room / np.abs(wave).max(axis=0), limits.velocity / np.abs(slope).max(axis=0))
     scale = np.minimum(scale, limits.acceleration / np.abs(curve).max(axis=0)) * limits.margin

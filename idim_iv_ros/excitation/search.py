@@ -1,12 +1,13 @@
 """Search for a motion: random starts, their improvement, the scaling to the limits."""
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.excitation.cost import ExcitationCost
@@ -29,6 +30,7 @@ _KEPT = 2
 _POINTS = 100
 # The design aims this far inside the margin, for what lies between the points of its grid.
 _INSIDE = 0.995
+_LARGEST_EXPONENT = 700.0  # a motion far outside the limits costs more than a float can show
 
 
 class Search:
@@ -121,13 +123,16 @@ class Search:
 
             def watch(intermediate_result: object) -> None:
                 self.done += 1
-                self._show(float(np.exp(intermediate_result.fun)))  # type: ignore[attr-defined]
+                exponent = min(intermediate_result.fun, _LARGEST_EXPONENT)  # type: ignore[attr-defined]
+                self._show(math.exp(exponent))
                 if time.monotonic() > deadline:
                     self.ended_early = True
                     raise StopIteration
 
             options = {"maxiter": iterations, "maxcor": 30}
-            x = minimize(cost, x, jac=True, method="L-BFGS-B", callback=watch, options=options).x
+            x = scipy.optimize.minimize(
+                cost, x, jac=True, method="L-BFGS-B", callback=watch, options=options
+            ).x
             self.done = before + iterations
         return np.asarray(x)
 

@@ -15,6 +15,7 @@ EFFECTS: dict[str, tuple[str, ...]] = {
     "range_sweep": (
         *("position_dependent_friction", "position_ripple", "encoder_eccentricity", "spring"),
         *("gravity_direction", "load_dependent_friction", "asymmetric_friction", "backlash"),
+        "torque_offset",
     ),
     "creep": ("stribeck", "backlash"),
     "plateau": (

@@ -7,6 +7,10 @@ _NO_MOTION = {
     frozenset({"payload", "link_inertia"}): (
         "no motion does if the load is fixed to the link; take it off and record once more"
     ),
+    frozenset({"torque_offset", "asymmetric_friction"}): (
+        "no motion does: dry friction that differs between the directions is a constant torque "
+        "beside its mean. Measure the torque without the drive's friction, behind the gear"
+    ),
 }
 
 

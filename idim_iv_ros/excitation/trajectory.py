@@ -11,12 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.excitation.sampling import require_sampling
+from idim_iv_ros.file_paths import FilePath
+from idim_iv_ros.text_file import read_text
 
 FloatArray = NDArray[np.float64]
 
 SIGNALS = ("position", "velocity", "acceleration")
 # Stamps may be rounded to this share of a period.
 _JITTER = 0.05
+_SHORTEST_STEP = 1e-9  # s, a thousandth of what is accepted
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,7 @@ class Trajectory:
         return Trajectory(tuple(joints), self.rate, *(each[:, columns] for each in signals))
 
 
-def read_trajectory(path: Path) -> Trajectory:
+def read_trajectory(path: FilePath) -> Trajectory:
     """Read a trajectory from CSV: ``time,<joint>.position,…[,<joint>.velocity,…]``.
 
     Columns may stand in any order; others are ignored. Velocities and accelerations that are
@@ -77,6 +81,7 @@ def read_trajectory(path: Path) -> Trajectory:
         Unreadable file, missing columns, a cell that is not a finite number, fewer than three
         samples, or stamps that are not uniform. The message is one line and names the file.
     """
+    path = Path(path)
     header, table = _read_table(path)
     columns = {name: table[:, place] for place, name in enumerate(header)}
     joints = tuple(name[: -len(".position")] for name in header if name.endswith(".position"))
@@ -99,12 +104,11 @@ def write_csv(trajectory: Trajectory, file: TextIO) -> None:
 
 
 def _read_table(path: Path) -> tuple[list[str], FloatArray]:
+    text = read_text(path, "the trajectory", megabytes=500.0)
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not a CSV text file"
-        raise UsageError(f"{path}: cannot read the trajectory: {reason}") from error
+        rows = [row for row in csv.reader(text.splitlines()) if row]
+    except csv.Error as error:
+        raise UsageError(f"{path}: cannot read the trajectory: not a CSV text file") from error
     if not rows:
         raise UsageError(f"{path}: the file is empty")
     header = [name.strip() for name in rows[0]]
@@ -141,7 +145,7 @@ def _numbers(path: Path, header: Sequence[str], rows: Sequence[Sequence[str]]) -
 def _rate(path: Path, time: FloatArray) -> float:
     steps = np.diff(time)
     step = float((time[-1] - time[0]) / len(steps))
-    if step <= 0.0 or np.any(steps <= 0.0):
+    if not step > 0.0 or np.any(steps <= 0.0):
         raise UsageError(f"{path}: the stamps do not increase")
     if np.max(np.abs(steps - step)) > _JITTER * step:
         raise UsageError(
@@ -149,7 +153,9 @@ def _rate(path: Path, time: FloatArray) -> float:
             f"{steps.max():.4g} s; resample the trajectory"
         )
     # Decimal stamps: 1 / mean step is 999.9999999998 for 1000 per second.
-    return float(np.round(1.0 / step, 6))
+    rate = float(np.round(1.0 / max(step, _SHORTEST_STEP), 6))
+    require_sampling(rate, step * len(steps), f"{path}: the trajectory")
+    return rate
 
 
 def _derivative(

@@ -17,7 +17,7 @@ from idim_iv_ros.gap.search import Grids, Search
 
 FloatArray = NDArray[np.float64]
 
-MOST_EFFECTS = 4  # beside an asymmetric friction at every joint
+MOST_EFFECTS = 4
 # Share of the whitened residual's energy that it must explain.
 LEAST_SHARE = 0.01
 # Of the gap that the candidate with the widest reach closes, what the one to be named must close.
@@ -81,7 +81,7 @@ def attribute(
     tried = 0
     known: dict[tuple[Effect, Place], Candidate | None] = {}
     for _ in range(MOST_EFFECTS + len(data.joints)):
-        if _counted(found) >= MOST_EFFECTS:
+        if len(found) >= MOST_EFFECTS:
             break
         search = Search(data, covered, current, fit, grids)
         candidates = _all(search, catalogue, found, known, progress)
@@ -97,11 +97,6 @@ def attribute(
             found, current, fit = _revised(search, regression, refit, found, catalogue)
         _forget(known, set(best.columns))
     return Attribution(regression, refit, tuple(found), current, fit, tried)
-
-
-def _counted(found: Sequence[Found]) -> int:
-    """How many effects were accepted, less the offsets that every joint may have."""
-    return sum(each.candidate.effect.counted for each in found)
 
 
 def named_first(candidates: Sequence[Candidate]) -> Candidate | None:

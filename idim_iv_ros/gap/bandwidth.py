@@ -7,9 +7,13 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.estimation import observation_rows, solve_weighted_least_squares
+from idim_iv_ros.estimation import (
+    observation_rows,
+    solve_weighted_least_squares,
+    triangles_of_rows,
+)
 from idim_iv_ros.gap.smooth_motion import SAMPLES_PER_ROW
-from idim_iv_ros.preparation import PreparedRegression, prepare
+from idim_iv_ros.preparation import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import joint_inertia
@@ -35,7 +39,7 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
     if processing.decimation_cutoff is not None:
         return configuration
     prepared = prepare(recordings, configuration)
-    rate = prepared.motions[0].signals.rate
+    rate = min(motion.signals.rate for motion in prepared.motions)
     highest = min(_WIDEST, rate / (2.0 * _POSITION_OVER_DECIMATION * 1.3))
     cutoff = max(min(_noise_limit(prepared), highest), prepared.cutoffs.decimation)
     edge = processing.decimation_edge
@@ -54,21 +58,13 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
             "decimation_cutoff": min(cutoff, position),
         }
     )
-    if _is_simulated(configuration, prepared):
-        # Rows beside a reversal count: the friction in the model sticks as the simulated one does.
-        changed = changed.model_copy(update={"reversal_margin": 0.0})
     return configuration.model_copy(update={"processing": changed})
-
-
-def _is_simulated(configuration: Configuration, prepared: PreparedRegression) -> bool:
-    references = [motion.signals.position_reference for motion in prepared.motions]
-    known = configuration.controller.type != "unknown"
-    return known and all(reference is not None for reference in references)
 
 
 def _noise_limit(prepared: PreparedRegression) -> float:
     """Hz, the least over the joints."""
     rows = observation_rows(prepared.model, prepared.motions)
+    require_excitation(prepared, triangles_of_rows(rows))
     values = solve_weighted_least_squares(rows, len(prepared.model.base.columns)).values
     position = prepared.motions[0].position
     model = prepared.model

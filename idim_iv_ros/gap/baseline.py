@@ -17,11 +17,13 @@ from idim_iv_ros.estimation import (
     triangles_of_rows,
 )
 from idim_iv_ros.gap.bandwidth import widened
+from idim_iv_ros.gap.reversals import may_count, reason_for_margin, with_margin
 from idim_iv_ros.gap.slip import simulated_slips
 from idim_iv_ros.gap.smooth_motion import SmoothMotion, smooth_motions
 from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.preparation import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.recording import Recording
+from idim_iv_ros.signals import REVERSAL_MARGIN
 
 FloatArray = NDArray[np.float64]
 
@@ -33,7 +35,8 @@ _FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
 class Baseline:
     """The refit of the given model to the recordings, and what candidates are made from.
 
-    The model has no offsets: a constant torque is an effect, found as the others are.
+    The model has torque offsets, whatever the configuration says: what is constant is a number of
+    the given model (zero there), and no physics that it lacks.
 
     Attributes
     ----------
@@ -46,6 +49,8 @@ class Baseline:
     places : tuple of (r,) int, one for each joint
         Which decimated sample of its recording each row is.
     motions : tuple of SmoothMotion
+    sticking : bool
+        Whether it is known where joints stick: the closed loop of every recording is simulated.
     """
 
     prepared: PreparedRegression
@@ -55,6 +60,7 @@ class Baseline:
     recordings: tuple[NDArray[np.int64], ...]
     places: tuple[NDArray[np.int64], ...]
     motions: tuple[SmoothMotion, ...]
+    sticking: bool
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -64,7 +70,7 @@ class Baseline:
     @property
     def row_rate(self) -> float:
         """Rows per second."""
-        return self.prepared.motions[0].signals.rate / self.prepared.cutoffs.factor
+        return self.prepared.cutoffs.row_rate
 
     @property
     def slowest(self) -> FloatArray:
@@ -86,20 +92,31 @@ class Baseline:
 
 
 def baseline(recordings: Sequence[Recording], configuration: Configuration) -> Baseline:
-    """Refit the model without offsets by IDIM-IV.
+    """Refit the model by IDIM-IV, with torque offsets.
+
+    Unless the user says how far rows keep from a reversal, they count there if, and only if, the
+    closed loop could be simulated: see `gap.reversals`.
 
     Raises
     ------
     UsageError, DataError
         As `identify`.
     """
-    configuration = widened(recordings, without_offsets(configuration))
-    prepared = prepare(recordings, configuration)
+    section = widened(recordings, with_offsets(configuration))
+    if may_count(section, recordings):
+        found = _refit(prepare(recordings, with_margin(section, 0.0)))
+        if found.sticking:
+            return _explained(found, configuration, 0.0)
+    found = _refit(prepare(recordings, section))
+    margin = section.processing.reversal_margin
+    return _explained(found, configuration, REVERSAL_MARGIN if margin is None else margin)
+
+
+def _refit(prepared: PreparedRegression) -> Baseline:
+    configuration = prepared.configuration
     rows = observation_rows(prepared.model, prepared.motions)
     require_excitation(prepared, triangles_of_rows(rows))
-    sources = instrument_sources(
-        prepared.configuration, prepared.model, prepared.motions, prepared.cutoffs
-    )
+    sources = instrument_sources(configuration, prepared.model, prepared.motions, prepared.cutoffs)
     estimate = idim_iv(
         rows,
         sources.sources,
@@ -108,14 +125,15 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
         max_iterations=configuration.identification.max_iterations,
     )
     links, whole = _parameters(prepared, estimate.linear.values)
+    slips = simulated_slips(prepared, estimate)
     motions = smooth_motions(
         prepared.model.robot,
         links,
         whole,
         prepared.motions,
-        [recording.start for recording in recordings],
+        [part.start for part in prepared.session.parts],
         estimate.instruments,
-        simulated_slips(prepared, estimate),
+        slips,
         prepared.cutoffs.decimation,
     )
     joints = range(len(configuration.robot.joints))
@@ -127,15 +145,25 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
         tuple(_recordings(prepared, joint) for joint in joints),
         tuple(_places(prepared, joint) for joint in joints),
         motions,
+        all(slip is not None for slip in slips),
     )
 
 
-def without_offsets(configuration: Configuration) -> Configuration:
-    """Return the configuration with a model that has no torque offsets."""
+def _explained(found: Baseline, configuration: Configuration, margin: float) -> Baseline:
+    """Return the same with the reason for its rows beside reversals."""
+    reason = reason_for_margin(configuration, margin, found.estimate, sticking=found.sticking)
+    if not reason:
+        return found
+    prepared = replace(found.prepared, reasons=(*found.prepared.reasons, reason))
+    return replace(found, prepared=prepared)
+
+
+def with_offsets(configuration: Configuration) -> Configuration:
+    """Return the configuration with a model that has torque offsets, but those that it excludes."""
     section = configuration.identification
-    names = [name for name in section.exclude if not name.startswith("off")]
-    friction = [term for term in section.friction if term != "offset"]
-    changed = section.model_copy(update={"friction": friction, "exclude": names})
+    if "offset" in section.friction:
+        return configuration
+    changed = section.model_copy(update={"friction": [*section.friction, "offset"]})
     return configuration.model_copy(update={"identification": changed})
 
 

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.estimation import SimulatedLoop
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.effects.effect import Effect, Extent, Place, Shape
 from idim_iv_ros.gap.likelihood import Columns
@@ -32,7 +31,7 @@ def extent(data: Baseline) -> Extent:
         duration=float(max(m.time[-1] for m in motions)),
         row_rate=data.row_rate,
         lever=np.array([1.0 if kind == "revolute" else _LEVER for kind in kinds]),
-        sticking=isinstance(data.estimate.source, SimulatedLoop),
+        sticking=data.sticking,
     )
 
 

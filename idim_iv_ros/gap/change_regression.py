@@ -80,6 +80,12 @@ class ChangeRegression:
         return sum(len(residual) for residual in self.residuals)
 
     @property
+    def sizes(self) -> FloatArray:
+        """RMS of the torque of each joint, (n_joints,) N m (N)."""
+        rms = [float(np.sqrt(np.mean(torque**2))) for torque in self.torques]
+        return np.maximum(rms, 1e-300)
+
+    @property
     def energy(self) -> float:
         """Of the whitened residual of the given model."""
         return float(self.right @ self.right)
@@ -144,7 +150,11 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
     """
     model = data.prepared.model
     axes = level_axes(np.asarray(model.robot.pinocchio.gravity.linear))
-    space = ParameterSpace(model, model.given, axes)
+    covered = extent(data)
+    still = frozenset(joint for joint in range(len(data.joints)) if too_little(joint, covered))
+    moving = frozenset(range(len(data.joints))) - still
+    bare = moving if data.prepared.armature_missing else frozenset()
+    space = ParameterSpace(model, model.given, axes, bare)
     gravity = _gravity_rows(data, axes)
     b, joints = regression.parameters, len(regression.joints)
     columns, residuals, whitened = [], [], []
@@ -164,7 +174,6 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
         columns.append(unit)
         residuals.append(residual)
     added = regression.total - b
-    covered = extent(data)
     triangle = _projected(np.vstack(whitened), added)
     return ChangeRegression(
         space,
@@ -173,7 +182,7 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
         tuple(columns),
         tuple(residuals),
         tuple(regression.joints[joint].torque for joint in range(joints)),
-        frozenset(joint for joint in range(joints) if too_little(joint, covered)),
+        still,
     )
 
 

@@ -41,6 +41,10 @@ class CommandRegression:
         Share of each group's energy that noise of the encoder makes.
     runs : tuple of slice
         Rows without a gap in time.
+    recording : (r,) int
+        Which recording each row belongs to.
+    time : s
+        From the start of the recording.
     """
 
     rest: FloatArray
@@ -51,6 +55,8 @@ class CommandRegression:
     groups: dict[str, FloatArray]
     noise: dict[str, float]
     runs: tuple[slice, ...]
+    recording: NDArray[np.int64]
+    time: FloatArray
 
     def usable(self, name: str) -> bool:
         """Whether a group varies."""
@@ -86,7 +92,7 @@ def command_regression(
 ) -> CommandRegression | None:
     """Evaluate the law on the measured motion; None where too few rows are left."""
     effect = ControllerMismatch()
-    tables, constants, runs, start = [], [], [], 0
+    tables, constants, runs, times, start = [], [], [], [], 0
     noise_energy, energy = np.zeros(len(GROUPS)), np.zeros(len(GROUPS))
     for number, motion in enumerate(motions):
         signals = motion.signals
@@ -99,6 +105,7 @@ def command_regression(
         kept = comparable_rows(motion, law, joint)
         tables.append(table[kept])
         constants.append(np.full(int(kept.sum()), number))
+        times.append(motion.time[kept])
         for first, last in _stretches(kept):
             runs.append(slice(start + first, start + last))
         start += int(kept.sum())
@@ -118,6 +125,8 @@ def command_regression(
         groups={name: table[:, 4 + k] for k, name in enumerate(GROUPS)},
         noise=dict(zip(GROUPS, noise_energy / np.maximum(energy, 1e-300), strict=True)),
         runs=tuple(runs),
+        recording=which,
+        time=np.concatenate(times),
     )
 
 

@@ -1,15 +1,17 @@
 """Effects that also hold on data not used to fit them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.gap.attribution import Attribution, Found
 from idim_iv_ros.gap.baseline import Baseline
+from idim_iv_ros.gap.effect_deviations import differs_from_nothing
 from idim_iv_ros.gap.held_out import HeldOut, held_out
 from idim_iv_ros.gap.noise_floor import NoiseFloor, Repeat
-from idim_iv_ros.gap.structural_causes import NamedModel, built_model, label
+from idim_iv_ros.gap.structural_causes import NamedModel, built_model, label, named_model
 
 FloatArray = NDArray[np.float64]
 
@@ -29,6 +31,8 @@ def confirmed(
     given: FloatArray | None,
 ) -> tuple[NamedModel, HeldOut]:
     """Drop effects that do not help on data not used to fit, and test again without them.
+
+    Effects whose size may be zero at 95 % go, too: `effect_deviations.differs_from_nothing`.
 
     Parameters
     ----------
@@ -60,19 +64,45 @@ def confirmed(
             interleaved=any(each.candidate.effect.family == "time" for each in model.found),
         )
 
-    first = tested(model)
+    left_out: list[Found] = []
+    while True:
+        result = tested(model)
+        helpful = _helpful(model, result)
+        if len(helpful) < len(model.found):
+            model = built_model(attribution, helpful, model.nameless)
+            result = tested(model)
+        known = sized(data, model)
+        unknown = [each for each in model.found if not any(each is other for other in known)]
+        if not unknown:
+            return model, result
+        # One at a time, the last accepted first: beside it another may be unknown, and not alone.
+        # What only corrected its shape has another chance without it.
+        left_out.append(unknown[-1])
+        rest = [each for each in attribution.found if not any(each is one for one in left_out)]
+        model = named_model(replace(attribution, found=tuple(rest)))
+
+
+def _helpful(model: NamedModel, tested: HeldOut) -> list[Found]:
+    """Effects that help on held-out data."""
     helpful: list[Found] = []
     doubtful: set[int] = set()  # joints where what came later may patch what did not hold
     for number, each in enumerate(model.found):
         joint = each.candidate.place.joint
-        if joint not in doubtful and _helps(first, number, each):
+        if joint not in doubtful and _helps(tested, number, each):
             helpful.append(each)
         else:
             doubtful.add(joint)
-    if len(helpful) == len(model.found):
-        return model, first
-    model = built_model(attribution, helpful, model.nameless)
-    return model, tested(model)
+    return helpful
+
+
+def sized(data: Baseline, model: NamedModel) -> list[Found]:
+    """Effects whose size is known to differ from zero beside the others."""
+    starts = np.concatenate([[0], np.cumsum(model.regression.widths)]).astype(int)
+    return [
+        each
+        for each, start in zip(model.found, starts[:-1], strict=True)
+        if differs_from_nothing(data, model.regression, model.fit, each.candidate, int(start))
+    ]
 
 
 def _helps(tested: HeldOut, number: int, found: Found) -> bool:

@@ -3,18 +3,17 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib import metadata
-from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.file_paths import FilePaths
 from idim_iv_ros.gap.attribution import attribute
 from idim_iv_ros.gap.baseline import Baseline, baseline
 from idim_iv_ros.gap.catalogue import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.gap.cause_order import leading, strongest_first
 from idim_iv_ros.gap.confirmation import confirmed
-from idim_iv_ros.gap.controller_check import controller_mismatch, why_not_checked
+from idim_iv_ros.gap.controller_check import LawCheck, check_law, why_not_checked
 from idim_iv_ros.gap.dry_friction import dry_friction
 from idim_iv_ros.gap.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.gap.effects.encoder_eccentricity import EncoderEccentricity
@@ -27,8 +26,8 @@ from idim_iv_ros.gap.left_over import left_over
 from idim_iv_ros.gap.likelihood import Regression
 from idim_iv_ros.gap.missing_gravity import missing_gravity
 from idim_iv_ros.gap.noise_floor import NoiseFloor, noise_floors, repeats_of
-from idim_iv_ros.gap.numbers_left import numbers_left
 from idim_iv_ros.gap.other_causes import controller_results, parametric_results
+from idim_iv_ros.gap.parameter_errors import parameter_errors, remaining_words
 from idim_iv_ros.gap.parametric import ParametricOutcome, parametric_causes
 from idim_iv_ros.gap.regression_rows import smooth_regression
 from idim_iv_ros.gap.result import Cause, EffectParameter, GapResult, NotTestable
@@ -37,11 +36,12 @@ from idim_iv_ros.gap.structural_causes import NamedModel, named_model, structura
 from idim_iv_ros.gap.testability import floor_colours, shown_by_motion
 from idim_iv_ros.gap.tracked_stages import simulation_gaps, tracked_stages
 from idim_iv_ros.gap.tracking import Tracking, tracking_series, with_tracking
-from idim_iv_ros.gap.unexplained import unexplained
+from idim_iv_ros.gap.unexplained import small_remainders, unexplained
 from idim_iv_ros.gap.verdict import summary_of, verdict_of
 from idim_iv_ros.gap.where import where
 from idim_iv_ros.gap.wrong_numbers import WRONG_NUMBERS
-from idim_iv_ros.preparation import read_configured
+from idim_iv_ros.one_thread import one_thread
+from idim_iv_ros.preparation import ARMATURE_MISSING, read_configured
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.stopwatch import Progress, Stopwatch
 
@@ -50,7 +50,7 @@ _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 
 
 def diagnose(
-    bags: Sequence[Path],
+    bags: FilePaths,
     configuration: Configuration,
     *,
     without: Sequence[str] = (),
@@ -61,7 +61,7 @@ def diagnose(
     Parameters
     ----------
     bags
-        Recordings of one robot, used together.
+        One recording or several of one robot, used together: text or paths.
     configuration
         See `load_configuration`; the URDF, its `<dynamics>` and `simulator` are the given model.
     without
@@ -74,7 +74,7 @@ def diagnose(
     UsageError, DataError
         As `identify`.
     """
-    with threadpool_limits(limits=1, user_api="blas"), Stopwatch(progress) as watch:
+    with one_thread(), Stopwatch(progress) as watch:
         watch.stage("reading", 0.0)
         recordings = read_configured(bags, configuration, progress)
         result = _diagnosed(recordings, configuration, tuple(without), watch)
@@ -97,7 +97,7 @@ def _diagnosed(
         weightless = _given_alone(data, regression)
         data = baseline(recordings, gravity.corrected(configuration))
         regression = smooth_regression(data)
-    data, regression, chain = aligned(data, regression)
+    data, regression, shift = aligned(data, regression)
     watch.stage("attribution", 0.2)
     catalogue = [effect for effect in STRUCTURAL if effect.name not in without]
     wrong = [effect for effect in WRONG_NUMBERS if effect.name not in without]
@@ -115,7 +115,8 @@ def _diagnosed(
     parametric = [effect for effect in PARAMETRIC if effect.name not in without]
     # With what has no name, too: it would else pass for wrong numbers.
     outcome = parametric_causes(data, model.whole, model.whole.fit(model.fit.colours), parametric)
-    causes += _other_causes(data, model, outcome, floors, without)
+    law = check_law(data) if ControllerMismatch.name not in without else LawCheck()
+    causes += _other_causes(data, model, outcome, floors, law, without)
     if gravity is not None and weightless is not None:
         causes.append(gravity.cause(weightless, tested))
     colours = floor_colours(attribution.refit, [floor.sigma for floor in floors])
@@ -127,7 +128,8 @@ def _diagnosed(
     rest = unexplained(data, model)
     causes = strongest_first(causes, data)
     told = leading(causes, data)
-    numbers = numbers_left(data, outcome, tested.stages()) if given is not None else ""
+    errors = parameter_errors(data, outcome)
+    numbers = remaining_words(data, errors)
     stages = with_tracking(tested.stages(), tracked)
     left = left_over(data, stages, floors)
     verdict = verdict_of(causes, rest, unexplained=bool(numbers or left))
@@ -138,12 +140,14 @@ def _diagnosed(
         robot=data.prepared.model.robot.name,
         joints=data.joints,
         joint_types=data.prepared.model.robot.joint_types,
-        bags=tuple(recording.path.name for recording in recordings),
+        bags=tuple(part.bag for part in data.prepared.session.parts),
+        session=data.prepared.session.parts,
         software={name: metadata.version(name) for name in _REPORTED},
         configuration=configuration.model_dump(mode="json", exclude_none=True),
         without=without,
         verdict=verdict,
-        summary=summary_of(
+        summary=_nominal_words(data)
+        + summary_of(
             verdict,
             told,
             rest,
@@ -153,7 +157,8 @@ def _diagnosed(
             numbers=numbers,
             more=len(causes) - len(told),
             model="refit" if given is None else "given model",
-        ),
+        )
+        + "".join(f" {sentence[0].upper()}{sentence[1:]}." for sentence in law.beyond),
         causes=tuple(causes),
         unexplained=rest,
         joint_gaps=place.joint_gaps,
@@ -165,11 +170,17 @@ def _diagnosed(
         series=gap_series(data, regression, model),
         tracking=tracking_series(data, first, last),
         notes=(
-            chain.sentence(data.joints),
+            shift.sentence(data.joints),
+            *([] if law.speed is None else [f"the speed in the control law: {law.speed.words}"]),
             *_notes(data, tested.note, [floor.note for floor in floors], tracked),
+            *small_remainders(data, model),
         ),
         extended_parameters=_extended(data, model),
-        recorded=sum(recording.duration for recording in recordings),
+        recorded=sum(part.duration for part in data.prepared.session.parts),
+        parameter_errors=errors,
+        signal_chain=shift.part_of_result(
+            data.joints, None if law.speed is None else law.speed.words
+        ),
     )
 
 
@@ -178,6 +189,7 @@ def _other_causes(
     model: NamedModel,
     outcome: ParametricOutcome,
     floors: Sequence[NoiseFloor],
+    law: LawCheck,
     without: Sequence[str],
 ) -> list[Cause]:
     """Wrong numbers, and another control law."""
@@ -187,15 +199,18 @@ def _other_causes(
         for each in outcome.causes
     ]
     causes = parametric_results(data, found, floors)
-    if ControllerMismatch.name not in without:
-        turned = {
-            data.joints[found.candidate.place.joint]
-            for found in model.found
-            if found.candidate.effect.name == EncoderEccentricity.name
-        }
-        findings = [each for each in controller_mismatch(data) if each.joint not in turned]
-        causes += controller_results(data, findings)
-    return causes
+    turned = {
+        data.joints[found.candidate.place.joint]
+        for found in model.found
+        if found.candidate.effect.name == EncoderEccentricity.name
+    }
+    findings = [each for each in law.findings if each.joint not in turned]
+    return causes + controller_results(data, findings)
+
+
+def _nominal_words(data: Baseline) -> str:
+    """What the configuration leaves out of the nominal model, before anything is told of it."""
+    return f"{ARMATURE_MISSING.capitalize()}. " if data.prepared.armature_missing else ""
 
 
 def _accepted(refused: NotTestable, causes: Sequence[Cause]) -> bool:
@@ -225,7 +240,7 @@ def _notes(
     if unchecked:
         notes.append(f"commands not compared with the control law: {unchecked}")
     notes += [each.note or each.caveat for each in tracked]
-    notes += list(data.prepared.reasons)
+    notes += [*data.prepared.doubts, *data.prepared.advice, *data.prepared.reasons]
     return tuple(dict.fromkeys(note for note in notes if note))
 
 

@@ -8,6 +8,7 @@ would still move a number counts as its error, too.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from idim_iv_ros.gap.candidate_rows import extent, rows_of
 from idim_iv_ros.gap.effects.effect import Effect, Extent, Place, Shape
 from idim_iv_ros.gap.likelihood import Fit, Regression
 from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.gap.significance import any_differs
 
 FloatArray = NDArray[np.float64]
 
@@ -40,13 +42,76 @@ def parameters_of(
         Place of its first column among the added ones.
     """
     effect, shape = candidate.effect, candidate.shape
+    free = _with_free_shape(data, regression, fit, candidate, start)
+    coefficients = fit.coefficients[start : start + candidate.width]
+    found = effect.parameters(shape, coefficients, free.held)
+    if not free.near:
+        return found
+    slopes = _slopes(effect, shape, coefficients, free.held, free.near)
+    variances = np.einsum("pi,ij,pj->p", slopes, free.covariance, slopes)
+    variances += (slopes @ free.further) ** 2
+    return {
+        name: EffectParameter(
+            each.value, float(np.sqrt(max(variance, 0.0))) if slope.any() else None, each.unit
+        )
+        for (name, each), slope, variance in zip(found.items(), slopes, variances, strict=True)
+    }
+
+
+def differs_from_nothing(
+    data: Baseline, regression: Regression, fit: Fit, candidate: Candidate, start: int
+) -> bool:
+    """Whether the size of an effect is known to differ from zero at 95 %, its shape being free.
+
+    See `significance.any_differs`; of its coefficients, which scale its torque. Where a coefficient
+    only scales a shape, of the numbers that an engineer reads: both together are one number.
+    """
+    free = _with_free_shape(data, regression, fit, candidate, start)
+    width = candidate.width
+    values = fit.coefficients[start : start + width]
+    covariance = free.covariance[:width, :width] + np.diag(free.further[:width] ** 2)
+    if candidate.effect.size_in == "scale":
+        effect, shape = candidate.effect, candidate.shape
+        slopes = _slopes(effect, shape, values, free.held, free.near)
+        read = [each.value for each in effect.parameters(shape, values, free.held).values()]
+        sizes = np.any(slopes[:, :width] != 0.0, axis=1)
+        values, slopes = np.array(read)[sizes], slopes[sizes]
+        covariance = slopes @ free.covariance @ slopes.T + np.diag((slopes @ free.further) ** 2)
+    return any_differs(values, covariance)
+
+
+@dataclass(frozen=True)
+class _FreeShape:
+    """Coefficients of an effect (k,) beside moves of its shape (m,).
+
+    Attributes
+    ----------
+    near : list of Shape
+        One for each move.
+    held : (k,)
+        Deviations with the shape held.
+    covariance : (k + m, k + m)
+    further : (k + m,)
+        How far the fit would still move each.
+    """
+
+    near: list[Shape]
+    held: FloatArray
+    covariance: FloatArray
+    further: FloatArray
+
+
+def _with_free_shape(
+    data: Baseline, regression: Regression, fit: Fit, candidate: Candidate, start: int
+) -> _FreeShape:
+    effect, shape = candidate.effect, candidate.shape
     own = np.arange(start, start + candidate.width)
     coefficients = fit.coefficients[own]
-    held = np.sqrt(np.maximum(np.diag(fit.coefficient_covariance)[own], 0.0))
-    found = effect.parameters(shape, coefficients, held)
+    inner = fit.coefficient_covariance[np.ix_(own, own)]
+    held = np.sqrt(np.maximum(np.diag(inner), 0.0))
     near = _near(effect, shape, candidate.place, extent(data)) if effect.free_shape else []
     if not near:
-        return found
+        return _FreeShape([], held, inner, np.zeros(len(own)))
     here, *moved = rows_of(data, effect, candidate.place, [shape, *near])
     changes = {
         joint: np.column_stack([(rows[joint] - here[joint]) @ coefficients for rows in moved])
@@ -54,17 +119,10 @@ def parameters_of(
     }
     wider = regression.with_columns(changes).fit(fit.colours, steps=0)
     places = np.concatenate([own, len(wider.coefficients) - len(near) + np.arange(len(near))])
-    slopes = _slopes(effect, shape, coefficients, held, near)
-    covariance = wider.coefficient_covariance[np.ix_(places, places)]
     further = wider.coefficients[places]
     further[: len(own)] -= coefficients
-    variances = np.einsum("pi,ij,pj->p", slopes, covariance, slopes) + (slopes @ further) ** 2
-    return {
-        name: EffectParameter(
-            each.value, float(np.sqrt(max(variance, 0.0))) if slope.any() else None, each.unit
-        )
-        for (name, each), slope, variance in zip(found.items(), slopes, variances, strict=True)
-    }
+    covariance = wider.coefficient_covariance[np.ix_(places, places)]
+    return _FreeShape(near, held, covariance, further)
 
 
 def _near(effect: Effect, shape: Shape, place: Place, covered: Extent) -> list[Shape]:

@@ -26,6 +26,8 @@ def hidden_rivals(
 ) -> tuple[Rival, ...]:
     """Effects of the catalogue that make the torque of a wrong number, as well as it can be told.
 
+    Those that no recording separates from it always count.
+
     `Rival.correlation` is the multiple correlation of the cause's torque with the effect's
     columns, in the best of a few shapes.
     """
@@ -35,6 +37,8 @@ def hidden_rivals(
     covered = extent(data)
     rivals = []
     for effect in catalogue:
+        if effect.name in cause.effect.same_as:
+            rivals.append(Rival(effect.name, cause.joint, 1.0))
         if effect.name not in cause.effect.look_alikes:
             continue
         correlation = _correlation(data, effect, joint, cause.torque, covered)

@@ -42,3 +42,9 @@ def joint_gaps(
         )
         for j, name in enumerate(joints)
     )
+
+
+def signed_share(before: float, after: float, size: float) -> float:
+    """Root of before² − after² as a share of the torque; negative where the gap grows."""
+    energy = float(before) ** 2 - float(after) ** 2
+    return float(np.sign(energy) * np.sqrt(abs(energy))) / max(float(size), 1e-300)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from idim_iv_ros.signals import JointSignals
 
@@ -48,7 +48,9 @@ class LawSpeed:
         if len(difference) > 1:
             difference[0] = difference[1]
         rest = (1.0 - self.factor) * difference[0]
-        filtered, _ = lfilter([self.factor], [1.0, self.factor - 1.0], difference, zi=[rest])
+        filtered, _ = scipy.signal.lfilter(
+            [self.factor], [1.0, self.factor - 1.0], difference, zi=[rest]
+        )
         return np.asarray(filtered)
 
     @property

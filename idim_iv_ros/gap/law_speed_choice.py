@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from idim_iv_ros.gap.command_regression import comparable_rows
 from idim_iv_ros.gap.effects.controller_mismatch import ControllerMismatch
@@ -34,7 +34,7 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw) -> LawSpeed:
     best = int(np.argmin(scores))
     chosen, score = options[best], scores[best]
     if chosen.kind == "filtered" and 0 < (place := FACTORS.index(chosen.factor)) < len(FACTORS) - 1:
-        found = minimize_scalar(
+        found = scipy.optimize.minimize_scalar(
             lambda factor: _scores(motions, law, [LawSpeed("filtered", float(factor))])[0],
             bounds=(FACTORS[place + 1], FACTORS[place - 1]),
             method="bounded",

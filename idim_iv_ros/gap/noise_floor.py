@@ -26,6 +26,8 @@ _LEAST_ROWS = 50
 class Repeat:
     """Sample k of one recording's references is commanded again as sample k + lag of another.
 
+    Samples are those of the fastest recording.
+
     `first` and `second` are the same where a recording repeats itself.
     """
 
@@ -110,7 +112,19 @@ def repeats_of(data: Baseline) -> tuple[Repeat, ...]:
     present = [reference for reference in references if reference is not None]
     if len(present) < len(references):
         return ()
-    return find_repeats(present, data.prepared.motions[0].signals.rate, data.row_rate)
+    rates = [motion.signals.rate for motion in data.prepared.motions]
+    sampled = [
+        reference if rate == max(rates) else _resampled(reference, rate, max(rates))
+        for reference, rate in zip(present, rates, strict=True)
+    ]
+    return find_repeats(sampled, max(rates), data.row_rate)
+
+
+def _resampled(reference: FloatArray, rate: float, wanted: float) -> FloatArray:
+    """Return a reference (n_samples, n_joints) linearly between its samples at another rate."""
+    time = np.arange(int((len(reference) - 1) * wanted / rate) + 1) / wanted
+    own = np.arange(len(reference)) / rate
+    return np.column_stack([np.interp(time, own, joint) for joint in reference.T])
 
 
 def find_repeats(
@@ -207,12 +221,16 @@ def _refined(one: FloatArray, two: FloatArray, lag: int, stride: int) -> int | N
 def _matching(data: Baseline, joint: int, repeat: Repeat) -> tuple[IntArray, IntArray]:
     """Rows of a joint that the repeat makes equal, in pairs."""
     motions = data.prepared.motions
+    fastest = max(motion.signals.rate for motion in motions)
     numbers = []
     for recording in (repeat.first, repeat.second):
         motion = motions[recording]
         rows = np.flatnonzero(data.recordings[joint] == recording)
         kept = motion.decimation.kept[data.places[joint][rows]]
-        numbers.append((rows, motion.span.start + kept, motion.decimation.factor))
+        samples = fastest / motion.signals.rate
+        numbers.append(
+            (rows, samples * (motion.span.start + kept), samples * motion.decimation.factor)
+        )
     (rows, samples, _), (other, others, factor) = numbers
     if len(other) == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)

@@ -6,10 +6,17 @@ import numpy as np
 
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.controller_check import ControllerFinding
+from idim_iv_ros.gap.effects.link_inertia import LinkInertia
+from idim_iv_ros.gap.joint_gaps import signed_share
 from idim_iv_ros.gap.joint_units import in_units_of, unit_at
 from idim_iv_ros.gap.noise_floor import NoiseFloor
+from idim_iv_ros.gap.parameter_words import parameter_words, surest
 from idim_iv_ros.gap.parametric_evidence import ParametricCause
-from idim_iv_ros.gap.result import Cause, EffectParameter, Evidence, Gap
+from idim_iv_ros.gap.parametric_joints import LEAST_SHARE
+from idim_iv_ros.gap.result import Cause, EffectParameter, Evidence, Gap, JointChange
+from idim_iv_ros.gap.significance import NORMAL_95
+
+_MOST_NUMBERS = 4  # in a sentence
 
 
 def parametric_results(
@@ -27,10 +34,27 @@ def parametric_results(
             indistinguishable_from=cause.rivals,
             torque_gap=_parametric_gap(data, cause, floors),
             simulation_gap=None,
-            sentence=_parametric_sentence(cause),
+            sentence=_parametric_sentence(data, cause),
+            joint_gaps=_joint_gaps(data, cause),
         )
         for cause in found
     ]
+
+
+def _joint_gaps(data: Baseline, cause: ParametricCause) -> tuple[JointChange, ...]:
+    """Joints whose gap the cause changes, its own first and then the largest share first."""
+    changed = [
+        JointChange(name, float(before), float(after), signed_share(before, after, size))
+        for name, before, after, size in zip(
+            data.joints, cause.before, cause.after, cause.sizes, strict=True
+        )
+    ]
+    kept = [
+        each
+        for each in changed
+        if each.joint == cause.joint or abs(each.share_of_torque) >= LEAST_SHARE
+    ]
+    return tuple(sorted(kept, key=lambda each: (each.joint != cause.joint, -each.share_of_torque)))
 
 
 def controller_results(data: Baseline, findings: Sequence[ControllerFinding]) -> list[Cause]:
@@ -57,7 +81,7 @@ def _controller_cause(data: Baseline, finding: ControllerFinding) -> Cause:
         sentence=(
             f"another control law than configured at {finding.joint}: recorded and computed "
             f"commands differ by {finding.before:.3g} {unit}, with "
-            f"{_numbers(parameters)} by {finding.after:.3g} {unit}"
+            f"{_numbers(finding.effect.name, parameters)} by {finding.after:.3g} {unit}"
         ),
     )
 
@@ -76,28 +100,38 @@ def _parametric_gap(data: Baseline, cause: ParametricCause, floors: Sequence[Noi
     return Gap(before, after, floor, shrinkage, None)
 
 
-def _parametric_sentence(cause: ParametricCause) -> str:
-    words = cause.effect.name.replace("_", " ")
-    place = f" of {cause.joint}" if cause.joint else ""
-    text = (
-        f"the given {words}{place} is wrong: {_numbers(cause.parameters)}; this takes "
-        f"{100.0 * cause.share:.0f} % of the energy of the given model's gap"
-    )
+def _parametric_sentence(data: Baseline, cause: ParametricCause) -> str:
+    place = cause.joint or ""
+    if cause.joint and cause.effect.name == LinkInertia.name:
+        place += f" (link {data.joints.index(cause.joint) + 1})"
+    most = _MOST_NUMBERS if cause.joint else len(cause.parameters)  # one for each joint
+    numbers = _numbers(cause.effect.name, cause.parameters, most)
+    text = f"{cause.effect.subject(place)}: {numbers}"
+    smaller = [each for each in _joint_gaps(data, cause) if each.share_of_torque > 0.0]
+    if smaller:
+        gaps = ", ".join(_gap_words(data, each) for each in smaller)
+        text += f"; correcting it takes the torque gap {gaps}"
     if cause.rivals:
         others = ", ".join(
             rival.effect.replace("_", " ") + (f" of {rival.joint}" if rival.joint else "")
             for rival in cause.rivals
         )
-        text += f"; these recordings cannot tell it from {others}"
+        text += f"; this recording cannot tell it from {others}"
     return text
 
 
-def _numbers(parameters: dict[str, EffectParameter]) -> str:
-    """A few parameters with their intervals, in words."""
+def _gap_words(data: Baseline, each: JointChange) -> str:
+    unit = unit_at(data, data.joints.index(each.joint), "N m")
+    share = f"{100.0 * each.share_of_torque:.2g} % of its torque"
+    return f"at {each.joint} from {each.before:.3g} to {each.after:.3g} {unit} ({share})"
+
+
+def _numbers(effect: str, parameters: dict[str, EffectParameter], most: int = _MOST_NUMBERS) -> str:
+    """A few parameters with their intervals, in words, those that are surest of the fitted."""
     shown = []
-    for name, parameter in list(parameters.items())[:4]:
-        text = f"{name.replace('_', ' ')} {parameter.value:.3g}"
+    for name, parameter in surest(parameters, most).items():
+        text = f"{parameter_words(effect, name)} {parameter.value:.3g}"
         if parameter.std is not None:
-            text += f" ± {1.96 * parameter.std:.2g}"
+            text += f" ± {NORMAL_95 * parameter.std:.2g}"
         shown.append(f"{text} {parameter.unit}".rstrip())
     return ", ".join(shown)

@@ -14,6 +14,7 @@ from idim_iv_ros.gap.parametric_hypotheses import (
     Trial,
     changes_of,
     hypotheses,
+    trial_of,
     trials,
 )
 from idim_iv_ros.gap.result import EffectParameter, Rival
@@ -34,6 +35,8 @@ class ParametricCause:
     effect : ParametricEffect
     joint : str or None
         None where it belongs to none.
+    changes : tuple of Change
+        Of the given numbers.
     parameters : dict of str to EffectParameter
         Those that the recording determines.
     statistic : float
@@ -44,6 +47,8 @@ class ParametricCause:
         Of the energy of the given model's gap that goes with it, each joint by its torque.
     before, after : (n_joints,)
         RMS of the residual with the causes before this one, and with it, N m (N).
+    sizes : (n_joints,)
+        RMS of the recorded torque, N m (N).
     rivals : tuple of Rival
         Other wrong numbers.
     torque : (r_j,) or None
@@ -52,14 +57,22 @@ class ParametricCause:
 
     effect: ParametricEffect
     joint: str | None
+    changes: tuple[Change, ...]
     parameters: dict[str, EffectParameter]
     statistic: float
     p_value: float
     share: float
     before: FloatArray
     after: FloatArray
+    sizes: FloatArray
     rivals: tuple[Rival, ...]
     torque: FloatArray | None
+
+    @property
+    def share_of_torque(self) -> float:
+        """Largest gap that it takes at a joint, root of the energy, as a share of the torque."""
+        energy = np.maximum(self.before**2 - self.after**2, 0.0)
+        return float(np.max(np.sqrt(energy) / self.sizes))
 
 
 def causes_of(
@@ -69,6 +82,9 @@ def causes_of(
     catalogue: Sequence[ParametricEffect],
 ) -> tuple[ParametricCause, ...]:
     """Tell what each hypothesis explains beside the others; strongest first.
+
+    What the configuration itself leaves out stands before all others; it has only those rivals
+    that no recording tells from it.
 
     Parameters
     ----------
@@ -82,27 +98,34 @@ def causes_of(
     for hypothesis in kept:
         rest = [other for other in kept if other is not hypothesis]
         others = changes.explain(changes_of(rest))
-        tried = trials(changes, rest, catalogue)
-        this = next((trial for trial in tried if trial.hypothesis.key == hypothesis.key), None)
+        this = trial_of(changes, rest, hypothesis)
         if this is None:
             continue
+        tried = [
+            trial
+            for trial in trials(changes, rest, catalogue)
+            if trial.hypothesis.key != hypothesis.key
+        ]
         statistic = this.explained.statistic - others.statistic
         degrees = max(this.explained.rank - others.rank, 1)
         before, after = changes.rms(this.contribution)
         cause = ParametricCause(
             effect=hypothesis.effect,
             joint=_name(joints, hypothesis),
+            changes=hypothesis.changes,
             parameters=hypothesis.effect.parameters(changes.space, hypothesis.joint, this.own),
             statistic=statistic,
             p_value=min(1.0, count * float(stats.chi2.sf(statistic, degrees))),
             share=changes.share(this.contribution),
             before=before,
             after=after,
-            rivals=_rivals(joints, changes, rest, this, tried),
+            sizes=changes.sizes,
+            rivals=hypothesis.effect.inseparable_from(changes.space)
+            if hypothesis.effect.known_to_be_left_out(changes.space)
+            else _rivals(joints, changes, rest, this, tried),
             torque=_torque(changes, hypothesis, this),
         )
         causes.append((cause, hypothesis))
-    causes.sort(key=lambda each: -each[0].statistic)
     return _one_after_the_other(changes, causes)
 
 
@@ -126,7 +149,7 @@ def _rivals(
     """Hypotheses that would do as well in this one's place, with a torque alike."""
     rivals = []
     for trial in tried:
-        if trial is this or trial.support < this.support - ALIKE:
+        if trial.support < this.support - ALIKE:
             continue
         correlation = _correlation(changes, rest, this, trial)
         if correlation >= LEAST_CORRELATION:
@@ -138,18 +161,29 @@ def _rivals(
 def _one_after_the_other(
     changes: ChangeRegression, causes: Sequence[tuple[ParametricCause, Hypothesis]]
 ) -> tuple[ParametricCause, ...]:
-    """Gap before and after each cause, beside those before it."""
+    """Gap before and after each cause, beside those before it: always the one that takes most.
+
+    What the configuration leaves out comes first.
+    """
+    left = list(causes)
     sorted_causes: list[ParametricCause] = []
     together: list[Change] = []
     before, _ = changes.rms(np.zeros(changes.space.size))
     share = 0.0
-    for cause, hypothesis in causes:
+    while left:
+        contributions = [
+            changes.explain([*together, *hypothesis.changes]).contributions.sum(axis=1)
+            for _, hypothesis in left
+        ]
+        shares = [changes.share(contribution) for contribution in contributions]
+        known = [each[1].effect.known_to_be_left_out(changes.space) for each in left]
+        most = max(range(len(left)), key=lambda number: (known[number], shares[number]))
+        cause, hypothesis = left.pop(most)
         together += hypothesis.changes
-        contribution = changes.explain(together).contributions.sum(axis=1)
-        _, after = changes.rms(contribution)
-        whole = changes.share(contribution)
-        sorted_causes.append(replace(cause, before=before, after=after, share=whole - share))
-        before, share = after, whole
+        _, after = changes.rms(contributions[most])
+        taken = shares[most] - share
+        sorted_causes.append(replace(cause, before=before, after=after, share=taken))
+        before, share = after, shares[most]
     return tuple(sorted_causes)
 
 

@@ -57,6 +57,11 @@ class Trial:
         return self.explained.found[-len(self.hypothesis.changes) :]
 
     @property
+    def tells(self) -> bool:
+        """Whether at least one of its numbers is known to differ from zero."""
+        return any(each.tells for each in self.own)
+
+    @property
     def contribution(self) -> FloatArray:
         """What its changes add together, (d,) in the coordinates of the space."""
         own = self.explained.contributions[:, -len(self.hypothesis.changes) :]
@@ -84,30 +89,54 @@ def hypotheses(
     ]
 
 
+def of_base_parameters(
+    changes: ChangeRegression, catalogue: Sequence[ParametricEffect]
+) -> list[Hypothesis]:
+    """Every effect that owns base parameters, at every joint: together they are the refit."""
+    space = changes.space
+    owned = [
+        Hypothesis(effect, joint, tuple(effect.base_parameters(space, joint)))
+        for effect in catalogue
+        for joint in range(space.joints)
+        if joint not in changes.still
+    ]
+    return [each for each in owned if each.changes]
+
+
+def trial_of(
+    changes: ChangeRegression, kept: Sequence[Hypothesis], hypothesis: Hypothesis
+) -> Trial | None:
+    """One cause beside those that are kept; None where they leave nothing for it to say.
+
+    A cause of which no number is known to differ from zero is none, however much its numbers
+    explain together; nor is one that physics does not allow.
+    """
+    before = changes_of(kept)
+    base = changes.explain(before)
+    explained = changes.explain([*before, *hypothesis.changes])
+    gain = 0.5 * (explained.statistic - base.statistic)
+    numbers = explained.rank - base.rank
+    trial = Trial(hypothesis, explained, gain - 0.5 * numbers * float(np.log(changes.rows)))
+    allowed = hypothesis.effect.admissible(changes.space, hypothesis.joint, trial.own)
+    return trial if numbers > 0 and trial.tells and allowed else None
+
+
 def trials(
     changes: ChangeRegression,
     kept: Sequence[Hypothesis],
     catalogue: Sequence[ParametricEffect],
 ) -> list[Trial]:
     """Each cause beside those that are kept, in its best variant; the best first."""
-    before = changes_of(kept)
-    base = changes.explain(before)
     taken = {each.key for each in kept}
     best: dict[tuple[str, int | None], Trial] = {}
     for hypothesis in hypotheses(changes, catalogue):
         if hypothesis.key in taken:
             continue
-        explained = changes.explain([*before, *hypothesis.changes])
-        gain = 0.5 * (explained.statistic - base.statistic)
-        numbers = explained.rank - base.rank
-        support = gain - 0.5 * numbers * float(np.log(changes.rows))
-        trial = Trial(hypothesis, explained, support)
-        if numbers == 0 or not hypothesis.effect.admissible(
-            changes.space, hypothesis.joint, trial.own
-        ):
+        trial = trial_of(changes, kept, hypothesis)
+        if trial is None:
             continue
         known = best.get(hypothesis.key)
         # A difference of rounding is none: the first of the catalogue counts.
-        if known is None or support > known.support + 1e-6:
+        if known is None or trial.support > known.support + 1e-6:
             best[hypothesis.key] = trial
     return sorted(best.values(), key=lambda trial: -round(trial.support, 6))

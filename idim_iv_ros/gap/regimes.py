@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.gap.residual_split import Split
 from idim_iv_ros.gap.result import Regime
 from idim_iv_ros.gap.time_blocks import interval, resampled
+from idim_iv_ros.recording import SessionPart, in_recordings
 
 FloatArray = NDArray[np.float64]
 
@@ -81,8 +82,16 @@ def joined(regimes: Sequence[Regime]) -> Regime | None:
     return best
 
 
-def in_words(regime: Regime, edges: FloatArray) -> str:
-    """One finding, such as "joint_2, below 0.1 rad/s: 61 % of the gap in 9 % of the samples"."""
+def in_words(regime: Regime, edges: FloatArray, session: Sequence[SessionPart]) -> str:
+    """One finding, such as "joint_2, below 0.1 rad/s: 61 % of the gap in 9 % of the samples".
+
+    Parameters
+    ----------
+    edges
+        Of all bins of the axis.
+    session
+        The recordings: a time is that of one of them.
+    """
     low, high = f"{regime.low:.2g}", f"{regime.high:.2g} {regime.unit}"
     first, last = regime.low <= edges[0], regime.high >= edges[-1]
     part = f"between {low} and {high}"
@@ -91,7 +100,7 @@ def in_words(regime: Regime, edges: FloatArray) -> str:
     elif regime.axis == "reversal" and first:
         part = f"within {high} after a reversal"
     elif regime.axis == "time":
-        part = f"from {low} to {high} of the session"
+        part = f"from {in_recordings(session, regime.low, regime.high)}"
     elif first and regime.axis != "position":
         part = f"below {high}"
     elif last and regime.axis != "position":

@@ -50,8 +50,14 @@ class Split:
     bins: FloatArray
 
 
-def axes_of(motion: MotionAtRows) -> list[Axis]:
-    """Every quantity of a joint's motion by which its samples are split."""
+def axes_of(motion: MotionAtRows, starts: Sequence[float]) -> list[Axis]:
+    """Every quantity of a joint's motion by which its samples are split.
+
+    Parameters
+    ----------
+    starts
+        Of the recordings in the time of the session, s.
+    """
     speed, load = np.abs(motion.velocity), np.abs(motion.load)
     position, time, distance = motion.position, motion.time, motion.since_reversal
     return [
@@ -59,9 +65,31 @@ def axes_of(motion: MotionAtRows) -> list[Axis]:
         Axis("direction", np.sign(motion.velocity) * 0.5, np.array([-1.0, 0.0, 1.0])),
         Axis("position", position, np.linspace(position.min(), position.max(), 9)),
         Axis("load", load, np.quantile(load, np.linspace(0.0, 1.0, 6))),
-        Axis("time", time, np.quantile(time, np.linspace(0.0, 1.0, 7))),
+        Axis("time", time, _in_recordings(time, starts, 6)),
         Axis("reversal", distance, _logarithmic(distance, 6)),
     ]
+
+
+def _in_recordings(time: FloatArray, starts: Sequence[float], count: int) -> FloatArray:
+    """Edges of about `count` bins with as many samples each; none holds parts of two recordings.
+
+    Where there are as many recordings as bins, a bin holds whole ones.
+    """
+    recording = np.searchsorted(starts, time, side="right") - 1
+    samples = np.bincount(recording, minlength=len(starts))
+    used = np.flatnonzero(samples)
+    if len(used) >= count:
+        before = np.cumsum(samples[used]) - samples[used]
+        _, firsts = np.unique(before * count // len(time), return_index=True)
+        inner = [starts[int(used[first])] for first in firsts[1:]]
+        return np.array([time.min(), *inner, time.max()])
+    edges: list[float] = []
+    for which in used:
+        bins = max(1, round(count * samples[which] / len(time)))
+        own = np.quantile(time[recording == which], np.linspace(0.0, 1.0, bins + 1))
+        first = float(own[0]) if not edges else starts[int(which)]
+        edges += [first, *own[1:-1].tolist()]
+    return np.array([*edges, time.max()])
 
 
 def _logarithmic(values: FloatArray, count: int) -> FloatArray:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.formats import GAP_FORMAT
+from idim_iv_ros.recording import SessionPart
 
 FloatArray = NDArray[np.float64]
 
@@ -87,6 +88,53 @@ class Gap:
 
 
 @dataclass(frozen=True)
+class JointChange:
+    """What one cause takes of the torque gap at one joint.
+
+    Attributes
+    ----------
+    joint : str
+    before, after : float
+        RMS of the torque gap, beside the causes before it, N m (N).
+    share_of_torque : float
+        Root of before² − after², as a share of the joint's torque (rms); negative where the gap
+        grows.
+    """
+
+    joint: str
+    before: float
+    after: float
+    share_of_torque: float
+
+
+@dataclass(frozen=True)
+class ParameterError:
+    """What parameter errors make of the given model's torque gap at one joint, rms, N m (N).
+
+    Attributes
+    ----------
+    joint : str
+    given : float
+        Of the given model.
+    named : float
+        With the parametric causes that are listed.
+    refit : float
+        With new base parameters.
+    remaining : float
+        Root of named² − refit²: the parameter error that no listed cause accounts for.
+    share_of_torque : float
+        Of that, as a share of the joint's torque (rms).
+    """
+
+    joint: str
+    given: float
+    named: float
+    refit: float
+    remaining: float
+    share_of_torque: float
+
+
+@dataclass(frozen=True)
 class Cause:
     """One accepted cause of the gap.
 
@@ -109,6 +157,8 @@ class Cause:
         loop cannot be simulated.
     sentence : str
         What a robot engineer should read: where, what, how large, how far the gap shrinks.
+    joint_gaps : tuple of JointChange
+        Joints whose torque gap it changes noticeably, its own first.
     """
 
     effect: str
@@ -121,6 +171,7 @@ class Cause:
     torque_gap: Gap
     simulation_gap: Gap | None
     sentence: str
+    joint_gaps: tuple[JointChange, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -267,7 +318,7 @@ class GapSeries:
     ----------
     joint : str
     time : s
-        Since the start of the first recording, the recordings one after the other.
+        Of the session (`recording.session`): it increases.
     torque, given, refit, extended : N m (N)
         Measured, and of three models; `given` is None without a given model.
     position, speed : rad, rad/s
@@ -290,6 +341,33 @@ class GapSeries:
     load: FloatArray
     since_reversal: FloatArray
     step: float
+
+
+@dataclass(frozen=True)
+class SignalChain:
+    """What lies between the law and the torque: a property of the recording, and no cause.
+
+    Attributes
+    ----------
+    effort_shift : EffectParameter
+        Time from the recorded effort to the torque on the joints, s; it was taken out before causes
+        were looked for. Zero with `std` None where none can be said.
+    periods : float
+        The same in periods of the control.
+    joint_shifts : dict of joint to EffectParameter
+        Each joint's own, s.
+    differing : tuple of str
+        Joints that do not share the common shift.
+    law_speed : str or None
+        The speed with which the configured law explains the commands best, in words; None where
+        the commands cannot be compared with a law.
+    """
+
+    effort_shift: EffectParameter
+    periods: float
+    joint_shifts: dict[str, EffectParameter]
+    differing: tuple[str, ...]
+    law_speed: str | None
 
 
 @dataclass(frozen=True)
@@ -340,6 +418,11 @@ class GapResult:
         Seconds by stage.
     recorded : float or None
         Length of all recordings together, without the pauses between them, s.
+    session : tuple of SessionPart
+        Where each recording lies in the time of the session, in the order of `bags`.
+    parameter_errors : tuple of ParameterError
+        One for each joint; empty without a given model.
+    signal_chain : SignalChain or None
     """
 
     robot: str
@@ -365,3 +448,6 @@ class GapResult:
     extended_parameters: dict[str, EffectParameter]
     timing: dict[str, float] = field(default_factory=dict)
     recorded: float | None = None
+    session: tuple[SessionPart, ...] = ()
+    parameter_errors: tuple[ParameterError, ...] = ()
+    signal_chain: SignalChain | None = None

@@ -10,12 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from idim_iv_ros.estimation import torque_rows
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.likelihood import Columns, Regression
+from idim_iv_ros.gap.result import EffectParameter, SignalChain
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -32,7 +33,7 @@ _SPLINE = 5  # order of the interpolation that shifts the effort
 
 
 @dataclass(frozen=True)
-class SignalChain:
+class EffortShift:
     """Time from the recorded effort to the torque on the joints.
 
     Attributes
@@ -55,6 +56,22 @@ class SignalChain:
     joint_stds: FloatArray
     agreeing: BoolArray
 
+    def part_of_result(self, joints: Sequence[str], law_speed: str | None) -> SignalChain:
+        """Return it by the names of the joints, with the speed of the law in words."""
+        stds = [float(std) if np.isfinite(std) else None for std in self.joint_stds]
+        shifts = zip(joints, self.joint_shifts, stds, strict=True)
+        return SignalChain(
+            effort_shift=EffectParameter(self.shift, self.std, "s"),
+            periods=self.shift / self.period,
+            joint_shifts={
+                name: EffectParameter(float(shift), std, "s") for name, shift, std in shifts
+            },
+            differing=tuple(
+                name for name, same in zip(joints, self.agreeing, strict=True) if not same
+            ),
+            law_speed=law_speed,
+        )
+
     def sentence(self, joints: Sequence[str]) -> str:
         """Say it with its size in periods of the control."""
         if self.std is None:
@@ -71,7 +88,7 @@ class SignalChain:
         return text
 
 
-def aligned(data: Baseline, regression: Regression) -> tuple[Baseline, Regression, SignalChain]:
+def aligned(data: Baseline, regression: Regression) -> tuple[Baseline, Regression, EffortShift]:
     """Estimate the common shift of the effort and take it out of the rows.
 
     Each joint's shift is the coefficient of dτ/dt in the regression of its torque on the smooth
@@ -87,7 +104,7 @@ def aligned(data: Baseline, regression: Regression) -> tuple[Baseline, Regressio
     -------
     Baseline, Regression
         With the torque of their rows at the instants at which it acts.
-    SignalChain
+    EffortShift
     """
     period = data.prepared.configuration.controller.period
     period = period or max(1.0 / motion.signals.rate for motion in data.prepared.motions)
@@ -129,7 +146,7 @@ def _rate_of_torque(data: Baseline, joint: int) -> Columns:
     return {joint: data.counting(joint, rates)}
 
 
-def _chain(shifts: FloatArray, deviations: FloatArray, period: float) -> SignalChain:
+def _chain(shifts: FloatArray, deviations: FloatArray, period: float) -> EffortShift:
     """Shift that most joints share; of as many, the smallest."""
     usable = np.isfinite(deviations) & (deviations > 0.0) & (deviations < period)
     likely = (shifts >= _EARLIEST * period) & (shifts <= _LATEST * period)
@@ -149,7 +166,7 @@ def _chain(shifts: FloatArray, deviations: FloatArray, period: float) -> SignalC
         shift = float(np.sum(weights * shifts[best]) / weights.sum())
         spread = float(np.sum(weights * (shifts[best] - shift) ** 2) / max(best.sum() - 1, 1))
         std = float(np.sqrt(max(1.0, spread) / weights.sum()))
-    return SignalChain(shift, std, period, shifts, deviations, best)
+    return EffortShift(shift, std, period, shifts, deviations, best)
 
 
 def _shifted(data: Baseline, shift: float) -> Baseline:
@@ -159,7 +176,7 @@ def _shifted(data: Baseline, shift: float) -> Baseline:
     torques = []
     for motion in data.prepared.motions:
         signals = motion.signals
-        later = ndimage.shift(
+        later = scipy.ndimage.shift(
             signals.torque, (shift * signals.rate, 0.0), order=_SPLINE, mode="nearest"
         )
         torques.append(torque_rows(replace(motion, signals=replace(signals, torque=later))))

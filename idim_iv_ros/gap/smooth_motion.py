@@ -40,7 +40,7 @@ class SmoothMotion:
     rate : float
         Hz, of this grid.
     time : (s,) s
-        Since the start of the first recording, as the stamps tell.
+        Of the session (`recording.session`).
     position, velocity, acceleration : (s, n_joints)
         rad, rad/s, rad/s² (m …).
     slip : (s, n_joints)
@@ -142,7 +142,7 @@ def smooth_motions(
     motions
         Filtered measurements.
     starts
-        Of each recording, s, on one clock.
+        Of each recording in the time of the session, s.
     instruments
         Simulated motion.
     slips
@@ -164,7 +164,7 @@ def smooth_motions(
         kept = motion.decimation.kept
         stride = _stride(motion.decimation.factor)
         grid = slice(int(kept[0]), int(kept[-1]) + 1 + motion.decimation.factor // 2, stride)
-        time = start - starts[0] + (motion.span.start + np.arange(samples)[grid]) / rate
+        time = start + (motion.span.start + np.arange(samples)[grid]) / rate
         made.append(
             SmoothMotion(
                 robot=robot,

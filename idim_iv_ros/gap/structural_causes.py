@@ -12,9 +12,10 @@ from idim_iv_ros.gap.effect_deviations import parameters_of
 from idim_iv_ros.gap.effects.effect import Place
 from idim_iv_ros.gap.generic import Generic
 from idim_iv_ros.gap.held_out import HeldOut
+from idim_iv_ros.gap.joint_gaps import signed_share
 from idim_iv_ros.gap.joint_units import in_units_of, unit_at
 from idim_iv_ros.gap.likelihood import Fit, Regression
-from idim_iv_ros.gap.result import Cause, EffectParameter, Evidence, Gap, Rival
+from idim_iv_ros.gap.result import Cause, EffectParameter, Evidence, Gap, JointChange, Rival
 from idim_iv_ros.gap.wrong_numbers import WrongNumber
 from idim_iv_ros.simulation import SimulatedEffect
 
@@ -45,10 +46,16 @@ class NamedModel:
 
     @property
     def whole(self) -> Regression:
-        """With what has no name, too."""
+        """With what has no name, too, and with the constants that belong to the effects' laws."""
         regression = self.regression
         for each in self.nameless:
             regression = regression.with_columns(each.candidate.columns)
+        for each in self.found:
+            if each.candidate.effect.with_constant:
+                constants = {
+                    joint: np.ones((len(rows), 1)) for joint, rows in each.candidate.columns.items()
+                }
+                regression = regression.with_columns(constants)
         return regression
 
     @property
@@ -190,9 +197,16 @@ def structural_causes(
                 torque_gap=gap,
                 simulation_gap=simulation,
                 sentence=_sentence(data, found, gap, gain),
+                joint_gaps=(_joint_change(data, candidate.place.joint, gap),),
             )
         )
     return causes
+
+
+def _joint_change(data: Baseline, joint: int, gap: Gap) -> JointChange:
+    size = float(np.sqrt(np.mean(data.rows[joint].torque ** 2)))
+    share = signed_share(gap.before, gap.after, size)
+    return JointChange(data.joints[joint], gap.before, gap.after, share)
 
 
 def _sentence(data: Baseline, found: Found, gap: Gap, gain: float) -> str:
@@ -214,8 +228,6 @@ def _sentence(data: Baseline, found: Found, gap: Gap, gain: float) -> str:
         for rival, _ in found.rivals
         if not isinstance(rival.effect, Generic)
     ]
-    if candidate.effect.same_as:
-        text += f"; no recording can tell it from {candidate.effect.same_as}"
     if rivals:
         text += f"; this recording cannot tell it from {', '.join(rivals)}"
     if gain <= 0.0:

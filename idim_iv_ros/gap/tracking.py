@@ -32,8 +32,8 @@ class Tracking:
         On its span, rad (m), through the filter of the measurement; empty where it failed.
     errors : the same
         Simulated less measured.
-    rate : float
-        Hz.
+    rates : tuple of float
+        Of the recordings, Hz: an error counts for the time that its sample lasts.
     note : str
         Why there is none; empty otherwise.
     caveat : str
@@ -43,7 +43,7 @@ class Tracking:
     joints: tuple[str, ...]
     positions: tuple[FloatArray, ...]
     errors: tuple[FloatArray, ...]
-    rate: float
+    rates: tuple[float, ...]
     note: str
     caveat: str = ""
 
@@ -52,19 +52,26 @@ class Tracking:
         """Of each joint, rad (m)."""
         if self.note:
             return None
-        square = np.mean(np.concatenate(self.errors) ** 2, axis=0)
+        energy = sum(
+            np.sum(error**2, axis=0) / rate
+            for error, rate in zip(self.errors, self.rates, strict=True)
+        )
+        square = np.asarray(energy) / self._seconds
         return {name: float(np.sqrt(square[j])) for j, name in enumerate(self.joints)}
 
-    def block_energies(self, joints: Sequence[int]) -> tuple[FloatArray, int]:
-        """Sums of squares (b,) of the joints in blocks of time, and the samples of one joint."""
-        lengths = [len(error) for error in self.errors]
-        blocks = time_blocks(
-            np.repeat(np.arange(len(lengths)), lengths),
-            np.concatenate([np.arange(length) for length in lengths]),
-            self.rate,
-        )
-        squares = np.sum(np.concatenate(self.errors)[:, list(joints)] ** 2, axis=1)
-        return block_sums(blocks, squares), sum(lengths)
+    @property
+    def _seconds(self) -> float:
+        return sum(len(error) / rate for error, rate in zip(self.errors, self.rates, strict=True))
+
+    def block_energies(self, joints: Sequence[int]) -> tuple[FloatArray, float]:
+        """Squared errors of the joints over time (b,) in blocks of time, and all seconds."""
+        sums = []
+        for error, rate in zip(self.errors, self.rates, strict=True):
+            places = np.arange(len(error))
+            blocks = time_blocks(np.zeros_like(places), places, rate)
+            squares = np.sum(error[:, list(joints)] ** 2, axis=1)
+            sums.append(block_sums(blocks, squares) / rate)
+        return np.concatenate(sums), self._seconds
 
 
 def simulated_tracking(
@@ -80,16 +87,16 @@ def simulated_tracking(
         Of the stage, with the parameters of the catalogue.
     """
     source = data.sources.sources[0]
-    rate = data.prepared.motions[0].signals.rate
+    rates = tuple(motion.signals.rate for motion in data.prepared.motions)
     if not isinstance(source, SimulatedLoop):
         reason = " ".join(data.sources.controller) or "the closed loop is not known"
-        return Tracking(data.joints, (), (), rate, f"not simulated: {reason}")
-    starts = [recording.start for recording in data.prepared.recordings]
+        return Tracking(data.joints, (), (), rates, f"not simulated: {reason}")
     positions, errors = [], []
-    for motion, law, start in zip(source.motions, source.laws, starts, strict=True):
-        position, problem = _simulated(data, values, effects, motion, law, start - starts[0])
+    parts = data.prepared.session.parts
+    for motion, law, part in zip(source.motions, source.laws, parts, strict=True):
+        position, problem = _simulated(data, values, effects, motion, law, part.start)
         if position is None:
-            return Tracking(data.joints, (), (), rate, problem)
+            return Tracking(data.joints, (), (), rates, problem)
         measured = motion.position[motion.span]
         error = position[motion.span] - measured
         positions.append(position[motion.span])
@@ -98,8 +105,8 @@ def simulated_tracking(
         lost = np.flatnonzero(np.abs(error).max(axis=0) > _LOST * np.maximum(spread, 1e-3))
         if len(lost):
             problem = f"{motion.signals.name}: simulated {data.joints[lost[0]]} leaves the motion"
-            return Tracking(data.joints, (), (), rate, problem)
-    return Tracking(data.joints, tuple(positions), tuple(errors), rate, "")
+            return Tracking(data.joints, (), (), rates, problem)
+    return Tracking(data.joints, tuple(positions), tuple(errors), rates, "")
 
 
 def _simulated(
@@ -148,12 +155,12 @@ def simulation_gap(before: Tracking, after: Tracking, joint: int | None) -> Gap 
     if before.note or after.note:
         return None
     which = list(range(len(before.joints))) if joint is None else [joint]
-    sums, count = [], 1
+    sums, seconds = [], 1.0
     for each in (before, after):
-        energy, count = each.block_energies(which)
+        energy, seconds = each.block_energies(which)
         sums.append(energy)
     pair = np.column_stack(sums)
-    one, two = (float(np.sqrt(total / count)) for total in pair.sum(axis=0))
+    one, two = (float(np.sqrt(total / seconds)) for total in pair.sum(axis=0))
     if one <= 0.0:
         return Gap(one, two, None, None, None)
     draws = resampled(pair)

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.gap.attribution import Found
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.generic import Generic
 from idim_iv_ros.gap.joint_units import unit_at
@@ -16,20 +17,42 @@ FloatArray = NDArray[np.float64]
 _KURTOSIS = 4.0
 _EVENT_SHARE = 0.12
 _LARGEST = 0.01
+# Share of a joint's torque (rms) below which what has no name is no reason to doubt the simulator.
+_LEAST_SHARE = 0.01
 
 
 def unexplained(data: Baseline, model: NamedModel) -> Unexplained | None:
     """Describe the strongest of what has no name; None where there is nothing."""
-    if model.nameless:
-        return _nameless(data, model)
+    large = [each for each in model.nameless if _share_of_torque(data, each) >= _LEAST_SHARE]
+    if large:
+        return _nameless(data, max(large, key=lambda each: each.candidate.gain))
     found = [_events(data, model.fit, joint) for joint in range(len(data.joints))]
     present = [each for each in found if each is not None]
     return max(present, key=lambda each: each.share, default=None)
 
 
-def _nameless(data: Baseline, model: NamedModel) -> Unexplained:
-    strongest = max(model.nameless, key=lambda each: each.candidate.gain)
-    candidate = strongest.candidate
+def small_remainders(data: Baseline, model: NamedModel) -> tuple[str, ...]:
+    """Say of what has no name, and is too small to matter, what it is and how small."""
+    sentences = []
+    for each in model.nameless:
+        share = _share_of_torque(data, each)
+        if share < _LEAST_SHARE:
+            where = _nameless(data, each).where
+            sentences.append(f"{where}: {100.0 * share:.2g} % of its torque, too small to matter")
+    return tuple(sentences)
+
+
+def _share_of_torque(data: Baseline, found: Found) -> float:
+    """RMS of what it adds at its joint, as a share of the joint's torque."""
+    candidate = found.candidate
+    joint = candidate.place.joint
+    added = candidate.columns[joint] @ candidate.coefficients
+    size = float(np.sqrt(np.mean(data.rows[joint].torque ** 2)))
+    return float(np.sqrt(np.mean(added**2))) / max(size, 1e-300)
+
+
+def _nameless(data: Baseline, found: Found) -> Unexplained:
+    candidate = found.candidate
     joint = candidate.place.joint
     effect = candidate.effect
     assert isinstance(effect, Generic)
@@ -59,11 +82,11 @@ def _events(data: Baseline, fit: Fit, joint: int) -> Unexplained | None:
     largest = int(np.argmax(energy))
     motion = data.motions[int(data.recordings[joint][largest])]
     time = motion.time[motion.decimation.kept[data.places[joint][largest]]]
-    bag = data.prepared.recordings[int(data.recordings[joint][largest])].path.name
+    part = data.prepared.session.parts[int(data.recordings[joint][largest])]
     return Unexplained(
         joint=data.joints[joint],
         family="event",
         share=share,
         where=f"{data.joints[joint]}: 1 % of the samples hold {100 * share:.0f} % of the "
-        f"residual's energy, the largest in {bag} {time - motion.time[0]:.1f} s after its start",
+        f"residual's energy, the largest in {part.bag} {time - part.start:.1f} s after its start",
     )

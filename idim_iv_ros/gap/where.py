@@ -64,7 +64,8 @@ def where(
     given = given_residuals(data, regression)
     shown = refit.residuals if given is None else given
     gaps = joint_gaps(data.joints, [rows.torque for rows in regression.joints], shown, floors)
-    axes = [axes_of(motion_at_rows(data, joint)) for joint in range(len(data.joints))]
+    starts = [part.start for part in data.prepared.session.parts]
+    axes = [axes_of(motion_at_rows(data, joint), starts) for joint in range(len(data.joints))]
     regimes, findings = _described(data, regression, shown, axes, gaps, "")
     findings = findings[:_GIVEN_FINDINGS]
     if given is not None:
@@ -90,7 +91,8 @@ def _described(
     """Regimes whose interval excludes 1, and sentences, the most telling first."""
     regimes: list[Regime] = []
     sentences: list[tuple[float, str]] = []
-    edge = data.prepared.motions[0].decimation.edge
+    edge = data.prepared.configuration.processing.decimation_edge
+    session = data.prepared.session.parts
     for joint, name in enumerate(data.joints):
         residual = residuals[joint]
         blocks = time_blocks(data.recordings[joint], data.places[joint], data.row_rate)
@@ -104,7 +106,7 @@ def _described(
             slow = best is not None and parts.name == "frequency" and best.low <= 0.0
             if best is not None and not slow:
                 weight = (best.energy_share - best.occupancy) * gaps[joint].share
-                sentences.append((weight, prefix + in_words(best, parts.edges)))
+                sentences.append((weight, prefix + in_words(best, parts.edges, session)))
     regimes.sort(key=lambda regime: -regime.lift)
     sentences.sort(key=lambda sentence: -sentence[0])
     return tuple(regimes), [sentence for _, sentence in sentences]

@@ -1,7 +1,11 @@
 """The inverse dynamic model: regressor, standard and base parameters."""
 
 from idim_iv_ros.model.base_parameters import BaseParameters, find_base_parameters
-from idim_iv_ros.model.inverse_model import InverseModel, build_inverse_model
+from idim_iv_ros.model.inverse_model import (
+    InverseModel,
+    build_inverse_model,
+    configured_robot,
+)
 from idim_iv_ros.model.parameters import (
     DynamicParameters,
     ParameterLayout,
@@ -10,6 +14,7 @@ from idim_iv_ros.model.parameters import (
 )
 from idim_iv_ros.model.regressor import StandardRegressor
 from idim_iv_ros.model.robot import JointLimits, RobotModel, load_robot
+from idim_iv_ros.model.urdf_reader import read_urdf_file
 
 __all__ = [
     "BaseParameters",
@@ -21,7 +26,9 @@ __all__ = [
     "StandardParameter",
     "StandardRegressor",
     "build_inverse_model",
+    "configured_robot",
     "find_base_parameters",
     "load_robot",
     "parameter_layout",
+    "read_urdf_file",
 ]

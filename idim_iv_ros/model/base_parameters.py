@@ -15,6 +15,8 @@ FloatArray = NDArray[np.float64]
 
 # A column is eliminated when less than this share of it is independent of the columns before.
 TOLERANCE = 1e-6
+# Standard parameters that no body, drive or friction has below zero.
+NON_NEGATIVE = frozenset({"XX", "YY", "ZZ", "M", "Ia", "Fv", "Fc", "Fvm", "Fcm"})
 _SAMPLES_PER_PARAMETER = 4
 _SEED = 20170401
 
@@ -56,6 +58,18 @@ class BaseParameters:
     def expressions(self) -> tuple[str, ...]:
         """Grouped expressions, e.g. ``XX2 - YY2 - 0.050625 M3``."""
         return tuple(_expression(row, self.layout.names) for row in self._ordered())
+
+    @cached_property
+    def non_negative(self) -> tuple[bool, ...]:
+        """Whether physics forbids a base parameter to be negative.
+
+        It groups standard parameters that are not negative, none of them with a minus.
+        """
+        kinds = [parameter.kind in NON_NEGATIVE for parameter in self.layout.parameters]
+        return tuple(
+            bool(np.all(row >= 0.0) and np.all(np.asarray(kinds)[row != 0.0]))
+            for row in self.grouping
+        )
 
     def from_standard(self, standard: FloatArray) -> FloatArray:
         """Values of the base parameters (b,) of a standard vector (n_standard,)."""

@@ -87,6 +87,36 @@ class InverseModel:
         return self.regressor.layout.dynamic_parameters(self.base.to_standard(values))
 
 
+def configured_robot(configuration: Configuration, urdf: str, source: str) -> RobotModel:
+    """Build the robot of a configuration from URDF text; `source` is its name in messages.
+
+    Raises
+    ------
+    UsageError
+        A singular transmission; see `load_robot` for the rest.
+    """
+    for key in ("motor_to_joint", "motor_to_joint_torque"):
+        matrix = getattr(configuration.robot, key)
+        if matrix is not None and np.linalg.matrix_rank(np.array(matrix)) < len(matrix):
+            raise UsageError(f"{configuration.source or 'configuration'}: robot.{key} is singular")
+    return load_robot(
+        urdf,
+        configuration.robot.joints,
+        gravity=configuration.robot.gravity,
+        armature=configuration.simulator.armature,
+        couplings=_couplings(configuration),
+        name=configuration.robot.name,
+        source=source,
+    )
+
+
+def _couplings(configuration: Configuration) -> list[tuple[int, int]]:
+    place = configuration.robot.joints.index
+    return [
+        (place(each.joints[0]), place(each.joints[1])) for each in configuration.robot.couplings
+    ]
+
+
 def build_inverse_model(configuration: Configuration, urdf: str, source: str) -> InverseModel:
     """Build the model of a configuration from URDF text.
 
@@ -95,25 +125,12 @@ def build_inverse_model(configuration: Configuration, urdf: str, source: str) ->
     UsageError
         See `load_robot`; or an excluded parameter that the model does not have.
     """
-    joints = configuration.robot.joints
-    couplings = [
-        (joints.index(coupling.joints[0]), joints.index(coupling.joints[1]))
-        for coupling in configuration.robot.couplings
-    ]
-    robot = load_robot(
-        urdf,
-        joints,
-        gravity=configuration.robot.gravity,
-        armature=configuration.simulator.armature,
-        couplings=couplings,
-        name=configuration.robot.name,
-        source=source,
-    )
+    robot = configured_robot(configuration, urdf, source)
     layout = parameter_layout(
         robot.joint_types,
         friction=configuration.identification.friction,
         drive_inertia=configuration.identification.drive_inertia,
-        couplings=couplings,
+        couplings=_couplings(configuration),
         effort_unit=configuration.signals.effort_unit,
     )
     regressor = StandardRegressor(robot, layout)

@@ -4,13 +4,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
+from idim_iv_ros.model.link_frames import LinkFrames, link_frames
+from idim_iv_ros.model.link_motion import link_motion
 from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER, ParameterLayout
+from idim_iv_ros.model.regressor_kernel import inertial_columns
 from idim_iv_ros.model.robot import RobotModel
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -41,36 +44,33 @@ class StandardRegressor:
         """
         samples, joints = q.shape
         matrix = np.zeros((samples, joints, len(self.layout.parameters)))
-        columns, inertial = self._inertial_columns
-        matrix[:, :, columns] = self._inertial(q, dq, ddq)[:, :, inertial]
+        order = self.robot.order
+        motion = (np.ascontiguousarray(values[:, order], dtype=float) for values in (q, dq, ddq))
+        inertial_columns(
+            self._frames,
+            *motion,
+            link_motion(joints),
+            np.empty((3, 4)),
+            np.empty(10),
+            self._inertial_places,
+            order,
+            matrix,
+        )
         self._drives(matrix, dq, ddq)
         return matrix
 
     @cached_property
-    def _inertial_columns(self) -> tuple[list[int], list[int]]:
-        """Places of the inertial parameters in the layout, and in pinocchio's regressor."""
-        places = [
-            (column, 10 * parameter.joint + REGRESSOR_ORDER[INERTIAL.index(parameter.kind)])
-            for column, parameter in enumerate(self.layout.parameters)
-            if parameter.kind in INERTIAL
-        ]
-        return [column for column, _ in places], [place for _, place in places]
+    def _frames(self) -> LinkFrames:
+        return link_frames(self.robot)
 
-    def _inertial(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-        robot = self.robot
-        model, data, order = robot.pinocchio, robot.pinocchio.createData(), robot.order
-        regressor = pin.computeJointTorqueRegressor
-        tree_q = np.ascontiguousarray(q[:, order])
-        tree_dq = np.ascontiguousarray(dq[:, order])
-        tree_ddq = np.ascontiguousarray(ddq[:, order])
-        tree = np.empty((len(q), len(order), 10 * len(order)))
-        for sample in range(len(q)):
-            tree[sample] = regressor(model, data, tree_q[sample], tree_dq[sample], tree_ddq[sample])
-        if np.array_equal(order, np.arange(len(order))):
-            return tree
-        place = np.argsort(order)
-        columns = (10 * place[:, None] + np.arange(10)).ravel()
-        return tree[:, place][:, :, columns]
+    @cached_property
+    def _inertial_places(self) -> IntArray:
+        """Columns (n_joints, 10) of the inertial parameters, links in tree order; -1: none."""
+        places = np.full((len(self.robot.order), 10), -1, dtype=np.int64)
+        for column, parameter in enumerate(self.layout.parameters):
+            if parameter.kind in INERTIAL:
+                places[parameter.joint, REGRESSOR_ORDER[INERTIAL.index(parameter.kind)]] = column
+        return places[self.robot.order]
 
     def _drives(self, matrix: FloatArray, dq: FloatArray, ddq: FloatArray) -> None:
         sign = np.sign(dq)

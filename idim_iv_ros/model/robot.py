@@ -1,9 +1,7 @@
 """The robot that is identified: a URDF whose other joints are locked."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -11,11 +9,11 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.parameters import DynamicParameters, JointType
+from idim_iv_ros.model.plausibility import judge_urdf
+from idim_iv_ros.model.urdf import MOVABLE, Urdf, UrdfJoint, quoted, refuse
+from idim_iv_ros.model.urdf_reader import read_urdf_text
 
 FloatArray = NDArray[np.float64]
-
-# URDF files write right angles with few digits (1.5708); within this they are taken as meant.
-RIGHT_ANGLE_TOLERANCE = 1e-5
 
 
 @dataclass(frozen=True)
@@ -48,7 +46,9 @@ class RobotModel:
         ``q_pinocchio = q[order]``: joint of the configuration at each place of the tree.
     limits : JointLimits
     given : DynamicParameters
-        Inertials of the URDF, damping and friction of its ``<dynamics>``, zero drive inertia.
+        Inertials of the URDF, damping and friction of its ``<dynamics>``, drive inertia as given.
+    doubts : tuple of str
+        What of the URDF is possible but hard to believe, a sentence each.
     """
 
     name: str
@@ -58,6 +58,7 @@ class RobotModel:
     order: NDArray[np.int64]
     limits: JointLimits
     given: DynamicParameters
+    doubts: tuple[str, ...] = ()
 
     @property
     def has_inertials(self) -> bool:
@@ -95,138 +96,114 @@ def load_robot(
     Raises
     ------
     UsageError
-        Not a URDF, a joint that it does not have, or one that is not revolute or prismatic.
+        Not a URDF, a joint that it does not have or that is not revolute or prismatic, or links
+        and joints that no robot can have (`judge_urdf`).
     """
-    root = _parse(urdf, source)
-    elements = {element.get("name", ""): element for element in root.findall("joint")}
-    types = tuple(_joint_type(elements, joint, source) for joint in joints)
-    limits = _limits(elements, joints)
-    _normalise(root)
-    try:
-        full = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
-    except (ValueError, RuntimeError, IndexError) as error:
-        reason = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
-        raise UsageError(f"{source}: not a usable URDF: {reason}") from error
-    for joint in joints:
-        if not full.existJointName(joint):
-            raise UsageError(f"{source}: joint {joint} is not connected to the base link")
-    kept = {full.getJointId(joint) for joint in joints}
-    locked = [index for index in range(1, full.njoints) if index not in kept]
-    model = pin.buildReducedModel(full, locked, pin.neutral(full))
+    description = read_urdf_text(urdf, source)
+    types = tuple(_joint_type(description, joint, source) for joint in joints)
+    impossible, doubts = judge_urdf(description, joints)
+    refuse(source, impossible)
+    model, tree = _kinematic_tree(description, joints)
     model.gravity.linear = np.asarray(gravity, dtype=float)
-    order = np.array([list(joints).index(tree) for tree in model.names[1:]], dtype=np.int64)
+    order = np.array([list(joints).index(joint) for joint in tree], dtype=np.int64)
+    elements = [description.joints[joint] for joint in joints]
     return RobotModel(
-        name=name or root.get("name") or "robot",
+        name=name or description.name or "robot",
         joints=tuple(joints),
         joint_types=types,
         pinocchio=model,
         order=order,
-        limits=limits,
-        given=_given(model, order, elements, joints, armature, couplings),
+        limits=_limits(elements),
+        given=_given(model, order, elements, armature, couplings),
+        doubts=tuple(f"{source}: {doubt}" for doubt in doubts),
     )
 
 
-def _parse(urdf: str, source: str) -> ElementTree.Element:
-    try:
-        root = ElementTree.fromstring(urdf)
-    except ElementTree.ParseError as error:
-        raise UsageError(f"{source}: not XML: {error}") from error
-    if root.tag != "robot":
-        raise UsageError(f"{source}: not a URDF: the root element is <{root.tag}>, not <robot>")
-    return root
-
-
-def _joint_type(elements: dict[str, ElementTree.Element], joint: str, source: str) -> JointType:
-    if joint not in elements:
-        movable = [name for name, e in elements.items() if e.get("type") != "fixed"]
-        raise UsageError(
-            f"{source}: no joint {joint} in this URDF; its movable joints: {', '.join(movable)}"
-        )
-    urdf_type = elements[joint].get("type")
+def _joint_type(urdf: Urdf, joint: str, source: str) -> JointType:
+    if joint not in urdf.joints:
+        movable = [quoted(name) for name, each in urdf.joints.items() if each.type in MOVABLE]
+        known = f"its movable joints: {', '.join(movable)}" if movable else "it has no movable one"
+        raise UsageError(f"{source}: no joint {quoted(joint)} in this URDF; {known}")
+    urdf_type = urdf.joints[joint].type
     if urdf_type in ("revolute", "continuous"):
         return "revolute"
     if urdf_type == "prismatic":
         return "prismatic"
     raise UsageError(
-        f"{source}: joint {joint} is {urdf_type}; only revolute, continuous and prismatic joints "
-        "can be identified"
+        f"{source}: joint {quoted(joint)} is {urdf_type}; only revolute, continuous and prismatic "
+        "joints can be identified"
     )
 
 
-def _limits(elements: dict[str, ElementTree.Element], joints: Sequence[str]) -> JointLimits:
-    values = np.full((4, len(joints)), np.inf)
+def _kinematic_tree(urdf: Urdf, joints: Sequence[str]) -> tuple[pin.Model, list[str]]:
+    """Build the tree of the identified joints; every other joint is fixed where it is at zero.
+
+    Links and joints are never looked up by name, since a link and a joint may share theirs.
+
+    Returns
+    -------
+    pinocchio.Model, list of str
+        The joints in the order of the tree.
+    """
+    model, tree = pin.Model(), []
+    # Of each link: the identified joint that carries it, and its placement in that joint's frame.
+    places: dict[str, tuple[int, pin.SE3]] = {}
+    for link, joint in urdf.outward():
+        carrier, place = (0, pin.SE3.Identity()) if joint is None else places[joint.parent]
+        if joint is not None:
+            place = place * joint.placement
+            kind = pin.FrameType.OP_FRAME
+            if joint.name in joints:
+                carrier = model.addJoint(carrier, _joint_model(joint), place, joint.name)
+                tree.append(joint.name)
+                place, kind = pin.SE3.Identity(), pin.FrameType.JOINT
+            model.addFrame(pin.Frame(joint.name, carrier, place, kind))
+        places[link] = carrier, place
+        model.addFrame(pin.Frame(link, carrier, place, pin.FrameType.BODY))
+        inertial = urdf.links[link]
+        if inertial is not None and carrier > 0:
+            body = pin.Inertia(inertial.mass, inertial.centre, inertial.inertia)
+            model.appendBodyToJoint(carrier, body, place)
+    return model, tree
+
+
+def _joint_model(joint: UrdfJoint) -> pin.JointModel:
+    axis = joint.axis / np.linalg.norm(joint.axis)
+    if joint.type == "prismatic":
+        return pin.JointModelPrismaticUnaligned(axis)
+    return pin.JointModelRevoluteUnaligned(axis)
+
+
+def _limits(elements: Sequence[UrdfJoint]) -> JointLimits:
+    values = np.full((4, len(elements)), np.inf)
     values[0] = -np.inf
-    for column, joint in enumerate(joints):
-        limit = elements[joint].find("limit")
-        if limit is None:
-            continue
-        keys = ["lower", "upper", "velocity", "effort"]
-        if elements[joint].get("type") == "continuous":
-            keys = keys[2:]
-        for key in keys:
-            text = limit.get(key)
-            row = ("lower", "upper", "velocity", "effort").index(key)
-            # URDF: lower and upper are 0 when left out.
-            if text is not None:
-                values[row, column] = float(text)
-            elif key in ("lower", "upper"):
-                values[row, column] = 0.0
-    if np.any(values[0] >= values[1]):
-        equal = values[0] >= values[1]
-        values[0, equal], values[1, equal] = -np.inf, np.inf
+    for column, joint in enumerate(elements):
+        # URDF: lower and upper are 0 when left out.
+        lower, upper = joint.limits.get("lower", 0.0), joint.limits.get("upper", 0.0)
+        if joint.type != "continuous" and lower < upper:
+            values[:2, column] = lower, upper
+        for row, key in ((2, "velocity"), (3, "effort")):
+            values[row, column] = joint.limits.get(key, np.inf)
     return JointLimits(*values)
-
-
-def _normalise(root: ElementTree.Element) -> None:
-    """Continuous joints become revolute (one coordinate each); rounded right angles are mended."""
-    for joint in root.findall("joint"):
-        if joint.get("type") == "continuous":
-            joint.set("type", "revolute")
-            limit = joint.find("limit")
-            if limit is None:
-                limit = ElementTree.SubElement(joint, "limit", effort="0", velocity="0")
-            limit.set("lower", "-1e9")
-            limit.set("upper", "1e9")
-        origin = joint.find("origin")
-        if origin is not None and origin.get("rpy"):
-            angles = [_right_angle(float(angle)) for angle in origin.get("rpy", "").split()]
-            origin.set("rpy", " ".join(repr(angle) for angle in angles))
-    # Geometry names mesh files that need not exist here, and plays no part in the dynamics.
-    for link in root.findall("link"):
-        for tag in ("visual", "collision"):
-            for element in link.findall(tag):
-                link.remove(element)
-
-
-def _right_angle(angle: float) -> float:
-    nearest = round(angle / (math.pi / 2)) * (math.pi / 2)
-    return nearest if abs(angle - nearest) < RIGHT_ANGLE_TOLERANCE else angle
 
 
 def _given(
     model: pin.Model,
     order: NDArray[np.int64],
-    elements: dict[str, ElementTree.Element],
-    joints: Sequence[str],
+    elements: Sequence[UrdfJoint],
     armature: Sequence[float] | None,
     couplings: Sequence[tuple[int, int]],
 ) -> DynamicParameters:
-    n = len(joints)
+    n = len(elements)
     inertial = np.zeros((n, 10))
     for tree, joint in enumerate(order):
         inertial[joint] = model.inertias[tree + 1].toDynamicParameters()
-    friction = np.zeros((2, n))
-    for column, joint in enumerate(joints):
-        dynamics = elements[joint].find("dynamics")
-        if dynamics is not None:
-            friction[0, column] = float(dynamics.get("damping", "0"))
-            friction[1, column] = float(dynamics.get("friction", "0"))
     drive_inertia = np.zeros(n) if armature is None else np.asarray(armature, dtype=float)
     return DynamicParameters(
         inertial=inertial,
         drive_inertia=drive_inertia,
-        viscous=friction[0],
-        coulomb=friction[1],
+        viscous=np.array([joint.damping for joint in elements]),
+        coulomb=np.array([joint.friction for joint in elements]),
         offset=np.zeros(n),
         coupling_joints=np.array(couplings, dtype=np.int64).reshape(-1, 2),
         coupling_inertia=np.array([drive_inertia[second] for _, second in couplings]),

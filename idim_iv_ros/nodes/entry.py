@@ -15,6 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from idim_iv_ros.errors import IdimError, UsageError, one_line
+from idim_iv_ros.foreign_warnings import silence_foreign_warnings
 
 _WAIT = 0.2  # s until a signal is noticed
 
@@ -37,6 +38,7 @@ def run_node(name: str, make: Callable[[], Closable], about: str, arguments: Seq
     if {"-h", "--help"} & set(arguments[1:]):
         print(about)
         return 0
+    silence_foreign_warnings()
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())

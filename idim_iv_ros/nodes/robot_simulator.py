@@ -22,6 +22,7 @@ from trajectory_msgs.msg import JointTrajectory
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
+from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.nodes.entry import run_node
 from idim_iv_ros.nodes.motion_plan import REST, commanded, published
 from idim_iv_ros.nodes.parameters import changed, checked, declare
@@ -56,7 +57,7 @@ class RobotSimulator:
         self.node = node = Node("robot_simulator")
         self._settings = declare(node, SimulatorSettings)
         configuration, urdf, self._rate = _loaded(Path(self._settings.configuration))
-        text = urdf.read_text(encoding="utf-8")
+        text = read_urdf_file(urdf)
         self._configuration = configuration
         self._robot = simulated_robot(configuration, text, urdf.name)
         limits = self._robot.robot.limits

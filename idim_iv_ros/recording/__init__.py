@@ -1,8 +1,10 @@
 """Recordings: bags and tables in, immutable signals on a uniform grid out."""
 
+from idim_iv_ros.recording.description import prismatic_joints
 from idim_iv_ros.recording.frozen import FrozenStretches
 from idim_iv_ros.recording.read import read_recordings
 from idim_iv_ros.recording.recording import ClockQuality, Note, Recording, Signal
+from idim_iv_ros.recording.session import Session, SessionPart, in_recordings, part_at, session_of
 from idim_iv_ros.recording.table import ImportSummary, import_table
 from idim_iv_ros.recording.write import JointTopic, write_bag
 
@@ -13,8 +15,14 @@ __all__ = [
     "JointTopic",
     "Note",
     "Recording",
+    "Session",
+    "SessionPart",
     "Signal",
     "import_table",
+    "in_recordings",
+    "part_at",
+    "prismatic_joints",
     "read_recordings",
+    "session_of",
     "write_bag",
 ]

@@ -1,19 +1,25 @@
 """A bag is an MCAP file, a lone .db3 or a rosbag2 folder with any number of either."""
 
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import zstandard
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.interruption import undone_if_interrupted
 from idim_iv_ros.recording.mcap_file import McapFile
 from idim_iv_ros.recording.message_batch import MessageBatch
+from idim_iv_ros.recording.paths import is_file, is_there
 from idim_iv_ros.recording.sqlite_file import SqliteFile
+
+_LONGEST_METADATA = 1 << 24  # bytes
 
 
 @dataclass
@@ -26,13 +32,27 @@ class Bag:
         As the user named it.
     topics : dict
         Type of each topic; complete once the bag was read.
-    losses : list of (str, str, int)
-        File, what is missing from it, how many.
+    damages : list of str
+        What is wrong with which file.
+    found, missing : Counter
+        Messages of each wanted topic that were found, and that are known to be lost.
+    counted : bool
+        Whether `missing` is all that is lost.
     """
 
     path: Path
     topics: dict[str, str] = field(default_factory=dict)
-    losses: list[tuple[str, str, int]] = field(default_factory=list)
+    damages: list[str] = field(default_factory=list)
+    found: Counter[str] = field(default_factory=Counter)
+    missing: Counter[str] = field(default_factory=Counter)
+    counted: bool = True
+    _passed: Counter[str] = field(default_factory=Counter)
+    _steps: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def intervals(self) -> dict[str, float]:
+        """Mean time between two messages of each wanted topic, s; zero for a single one."""
+        return {t: 1e-9 * self._passed[t] / max(steps, 1) for t, steps in self._steps.items()}
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Raw messages of the wanted topics, file by file.
@@ -44,20 +64,48 @@ class Bag:
         DataError
             Not a bag.
         """
+        files = bag_files(self.path)
         with ExitStack() as stack:
-            for path in bag_files(self.path):
-                if path.suffix == ".zstd":
-                    path = _decompressed(path, stack)
-                file = McapFile(path) if path.suffix == ".mcap" else SqliteFile(path)
+            for path in files:
+                whole = _decompressed(path, stack) if path.suffix == ".zstd" else path
+                file = McapFile(whole) if whole.suffix == ".mcap" else SqliteFile(whole)
                 for topic, batch in file.batches(wanted):
                     self.topics[topic] = file.topics[topic]
+                    self._meet(topic, batch)
                     yield topic, batch
                 self.topics.update(file.topics)
-                if file.truncated:
-                    what = "the file ends in the middle: what is whole before that was read"
-                    self.losses.append((path.name, what, 1))
-                if file.damaged:
-                    self.losses.append((path.name, "damaged chunks were left out", file.damaged))
+                self.missing.update(file.missing)
+                self.counted &= file.counted
+                named = "the file" if path == self.path else path.name
+                self.damages += _damages(named, file)
+        if not self.counted:
+            self._compare(wanted)
+
+    def _meet(self, topic: str, batch: MessageBatch) -> None:
+        self.found[topic] += len(batch)
+        # Batch by batch: what is lost between two of them has no part in it.
+        self._passed[topic] += int(batch.arrival.max()) - int(batch.arrival.min())
+        self._steps[topic] += len(batch) - 1
+
+    def _compare(self, wanted: set[str]) -> None:
+        """Count what is missing against metadata.yaml, where it says how much there was."""
+        counts = _counts(self.path)
+        if any(counts.get(topic, 0) < self.found[topic] for topic in self.found):
+            return
+        known = {topic: count for topic, count in counts.items() if topic in wanted}
+        if known:
+            self.missing = Counter({t: count - self.found[t] for t, count in known.items()})
+            self.counted = True
+
+
+def _damages(name: str, file: McapFile | SqliteFile) -> list[str]:
+    damages = []
+    if file.truncated:
+        damages.append(f"{name} ends in the middle")
+    if file.damaged:
+        places = "1 place" if file.damaged == 1 else f"{file.damaged} places"
+        damages.append(f"{name} is damaged in {places}")
+    return damages
 
 
 def bag_files(path: Path) -> list[Path]:
@@ -70,7 +118,7 @@ def bag_files(path: Path) -> list[Path]:
     DataError
         Not a bag.
     """
-    if not path.exists():
+    if not is_there(path):
         raise UsageError(f"{path}: no such file or folder")
     if path.is_file():
         if not path.name.endswith((".mcap", ".db3", ".mcap.zstd", ".db3.zstd")):
@@ -92,30 +140,54 @@ def bag_files(path: Path) -> list[Path]:
 
 def _listed(folder: Path) -> list[Path]:
     """Files that metadata.yaml lists and that exist, in its order."""
-    metadata = folder / "metadata.yaml"
-    if not metadata.is_file():
-        return []
-    try:
-        document = YAML(typ="safe", pure=True).load(metadata.read_text(encoding="utf-8"))
-        information = document["rosbag2_bagfile_information"]
-        names = [str(name) for name in information["relative_file_paths"]]
-        mode = str(information.get("compression_mode", "")).lower()
-    except (OSError, UnicodeDecodeError, YAMLError, KeyError, TypeError, AttributeError):
-        return []
-    if mode == "message":
+    information = _information(folder)
+    if str(information.get("compression_mode", "")).lower() == "message":
         raise DataError(
             f"{folder}: every message is compressed by itself; convert it with ros2 bag convert "
             "(compression_mode: file or none)"
         )
-    return [file for file in (folder / Path(name).name for name in names) if file.is_file()]
+    names = information.get("relative_file_paths")
+    if not isinstance(names, list):
+        return []
+    files = [folder / Path(name).name for name in names if isinstance(name, str)]
+    return [file for file in files if is_file(file)]
+
+
+def _counts(folder: Path) -> dict[str, int]:
+    """Messages of each topic of a bag, as far as its metadata.yaml says."""
+    counts: dict[str, int] = {}
+    topics = _information(folder).get("topics_with_message_count")
+    for topic in topics if isinstance(topics, list) else []:
+        try:
+            name, count = topic["topic_metadata"]["name"], topic["message_count"]
+        except (KeyError, TypeError):
+            continue
+        if isinstance(name, str) and isinstance(count, int):
+            counts[name] = count
+    return counts
+
+
+def _information(folder: Path) -> dict[str, Any]:
+    """Content of metadata.yaml; empty where there is none that can be read."""
+    metadata = folder / "metadata.yaml"
+    if not metadata.is_file() or metadata.stat().st_size > _LONGEST_METADATA:
+        return {}
+    try:
+        document = YAML(typ="safe", pure=True).load(metadata.read_text(encoding="utf-8"))
+        information = document["rosbag2_bagfile_information"]
+    except (OSError, ValueError, YAMLError, KeyError, TypeError, RecursionError):
+        return {}
+    return information if isinstance(information, dict) else {}
 
 
 def _decompressed(path: Path, stack: ExitStack) -> Path:
-    folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="idim_iv_"))
-    out = Path(folder) / path.with_suffix("").name
+    folder = tempfile.TemporaryDirectory(prefix="idim_iv_")
+    stack.enter_context(folder)
+    stack.enter_context(undone_if_interrupted(folder.cleanup))
+    out = Path(folder.name) / path.with_suffix("").name
     try:
         with path.open("rb") as source, out.open("wb") as target:
             zstandard.ZstdDecompressor().copy_stream(source, target)
-    except zstandard.ZstdError as error:
+    except (zstandard.ZstdError, OSError) as error:
         raise DataError(f"{path}: cannot be decompressed ({error})") from error
     return out

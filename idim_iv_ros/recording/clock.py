@@ -6,15 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.recording.clock_jumps import on_one_clock
 from idim_iv_ros.recording.joint_messages import JointMessages
 from idim_iv_ros.recording.recording import ClockQuality, Note
 
 IntArray = NDArray[np.int64]
 
 GAP = 2.5  # sampling intervals without a message
-# A step back by more than this many intervals is a clock that was set, not a late message.
-_SET_BACK = 20.0
 _MOSTLY_BACKWARD = 0.2
+_STAMPED = 0.05  # share of the messages with a new stamp, from which stamps mean something
+# Log times are unsigned in a file: further ones are damaged, and their differences would overflow.
+_FURTHEST = 1 << 61  # ns
 
 
 @dataclass(frozen=True)
@@ -48,8 +50,10 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     topic = messages.topic
     if len(messages) < 2:
         raise DataError(f"{where}: {len(messages)} messages on {topic}: nothing to identify from")
-    headed = bool(np.ptp(messages.stamps) > 0)
-    time = messages.stamps if headed else messages.arrival
+    # Of a driver that fills in no stamps, a few may be set all the same.
+    headed = np.count_nonzero(np.diff(messages.stamps)) > _STAMPED * len(messages)
+    arrival = np.clip(messages.arrival, -_FURTHEST, _FURTHEST)
+    time = messages.stamps if headed else arrival
     source = "header" if headed else "arrival"
     notes = []
     if not headed:
@@ -66,12 +70,10 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
             f"{where}: time goes backward in {backward} of {len(steps)} steps on {topic}; the "
             "recording cannot be put in order"
         )
-    kept = _longest_stretch(time, interval)
-    if kept.stop - kept.start < len(time):
-        lost = len(time) - (kept.stop - kept.start)
-        what = "the clock was set back: only the longest stretch in order is used, dropped messages"
-        notes.append(Note(topic, what, lost))
-    order = kept.start + np.argsort(time[kept], kind="stable")
+    one_clock = on_one_clock(topic, time, arrival, interval)
+    notes += one_clock.notes
+    kept = one_clock.kept
+    order = kept[np.argsort(time[kept], kind="stable")]
     late = int(np.count_nonzero(np.diff(order) < 0))
     if late:
         notes.append(Note(topic, "messages out of order were sorted by their stamp", late))
@@ -100,21 +102,18 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     )
     if np.array_equal(order, np.arange(len(messages))):
         return StampedMessages(messages, ordered, quality, tuple(notes))
-    sorted_messages = replace(
+    return StampedMessages(_taken(messages, order), ordered, quality, tuple(notes))
+
+
+def selected(stamped: StampedMessages, places: IntArray) -> StampedMessages:
+    """Messages at `places` (k,), in this order."""
+    return replace(stamped, messages=_taken(stamped.messages, places), time=stamped.time[places])
+
+
+def _taken(messages: JointMessages, places: IntArray) -> JointMessages:
+    return replace(
         messages,
-        stamps=messages.stamps[order],
-        arrival=messages.arrival[order],
-        values={name: values[order] for name, values in messages.values.items()},
+        stamps=messages.stamps[places],
+        arrival=messages.arrival[places],
+        values={name: values[places] for name, values in messages.values.items()},
     )
-    return StampedMessages(sorted_messages, ordered, quality, tuple(notes))
-
-
-def _longest_stretch(time: IntArray, interval: float) -> slice:
-    """Longest stretch without the clock being set back."""
-    cuts = np.flatnonzero(np.diff(time) < -_SET_BACK * interval) + 1
-    if len(cuts) == 0:
-        return slice(0, len(time))
-    starts = np.concatenate([[0], cuts])
-    stops = np.concatenate([cuts, [len(time)]])
-    longest = int(np.argmax(stops - starts))
-    return slice(int(starts[longest]), int(stops[longest]))

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.recording.bridge import bridged
 from idim_iv_ros.recording.clock import GAP
 from idim_iv_ros.recording.recording import Signal
 
@@ -61,11 +62,14 @@ def make_grid(time: IntArray, first: int, last: int) -> Grid:
     return Grid(start, rate, samples)
 
 
-def on_grid(grid: Grid, time: IntArray, values: FloatArray, origin: str) -> Signal:
+def on_grid(
+    grid: Grid, time: IntArray, values: FloatArray, origin: str, *, smooth: bool = False
+) -> Signal:
     """Values (n, n_joints) at stamps `time` (n,) ns, linearly between stamps on the grid.
 
     Stamps that lie on the grid give their values bit for bit. A sample is invented when the stamps
-    around it are further apart than a gap, or where its value is not finite.
+    around it are further apart than a gap, or where its value is not finite; `smooth` ones have no
+    corners there (see `bridged`).
     """
     seconds: FloatArray = (time - grid.start).astype(np.float64) * 1e-9
     median = float(np.median(np.diff(time))) * 1e-9 if len(time) > 1 else 1.0 / grid.rate
@@ -87,6 +91,8 @@ def on_grid(grid: Grid, time: IntArray, values: FloatArray, origin: str) -> Sign
             continue
         out[:, joint] = np.interp(target, known, values[finite, joint])
         invented[:, joint] = _unsupported(target, known, GAP * max(median, 1.0 / grid.rate))
+        if smooth:
+            bridged(out[:, joint], invented[:, joint], grid.rate)
     return Signal(_frozen(out), _frozen(invented), origin)
 
 

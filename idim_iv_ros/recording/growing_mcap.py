@@ -4,23 +4,19 @@ import os
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, cast
-
-from mcap.writer import CompressionType, Writer
 
 from idim_iv_ros.recording.bag_metadata import FileSummary
 from idim_iv_ros.recording.channel import TopicChannel
+from idim_iv_ros.recording.short_chunks import ShortChunkWriter
 
 Message = tuple[int, str, bytes, int, int]
 """Log time (ns), topic, serialised message, publish time (ns), sequence number."""
-
-_NEVER_BY_SIZE = 1 << 40  # chunks end at a commit
 
 
 class GrowingMcap:
     """One MCAP file while it is recorded.
 
-    Every commit writes the messages since the last one as a compressed chunk, and behind it the
+    Every commit writes the messages since the last one as compressed chunks, and behind them the
     summary and footer that a reader needs; the next commit overwrites these. A process that is
     killed leaves a file that any MCAP reader opens, without the messages after the last commit.
     A commit that fails leaves the file as it was, and keeps its messages for the next one.
@@ -51,14 +47,10 @@ class GrowingMcap:
         self._last: int | None = None
         self._channels: dict[str, int] = {}
         self._stream = _Stream()
-        # Without summary offsets `finish` may be called again and again (they would pile up).
-        self._writer = Writer(
-            cast(IO[bytes], self._stream),
-            chunk_size=_NEVER_BY_SIZE,
-            compression=CompressionType.ZSTD,
-            use_summary_offsets=False,
+        # Not the name alone: what a robot did cannot be made again, so nothing may replace it.
+        self._writer = ShortChunkWriter(
+            self._stream, library="idim_iv_ros recorder", summary_offsets=False
         )
-        self._writer.start(profile="ros2", library="idim_iv_ros")
         self._end = 0
         self._trailer = b""
         self._waiting = bytearray()
@@ -91,7 +83,7 @@ class GrowingMcap:
         return topic in self._channels
 
     def add(self, messages: Iterable[Message]) -> None:
-        """Take messages of described topics into the open chunk."""
+        """Take messages of described topics."""
         add_message, channels, counts = self._writer.add_message, self._channels, self.counts
         size = 0
         for log_time, topic, data, publish_time, sequence in messages:
@@ -112,7 +104,7 @@ class GrowingMcap:
         OSError
             It could not be written; the file is as before, and nothing that was added is lost.
         """
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._writer.flush()
         self._waiting += self._stream.take()
         self._open_chunk = 0
         body = self._stream.position

@@ -1,12 +1,13 @@
 """MCAP files chunk by chunk: raw messages found by their index, no object for each message.
 
-Records are walked from the start of the file, so that a file without summary or with a torn end
-is read as far as it goes. Format: https://mcap.dev/spec.
+Records are walked from the start of the file, so that a file without summary, with a torn end or
+with damaged records is read as far as it goes.
 """
 
 import mmap
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,14 +18,35 @@ import zstandard
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.recording.mcap_chunk import (
+    integers,
+    message_batch,
+    message_sizes,
+    start_of,
+    stretches_between,
+)
+from idim_iv_ros.recording.mcap_records import (
+    CHANNEL,
+    CHUNK,
+    DAMAGED,
+    DATA_END,
+    FOOTER,
+    HEAD,
+    INDEX,
+    MESSAGE,
+    MESSAGE_HEAD,
+    SCHEMA,
+    Record,
+    records,
+    text,
+)
+from idim_iv_ros.recording.mcap_summary import MAGIC, McapDescription, read_summary
 from idim_iv_ros.recording.message_batch import MessageBatch
 
-MAGIC = b"\x89MCAP0\r\n"
-_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _INDEX = 3, 4, 5, 6, 7
-_END = (2, 15)  # footer, data end
-_HEAD = 9  # opcode and length
-_MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
-_LARGEST_CHUNK = 1 << 32
+IntArray = NDArray[np.int64]
+
+_LARGEST_CHUNK = 1 << 30
+_LOOSE_TOGETHER = 10_000  # messages
 
 
 @dataclass
@@ -39,15 +61,22 @@ class McapFile:
     truncated : bool
         Whether the file ended before its end record; known once it was read.
     damaged : int
-        Chunks that could not be decompressed or whose checksum is wrong; they are left out.
+        Stretches of the file that could not be read (chunks that cannot be decompressed or whose
+        checksum is wrong, bytes that are no record); they are left out.
+    missing : Counter
+        Messages of each wanted topic that are known to be lost.
+    counted : bool
+        Whether `missing` is all that is lost; otherwise there is more, and nothing says how much.
     """
 
     path: Path
     topics: dict[str, str] = field(default_factory=dict)
     truncated: bool = False
     damaged: int = 0
-    _schemas: dict[int, str] = field(default_factory=dict)
-    _channels: dict[int, str] = field(default_factory=dict)
+    missing: Counter[str] = field(default_factory=Counter)
+    counted: bool = True
+    _description: McapDescription = field(default_factory=McapDescription)
+    _found: Counter[int] = field(default_factory=Counter)
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Raw messages of the wanted topics, chunk by chunk.
@@ -63,69 +92,75 @@ class McapFile:
             self.path.open("rb") as file,
             mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
         ):
-            if content[: len(MAGIC)] != MAGIC:
+            if MAGIC not in (content[: len(MAGIC)], content[-len(MAGIC) :]):
                 raise DataError(f"{self.path}: not an MCAP file")
+            summary = read_summary(content)
+            self._description = summary or McapDescription()
+            self.topics = self._description.topics
             yield from self._walk(content, wanted)
+            if summary is not None and summary.counts is not None:
+                self._compare(summary.counts, wanted)
 
     def _walk(self, content: mmap.mmap, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
-        place, chunk = len(MAGIC), None
-        indices: dict[int, NDArray[np.int64]] = {}
-        loose: list[tuple[int, int]] = []
+        # What stands between a chunk and the next are its indices.
+        chunk: bytes | None = None
+        indices: dict[int, IntArray] = {}
+        loose: list[Record] = []
         self.truncated = True
-        while place + _HEAD <= len(content):
-            opcode, size = struct.unpack_from("<BQ", content, place)
-            start, place = place + _HEAD, place + _HEAD + size
-            if chunk is not None and opcode != _INDEX:
+        for record in records(content, len(MAGIC)):
+            opcode, start, end = record
+            if opcode != INDEX:
                 yield from self._chunk(chunk, indices, wanted)
                 chunk, indices = None, {}
-            if opcode in _END:
+            if opcode in (FOOTER, DATA_END):
                 self.truncated = False
                 break
-            if place > len(content):
+            if opcode == DAMAGED:
+                self._lose()
+            elif opcode == CHUNK:
+                chunk = self._decompress(content[start:end], torn=end > len(content))
+            elif end > len(content):
                 break
-            if opcode in (_SCHEMA, _CHANNEL):
-                self._describe(opcode, content[start:place])
-            elif opcode == _CHUNK:
-                chunk = self._decompress(content[start:place])
-            elif opcode == _INDEX:
-                self._index(content[start:place], indices)
-            elif opcode == _MESSAGE:
-                loose.append((start - _HEAD, size))
-                if len(loose) >= 10_000:
+            elif opcode in (SCHEMA, CHANNEL):
+                self._describe(opcode, content[start:end])
+            elif opcode == INDEX:
+                self._index(content[start:end], indices)
+            elif opcode == MESSAGE:
+                loose.append(record)
+                if len(loose) >= _LOOSE_TOGETHER:
                     yield from self._loose(content, loose, wanted)
                     loose = []
-        if chunk is not None:
-            yield from self._chunk(chunk, indices, wanted)
+        yield from self._chunk(chunk, indices, wanted)
         if loose:
             yield from self._loose(content, loose, wanted)
+        self.counted &= not self.truncated
+
+    def _lose(self) -> None:
+        self.damaged += 1
+        self.counted = False
 
     def _describe(self, opcode: int, record: bytes) -> None:
+        if self._description.counts is not None:
+            return  # the summary has all of it, and a checksum
         try:
-            if opcode == _SCHEMA:
-                (number,) = struct.unpack_from("<H", record)
-                self._schemas[number], _ = _text(record, 2)
-                return
-            number, schema = struct.unpack_from("<HH", record)
-            topic, place = _text(record, 4)
-            encoding, _ = _text(record, place)
-        except (struct.error, UnicodeDecodeError) as error:
-            raise DataError(f"{self.path}: a schema or channel record is damaged") from error
-        if encoding == "cdr":
-            self._channels[number] = topic
-            self.topics[topic] = self._schemas.get(schema, "")
+            self._description.add(opcode, record)
+        except (struct.error, UnicodeDecodeError):
+            self._lose()
 
-    def _decompress(self, record: bytes) -> bytes | None:
-        """Content of a chunk, None (and counted) where it is damaged."""
+    def _decompress(self, record: bytes, *, torn: bool) -> bytes | None:
+        """Content of a chunk, None (and counted) where it is damaged; of a torn one its start."""
         try:
             size, checksum = struct.unpack_from("<QI", record, 16)
-            compression, place = _text(record, 28)
+            compression, place = text(record, 28)
             payload = record[place + 8 :]
             if size > _LARGEST_CHUNK:
                 raise ValueError("the chunk is too large")
+            if torn:
+                return start_of(payload, compression, size)
             if compression == "zstd":
                 content = zstandard.ZstdDecompressor().decompress(payload, max_output_size=size)
             elif compression == "lz4":
-                content = bytes(lz4.frame.decompress(payload))
+                content = bytes(lz4.frame.LZ4FrameDecompressor().decompress(payload, size))
             else:
                 content = payload
             if checksum not in (0, zlib.crc32(content)):
@@ -134,99 +169,84 @@ class McapFile:
             struct.error,
             ValueError,
             RuntimeError,
+            EOFError,
             MemoryError,
             zstandard.ZstdError,
         ):
-            self.damaged += 1
+            self._lose()
             return None
         return content
 
-    def _index(self, record: bytes, indices: dict[int, NDArray[np.int64]]) -> None:
-        if len(record) < 6 or (len(record) - 6) % 16:
-            return
+    def _index(self, record: bytes, indices: dict[int, IntArray]) -> None:
         (channel,) = struct.unpack_from("<H", record)
         entries = np.frombuffer(record, dtype="<i8", offset=6).reshape(-1, 2)
         indices[channel] = entries[:, 1]
 
     def _chunk(
-        self, chunk: bytes, indices: dict[int, NDArray[np.int64]], wanted: set[str]
+        self, chunk: bytes | None, indices: dict[int, IntArray], wanted: set[str]
     ) -> Iterator[tuple[str, MessageBatch]]:
-        if not indices or any(not self._fits(chunk, offsets) for offsets in indices.values()):
-            indices = self._scan(chunk)
-        else:
-            for channel in set(indices) - set(self._channels):
-                # The channel is described inside the chunk, where the first message follows it.
-                self._scan(chunk[: int(indices[channel][0])])
+        """Messages of a chunk: those of its indices, and what lies between them."""
+        if chunk is None:
+            for channel, offsets in indices.items():
+                if self._description.channels.get(channel) in wanted:
+                    self.missing[self._description.channels[channel]] += len(offsets)
+            return
         buffer = np.frombuffer(chunk, dtype=np.uint8)
+        whole: list[tuple[int, IntArray, IntArray]] = []
         for channel, offsets in indices.items():
-            topic = self._channels.get(channel)
+            sizes = message_sizes(buffer, channel, offsets)
+            if sizes is not None:
+                whole.append((channel, offsets, sizes))
+        between = stretches_between(whole, len(chunk))
+        if between:
+            for channel, places in self._scan(chunk, between).items():
+                offsets = np.array(places)
+                whole.append((channel, offsets, integers(buffer, offsets + 1)))
+        for channel, offsets, sizes in whole:
+            topic = self._description.channels.get(channel)
+            self._found[channel] += len(offsets)
             if topic in wanted and len(offsets):
-                yield topic, _batch(buffer, offsets)
+                yield topic, message_batch(buffer, offsets, sizes)
 
-    def _fits(self, chunk: bytes, offsets: NDArray[np.int64]) -> bool:
-        """Whether every entry of an index points at a whole message record."""
-        if len(offsets) == 0:
-            return True
-        last = len(chunk) - _HEAD - _MESSAGE_HEAD
-        if offsets.min() < 0 or offsets.max() > last:
-            return False
-        buffer = np.frombuffer(chunk, dtype=np.uint8)
-        if np.any(buffer[offsets] != _MESSAGE):
-            return False
-        sizes = _integers(buffer, offsets + 1)
-        return bool(np.all((sizes >= _MESSAGE_HEAD) & (offsets + _HEAD + sizes <= len(chunk))))
-
-    def _scan(self, chunk: bytes) -> dict[int, NDArray[np.int64]]:
-        """Walk the records of a chunk that has no index."""
+    def _scan(self, chunk: bytes, stretches: list[tuple[int, int]]) -> dict[int, list[int]]:
+        """Walk the records in stretches of a chunk that no index names."""
         found: dict[int, list[int]] = {}
-        place = 0
-        while place + _HEAD <= len(chunk):
-            opcode, size = struct.unpack_from("<BQ", chunk, place)
-            start, end = place + _HEAD, place + _HEAD + size
-            if end > len(chunk):
-                break
-            if opcode in (_SCHEMA, _CHANNEL):
-                self._describe(opcode, chunk[start:end])
-            elif opcode == _MESSAGE and size >= _MESSAGE_HEAD:
-                (channel,) = struct.unpack_from("<H", chunk, start)
-                found.setdefault(channel, []).append(place)
-            place = end
-        return {channel: np.array(places) for channel, places in found.items()}
+        for place, last in stretches:
+            while place + HEAD <= last:
+                opcode, size = struct.unpack_from("<BQ", chunk, place)
+                start, end = place + HEAD, place + HEAD + size
+                if end > last:
+                    break
+                if opcode in (SCHEMA, CHANNEL):
+                    self._describe(opcode, chunk[start:end])
+                elif opcode == MESSAGE and size >= MESSAGE_HEAD:
+                    (channel,) = struct.unpack_from("<H", chunk, start)
+                    found.setdefault(channel, []).append(place)
+                place = end
+        return found
 
     def _loose(
-        self, content: mmap.mmap, places: list[tuple[int, int]], wanted: set[str]
+        self, content: mmap.mmap, places: list[Record], wanted: set[str]
     ) -> Iterator[tuple[str, MessageBatch]]:
         """Messages outside chunks."""
-        first, (last, size) = places[0][0], places[-1]
-        buffer = np.frombuffer(content[first : last + _HEAD + size], dtype=np.uint8)
+        first = min(record.start for record in places) - HEAD
+        last = max(record.end for record in places)
+        buffer = np.frombuffer(content[first:last], dtype=np.uint8)
         by_channel: dict[int, list[int]] = {}
-        for place, length in places:
-            if length >= _MESSAGE_HEAD:
-                (channel,) = struct.unpack_from("<H", content, place + _HEAD)
-                by_channel.setdefault(channel, []).append(place - first)
-        for channel, offsets in by_channel.items():
-            topic = self._channels.get(channel)
+        for record in places:
+            (channel,) = struct.unpack_from("<H", content, record.start)
+            by_channel.setdefault(channel, []).append(record.start - HEAD - first)
+        for channel, starts in by_channel.items():
+            topic = self._description.channels.get(channel)
+            self._found[channel] += len(starts)
             if topic in wanted:
-                yield topic, _batch(buffer, np.array(offsets))
+                offsets = np.array(starts)
+                yield topic, message_batch(buffer, offsets, integers(buffer, offsets + 1))
 
-
-def _batch(buffer: NDArray[np.uint8], offsets: NDArray[np.int64]) -> MessageBatch:
-    return MessageBatch(
-        buffer=buffer,
-        offsets=offsets + _HEAD + _MESSAGE_HEAD,
-        sizes=_integers(buffer, offsets + 1) - _MESSAGE_HEAD,
-        arrival=_integers(buffer, offsets + _HEAD + 6),
-    )
-
-
-def _integers(buffer: NDArray[np.uint8], offsets: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Little-endian 64-bit integers at unaligned places."""
-    raw = buffer[offsets[:, None] + np.arange(8)]
-    return np.asarray(raw.view("<i8")[:, 0], dtype=np.int64)
-
-
-def _text(record: bytes, place: int) -> tuple[str, int]:
-    (size,) = struct.unpack_from("<I", record, place)
-    if place + 4 + size > len(record):
-        raise struct.error("the text passes the end of its record")
-    return record[place + 4 : place + 4 + size].decode("utf-8"), place + 4 + size
+    def _compare(self, counts: dict[int, int], wanted: set[str]) -> None:
+        """Count what is missing against the summary."""
+        self.missing.clear()
+        self.counted = True
+        for channel, topic in self._description.channels.items():
+            if topic in wanted:
+                self.missing[topic] += max(0, counts.get(channel, 0) - self._found[channel])

@@ -1,34 +1,64 @@
 """From bags to recordings: the door through which everything enters."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.file_paths import FilePaths, as_paths
 from idim_iv_ros.recording.bag import Bag
 from idim_iv_ros.recording.clock import StampedMessages, stamp_messages
-from idim_iv_ros.recording.description import robot_description
+from idim_iv_ros.recording.description import prismatic_joints, robot_description
 from idim_iv_ros.recording.frozen_channels import without_frozen
 from idim_iv_ros.recording.grid import Grid, make_grid, on_grid
 from idim_iv_ros.recording.joint_messages import JointMessageReader, JointMessages, readable
+from idim_iv_ros.recording.loss import loss_notes, loss_sentence
+from idim_iv_ros.recording.pauses import without_pauses
+from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import Note, Recording, Signal
+from idim_iv_ros.recording.unused_references import unused_references
+from idim_iv_ros.recording.wraps import without_wraps
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 DESCRIPTION = "/robot_description"
 LEAST_SAMPLES = 20
+# A grid may be longer than its messages by so much: more is holes.
+_SAMPLES_A_MESSAGE, _SAMPLES_MORE = 20, 100_000
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to read of a bag: joints, topics, and which joints are known to be prismatic."""
+
+    joints: Sequence[str]
+    joint_states: str
+    effort: str
+    reference: str | None
+    prismatic: Collection[str] = ()
+
+    @property
+    def fields(self) -> dict[str, set[str]]:
+        """Fields to read of each topic."""
+        fields: dict[str, set[str]] = {self.joint_states: {"position", "velocity"}}
+        fields.setdefault(self.effort, set()).add("effort")
+        if self.reference is not None:
+            fields.setdefault(self.reference, set()).update(("position", "velocity"))
+        return fields
 
 
 def read_recordings(
-    bags: Sequence[Path],
+    bags: FilePaths,
     *,
-    joints: Sequence[str],
+    joints: Sequence[str] | str,
     joint_states: str = "/joint_states",
     effort: str | None = None,
     reference: str | None = None,
+    prismatic: Collection[str] = (),
     progress: Progress | None = None,
 ) -> tuple[Recording, ...]:
     """Read one recording from each bag.
@@ -36,11 +66,14 @@ def read_recordings(
     Parameters
     ----------
     bags
-        MCAP files, .db3 files or rosbag2 folders.
+        One or several MCAP files, .db3 files or rosbag2 folders: text or paths.
     joints
-        Joints to read, in the order of the columns of every signal.
+        Joints to read, in the order of the columns of every signal; one name for one joint.
     joint_states, effort, reference
         Topics; `effort` is that of `joint_states` if it is None.
+    prismatic
+        Joints that slide, besides those of a bag's own /robot_description: their positions have
+        no turns that could wrap.
 
     Raises
     ------
@@ -49,11 +82,14 @@ def read_recordings(
     DataError
         A bag cannot be read, or does not hold what is asked for.
     """
+    names = [joints] if isinstance(joints, str) else list(joints)
+    request = Request(names, joint_states, effort or joint_states, reference, prismatic)
     recordings: list[Recording] = []
-    for number, bag in enumerate(bags):
+    paths = as_paths(bags)
+    for number, bag in enumerate(paths):
         if progress is not None:
-            progress(f"reading {bag.name}", 0.3 * number / len(bags))
-        recording = _read(bag, joints, joint_states, effort or joint_states, reference)
+            progress(f"reading {bag.name}", 0.3 * number / len(paths))
+        recording = _read(bag, request)
         _require_new(recording, recordings)
         recordings.append(recording)
     return tuple(recordings)
@@ -72,14 +108,34 @@ def _require_new(recording: Recording, before: Sequence[Recording]) -> None:
             )
 
 
-def _read(
-    path: Path, joints: Sequence[str], joint_states: str, effort: str, reference: str | None
-) -> Recording:
-    fields: dict[str, set[str]] = {joint_states: {"position", "velocity"}}
-    fields.setdefault(effort, set()).add("effort")
-    if reference is not None:
-        fields.setdefault(reference, set()).update(("position", "velocity"))
+def _read(path: Path, request: Request) -> Recording:
     bag = Bag(path)
+    try:
+        try:
+            readers, description = _messages(bag, request)
+        except OSError as error:
+            raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
+        stamped = {}
+        for topic in request.fields:
+            if topic not in readers:
+                raise DataError(_missing(bag, topic, request))
+            messages, notes = _checked(path, readers[topic])
+            ordered = stamp_messages(messages, str(path))
+            stamped[topic] = replace(ordered, notes=(*notes, *ordered.notes))
+        recording = _assemble(path, request, stamped, description, loss_notes(bag, request.fields))
+    except DataError as error:
+        # What is missing from a damaged bag is damaged, as far as anybody can know.
+        loss = loss_sentence(bag, request.fields)
+        raise DataError(f"{error} ({loss})" if loss else str(error)) from error
+    if request.reference is not None:
+        return recording
+    unused = unused_references(bag, list(request.fields), request.joints)
+    return replace(recording, unused_references=unused)
+
+
+def _messages(bag: Bag, request: Request) -> tuple[dict[str, JointMessageReader], str | None]:
+    """Messages of each topic, and the robot's description."""
+    fields = request.fields
     readers: dict[str, JointMessageReader] = {}
     description: str | None = None
     for topic, batch in bag.batches({*fields, DESCRIPTION}):
@@ -87,62 +143,71 @@ def _read(
             description = robot_description(batch) or description
             continue
         if topic not in readers:
-            _require_type(path, topic, bag.topics[topic])
+            _require_type(bag.path, topic, bag.topics[topic])
             readers[topic] = JointMessageReader(
-                topic, bag.topics[topic], joints, sorted(fields[topic])
+                topic, bag.topics[topic], request.joints, sorted(fields[topic])
             )
         readers[topic].add(batch)
-    for topic in fields:
-        if topic not in readers:
-            advice = ""
-            if topic == reference and bag.topics:
-                advice = "; name that of the reference in signals.reference, or leave it out"
-            raise DataError(f"{_missing(path, bag, topic)}{advice}")
-    stamped = {topic: stamp_messages(_checked(path, readers[topic]), str(path)) for topic in fields}
-    notes = [Note(*loss) for loss in bag.losses]
-    return _assemble(path, joints, stamped, (joint_states, effort, reference), description, notes)
+    return readers, description
 
 
-def _checked(path: Path, reader: JointMessageReader) -> JointMessages:
+def _reference_advice(bag: Bag, request: Request) -> str:
+    """Say what to write where the reference is not on the topic that was named."""
+    found = unused_references(bag, list(request.fields), request.joints)
+    if found:
+        return f"; if the reference is on {found[0]}, write `reference: {found[0]}` under signals"
+    return "; name that of the reference in signals.reference, or leave it out"
+
+
+def _checked(path: Path, reader: JointMessageReader) -> tuple[JointMessages, list[Note]]:
+    """Messages without impossible values, and what was left out.
+
+    Raises
+    ------
+    DataError
+        A joint or a field is not there.
+    """
     messages = reader.finish()
+    topic = reader.topic
     if len(messages) == 0:
-        raise DataError(f"{path}: no message on {reader.topic} can be read")
+        damaged = f": all {messages.damaged} are damaged" if messages.damaged else ""
+        raise DataError(f"{path}: no message on {topic} can be read{damaged}")
+    for joint in reader.joints:
+        if messages.names and joint not in messages.names:
+            raise DataError(
+                f"{path}: {topic} never holds joint {joint}; it holds "
+                f"{', '.join(messages.names)}; name the joints to be read in robot.joints"
+            )
+    notes = []
+    values = dict(messages.values)
     for name in reader.fields:
+        where = f"{path}: {topic}"
+        values[name], sentence = without_impossible(name, values[name], reader.joints, where)
+        if sentence:
+            notes.append(Note(topic, sentence, 1, limits=True))
         if name == "velocity":
             continue
         for column, joint in enumerate(reader.joints):
-            if messages.names and joint not in messages.names:
+            if not np.isfinite(values[name][:, column]).any():
                 raise DataError(
-                    f"{path}: {reader.topic} never holds joint {joint}; it holds "
-                    f"{', '.join(messages.names)}; name the joints to be read in robot.joints"
+                    f"{path}: {name} of {joint} on {topic} is empty or NaN in every message"
                 )
-            values = messages.values[name][:, column]
-            if not np.isfinite(values).any():
-                raise DataError(
-                    f"{path}: {name} of {joint} on {reader.topic} is empty or NaN in every message"
-                )
-    return messages
+    return replace(messages, values=values), notes
 
 
 def _assemble(
     path: Path,
-    joints: Sequence[str],
+    request: Request,
     stamped: dict[str, StampedMessages],
-    topics: tuple[str, str, str | None],
     description: str | None,
     notes: list[Note],
 ) -> Recording:
-    joint_states, effort, reference = topics
-    needed = [stamped[joint_states], stamped[effort]]
-    first = max(int(topic.time[0]) for topic in needed)
-    last = min(int(topic.time[-1]) for topic in needed)
-    if last <= first:
-        raise DataError(f"{path}: {joint_states} and {effort} do not overlap in time")
-    grid = make_grid(stamped[joint_states].time, first, last)
-    if grid.samples < LEAST_SAMPLES:
-        raise DataError(
-            f"{path}: {grid.samples} samples are too few to identify anything; record for longer"
-        )
+    joint_states, effort, reference = request.joint_states, request.effort, request.reference
+    joints = request.joints
+    prismatic = {*request.prismatic, *prismatic_joints(description or "")}
+    stamped = without_pauses(stamped, joint_states)
+    stamped = without_wraps(stamped, joint_states, reference, joints, prismatic)
+    grid = _common_grid(path, request, stamped)
     for topic in stamped.values():
         notes += topic.notes
         notes += _message_notes(topic.messages)
@@ -174,9 +239,50 @@ def _assemble(
     )
 
 
+def _common_grid(path: Path, request: Request, stamped: dict[str, StampedMessages]) -> Grid:
+    """Grid of the time during which all topics were recorded.
+
+    Raises
+    ------
+    DataError
+        There is no such time, or too little of it, or hardly anything was recorded in it.
+    """
+    states = stamped[request.joint_states].time
+    needed = [states, stamped[request.effort].time]
+    first = max(int(time[0]) for time in needed)
+    last = min(int(time[-1]) for time in needed)
+    jumps = [note.sentence for topic in stamped.values() for note in topic.notes if note.limits]
+    because = f" ({'; '.join(jumps)})" if jumps else ""
+    if last <= first:
+        raise DataError(
+            f"{path}: {request.joint_states} and {request.effort} do not overlap in time{because}"
+        )
+    if request.reference is not None:
+        wanted = stamped[request.reference].time
+        if wanted[-1] < first or wanted[0] > last:
+            raise DataError(
+                f"{path}: {request.reference} and {request.joint_states} do not overlap in time"
+                f"{because}"
+            )
+    grid = make_grid(states, first, last)
+    if grid.samples > _SAMPLES_A_MESSAGE * len(states) + _SAMPLES_MORE:
+        raise DataError(
+            f"{path}: {len(states)} messages on {request.joint_states} in "
+            f"{(last - first) * 1e-9:.4g} s at {grid.rate:.4g} Hz: most of the recording is "
+            f"missing; record again without pauses, or in several bags{because}"
+        )
+    if grid.samples < LEAST_SAMPLES:
+        raise DataError(
+            f"{path}: {grid.samples} samples are too few to identify anything; record for longer"
+            f"{because}"
+        )
+    return grid
+
+
 def _signal(grid: Grid, stamped: StampedMessages, name: str) -> Signal:
     values = stamped.messages.values[name]
-    return on_grid(grid, stamped.time, values, f"{stamped.messages.topic} {name}")
+    origin = f"{stamped.messages.topic} {name}"
+    return on_grid(grid, stamped.time, values, origin, smooth=name == "position")
 
 
 def _optional(grid: Grid, stamped: StampedMessages, name: str) -> Signal | None:
@@ -189,7 +295,8 @@ def _optional(grid: Grid, stamped: StampedMessages, name: str) -> Signal | None:
 def _message_notes(messages: JointMessages) -> list[Note]:
     notes = []
     if messages.damaged:
-        notes.append(Note(messages.topic, "damaged messages were left out", messages.damaged))
+        what = "damaged messages were left out"
+        notes.append(Note(messages.topic, what, messages.damaged, limits=True))
     if messages.layouts > 1:
         what = "different layouts of the message (joint order or missing fields)"
         notes.append(Note(messages.topic, what, messages.layouts))
@@ -208,13 +315,17 @@ def _require_type(path: Path, topic: str, message_type: str) -> None:
         )
 
 
-def _missing(path: Path, bag: Bag, topic: str) -> str:
+def _missing(bag: Bag, topic: str, request: Request) -> str:
+    path = bag.path
     if not bag.topics:
-        reason = "".join(f" ({what})" for _, what, _ in bag.losses)
-        return f"{path}: the bag is empty{reason}"
+        return f"{path}: {'nothing can be read of it' if bag.damages else 'the bag is empty'}"
+    advice = ""
+    if topic == request.reference and not bag.damages:
+        advice = _reference_advice(bag, request)
     usable = [name for name, kind in bag.topics.items() if readable(kind)]
     if topic in bag.topics:
-        return f"{path}: no message on {topic}"
+        return f"{path}: no message on {topic}{advice}"
     if not usable:
-        return f"{path}: no topic {topic}, nor any other topic with joint states"
-    return f"{path}: no topic {topic}; joint states are on {', '.join(sorted(usable))}"
+        return f"{path}: no topic {topic}, nor any other topic with joint states{advice}"
+    listed = ", ".join(sorted(usable))
+    return f"{path}: no topic {topic}; joint states are on {listed}{advice}"

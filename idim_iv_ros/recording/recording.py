@@ -35,11 +35,29 @@ class Signal:
 
 @dataclass(frozen=True)
 class Note:
-    """One thing a user should know about how a recording was read."""
+    """One thing a user should know about how a recording was read.
+
+    Attributes
+    ----------
+    topic : str
+        Empty where it is about the file.
+    what : str
+    count : int
+        How many times.
+    limits : bool
+        Whether measurements were lost, so that a user should hear of it unasked.
+    """
 
     topic: str
     what: str
     count: int
+    limits: bool = False
+
+    @property
+    def sentence(self) -> str:
+        """Where, what and how often."""
+        times = f" ({self.count}×)" if self.count > 1 else ""
+        return f"{self.topic}{': ' if self.topic else ''}{self.what}{times}"
 
 
 @dataclass(frozen=True)
@@ -87,6 +105,8 @@ class Recording:
         URDF found in the bag.
     frozen : tuple of FrozenStretches
         Channels that held their last value while the joint moved; these samples are invented.
+    unused_references : tuple of str
+        Where there is no reference: other topics with positions of all joints, likely ones first.
     """
 
     path: Path
@@ -102,6 +122,7 @@ class Recording:
     notes: tuple[Note, ...]
     robot_description: str | None
     frozen: tuple[FrozenStretches, ...] = ()
+    unused_references: tuple[str, ...] = ()
 
     @property
     def samples(self) -> int:

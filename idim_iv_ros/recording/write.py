@@ -1,19 +1,25 @@
 """Writing recordings as MCAP bags that ROS 2 tools open."""
 
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from mcap.writer import CompressionType, Writer
+from mcap.writer import Writer
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
+from idim_iv_ros.atomic_files import temporary_file
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.file_paths import FilePath
+from idim_iv_ros.formats import PROGRAM
+from idim_iv_ros.interruption import undone_if_interrupted
+from idim_iv_ros.own_files import require_replaceable
 from idim_iv_ros.recording.cdr_layout import JOINT_STATE, read_layout
 from idim_iv_ros.recording.channel import OfferedQos, TopicChannel
+from idim_iv_ros.recording.short_chunks import ShortChunkWriter
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -43,26 +49,42 @@ class JointTopic:
 
 
 def write_bag(
-    out: Path, topics: Sequence[JointTopic], *, robot_description: str | None = None
+    out: FilePath,
+    topics: Sequence[JointTopic],
+    *,
+    robot_description: str | None = None,
+    force: bool = False,
 ) -> None:
     """Write JointState topics, and the URDF, into an MCAP bag.
 
     The file appears under its name only when it is whole.
 
+    Parameters
+    ----------
+    out : str or Path
+    topics : sequence of JointTopic
+    robot_description : str or None
+        Text of the URDF, for /robot_description.
+    force : bool
+        Replace a file that this program did not write.
+
     Raises
     ------
     UsageError
-        The file cannot be written.
+        The file cannot be written, or one of somebody else is in its place.
     """
+    out = Path(out)
+    require_replaceable([out], force=force)
     with _whole_file(out) as temporary, temporary.open("wb") as stream:
-        writer = Writer(stream, chunk_size=1 << 20, compression=CompressionType.ZSTD)
-        writer.start(profile="ros2", library="idim_iv_ros")
+        writer = ShortChunkWriter(stream, library=PROGRAM)
         if robot_description is not None:
             channel = TopicChannel("/robot_description", _STRING, (_LATCHED,)).register(writer)
             start = min(_nanoseconds(topic.time)[0] for topic in topics)
             writer.add_message(
                 channel, int(start), _string(robot_description), int(start), sequence=0
             )
+            # By itself: it is long, and a byte of it shall not cost the first second.
+            writer.flush()
         _write_topics(writer, topics)
         writer.finish()  # type: ignore[no-untyped-call]
 
@@ -134,11 +156,12 @@ def _nanoseconds(time: FloatArray) -> IntArray:
 @contextmanager
 def _whole_file(out: Path) -> Iterator[Path]:
     """A temporary file beside `out` that takes its name when all went well."""
-    temporary = out.with_name(f".{out.name}.{os.getpid()}.part")
+    temporary = temporary_file(out)
     try:
         try:
-            yield temporary
-            temporary.replace(out)
+            with undone_if_interrupted(partial(temporary.unlink, missing_ok=True)):
+                yield temporary
+                temporary.replace(out)
         except OSError as error:
             raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
     finally:

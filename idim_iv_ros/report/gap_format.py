@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.file_paths import FilePath
 from idim_iv_ros.gap.result import FORMAT, Family, Kind, Verdict
 from idim_iv_ros.report.json_result import Document
 
@@ -58,6 +59,26 @@ class TorqueGapPart(SimulationGapPart):
     noise_floor: Number | None
 
 
+class JointChangePart(_Part):
+    """What a cause takes of the torque gap at one joint."""
+
+    joint: str
+    before: Number | None
+    after: Number | None
+    share_of_torque: Number | None
+
+
+class ParameterErrorPart(_Part):
+    """What parameter errors make of the given model's torque gap at one joint."""
+
+    joint: str
+    given: Number | None
+    named: Number | None
+    refit: Number | None
+    remaining: Number | None
+    share_of_torque: Number | None
+
+
 class CausePart(_Part):
     """One accepted cause."""
 
@@ -70,6 +91,7 @@ class CausePart(_Part):
     evidence: EvidencePart
     indistinguishable_from: list[RivalPart]
     torque_gap: TorqueGapPart
+    joint_gaps: list[JointChangePart] = []
     simulation_gap: SimulationGapPart | None
 
 
@@ -134,6 +156,24 @@ class StagePart(_Part):
     note: str
 
 
+class SessionPartPart(_Part):
+    """Where one recording lies in the time of the session, s."""
+
+    bag: str
+    start: Number
+    duration: Number
+
+
+class SignalChainPart(_Part):
+    """What lies between the law and the torque."""
+
+    effort_shift: ParameterPart
+    periods: Number
+    joint_shifts: dict[str, ParameterPart]
+    differing: list[str]
+    law_speed: str | None
+
+
 class GapFile(_Part):
     """The whole file."""
 
@@ -141,12 +181,15 @@ class GapFile(_Part):
     robot: str
     joints: list[str]
     bags: list[str]
+    session: list[SessionPartPart] = []
     software: dict[str, str]
     without: list[str]
     verdict: Verdict
     summary: str
     causes: list[CausePart]
     unexplained: UnexplainedPart | None
+    parameter_errors: list[ParameterErrorPart] = []
+    signal_chain: SignalChainPart | None = None
     where: WherePart
     findings: list[str]
     not_testable: list[NotTestablePart]
@@ -191,7 +234,7 @@ def check_gap_text(text: str, name: str) -> Document:
     return checked
 
 
-def read_gap(path: Path) -> Document:
+def read_gap(path: FilePath) -> Document:
     """Read gap.json and check its format.
 
     Raises
@@ -199,6 +242,7 @@ def read_gap(path: Path) -> Document:
     UsageError
         The file cannot be read, or as `check_gap_text`.
     """
+    path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -1,5 +1,9 @@
 """report.html of a diagnosis: one file that opens without a network."""
 
+from collections.abc import Callable
+from functools import partial
+
+from idim_iv_ros.formats import GAP
 from idim_iv_ros.gap.result import GapResult
 from idim_iv_ros.report.gap_sections.causes import causes_section
 from idim_iv_ros.report.gap_sections.glossary import gap_glossary_section
@@ -13,37 +17,46 @@ from idim_iv_ros.report.gap_sections.tracking import tracking_section
 from idim_iv_ros.report.gap_sections.verdict import verdict_section
 from idim_iv_ros.report.gap_sections.where import where_section
 from idim_iv_ros.report.gap_words import duration
+from idim_iv_ros.report.guarded import guarded
 from idim_iv_ros.report.markup import Html, tag
 from idim_iv_ros.report.numerals import with_unit
 from idim_iv_ros.report.page import page
 
+_Draw = Callable[[GapResult], Html | None]
+_SECTIONS: tuple[tuple[str, str, _Draw], ...] = (
+    ("Verdict", "verdict", verdict_section),
+    ("Shrinkage", "stages", stages_section),
+    ("Causes", "causes", causes_section),
+    ("Regimes", "where", where_section),
+    ("Residual", "residuals", residuals_section),
+    ("Orders", "orders", orders_section),
+    ("Torque", "torque", torque_section),
+    ("Tracking", "tracking", tracking_section),
+    ("Cannot tell", "limits", limits_section),
+    ("Notes", "notes", notes_section),
+    ("Repeat", "repeat", gap_provenance_section),
+    ("Glossary", "glossary", lambda _: gap_glossary_section()),
+)
+
 
 def gap_report_html(result: GapResult) -> str:
     """Return the report of a diagnosis as one self-contained HTML document.
+
+    A section that fails leaves its place with one line, and a `ReportWarning`.
 
     Parameters
     ----------
     result : GapResult
         What `diagnose` found.
     """
-    sections = [
-        ("Verdict", "verdict", verdict_section(result)),
-        ("Shrinkage", "stages", stages_section(result)),
-        ("Causes", "causes", causes_section(result)),
-        ("Regimes", "where", where_section(result)),
-        ("Residual", "residuals", residuals_section(result)),
-        ("Orders", "orders", orders_section(result)),
-        ("Torque", "torque", torque_section(result)),
-        ("Tracking", "tracking", tracking_section(result)),
-        ("Cannot tell", "limits", limits_section(result)),
-        ("Notes", "notes", notes_section(result)),
-        ("Repeat", "repeat", gap_provenance_section(result)),
-        ("Glossary", "glossary", gap_glossary_section()),
+    drawn = [
+        (title, anchor, guarded(title, anchor, partial(draw, result), GAP))
+        for title, anchor, draw in _SECTIONS
     ]
-    shown = [(words, anchor, part) for words, anchor, part in sections if part is not None]
+    shown = [(title, anchor, part) for title, anchor, part in drawn if part is not None]
     return page(
         f"{result.robot}: sim-to-real gap",
-        _banner(result, [(words, anchor) for words, anchor, _ in shown]),
+        _banner(result, [(title, anchor) for title, anchor, _ in shown]),
         [part for *_, part in shown],
         styles=("report.css", "gap.css"),
     )

@@ -21,12 +21,15 @@ def gap_document(result: GapResult) -> Document:
             "robot": result.robot,
             "joints": result.joints,
             "bags": result.bags,
+            "session": result.session,
             "software": result.software,
             "without": result.without,
             "verdict": result.verdict,
             "summary": result.summary,
             "causes": [_cause(cause) for cause in result.causes],
             "unexplained": result.unexplained,
+            "parameter_errors": result.parameter_errors,
+            "signal_chain": result.signal_chain,
             "where": {"joints": result.joint_gaps, "regimes": result.regimes},
             "findings": result.findings,
             "not_testable": result.not_testable,
@@ -56,6 +59,7 @@ def _cause(cause: Cause) -> Document:
         "evidence": cause.evidence,
         "indistinguishable_from": cause.indistinguishable_from,
         "torque_gap": cause.torque_gap,
+        "joint_gaps": cause.joint_gaps,
         "simulation_gap": _simulation_gap(cause.simulation_gap),
     }
 

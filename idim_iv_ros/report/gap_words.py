@@ -2,13 +2,14 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.gap.result import GapResult, GapSeries, NotTestable, Regime
+from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.report.numerals import round_number
 
 VERDICTS = {
@@ -77,11 +78,13 @@ def small_unit(result: GapResult, joint: str | None) -> str:
     return " or ".join(sorted(kinds, reverse=True))
 
 
-def regime_range(regime: Regime) -> str:
-    """Return the bounds of a regime without their unit."""
+def regime_range(regime: Regime, session: Sequence[SessionPart] = ()) -> str:
+    """Return the bounds of a regime without their unit; a time is that of one of the recordings."""
     low, high = regime.low, regime.high
     if regime.axis == "direction":
         return "backwards" if low + high < 0.0 else "forwards"
+    if regime.axis == "time" and len(session) > 1:
+        return in_recordings(session, low, high)
     if not math.isfinite(high):
         return f"> {round_number(low)}" if math.isfinite(low) else "all"
     if not math.isfinite(low):

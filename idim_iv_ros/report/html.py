@@ -1,5 +1,10 @@
 """report.html: one file that opens without a network."""
 
+from collections.abc import Callable
+from functools import partial
+
+from idim_iv_ros.formats import RESULT
+from idim_iv_ros.report.guarded import guarded
 from idim_iv_ros.report.markup import Html, tag
 from idim_iv_ros.report.numerals import with_unit
 from idim_iv_ros.report.page import page
@@ -13,39 +18,36 @@ from idim_iv_ros.report.sections.torque import torque_section
 from idim_iv_ros.report.sections.verdict import verdict_section
 from idim_iv_ros.result import IdentificationResult
 
-_LINKS = (
-    ("verdict", "Verdict"),
-    ("parameters", "Parameters"),
-    ("torque", "Torque"),
-    ("residuals", "Residuals"),
-    ("instruments", "Instrument tests"),
-    ("processing", "Filtered and dropped"),
-    ("repeat", "Repeat and cite"),
-    ("glossary", "Glossary"),
+_Draw = Callable[[IdentificationResult], Html]
+_SECTIONS: tuple[tuple[str, str, _Draw], ...] = (
+    ("Verdict", "verdict", verdict_section),
+    ("Parameters", "parameters", parameters_section),
+    ("Torque", "torque", torque_section),
+    ("Residuals", "residuals", residuals_section),
+    ("Instrument tests", "instruments", instruments_section),
+    ("Filtered and dropped", "processing", processing_section),
+    ("Repeat and cite", "repeat", provenance_section),
+    ("Glossary", "glossary", lambda _: glossary_section()),
 )
 
 
 def report_html(result: IdentificationResult) -> str:
     """Return the report as one self-contained HTML document.
 
+    A section that fails leaves its place with one line, and a `ReportWarning`.
+
     Parameters
     ----------
     result : IdentificationResult
         What `identify` found.
     """
+    parts = [
+        guarded(title, anchor, partial(draw, result), RESULT) for title, anchor, draw in _SECTIONS
+    ]
     return page(
         f"{result.robot}: identification",
         _banner(result),
-        [
-            verdict_section(result),
-            parameters_section(result),
-            torque_section(result),
-            residuals_section(result),
-            instruments_section(result),
-            processing_section(result),
-            provenance_section(result),
-            glossary_section(),
-        ],
+        [part for part in parts if part is not None],
     )
 
 
@@ -57,5 +59,5 @@ def _banner(result: IdentificationResult) -> Html:
         "header",
         tag("h1", result.robot, tag("span", " dynamic parameters")),
         tag("p", f"{method} identification of {joints} from {seconds} of recording"),
-        tag("nav", [tag("a", words, href=f"#{anchor}") for anchor, words in _LINKS]),
+        tag("nav", [tag("a", words, href=f"#{anchor}") for words, anchor, _ in _SECTIONS]),
     )

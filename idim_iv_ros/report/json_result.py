@@ -134,6 +134,9 @@ def _parameter(parameter: ParameterEstimate) -> Document:
         "essential_std": parameter.essential_std,
         "ls_std": parameter.ls_std,
         "ordinary_ls_value": parameter.ordinary_ls_value,
+        "non_negative": parameter.non_negative,
+        "remark": parameter.remark,
+        "essential_remark": parameter.essential_remark,
     }
 
 

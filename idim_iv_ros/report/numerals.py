@@ -11,6 +11,8 @@ INTERVAL = 1.96
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SMALLEST, _LARGEST = 1e-4, 1e6
+_DIGITS = 15  # that a float holds
+_TINIEST = 1e-300  # a σ below is none: powers of ten end soon after
 
 
 def known(value: float | None) -> bool:
@@ -25,8 +27,8 @@ def number(value: float | None, digits: int = 3) -> str:
     if value == 0.0:
         return "0"
     if not _SMALLEST <= abs(value) < _LARGEST:
-        exponent = _exponent(value, digits)
-        return _power(f"{value / 10.0**exponent:.{digits - 1}f}", exponent)
+        mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+        return _power(mantissa, int(exponent))
     return fixed(value, digits - 1 - _exponent(value, digits))
 
 
@@ -66,11 +68,13 @@ def measured(value: float | None, std: float | None) -> tuple[str, str]:
     """
     if value is None or not math.isfinite(value):
         return MISSING, ""
-    if std is None or not math.isfinite(std) or std <= 0.0:
+    half = 0.0 if std is None else INTERVAL * std
+    if not _TINIEST < half < math.inf:
         return number(value, 4), ""
-    half = INTERVAL * std
     largest = max(abs(value), half)
     decimals = 1 - _exponent(half, 2)
+    if decimals + math.floor(math.log10(largest)) >= _DIGITS:
+        return number(value, _DIGITS), f"±{THIN}{number(half, 2)}"
     if _SMALLEST <= largest < _LARGEST:
         return fixed(value, decimals), f"±{THIN}{fixed(half, decimals)}"
     exponent = math.floor(math.log10(largest))

@@ -5,6 +5,7 @@ from importlib import resources
 
 from plotly.offline import get_plotlyjs
 
+from idim_iv_ros.own_files import GENERATOR
 from idim_iv_ros.report.markup import Html, join, tag
 from idim_iv_ros.report.script import SCRIPT
 
@@ -28,6 +29,7 @@ def page(
     head = tag(
         "head",
         tag("meta", charset="utf-8"),
+        Html(GENERATOR),
         tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
         tag("title", title),
         tag("style", Html(style)),

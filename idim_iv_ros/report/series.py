@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.report.session_axis import SessionAxis
 from idim_iv_ros.result import JointSeries
 
 FloatArray = NDArray[np.float64]
@@ -22,9 +23,9 @@ class PlotSeries:
     Attributes
     ----------
     time, measured, predicted, residual : (m,)
-        s and the unit of the torque.
+        s on the axis and the unit of the torque.
     gaps : (k, 2) s
-        Start and end of each stretch without rows that is wide enough to be seen.
+        Start and end of each stretch of a recording without rows that is wide enough to be seen.
     """
 
     time: FloatArray
@@ -34,20 +35,24 @@ class PlotSeries:
     gaps: FloatArray
 
 
-def thin(series: JointSeries) -> PlotSeries:
+def thin(series: JointSeries, session: SessionAxis) -> PlotSeries:
     """Thin a long series without losing its peaks, and interrupt it at its gaps.
 
     Each of some hundred equal pieces keeps the rows where the measured torque and the residual
-    are smallest and largest. Gaps narrower than a thousandth of the recording are not shown.
+    are smallest and largest. Gaps narrower than a thousandth of the session are not shown, those
+    between recordings always are.
     """
-    time, measured = np.asarray(series.time), np.asarray(series.measured)
+    time, measured = session.on_axis(np.asarray(series.time)), np.asarray(series.measured)
     residual = measured - np.asarray(series.predicted)
     if len(time) < 2:
         none = np.zeros((0, 2))
         return PlotSeries(time, measured, np.asarray(series.predicted), residual, none)
     step = float(np.median(np.diff(time)))
     widest = max(1.5 * step, (time[-1] - time[0]) / 1000.0)
-    ends = np.flatnonzero(np.diff(time) > widest)
+    inside = np.flatnonzero(np.diff(time) > widest)
+    borders = session.ends(np.asarray(series.time))
+    inside = np.setdiff1d(inside, borders)
+    ends = np.union1d(inside, borders)
     chosen = np.union1d(peaks([measured, residual]), np.concatenate([ends, ends + 1]))
     breaks = np.searchsorted(chosen, ends) + 1
 
@@ -59,16 +64,17 @@ def thin(series: JointSeries) -> PlotSeries:
         broken(measured),
         broken(np.asarray(series.predicted)),
         broken(residual),
-        np.column_stack([time[ends], time[ends + 1]]),
+        np.column_stack([time[inside], time[inside + 1]]),
     )
 
 
-def contiguous_runs(series: JointSeries) -> list[slice]:
-    """Return the rows that follow each other without a gap, as slices."""
+def contiguous_runs(series: JointSeries, session: SessionAxis) -> list[slice]:
+    """Return the rows of one recording that follow each other without a gap, as slices."""
     steps = np.diff(np.asarray(series.time))
     if len(steps) == 0:
         return [slice(0, len(series.time))] if len(series.time) else []
-    cuts = np.flatnonzero(steps > 1.5 * np.median(steps)) + 1
+    gaps = np.flatnonzero(steps > 1.5 * np.median(steps))
+    cuts = np.union1d(gaps, session.ends(np.asarray(series.time))) + 1
     bounds = [0, *cuts.tolist(), len(series.time)]
     return [slice(first, last) for first, last in itertools.pairwise(bounds)]
 
@@ -92,16 +98,22 @@ def peaks(curves: Sequence[FloatArray], buckets: int = _BUCKETS) -> NDArray[np.i
 
 
 def interrupted(
-    time: FloatArray, values: FloatArray, chosen: NDArray[np.int64], step: float
+    time: FloatArray,
+    values: FloatArray,
+    chosen: NDArray[np.int64],
+    step: float,
+    session: SessionAxis,
 ) -> tuple[FloatArray, FloatArray]:
     """Return chosen rows of a curve with NaN where rows are further apart than `step`.
 
-    Gaps narrower than a thousandth of the recording are drawn through.
+    Gaps narrower than a thousandth of the session are drawn through, except between recordings.
     """
+    borders = session.ends(time)
+    time = session.on_axis(time)
     if len(time) < 2:
         return time, values
     widest = max(1.5 * step, (time[-1] - time[0]) / 1000.0)
-    ends = np.flatnonzero(np.diff(time) > widest)
+    ends = np.union1d(np.flatnonzero(np.diff(time) > widest), borders)
     rows = np.union1d(chosen, np.concatenate([ends, ends + 1]))
     breaks = np.searchsorted(rows, ends) + 1
     return (

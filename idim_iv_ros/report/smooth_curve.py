@@ -38,7 +38,7 @@ def smooth(x: FloatArray, y: FloatArray, time: FloatArray) -> SmoothCurve:
     Parameters
     ----------
     x, y, time : (r,)
-        Abscissa (in the scale that is drawn), ordinate, and seconds.
+        Abscissa (in the scale that is drawn), ordinate, and the increasing time of the session, s.
     """
     grid, cell = _cells(x)
     if len(grid) == 0:
@@ -77,7 +77,10 @@ def _cells(x: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
 
 
 def _blocks(time: FloatArray) -> NDArray[np.int64]:
-    span = max(float(time[-1] - time[0]), 1e-9)
+    """Number the blocks of about equal time, in which pauses between recordings do not count."""
+    steps = np.clip(np.diff(time), 0.0, _BLOCK)
+    elapsed = np.concatenate([[0.0], np.cumsum(steps)])
+    span = max(float(elapsed[-1]), 1e-9)
     count = int(np.clip(span / _BLOCK, _FEWEST_BLOCKS, _MOST_BLOCKS))
-    block = np.floor((time - time[0]) / span * count)
+    block = np.floor(elapsed / span * count)
     return np.asarray(np.minimum(block, count - 1), dtype=np.int64)

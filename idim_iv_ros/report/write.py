@@ -1,13 +1,19 @@
-"""The files of a result: both complete or neither."""
+"""The files of a result: the numbers first and whole, then the page that shows them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+import os
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from idim_iv_ros.atomic_files import probe_place, write_together
-from idim_iv_ros.errors import UsageError
+from idim_iv_ros.errors import ReportWarning, UsageError, one_line
+from idim_iv_ros.file_paths import FilePath
 from idim_iv_ros.formats import GAP, REPORT, RESULT
 from idim_iv_ros.gap.result import GapResult
+from idim_iv_ros.interruption import undone_if_interrupted
+from idim_iv_ros.own_files import require_replaceable
 from idim_iv_ros.report.gap_html import gap_report_html
 from idim_iv_ros.report.gap_json import gap_text
 from idim_iv_ros.report.html import report_html
@@ -17,59 +23,68 @@ from idim_iv_ros.result import IdentificationResult
 _WRITTEN_BY = {RESULT: "identify", GAP: "diagnose"}
 
 
-def write_report(result: IdentificationResult, out: Path) -> tuple[Path, Path]:
-    """Write result.json and report.html.
+def write_report(
+    result: IdentificationResult, out: FilePath, *, force: bool = False
+) -> tuple[Path, Path | None]:
+    """Write result.json, then report.html.
 
-    Both are written beside their place and moved there when they are complete, so that no
-    half-written file is ever found under `out`.
+    Each is written beside its place and moved there when it is complete, so that no half-written
+    file is ever found under `out`. No picture costs a result: what cannot be drawn or written of
+    the page is a `ReportWarning`.
 
     Parameters
     ----------
     result : IdentificationResult
         What `identify` found.
-    out : Path
+    out : str or Path
         Folder; created if it does not exist.
+    force : bool
+        Replace files there that this program did not write.
 
     Returns
     -------
-    Path, Path
-        result.json and report.html.
+    Path, Path or None
+        result.json and report.html; None where there is no page, and none of an earlier result.
 
     Raises
     ------
     UsageError
-        The folder cannot be written, or holds a diagnosis.
+        The folder cannot be written, or holds a diagnosis or a file of somebody else.
     """
-    _write(out, {RESULT: result_text(result), REPORT: report_html(result)})
-    return out / RESULT, out / REPORT
+    return _write(Path(out), RESULT, result_text(result), partial(report_html, result), force)
 
 
-def write_gap_report(result: GapResult, out: Path) -> tuple[Path, Path]:
-    """Write gap.json and report.html, both complete or neither.
+def write_gap_report(
+    result: GapResult, out: FilePath, *, force: bool = False
+) -> tuple[Path, Path | None]:
+    """Write gap.json, then report.html; otherwise as `write_report`.
 
     Parameters
     ----------
     result : GapResult
         What `diagnose` found.
-    out : Path
+    out : str or Path
         Folder; created if it does not exist.
+    force : bool
+        Replace files there that this program did not write.
 
     Returns
     -------
-    Path, Path
-        gap.json and report.html.
+    Path, Path or None
+        gap.json and report.html; None where there is no page, and none of an earlier result.
 
     Raises
     ------
     UsageError
-        The folder cannot be written, or holds an identification.
+        The folder cannot be written, or holds an identification or a file of somebody else.
     """
-    _write(out, {GAP: gap_text(result), REPORT: gap_report_html(result)})
-    return out / GAP, out / REPORT
+    return _write(Path(out), GAP, gap_text(result), partial(gap_report_html, result), force)
 
 
 @contextmanager
-def require_writable(out: Path, names: Sequence[str] = (RESULT, REPORT)) -> Iterator[None]:
+def require_writable(
+    out: Path, names: Sequence[str] = (RESULT, REPORT), *, force: bool = False
+) -> Iterator[None]:
     """Make sure, before long work, that its results can be written afterwards.
 
     The folder is created if it does not exist, and removed again (with the parents that were
@@ -81,28 +96,38 @@ def require_writable(out: Path, names: Sequence[str] = (RESULT, REPORT)) -> Iter
         Folder of the results.
     names : sequence of str
         Of the files that will be written there.
+    force : bool
+        Let files there be replaced whoever wrote them.
 
     Raises
     ------
     UsageError
-        The folder cannot be written, and why; or it holds the report of another command.
+        The folder cannot be written, and why; or it holds the report of another command,
+        or a file that this program did not write.
     """
     created: list[Path] = []
     try:
         try:
-            _keep_other_report(out, names)
+            if not force:
+                _keep_other_report(out, names)
+                require_replaceable([out / name for name in names])
             _create(out, created)
             _probe(out, names)
         except OSError as error:
             raise _refusal(out, error) from error
-        yield
+        with undone_if_interrupted(partial(_remove_empty, created)):
+            yield
     except BaseException:
-        for folder in reversed(created):
-            try:
-                folder.rmdir()
-            except OSError:
-                break
+        _remove_empty(created)
         raise
+
+
+def _remove_empty(created: Sequence[Path]) -> None:
+    for folder in reversed(created):
+        try:
+            folder.rmdir()
+        except OSError:
+            break
 
 
 def _keep_other_report(out: Path, names: Sequence[str]) -> None:
@@ -111,7 +136,7 @@ def _keep_other_report(out: Path, names: Sequence[str]) -> None:
         if name not in names and (out / name).exists() and (out / REPORT).exists():
             raise UsageError(
                 f"{out}: holds {name} and {REPORT} of `idim-iv {command}`, and {REPORT} would be "
-                "replaced; give another --out"
+                "replaced; give another --out, or --force"
             )
 
 
@@ -130,13 +155,31 @@ def _probe(out: Path, names: Sequence[str]) -> None:
     probe_place(out / names[0])
 
 
-def _write(out: Path, texts: Mapping[str, str]) -> None:
-    """Write the files of `texts`, named by their keys, into the folder."""
-    with require_writable(out, tuple(texts)):
+def _write(
+    out: Path, name: str, text: str, draw: Callable[[], str], force: bool
+) -> tuple[Path, Path | None]:
+    """Write the numbers, then draw the page and write it."""
+    numbers, page = out / name, out / REPORT
+    with require_writable(out, (name, REPORT), force=force):
         try:
-            write_together({out / name: text for name, text in texts.items()})
+            write_together({numbers: text})
         except OSError as error:
             raise _refusal(out, error) from error
+    try:
+        # That of an earlier result would pass for the page of this one.
+        page.unlink(missing_ok=True)
+        write_together({page: draw()})
+    except Exception as error:
+        if os.environ.get("IDIM_IV_TRACEBACK"):
+            raise
+        warnings.warn(
+            f"{page}: the report cannot be drawn or written ({one_line(error)}); all numbers are "
+            f"in {numbers}",
+            ReportWarning,
+            stacklevel=3,
+        )
+        return numbers, None
+    return numbers, page
 
 
 def _refusal(out: Path, error: OSError) -> UsageError:

@@ -2,13 +2,14 @@
 
 from idim_iv_ros.signals.autoregression import AutoregressiveModel, fit_autoregression
 from idim_iv_ros.signals.cutoffs import Cutoffs, choose_cutoffs, motion_bandwidth
-from idim_iv_ros.signals.decimation import ParallelDecimation, decimation_factor
+from idim_iv_ros.signals.decimation import ParallelDecimation, common_factors, decimation_factor
 from idim_iv_ros.signals.filters import central_differences, zero_phase_butterworth
 from idim_iv_ros.signals.joint_side import JointSignals, joint_side
-from idim_iv_ros.signals.motion import Motion, coarser, filter_motion
+from idim_iv_ros.signals.motion import REVERSAL_MARGIN, Motion, coarser, filter_motion
 from idim_iv_ros.signals.noise import torque_noise
 
 __all__ = [
+    "REVERSAL_MARGIN",
     "AutoregressiveModel",
     "Cutoffs",
     "JointSignals",
@@ -17,6 +18,7 @@ __all__ = [
     "central_differences",
     "choose_cutoffs",
     "coarser",
+    "common_factors",
     "decimation_factor",
     "filter_motion",
     "fit_autoregression",

@@ -6,9 +6,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
-from scipy.signal import lfilter
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.integer[Any]]
@@ -122,7 +121,7 @@ class AutoregressiveModel:
         order = self.order
         if order == 0:
             return np.array(rows, dtype=float)
-        whitened: FloatArray = lfilter(self._predictors[-1], [1.0], rows, axis=0)
+        whitened: FloatArray = scipy.signal.lfilter(self._predictors[-1], [1.0], rows, axis=0)
         long = [run.start for run in runs if run.stop - run.start >= order]
         heads = np.array(long, dtype=np.int64)[:, None] + np.arange(order)
         wide = rows[heads] if rows.ndim > 1 else rows[heads][..., None]
@@ -172,8 +171,8 @@ class AutoregressiveModel:
         count = min(self.order, len(grid))
         start = self._start[:count, :count]
         if len(grid) <= self.order:
-            return np.asarray(solve_triangular(start, grid, lower=True, trans="T"))
-        body, state = lfilter(
+            return np.asarray(scipy.linalg.solve_triangular(start, grid, lower=True, trans="T"))
+        body, state = scipy.signal.lfilter(
             [1.0],
             self._predictors[-1],
             grid[count:][::-1],
@@ -181,7 +180,7 @@ class AutoregressiveModel:
             zi=np.zeros((self.order, grid.shape[1])),
         )
         head = grid[:count] + state[:count][::-1]
-        head = solve_triangular(start, head, lower=True, trans="T")
+        head = scipy.linalg.solve_triangular(start, head, lower=True, trans="T")
         return np.vstack([head, body[::-1]])
 
     @cached_property
@@ -189,7 +188,7 @@ class AutoregressiveModel:
         """Lag after which the impulse response of 1/C stays below 1e-3 of its peak."""
         impulse = np.zeros(_MEMORY_LIMIT)
         impulse[0] = 1.0
-        response = np.abs(lfilter([1.0], self._predictors[-1], impulse))
+        response = np.abs(scipy.signal.lfilter([1.0], self._predictors[-1], impulse))
         return int(np.flatnonzero(response > 1e-3 * response.max())[-1]) + 1
 
 

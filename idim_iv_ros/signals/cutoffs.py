@@ -4,12 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from idim_iv_ros.configuration import ProcessingSection
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.signals.decimation import decimation_factor
+from idim_iv_ros.signals.decimation import common_factors
+from idim_iv_ros.signals.joint_side import JointSignals
 
 FloatArray = NDArray[np.float64]
 
@@ -29,8 +30,10 @@ class Cutoffs:
     ----------
     position, decimation : float
         Hz.
-    factor : int
-        Decimation factor at the rate of the recording.
+    factors : tuple of int
+        Decimation factor of each recording.
+    row_rate : float
+        Decimated samples per second, the same for all recordings, Hz.
     bandwidth : float or None
         Hz; measured where a cut-off was proposed.
     reasons : tuple of str
@@ -39,30 +42,36 @@ class Cutoffs:
 
     position: float
     decimation: float
-    factor: int
+    factors: tuple[int, ...]
+    row_rate: float
     bandwidth: float | None
     reasons: tuple[str, ...]
 
 
 def choose_cutoffs(
-    processing: ProcessingSection, positions: Sequence[FloatArray], rate: float, source: str
+    processing: ProcessingSection, records: Sequence[JointSignals], source: str
 ) -> Cutoffs:
-    """Check the given cut-offs against the rate and each other; propose what is not given.
+    """Check the given cut-offs against the rates and each other; propose what is not given.
+
+    The cut-offs hold for all recordings, so that the slowest one limits them. Each recording is
+    decimated by its own factor, to one rate of the rows.
 
     Parameters
     ----------
-    positions
-        One (n_samples, n_joints) array for each recording, rad or m.
-    rate
-        Hz, of all recordings.
+    records
+        All recordings.
     source
         The configuration file, for messages.
 
     Raises
     ------
     UsageError
-        A cut-off contradicts the rate or the other cut-off.
+        A cut-off contradicts a rate or the other cut-off.
+    DataError
+        No decimation brings all recordings to one rate.
     """
+    slowest = min(records, key=lambda record: record.rate)
+    rate, name = slowest.rate, f" of {slowest.name}" if len(records) > 1 else ""
     given_position, given_decimation = processing.position_cutoff, processing.decimation_cutoff
     for key, value in (
         ("position_cutoff", given_position),
@@ -70,14 +79,14 @@ def choose_cutoffs(
     ):
         if value is not None and value >= rate / 2.0:
             raise UsageError(
-                f"{source}: processing.{key} is {value:g} Hz, but at {rate:g} samples per second "
-                f"nothing above {rate / 2.0:g} Hz is recorded"
+                f"{source}: processing.{key} is {value:g} Hz, but at the {rate:g} samples per "
+                f"second{name} nothing above {rate / 2.0:g} Hz is recorded"
             )
     reasons: list[str] = []
     bandwidth = None
     position = given_position
     if position is None:
-        bandwidth = max(motion_bandwidth(q, rate) for q in positions)
+        bandwidth = max(motion_bandwidth(record.position, record.rate) for record in records)
         position = min(max(bandwidth, _LEAST_CUTOFF), _HIGHEST_CUTOFF * rate / 2.0)
         if given_decimation is not None:
             position = max(position, given_decimation / DECIMATION_SHARE)
@@ -100,13 +109,40 @@ def choose_cutoffs(
             f"position_cutoff {position:g} Hz: the torque would hold frequencies that the "
             "filtered positions have lost"
         )
-    factor = decimation_factor(rate, decimation, processing.decimation_edge)
-    if factor == 1:
+    common = common_factors(
+        [record.rate for record in records], decimation, processing.decimation_edge
+    )
+    if common is None:
+        raise DataError(_no_common_rate(records, decimation, source))
+    factors, row_rate = common
+    if min(factors) == 1:
         reasons.append(
             f"not decimated: {decimation:g} Hz needs more than half of the {rate:g} samples per "
-            "second"
+            f"second{name}"
         )
-    return Cutoffs(position, decimation, factor, bandwidth, tuple(reasons))
+    if len(set(factors)) > 1:
+        listed = ", ".join(
+            f"{record.name} with {record.rate:g} Hz by {factor}"
+            for record, factor in zip(records, factors, strict=True)
+        )
+        reasons.append(
+            f"recordings of different rates are decimated to {row_rate:.5g} rows per second: "
+            f"{listed}; all are filtered at the same frequencies, which the slowest one limits"
+        )
+    return Cutoffs(position, decimation, factors, row_rate, bandwidth, tuple(reasons))
+
+
+def _no_common_rate(records: Sequence[JointSignals], decimation: float, source: str) -> str:
+    rates = dict.fromkeys(record.rate for record in records)
+    listed = ", ".join(
+        f"{next(record.name for record in records if record.rate == rate)} with {rate:g} Hz"
+        for rate in rates
+    )
+    return (
+        f"{listed}: no decimation that leaves {decimation:g} Hz "
+        f"(processing.decimation_cutoff of {source}) brings them to one rate; identify them one "
+        "by one, record at rates of which one is a multiple of the other, or lower the cut-off"
+    )
 
 
 def motion_bandwidth(position: FloatArray, rate: float) -> float:
@@ -125,7 +161,7 @@ def motion_bandwidth(position: FloatArray, rate: float) -> float:
     segment = min(len(position), max(64, int(8.0 * rate)))
     highest = 0.0
     for joint in position.T:  # one at a time, for the sake of memory
-        frequency, density = welch(joint, fs=rate, nperseg=segment, detrend="linear")
+        frequency, density = scipy.signal.welch(joint, fs=rate, nperseg=segment, detrend="linear")
         floor = float(np.median(density[frequency > rate / 4.0]))
         moving = density[1:] > _ABOVE_NOISE * floor
         end = len(moving) if moving.all() else int(np.argmin(moving))

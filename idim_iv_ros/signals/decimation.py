@@ -5,14 +5,14 @@ run forward and backward. MATLAB puts its edge at 0.8 of the new Nyquist frequen
 above is then empty, and a residual that was white is predictable from its past.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import cheby1, sosfiltfilt
 
 FloatArray = NDArray[np.float64]
 
@@ -22,6 +22,9 @@ _RIPPLE = 0.05  # dB
 _MEMORY = 80
 # What MATLAB pads: three times the order. Published results depend on it (EMPS, fourth digit).
 _PADDING = 3 * _ORDER
+# Rows whose rates differ by less than this share count as equally dense: a residual's
+# autocorrelation, its bands of frequency and blocks of time are not resolved any finer.
+_SAME_RATE = 0.01
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,9 @@ class ParallelDecimation:
 
     @cached_property
     def _sections(self) -> FloatArray:
-        return np.asarray(cheby1(_ORDER, _RIPPLE, self.edge / self.factor, output="sos"))
+        return np.asarray(
+            scipy.signal.cheby1(_ORDER, _RIPPLE, self.edge / self.factor, output="sos")
+        )
 
     def chunks(self, length: int) -> Iterator[Chunk]:
         """Split the record into chunks of about `length` samples that overlap by the memory.
@@ -86,7 +91,7 @@ class ParallelDecimation:
         """Filter samples ``chunk.first … chunk.last`` along axis 0 and keep ``chunk.kept``."""
         if self.factor > 1:
             padding = min(_PADDING, len(signal) - 1)
-            signal = sosfiltfilt(self._sections, signal, axis=0, padlen=padding)
+            signal = scipy.signal.sosfiltfilt(self._sections, signal, axis=0, padlen=padding)
         return np.asarray(signal[chunk.kept - chunk.first])
 
     def whole(self, signal: FloatArray) -> FloatArray:
@@ -97,3 +102,22 @@ class ParallelDecimation:
 def decimation_factor(rate: float, cutoff: float, edge: float) -> int:
     """Largest factor that keeps `cutoff` (Hz) below the edge of the filter at `rate` (Hz)."""
     return max(1, int(edge * rate / (2.0 * cutoff) + 1e-9))
+
+
+def common_factors(
+    rates: Sequence[float], cutoff: float, edge: float
+) -> tuple[tuple[int, ...], float] | None:
+    """Decimation factors that bring several rates (Hz) to one, and this rate of the rows, Hz.
+
+    The slowest recording is decimated as much as `cutoff` allows (`decimation_factor`), or less
+    where the other rates are no multiples of what is left. All rates of rows agree within 1 %.
+    None where no factors do that.
+    """
+    slowest = min(rates)
+    for factor in range(decimation_factor(slowest, cutoff, edge), 0, -1):
+        row_rate = slowest / factor
+        factors = tuple(max(1, round(rate / row_rate)) for rate in rates)
+        reached = [rate / each for rate, each in zip(rates, factors, strict=True)]
+        if all(abs(each / row_rate - 1.0) <= _SAME_RATE for each in reached):
+            return factors, row_rate
+    return None

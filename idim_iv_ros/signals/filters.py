@@ -4,8 +4,8 @@ Source: paper, section II.C.
 """
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 FloatArray = NDArray[np.float64]
 
@@ -33,13 +33,13 @@ def zero_phase_butterworth(
     ValueError
         The signal is shorter than the start-up of the filter.
     """
-    sections = butter(order, cutoff, fs=rate, output="sos")
+    sections = scipy.signal.butter(order, cutoff, fs=rate, output="sos")
     padding = 3 * order
     if len(signal) <= padding:
         raise ValueError(f"{len(signal)} samples are too few for a filter of order {order}")
     filtered = np.empty(signal.shape)
     for joint in range(signal.shape[1]):  # one at a time: an hour of all would fill the memory
-        filtered[:, joint] = sosfiltfilt(sections, signal[:, joint], padlen=padding)
+        filtered[:, joint] = scipy.signal.sosfiltfilt(sections, signal[:, joint], padlen=padding)
     return filtered
 
 

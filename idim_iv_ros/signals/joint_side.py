@@ -1,16 +1,22 @@
 """From what was recorded to joint positions and joint torques."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.errors import UsageError
+from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording import Recording
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+
+_LARGEST_POSITION = 1e6  # rad (m)
+# Least and greatest peak of a joint's torque, N m (N): what is beyond is no torque, or has another
+# unit, and its squares have no place in a float.
+_TORQUES = (1e-9, 1e9)
 
 
 @dataclass(frozen=True)
@@ -52,16 +58,14 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
 
     Raises
     ------
-    UsageError
-        The motor-to-joint matrix is singular.
+    DataError
+        Positions or torques that no robot has, before or after the scaling.
     """
     robot = configuration.robot
     joints = len(robot.joints)
     to_joint, to_torque = np.eye(joints), np.eye(joints)
     if robot.motor_to_joint is not None:
         matrix = np.array(robot.motor_to_joint)
-        if np.linalg.matrix_rank(matrix) < joints:
-            raise UsageError(f"{configuration.source}: robot.motor_to_joint is singular")
         to_joint, to_torque = np.linalg.inv(matrix), matrix.T
     if robot.motor_to_joint_torque is not None:
         to_torque = np.array(robot.motor_to_joint_torque)
@@ -69,6 +73,10 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     scale = np.array(configuration.signals.effort_scale or [1.0] * joints)
     position = _transformed(recording.position.values, to_joint, offset)
     torque = _transformed(recording.effort.values, to_torque * scale, np.zeros(joints))
+    name = recording.path.name
+    _require_possible(name, robot.joints, "position", "rad (m)", position, (0.0, _LARGEST_POSITION))
+    unit = configuration.signals.effort_unit
+    _require_possible(name, robot.joints, "torque", unit, torque, _TORQUES)
     invented = _touched(recording.position.invented, to_joint)
     invented |= _touched(recording.effort.invented, to_torque)
     measured = reference = velocity = None
@@ -81,7 +89,7 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
         values = recording.velocity_reference.values
         velocity = _transformed(values, to_joint, np.zeros(joints))
     return JointSignals(
-        name=recording.path.name,
+        name=name,
         rate=recording.rate,
         position=position,
         torque=torque,
@@ -97,6 +105,24 @@ def _transformed(values: FloatArray, matrix: FloatArray, offset: FloatArray) -> 
     if np.array_equal(matrix, np.eye(len(matrix))) and not offset.any():
         return values
     return np.asarray(values @ matrix.T + offset)
+
+
+def _require_possible(
+    name: str,
+    joints: Sequence[str],
+    what: str,
+    unit: str,
+    values: FloatArray,
+    peaks: tuple[float, float],
+) -> None:
+    """Refuse a joint whose largest value is outside of what a robot can have."""
+    for joint, peak in zip(joints, np.abs(values).max(axis=0, initial=0.0), strict=True):
+        if not peaks[0] <= peak <= peaks[1]:
+            raise DataError(
+                f"{name}: the largest {what} of {joint} is {peak:.3g} {unit}, and no robot has "
+                "that; look at the driver and its units, and at signals.effort_scale and "
+                "robot.motor_to_joint"
+            )
 
 
 def _touched(invented: BoolArray, matrix: FloatArray) -> BoolArray:

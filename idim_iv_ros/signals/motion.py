@@ -18,9 +18,12 @@ BoolArray = NDArray[np.bool_]
 
 _EDGE_PERIODS = 2.0  # of the position cut-off, cut at each end when the user names no trim
 _EDGE_GROUPS = 2  # decimated samples cut at each end, likewise
+# Decimated samples dropped on either side of a slow one when the user names no margin.
+REVERSAL_MARGIN = 1.0
 # A joint whose motion is not this many times its noise, or its range below this, stands still.
 _STILL_NOISE = 10.0
 _STILL_RANGE = 1e-4
+_JUMP = 0.5  # share of a joint's range in one step, from which it jumps
 
 
 @dataclass(frozen=True)
@@ -116,12 +119,13 @@ def filter_motion(
         filtered.append(position)
         still &= _stands_still(record.position, position)
     if still.all():
-        names = ", ".join(record.name for record in signals)
-        raise DataError(f"{names}: no joint moves; record an exciting motion")
-    spans = [_span(record, processing, cutoffs) for record in signals]
+        raise DataError(_why_still(signals, filtered, joints))
+    spans = [
+        _span(record, processing, cutoffs.position, factor)
+        for record, factor in zip(signals, cutoffs.factors, strict=True)
+    ]
     if still.any():
-        names = ", ".join(name for name, stands in zip(joints, still, strict=True) if stands)
-        reasons.append(f"{names} stands still: its noise is not taken for motion")
+        reasons += _still_reasons(signals, still, joints)
         for position in filtered:
             position[:, still] = position[:, still].mean(axis=0)
     peaks = np.zeros(len(joints))
@@ -137,11 +141,13 @@ def filter_motion(
             position,
             span,
             processing,
-            (cutoffs.position, cutoffs.factor),
+            (cutoffs.position, factor),
             minimum_speed,
             couplings,
         )
-        for record, position, span in zip(signals, filtered, spans, strict=True)
+        for record, position, span, factor in zip(
+            signals, filtered, spans, cutoffs.factors, strict=True
+        )
     )
     return motions, minimum_speed, tuple(reasons)
 
@@ -165,19 +171,76 @@ def coarser(
     )
 
 
+def _still_reasons(
+    signals: Sequence[JointSignals], still: BoolArray, joints: Sequence[str]
+) -> list[str]:
+    """Say which joints stand still, and of which a jump would be taken for motion."""
+    jumps = {
+        joint: f" ({record.name}) {jump}"
+        for joint in np.flatnonzero(still).tolist()
+        for record in signals
+        if (jump := _jump(record.position[:, joint], record.rate))
+    }
+    reasons = [
+        f"{joints[joint]} stands still beside a jump{where}: this is not taken for motion"
+        for joint, where in jumps.items()
+    ]
+    names = ", ".join(
+        joints[joint] for joint in np.flatnonzero(still).tolist() if joint not in jumps
+    )
+    if names:
+        reasons.append(f"{names} stands still: its noise is not taken for motion")
+    return reasons
+
+
+def _why_still(
+    signals: Sequence[JointSignals], filtered: Sequence[FloatArray], joints: Sequence[str]
+) -> str:
+    """Say of the joint that moves most why that is no motion: a jump, noise, or rest."""
+    names = ", ".join(record.name for record in signals)
+    ranges = [np.ptp(record.position, axis=0) for record in signals]
+    most = int(np.argmax([each.max() for each in ranges]))
+    joint = int(np.argmax(ranges[most]))
+    record, moved = signals[most], ranges[most][joint]
+    position = record.position[:, joint]
+    jump = _jump(position, record.rate)
+    if jump:
+        return (
+            f"{record.name}: no joint moves beside a jump of {joints[joint]} {jump}; look at its "
+            "sensor, or leave these samples out"
+        )
+    noise = float(np.std(position - filtered[most][:, joint]))
+    return (
+        f"{names}: no joint moves: the most is {joints[joint]} over {moved:.2g} (rad, or m), with "
+        f"noise of {noise:.2g} (σ); record an exciting motion"
+    )
+
+
+def _jump(position: FloatArray, rate: float) -> str:
+    """Where a joint passes most of its range in one step; empty where it never does."""
+    steps, moved = np.abs(np.diff(position)), np.ptp(position)
+    if moved <= _STILL_RANGE or steps.max() <= _JUMP * moved:
+        return ""
+    place = int(np.argmax(steps > _JUMP * moved))
+    return (
+        f"from {position[place]:.4g} to {position[place + 1]:.4g} (rad, or m) between two samples, "
+        f"{place / rate:.4g} s after the start"
+    )
+
+
 def _stands_still(raw: FloatArray, filtered: FloatArray) -> BoolArray:
     noise = np.array([np.std(a - b) for a, b in zip(raw.T, filtered.T, strict=True)])
     extent = np.ptp(filtered, axis=0)
     return np.asarray((extent < _STILL_RANGE) | (extent < _STILL_NOISE * noise))
 
 
-def _span(record: JointSignals, processing: ProcessingSection, cutoffs: Cutoffs) -> slice:
+def _span(record: JointSignals, processing: ProcessingSection, cutoff: float, factor: int) -> slice:
     if processing.trim is not None:
         cut = [round(seconds * record.rate) for seconds in processing.trim]
     else:
-        cut = [round(_EDGE_PERIODS / cutoffs.position * record.rate)] * 2
+        cut = [round(_EDGE_PERIODS / cutoff * record.rate)] * 2
     samples = len(record.position)
-    if samples - sum(cut) < 10 * cutoffs.factor:
+    if samples - sum(cut) < 10 * factor:
         raise DataError(
             f"{record.name}: {samples / record.rate:.3g} s leave fewer than 10 decimated samples "
             f"after {sum(cut) / record.rate:.3g} s are cut at the ends; record for longer"
@@ -200,7 +263,9 @@ def _motion(
         factor, samples, processing.decimation_edge, processing.decimation_phase
     )
     fast = _fast_samples(position[span], record.rate, minimum_speed, couplings)
-    fast = _all_around(fast, decimation, round(processing.reversal_margin * factor))
+    margin = processing.reversal_margin
+    reach = round((REVERSAL_MARGIN if margin is None else margin) * factor)
+    fast = _all_around(fast, decimation, reach)
     measured = _all_around(record.valid[span], decimation, factor)
     inside = np.ones(len(measured), dtype=bool)
     if processing.trim is None and decimation.factor > 1:

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from idim_iv_ros.signals.motion import Motion
 
@@ -30,7 +30,7 @@ def torque_noise(motions: Sequence[Motion]) -> FloatArray:
         lowest = min(_ABOVE * band, 0.375 * rate)
         floors = []
         for joint in motion.torque.T:
-            frequency, density = welch(joint, fs=rate, nperseg=segment)
+            frequency, density = scipy.signal.welch(joint, fs=rate, nperseg=segment)
             floors.append(float(np.median(density[frequency >= lowest])))
         variances.append(np.array(floors) * band)
     return np.asarray(np.sqrt(np.mean(variances, axis=0)))

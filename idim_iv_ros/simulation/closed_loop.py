@@ -29,7 +29,7 @@ from idim_iv_ros.simulation.effect_signals import (
 )
 from idim_iv_ros.simulation.effect_tables import affected_robot
 from idim_iv_ros.simulation.effects import JointEffect, SimulatedEffect, joint_effects
-from idim_iv_ros.simulation.plant import plant, workspace
+from idim_iv_ros.simulation.plant import initial_state, plant, workspace
 from idim_iv_ros.simulation.shaft import Shaft, link_positions
 
 FloatArray = NDArray[np.float64]
@@ -52,7 +52,7 @@ class ClosedLoopResult:
     acceleration : (n_samples, n_joints)
         rad/s² (m/s²). The held torque steps at control instants, and the acceleration with it;
         where a sample falls on a step this is the mean of both sides, which central differences
-        of the position approach too.
+        of the position approach too. (0, n_joints) where it was not asked for.
     torque : (n_samples, n_joints)
         Last torque command, N m (N); without delay it acts from the sample's instant on.
     applied_torque : (n_samples, n_joints)
@@ -94,6 +94,7 @@ def simulate_closed_loop(
     plant_step: float | None = None,
     effects: Sequence[SimulatedEffect] | None = None,
     start_time: float = 0.0,
+    accelerations: bool = True,
 ) -> ClosedLoopResult:
     """Simulate a robot under its control law, from the first to the last reference sample.
 
@@ -125,6 +126,8 @@ def simulate_closed_loop(
         What the robot has beyond `parameters` (docs/simulation.md).
     start_time
         s since the start of the session, for friction that drifts.
+    accelerations
+        Whether the result holds them: each costs as much as a time step.
 
     Raises
     ------
@@ -151,18 +154,22 @@ def simulate_closed_loop(
         robot, law, present, position_reference, velocity_reference, disturbance, rate, step
     )
     links = link_positions(robot, parameters, shafts, q) if shafts else q
-    state = (
+    start, speed = (
         np.concatenate([values[robot.order], linked[behind]])
         for values, linked in ((q, links), (dq, dq))
     )
+    state = initial_state(dynamics, start, speed, loop.delay, loop.period)
     samples = len(position_reference)
     coordinates = joints + len(shafts)
     trace = Trace(
-        *(np.zeros((samples, coordinates)) for _ in range(3)),
-        *(np.zeros((samples, joints)) for _ in range(2)),
+        position=np.zeros((samples, coordinates)),
+        velocity=np.zeros((samples, coordinates)),
+        acceleration=np.zeros((samples if accelerations else 0, coordinates)),
+        commanded=np.zeros((samples, joints)),
+        applied=np.zeros((samples, joints)),
     )
     outcome, coordinate, recorded, time = run_closed_loop(
-        dynamics, arrays, loop, *state, trace, workspace(dynamics)
+        dynamics, arrays, loop, state, trace, workspace(dynamics)
     )
     diverged = None
     if outcome == TOO_FAST:

@@ -10,13 +10,13 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idim_iv_ros.compilation import entry, kernel, source_digest
+from idim_iv_ros.model import link_motion
 from idim_iv_ros.simulation import dry_friction, effect_kernel, plant_step, rigid_body
-from idim_iv_ros.simulation.compilation import entry, kernel, source_digest
-from idim_iv_ros.simulation.dry_friction import accelerate, slip
+from idim_iv_ros.simulation.dry_friction import accelerate
 from idim_iv_ros.simulation.effect_kernel import Effects, acting_torque, measure
-from idim_iv_ros.simulation.plant import FloatArray, IntArray, Plant, Workspace
+from idim_iv_ros.simulation.plant import FloatArray, Plant, State, Workspace
 from idim_iv_ros.simulation.plant_step import advance, prepare, prepare_with_effects
 
 COMPLETED, NOT_POSITIVE_DEFINITE, TOO_FAST = 0, 1, 2
@@ -48,7 +48,10 @@ class Loop(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """What the loop records, (n_samples, n) each; motion of the links behind shafts follows."""
+    """What the loop records, (n_samples, n) each; motion of the links behind shafts follows.
+
+    `acceleration` has no rows where it is not asked for.
+    """
 
     position: FloatArray
     velocity: FloatArray
@@ -109,6 +112,84 @@ def too_fast(dq: FloatArray) -> int:
     return -1
 
 
+@kernel
+def copy(source: FloatArray, target: FloatArray) -> None:
+    """Copy values; a slice that is assigned to takes numba a second to compile, each."""
+    for i in range(source.shape[0]):
+        target[i] = source[i]
+
+
+@kernel
+def control(effects: Effects | None, loop: Loop, state: State, time: float, controls: int) -> None:
+    """Command of one control instant, into the ring of those on their way."""
+    row = state.pending[controls % state.pending.shape[0]]
+    if effects is None:
+        command(loop, time, state.q, state.dq, state.integral, row)
+    else:
+        measure(effects, state.q, state.dq)
+        command(loop, time, effects.measured[0], effects.measured[1], state.integral, row)
+        filter_command(loop, controls == 0, state.filtered, row)
+    if controls == 0:
+        for i in range(row.shape[0]):
+            state.applied[i] = row[i] if effects is None else acting_torque(effects, i, row[i])
+            state.before[i] = state.applied[i] + loop.disturbance[0, i]
+
+
+@kernel
+def record(
+    plant: Plant,
+    effects: Effects | None,
+    state: State,
+    trace: Trace,
+    time: float,
+    recorded: int,
+    row: FloatArray,
+    work: Workspace,
+) -> bool:
+    """Record one sample; False if the mass matrix is not positive.
+
+    Accelerations only where they are asked for: they cost as much as a step. With effects always,
+    because the next step judges a joint at rest by the torque that held it here.
+    """
+    copy(state.q, trace.position[recorded])
+    copy(state.dq, trace.velocity[recorded])
+    copy(row, trace.commanded[recorded])
+    for i in range(state.acting.shape[0]):
+        trace.applied[recorded, i] = 0.5 * (state.before[i] + state.acting[i])
+    if effects is None and recorded > 0 and trace.acceleration.shape[0] == 0:
+        return True
+    for c in range(state.mode.shape[0]):
+        state.spare_mode[c] = state.mode[c]
+    copy(state.ddq, state.spare)
+    mean = trace.applied[recorded]
+    # With effects twice: friction may depend on the load, and that on the acceleration.
+    for _ in range(1 if effects is None else 2):
+        if effects is None:
+            positive = prepare(plant, state.q, state.dq, state.dq, state.rest, mean, 0.0, work)
+        else:
+            positive = prepare_with_effects(
+                plant,
+                effects,
+                time,
+                state.q,
+                state.dq,
+                state.dq,
+                state.spare,
+                state.spare_mode,
+                mean,
+                0.0,
+                work,
+            )
+        if not positive:
+            return False
+        accelerate(plant, state.resting, state.spare_mode, work, state.spare)
+    if recorded == 0:
+        copy(state.spare, state.ddq)
+    if trace.acceleration.shape[0] > 0:
+        copy(state.spare, trace.acceleration[recorded])
+    return True
+
+
 def _entry(digest: str) -> Callable[..., Any]:
     """Compile the function that Python calls; `digest` is part of its key in numba's cache."""
 
@@ -117,12 +198,11 @@ def _entry(digest: str) -> Callable[..., Any]:
         plant: Plant,
         effects: Effects | None,
         loop: Loop,
-        q: FloatArray,
-        dq: FloatArray,
+        state: State,
         trace: Trace,
         work: Workspace,
     ) -> tuple[int, int, int, float]:
-        """Simulate; q and dq are the initial state and are overwritten.
+        """Simulate from `state`, which is overwritten.
 
         Returns
         -------
@@ -130,92 +210,50 @@ def _entry(digest: str) -> Callable[..., Any]:
             Samples are those that were recorded before the time at which it ended.
         """
         _ = digest
-        n, coordinates = loop.kp.shape[0], q.shape[0]
+        n, ring = loop.kp.shape[0], state.pending.shape[0]
         samples = trace.position.shape[0]
         tolerance = 1e-9 * min(loop.period, 1.0 / loop.rate)
-        whole, fraction = np.zeros(n, np.int64), np.zeros(n)
-        for i in range(n):
-            whole[i] = math.floor(loop.delay[i] / loop.period + 1e-6)
-            fraction[i] = max(loop.delay[i] - whole[i] * loop.period, 0.0)
-            if fraction[i] < 1e-6 * loop.period:
-                fraction[i] = 0.0
-        ring = whole.max() + 2
-        pending = np.zeros((ring, n))
-        resting, mode, spare_mode = first_modes(plant, dq)
-        integral, applied, acting = np.zeros(n), np.zeros(n), np.zeros(n)
-        before, mean, filtered = np.zeros(n), np.zeros(n), np.zeros(n)
-        ddq, spare, rest = np.zeros(coordinates), np.zeros(coordinates), np.zeros(coordinates)
-        middle, predicted = np.zeros(coordinates), np.zeros(coordinates)
-        arrivals = np.zeros(n, np.int64)
-        controls = recorded = 0
+        # As literals the counts would have two types, and each function that takes them too.
+        controls = recorded = int(np.int64(0))
         time = 0.0
         while True:
-            before[:] = acting
+            copy(state.acting, state.before)
             if controls * loop.period <= time + tolerance:
-                row = controls % ring
-                if effects is None:
-                    command(loop, time, q, dq, integral, pending[row])
-                else:
-                    measure(effects, q, dq)
-                    command(
-                        loop, time, effects.measured[0], effects.measured[1], integral, pending[row]
-                    )
-                    filter_command(loop, controls == 0, filtered, pending[row])
-                if controls == 0:
-                    for i in range(n):
-                        applied[i] = pending[0, i]
-                        if effects is not None:
-                            applied[i] = acting_torque(effects, i, applied[i])
-                    before[:] = applied + loop.disturbance[0]
+                control(effects, loop, state, time, controls)
                 controls += 1
             for i in range(n):
-                if arrivals[i] * loop.period + fraction[i] <= time + tolerance:
-                    applied[i] = pending[max(arrivals[i] - whole[i], 0) % ring, i]
+                if state.arrivals[i] * loop.period + state.fraction[i] <= time + tolerance:
+                    arrived = max(state.arrivals[i] - state.whole[i], 0) % ring
+                    state.applied[i] = state.pending[arrived, i]
                     if effects is not None:
-                        applied[i] = acting_torque(effects, i, applied[i])
-                    arrivals[i] += 1
+                        state.applied[i] = acting_torque(effects, i, state.applied[i])
+                    state.arrivals[i] += 1
             sampled = recorded / loop.rate <= time + tolerance
             sample = recorded if sampled else recorded - 1
             for i in range(n):
-                acting[i] = applied[i] + loop.disturbance[sample, i]
+                state.acting[i] = state.applied[i] + loop.disturbance[sample, i]
             if sampled:
-                for i in range(n):
-                    mean[i] = 0.5 * (before[i] + acting[i])
-                spare_mode[:] = mode
-                spare[:] = ddq
-                # With effects twice: friction may depend on the load, and that on the acceleration.
-                for _ in range(1 if effects is None else 2):
-                    if effects is None:
-                        positive = prepare(plant, q, dq, dq, rest, mean, 0.0, work)
-                    else:
-                        positive = prepare_with_effects(
-                            plant, effects, time, q, dq, dq, spare, spare_mode, mean, 0.0, work
-                        )
-                    if not positive:
-                        return NOT_POSITIVE_DEFINITE, 0, recorded, time
-                    accelerate(plant, resting, spare_mode, work, spare)
-                if recorded == 0:
-                    ddq[:] = spare
-                trace.position[recorded] = q
-                trace.velocity[recorded] = dq
-                trace.acceleration[recorded] = spare
-                trace.commanded[recorded] = pending[(controls - 1) % ring]
-                trace.applied[recorded] = mean
+                row = state.pending[(controls - 1) % ring]
+                if not record(plant, effects, state, trace, time, recorded, row, work):
+                    return NOT_POSITIVE_DEFINITE, 0, recorded, time
                 recorded += 1
                 if recorded == samples:
                     return COMPLETED, 0, recorded, time
             until = min(controls * loop.period, recorded / loop.rate)
             for i in range(n):
-                until = min(until, arrivals[i] * loop.period + fraction[i])
+                until = min(until, state.arrivals[i] * loop.period + state.fraction[i])
             steps = max(math.ceil((until - time) / loop.plant_step - 1e-6), 1)
             for k in range(steps):
                 if not advance(
-                    plant, effects, time + k * (until - time) / steps,
-                    q, dq, ddq, acting, (until - time) / steps,
-                    resting, mode, middle, predicted, rest, work,
-                ):  # fmt: skip
+                    plant,
+                    effects,
+                    time + k * (until - time) / steps,
+                    state,
+                    (until - time) / steps,
+                    work,
+                ):
                     return NOT_POSITIVE_DEFINITE, 0, recorded, time
-                joint = too_fast(dq)
+                joint = too_fast(state.dq)
                 if joint >= 0:
                     return TOO_FAST, joint, recorded, time + (k + 1) * (until - time) / steps
             time = until
@@ -224,17 +262,6 @@ def _entry(digest: str) -> Callable[..., Any]:
     return compiled
 
 
-@kernel
-def first_modes(plant: Plant, dq: FloatArray) -> tuple[NDArray[np.bool_], IntArray, IntArray]:
-    """Which contacts are at rest at the start, and the sign of the slip of the others."""
-    contacts = plant.level.shape[0]
-    resting = np.zeros(contacts, np.bool_)
-    mode = np.zeros(contacts, np.int64)
-    for c in range(contacts):
-        speed = slip(plant.first, plant.second, plant.direction, c, dq)
-        resting[c] = speed == 0.0 and plant.level[c] > 0.0
-        mode[c] = 1 if speed > 0.0 else -1 if speed < 0.0 else 0
-    return resting, mode, mode.copy()
-
-
-run_closed_loop = _entry(source_digest(rigid_body, dry_friction, effect_kernel, plant_step))
+run_closed_loop = _entry(
+    source_digest(link_motion, rigid_body, dry_friction, effect_kernel, plant_step)
+)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from idim_iv_ros.simulation.controller import ControlLaw
 
@@ -138,10 +138,10 @@ def fit_controller(
         Delays of 0 … this many samples are tried.
     """
     cutoff = rate / 10.0 if cutoff is None else cutoff
-    sections = butter(4, cutoff, fs=rate, output="sos")
+    sections = scipy.signal.butter(4, cutoff, fs=rate, output="sos")
 
     def smooth(signal: FloatArray) -> FloatArray:
-        return np.asarray(sosfiltfilt(sections, signal, axis=0))
+        return np.asarray(scipy.signal.sosfiltfilt(sections, signal, axis=0))
 
     dq = np.gradient(position, 1.0 / rate, axis=0) if velocity is None else velocity
     reference_dq, reference_ddq = _derivatives(position_reference, velocity_reference, rate)

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.simulation.compilation import kernel
+from idim_iv_ros.compilation import kernel
 from idim_iv_ros.simulation.plant import FloatArray, IntArray, Plant, Workspace
 
 # A constraint whose pivot is this small beside its diagonal follows from the others.
@@ -88,13 +88,15 @@ def _hold(plant: Plant, mode: IntArray, work: Workspace, ddq: FloatArray) -> Non
     `ddq` comes in as the acceleration without the holding torques.
     """
     contacts = mode.shape[0]
-    work.holding[:] = 0.0
+    for c in range(contacts):
+        work.holding[c] = 0.0
     count = 0
     for c in range(contacts):
         if mode[c] != 0 or plant.level[c] <= 0.0:
             continue
         row = work.response[count]
-        row[:] = 0.0
+        for i in range(ddq.shape[0]):
+            row[i] = 0.0
         push(plant.first, plant.second, plant.direction, c, 1.0, row)
         solve(work.factor, row)
         for k in range(count):

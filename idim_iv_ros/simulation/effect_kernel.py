@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.simulation.compilation import kernel
+from idim_iv_ros.compilation import kernel
 from idim_iv_ros.simulation.plant import FloatArray, IntArray, Plant
 
 (

@@ -248,7 +248,7 @@ def _measurement_and_drive(
     for one in effects:
         i = place[one.joint]
         if one.effect == "torque_gain":
-            gain[i] = (1.0 + gain[i]) * (1.0 + one.value["gain"]) - 1.0
+            gain[i] = (1.0 + gain[i]) * one.value["factor"] - 1.0
         elif one.effect == "torque_saturation":
             knee[i], slope[i] = one.value["knee"], one.value["slope"]
         elif one.effect == "encoder_eccentricity":

@@ -63,7 +63,7 @@ PARAMETERS: dict[str, dict[str, float]] = {
         "feedforward_velocity": 0.0,
         "lag": 0.0,
     },
-    "torque_gain": {"gain": 0.0},
+    "torque_gain": {"factor": 1.0},
 }
 
 # Causes that are in the base parameters already.
@@ -71,11 +71,15 @@ _IN_BASE_PARAMETERS = (
     "payload",
     "link_inertia",
     "gravity_direction",
+    "torque_offset",
     "friction_level",
     "drive_inertia",
 )
 
-_POSITIVE = ("speed", "exponent", "power", "scale", "width", "time_constant", "span_k", "knee")
+_POSITIVE = (
+    *("speed", "exponent", "power", "scale", "width", "time_constant", "span_k", "knee"),
+    "factor",
+)
 _NOT_NEGATIVE = ("gap", "delay", "level_k", "slope", "lag")
 _SWITCHES = ("hardening", "motor_torque")
 

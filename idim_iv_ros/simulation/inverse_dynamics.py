@@ -6,12 +6,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.compilation import entry, source_digest
+from idim_iv_ros.model import link_motion
+from idim_iv_ros.model.link_motion import place_links
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.simulation import rigid_body
-from idim_iv_ros.simulation.compilation import entry, source_digest
 from idim_iv_ros.simulation.plant import Plant, Workspace, plant, workspace
-from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler, place_links
+from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler
 
 FloatArray = NDArray[np.float64]
 
@@ -52,12 +54,14 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
         for k in range(q.shape[0]):
             place_links(plant, q[k], work)
             composite_rigid_body(plant, work, mass[k])
-            mass[k] += plant.drive_inertia
+            for i in range(q.shape[1]):
+                for j in range(q.shape[1]):
+                    mass[k, i, j] += plant.drive_inertia[i, j]
 
     return torques, masses
 
 
-_torques, _masses = _entries(source_digest(rigid_body))
+_torques, _masses = _entries(source_digest(link_motion, rigid_body))
 
 
 def inverse_dynamics(

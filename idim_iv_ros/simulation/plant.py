@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
+from idim_iv_ros.model.link_frames import link_frames
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
 
@@ -73,6 +73,91 @@ class Workspace(NamedTuple):
     crossing: FloatArray
 
 
+class State(NamedTuple):
+    """Where a simulation stands, and what it keeps from one instant to the next.
+
+    Attributes
+    ----------
+    q, dq, ddq : (N,)
+        Of all coordinates; the acceleration is that of the last step.
+    middle, predicted, spare, rest : (N,)
+        Position and velocity half a step ahead; a copy of the acceleration; zeros.
+    integral, applied, acting, before, filtered, fraction : (n,)
+        Of the joints: integral of the control error, torque that has arrived, with the disturbance,
+        the same before this instant, output of the command's filter, delay beyond whole periods, s.
+    whole, arrivals : (n,)
+        Delay in whole control periods, commands that have arrived.
+    pending : (ring, n)
+        Commands on their way.
+    resting, mode, spare_mode : (n_contacts,)
+        See `dry_friction`.
+    """
+
+    q: FloatArray
+    dq: FloatArray
+    ddq: FloatArray
+    middle: FloatArray
+    predicted: FloatArray
+    spare: FloatArray
+    rest: FloatArray
+    integral: FloatArray
+    applied: FloatArray
+    acting: FloatArray
+    before: FloatArray
+    filtered: FloatArray
+    fraction: FloatArray
+    whole: IntArray
+    arrivals: IntArray
+    pending: FloatArray
+    resting: NDArray[np.bool_]
+    mode: IntArray
+    spare_mode: IntArray
+
+
+def initial_state(
+    plant: Plant, q: FloatArray, dq: FloatArray, delay: FloatArray, period: float
+) -> State:
+    """State at the first instant.
+
+    Parameters
+    ----------
+    q, dq : (N,)
+        Taken over, not copied.
+    delay : (n,)
+        From a command to the torque, s.
+    period : float
+        Between commands, s.
+    """
+    whole = np.floor(delay / period + 1e-6).astype(np.int64)
+    fraction = np.maximum(delay - whole * period, 0.0)
+    fraction[fraction < 1e-6 * period] = 0.0
+    speed = dq[plant.first] + np.where(plant.second >= 0, plant.direction * dq[plant.second], 0.0)
+    n, contacts = len(delay), len(plant.level)
+    ddq, middle, predicted, spare, rest = np.zeros((5, len(q)))
+    integral, applied, acting, before, filtered = np.zeros((5, n))
+    return State(
+        q=q,
+        dq=dq,
+        ddq=ddq,
+        middle=middle,
+        predicted=predicted,
+        spare=spare,
+        rest=rest,
+        integral=integral,
+        applied=applied,
+        acting=acting,
+        before=before,
+        filtered=filtered,
+        fraction=fraction,
+        whole=whole,
+        arrivals=np.zeros(n, dtype=np.int64),
+        pending=np.zeros((whole.max() + 2, n)),
+        resting=(speed == 0.0) & (plant.level > 0.0),
+        mode=np.sign(speed).astype(np.int64),
+        spare_mode=np.zeros(contacts, dtype=np.int64),
+    )
+
+
 def workspace(plant: Plant) -> Workspace:
     """Allocate the arrays for one plant."""
     n, contacts = len(plant.offset), len(plant.level)
@@ -110,16 +195,11 @@ def plant(robot: RobotModel, parameters: DynamicParameters, *, dissipative: bool
         Clip friction at what dissipates: Fv, Fc and Fcm at zero, |Fvm| at √(Fv_a Fv_b). Estimates
         near zero are negative by their noise, and a joint that friction drives runs away.
     """
-    model, order = robot.pinocchio, robot.order
+    order, frames = robot.order, link_frames(robot)
     n = len(order)
-    turned = _turned_frames(model)
-    rotation, translation = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3))
     inertial = np.zeros((n + 1, 10))
     for joint in range(1, n + 1):
-        parent, placement = turned[model.parents[joint]], model.jointPlacements[joint]
-        rotation[joint] = parent.T @ placement.rotation @ turned[joint]
-        translation[joint] = parent.T @ placement.translation
-        inertial[joint] = _in_frame(parameters.inertial[order[joint - 1]], turned[joint])
+        inertial[joint] = _in_frame(parameters.inertial[order[joint - 1]], frames.turned[joint])
     first, second, level = _contacts(parameters, order)
     drive_inertia = np.diag(parameters.drive_inertia[order])
     viscous = parameters.viscous[order]
@@ -129,14 +209,13 @@ def plant(robot: RobotModel, parameters: DynamicParameters, *, dissipative: bool
         coupling = np.clip(parameters.coupling_viscous[pair], -bound, bound)
         damping[a, b] = damping[b, a] = coupling
         drive_inertia[a, b] = drive_inertia[b, a] = parameters.coupling_inertia[pair]
-    types = [robot.joint_types[joint] for joint in order]
     return Plant(
-        parent=np.array(list(model.parents), dtype=np.int64),
-        revolute=np.array([False, *(joint_type == "revolute" for joint_type in types)]),
-        rotation=rotation,
-        translation=translation,
+        parent=frames.parent,
+        revolute=frames.revolute,
+        rotation=frames.rotation,
+        translation=frames.translation,
         inertial=inertial,
-        gravity=np.array(model.gravity.linear, dtype=float),
+        gravity=frames.gravity,
         drive_inertia=drive_inertia,
         damping=damping,
         offset=np.ascontiguousarray(parameters.offset[order], dtype=float),
@@ -145,25 +224,6 @@ def plant(robot: RobotModel, parameters: DynamicParameters, *, dissipative: bool
         second=second,
         direction=np.ones(len(first)),
     )
-
-
-def _turned_frames(model: pin.Model) -> list[FloatArray]:
-    """Rotation that takes z to the joint's axis, for the base and each joint."""
-    data = model.createData()
-    pin.computeJointJacobians(model, data, pin.neutral(model))
-    turned = [np.eye(3)]
-    for joint in range(1, model.njoints):
-        jacobian = pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL)
-        motion = jacobian.reshape(6, -1)[:, model.joints[joint].idx_v]
-        axis = motion[3:] if np.linalg.norm(motion[3:]) > 0.5 else motion[:3]
-        if axis[2] == 1.0:
-            turned.append(np.eye(3))
-            continue
-        helper = np.eye(3)[np.argmin(np.abs(axis))]
-        x = np.cross(helper, axis)
-        x /= np.linalg.norm(x)
-        turned.append(np.column_stack([x, np.cross(axis, x), axis]))
-    return turned
 
 
 def _in_frame(inertial: FloatArray, frame: FloatArray) -> FloatArray:

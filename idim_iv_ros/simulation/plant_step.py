@@ -9,7 +9,8 @@ and the remainder of the step is integrated anew.
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.simulation.compilation import kernel
+from idim_iv_ros.compilation import kernel
+from idim_iv_ros.model.link_motion import place_links
 from idim_iv_ros.simulation.dry_friction import accelerate, factorise, slip
 from idim_iv_ros.simulation.effect_kernel import (
     Effects,
@@ -17,8 +18,8 @@ from idim_iv_ros.simulation.effect_kernel import (
     effect_torques,
     slide_bristles,
 )
-from idim_iv_ros.simulation.plant import FloatArray, IntArray, Plant, Workspace
-from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler, place_links
+from idim_iv_ros.simulation.plant import FloatArray, IntArray, Plant, State, Workspace
+from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler
 
 # Slip speeds that cross zero within this fraction of a step cross together.
 TOGETHER = 1e-9
@@ -50,7 +51,8 @@ def prepare(
             load -= plant.damping[i, j] * dq[j]
             work.mass[i, j] += plant.drive_inertia[i, j] + 0.5 * step * plant.damping[i, j]
         work.load[i] = load
-    return factorise(work.mass, work.factor)
+    positive: bool = factorise(work.mass, work.factor)
+    return positive
 
 
 @kernel
@@ -99,7 +101,8 @@ def prepare_with_effects(
         work.load[effects.link[i]] -= work.bias[i]
         for j in range(n):
             work.mass[effects.link[i], effects.link[j]] += effects.rigid_mass[i, j]
-    return factorise(work.mass, work.factor)
+    positive: bool = factorise(work.mass, work.factor)
+    return positive
 
 
 @kernel
@@ -107,23 +110,17 @@ def advance(
     plant: Plant,
     effects: Effects | None,
     time: float,
-    q: FloatArray,
-    dq: FloatArray,
-    ddq: FloatArray,
-    torque: FloatArray,
+    state: State,
     step: float,
-    resting: NDArray[np.bool_],
-    mode: IntArray,
-    middle: FloatArray,
-    predicted: FloatArray,
-    rest: FloatArray,
     work: Workspace,
 ) -> bool:
-    """Advance q, dq in place by one step under a constant torque; False if M is not positive.
+    """Advance the state by one step under a constant torque; False if M is not positive.
 
     Without effects numba leaves out the branches of `effects`: there are two machine codes.
-    `ddq` (n,) is the acceleration of the previous step on entry and of this one on return.
+    `state.ddq` is the acceleration of the previous step on entry and of this one on return.
     """
+    q, dq, ddq, torque, mode = state.q, state.dq, state.ddq, state.acting, state.mode
+    middle, predicted = state.middle, state.predicted
     n, contacts = q.shape[0], mode.shape[0]
     left = step
     attempts = contacts + 4
@@ -132,38 +129,36 @@ def advance(
             middle[i] = q[i] + 0.5 * left * dq[i]
             predicted[i] = dq[i] + 0.5 * left * ddq[i]
         if effects is None:
-            positive = prepare(plant, middle, predicted, dq, rest, torque, left, work)
+            positive = prepare(plant, middle, predicted, dq, state.rest, torque, left, work)
         else:
             positive = prepare_with_effects(
                 plant, effects, time, middle, predicted, dq, ddq, mode, torque, left, work
             )
         if not positive:
             return False
-        accelerate(plant, resting, mode, work, ddq)
+        accelerate(plant, state.resting, mode, work, ddq)
         if effects is not None and bristles_change(effects, dq, ddq, left):
             prepare_with_effects(
                 plant, effects, time, middle, predicted, dq, ddq, mode, torque, left, work
             )
-            accelerate(plant, resting, mode, work, ddq)
-        _crossings(plant, resting, mode, dq, ddq, left, work.crossing)
-        fraction = 1.0
-        if attempt < attempts - 1:
-            for c in range(contacts):
-                fraction = min(fraction, work.crossing[c])
+            accelerate(plant, state.resting, mode, work, ddq)
+        fraction = _first_crossing(plant, state, left, work.crossing)
+        if attempt == attempts - 1:
+            fraction = 1.0
         for c in range(contacts):
-            if resting[c]:
-                resting[c] = (
+            if state.resting[c]:
+                state.resting[c] = (
                     mode[c] == 0 or slip(plant.first, plant.second, plant.direction, c, ddq) == 0.0
                 )
             else:
-                resting[c] = work.crossing[c] <= fraction + TOGETHER
+                state.resting[c] = work.crossing[c] <= fraction + TOGETHER
         part = fraction * left
         if effects is not None:
             slide_bristles(effects, dq, ddq, part)
         for i in range(n):
             q[i] += part * (dq[i] + 0.5 * part * ddq[i])
             dq[i] += part * ddq[i]
-        _stop(plant, resting, dq)
+        _stop(plant, state.resting, dq)
         left -= part
         if left <= TOGETHER * step:
             break
@@ -171,26 +166,25 @@ def advance(
 
 
 @kernel
-def _crossings(
-    plant: Plant,
-    resting: NDArray[np.bool_],
-    mode: IntArray,
-    dq: FloatArray,
-    ddq: FloatArray,
-    step: float,
-    crossing: FloatArray,
-) -> None:
-    """Fraction of the step at which each slipping contact comes to rest; 2 if it does not."""
-    for c in range(mode.shape[0]):
+def _first_crossing(plant: Plant, state: State, step: float, crossing: FloatArray) -> float:
+    """Fraction of the step at which the first slipping contact comes to rest, at most 1.
+
+    `crossing` (n_contacts,) is set to the fraction of each; 2 if it does not.
+    """
+    fraction = 1.0
+    for c in range(state.mode.shape[0]):
         crossing[c] = 2.0
-        if resting[c] or plant.level[c] <= 0.0:
+        if state.resting[c] or plant.level[c] <= 0.0:
             continue
-        start = mode[c] * slip(plant.first, plant.second, plant.direction, c, dq)
-        end = start + step * mode[c] * slip(plant.first, plant.second, plant.direction, c, ddq)
+        sign = state.mode[c]
+        start = sign * slip(plant.first, plant.second, plant.direction, c, state.dq)
+        end = start + step * sign * slip(plant.first, plant.second, plant.direction, c, state.ddq)
         if start <= 0.0:
             crossing[c] = 0.0
         elif end <= 0.0:
             crossing[c] = start / (start - end)
+        fraction = min(fraction, crossing[c])
+    return fraction
 
 
 @kernel

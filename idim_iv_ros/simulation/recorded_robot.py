@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
@@ -171,7 +171,7 @@ def _low_pass(white: FloatArray, bandwidth: float, rate: float) -> FloatArray:
     """First-order noise of unit variance from its first sample on, one sample fewer."""
     pole = math.exp(-2.0 * math.pi * bandwidth / rate)
     gain = math.sqrt(1.0 - pole**2)
-    coloured, _ = lfilter([gain], [1.0, -pole], white[1:], axis=0, zi=pole * white[:1])
+    coloured, _ = scipy.signal.lfilter([gain], [1.0, -pole], white[1:], axis=0, zi=pole * white[:1])
     return np.asarray(coloured)
 
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 FloatArray = NDArray[np.float64]
 
@@ -26,10 +26,11 @@ class ReferenceFilter:
         rad or m.
     velocity, acceleration : (n_samples, n_joints)
         Central differences of `position`.
-    fit_percent : (n_joints,)
-        100 (1 − ‖e − ê‖/‖e − mean e‖) of the tracking error e = reference − position on the last
-        30 % of the record, which the filter had not seen; below 0 where a constant is better. The
-        fit of the position itself is near 100 % for any robot that follows.
+    error : (n_joints,)
+        RMS of measured less filtered position on the last 30 % of the record, which the filter had
+        not seen, rad or m.
+    spread : (n_joints,)
+        Standard deviation of the measured position there, rad or m.
     inputs : tuple of str
         What the filter of each joint works on.
     """
@@ -37,7 +38,8 @@ class ReferenceFilter:
     position: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
-    fit_percent: FloatArray
+    error: FloatArray
+    spread: FloatArray
     inputs: tuple[str, ...]
 
 
@@ -77,20 +79,20 @@ def filter_reference(
                 residual = some[split:, joint] - columns[split:, kept] @ solution
                 if residual @ residual < energy[joint]:
                     energy[joint], chosen[joint] = residual @ residual, (name, float(pole))
-    explained, fit = np.zeros_like(error), np.zeros(joints)
+    explained = np.zeros_like(error)
     for joint, (name, pole) in enumerate(chosen):
         kept = _candidates(joint, joints)[name]
         columns = _columns(signals, _discrete(pole, rate), every)[:, kept]
         weights = np.zeros(1 + ORDER * len(signals))
         weights[kept] = _solve(columns.T @ columns, columns.T @ some[:, joint])
         explained[:, joint] = _filtered(signals, _discrete(pole, rate), weights)
-        spread = float(np.sum((some[split:, joint] - some[split:, joint].mean()) ** 2))
-        fit[joint] = 100.0 * (1.0 - np.sqrt(energy[joint] / spread)) if spread > 0.0 else 100.0
     simulated = position_reference - explained
     velocity = np.gradient(simulated, 1.0 / rate, axis=0)
     acceleration = np.gradient(velocity, 1.0 / rate, axis=0)
     inputs = tuple(name for name, _ in chosen)
-    return ReferenceFilter(simulated, velocity, acceleration, fit, inputs)
+    missed = np.sqrt(energy / max(len(some) - split, 1))
+    spread = np.std(position[::every][split:], axis=0)
+    return ReferenceFilter(simulated, velocity, acceleration, missed, spread, inputs)
 
 
 def _discrete(pole: float, rate: float) -> float:
@@ -155,10 +157,12 @@ def _laguerre(signal: FloatArray, pole: float) -> FloatArray:
     """Outputs (n_samples, ORDER) of a Laguerre bank, steady at the first value before it."""
     gain = np.sqrt(1.0 - pole**2)
     start = signal[0] * gain / (1.0 - pole)
-    output = lfilter([gain], [1.0, -pole], signal, zi=[start * pole])[0]
+    output = scipy.signal.lfilter([gain], [1.0, -pole], signal, zi=[start * pole])[0]
     columns = [output]
     for _ in range(ORDER - 1):
         # All-pass (z⁻¹ − p)/(1 − p z⁻¹), of unit gain at rest.
-        output = lfilter([-pole, 1.0], [1.0, -pole], output, zi=[start * (1.0 + pole)])[0]
+        output = scipy.signal.lfilter(
+            [-pole, 1.0], [1.0, -pole], output, zi=[start * (1.0 + pole)]
+        )[0]
         columns.append(output)
     return np.column_stack(columns)

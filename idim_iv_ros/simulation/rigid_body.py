@@ -5,32 +5,16 @@ inertias (mass, centre of mass) cannot hold such values, so that its forward dyn
 simulate an estimate; these algorithms take M, MX … ZZ about the joint frame as they are.
 
 Conventions: joints are numbered from 1 in the order of the tree, as in pinocchio, and row 0 is
-the base. Every link frame is turned so that its joint moves along or about z (see `plant`).
+the base. Every link frame is turned so that its joint moves along or about z (see `LinkFrames`).
 
 Source: Khalil and Dombre, Modeling, Identification and Control of Robots, chapter 9 (recursive
 Newton-Euler linear in the parameters); Featherstone, Rigid Body Dynamics Algorithms, chapter 6
 (composite rigid bodies).
 """
 
-import math
-
-from idim_iv_ros.simulation.compilation import kernel
+from idim_iv_ros.compilation import kernel
+from idim_iv_ros.model.link_motion import move_links
 from idim_iv_ros.simulation.plant import FloatArray, Plant, Workspace
-
-
-@kernel
-def place_links(plant: Plant, q: FloatArray, work: Workspace) -> None:
-    """Placement of each link frame in its parent's."""
-    for i in range(1, q.shape[0] + 1):
-        angle = q[i - 1] if plant.revolute[i] else 0.0
-        shift = 0.0 if plant.revolute[i] else q[i - 1]
-        c, s = math.cos(angle), math.sin(angle)
-        for r in range(3):
-            x, y, z = plant.rotation[i, r, 0], plant.rotation[i, r, 1], plant.rotation[i, r, 2]
-            work.rotation[i, r, 0] = c * x + s * y
-            work.rotation[i, r, 1] = c * y - s * x
-            work.rotation[i, r, 2] = z
-            work.translation[i, r] = plant.translation[i, r] + shift * z
 
 
 @kernel
@@ -39,49 +23,15 @@ def newton_euler(
 ) -> None:
     """Torques of the rigid bodies by recursive Newton-Euler, moments about the link origins.
 
-    Links must have been placed. `gradient` is [ω̇]× + [ω]×², so that a point r of a link
-    accelerates by a + gradient r.
+    Links must have been placed.
     """
     n = dq.shape[0]
-    for k in range(3):
-        work.acceleration[0, k] = -plant.gravity[k]
+    move_links(plant, dq, ddq, work)
     for i in range(1, n + 1):
-        u = plant.parent[i]
-        rot, p, grad = work.rotation[i], work.translation[i], work.gradient[u]
-        b0 = work.acceleration[u, 0] + grad[0, 0] * p[0] + grad[0, 1] * p[1] + grad[0, 2] * p[2]
-        b1 = work.acceleration[u, 1] + grad[1, 0] * p[0] + grad[1, 1] * p[1] + grad[1, 2] * p[2]
-        b2 = work.acceleration[u, 2] + grad[2, 0] * p[0] + grad[2, 1] * p[1] + grad[2, 2] * p[2]
-        a0 = rot[0, 0] * b0 + rot[1, 0] * b1 + rot[2, 0] * b2
-        a1 = rot[0, 1] * b0 + rot[1, 1] * b1 + rot[2, 1] * b2
-        a2 = rot[0, 2] * b0 + rot[1, 2] * b1 + rot[2, 2] * b2
-        b0, b1, b2 = work.spin[u, 0], work.spin[u, 1], work.spin[u, 2]
-        w0 = rot[0, 0] * b0 + rot[1, 0] * b1 + rot[2, 0] * b2
-        w1 = rot[0, 1] * b0 + rot[1, 1] * b1 + rot[2, 1] * b2
-        w2 = rot[0, 2] * b0 + rot[1, 2] * b1 + rot[2, 2] * b2
-        b0, b1, b2 = work.spin_rate[u, 0], work.spin_rate[u, 1], work.spin_rate[u, 2]
-        d0 = rot[0, 0] * b0 + rot[1, 0] * b1 + rot[2, 0] * b2
-        d1 = rot[0, 1] * b0 + rot[1, 1] * b1 + rot[2, 1] * b2
-        d2 = rot[0, 2] * b0 + rot[1, 2] * b1 + rot[2, 2] * b2
-        speed = dq[i - 1]
-        if plant.revolute[i]:
-            d0 += w1 * speed
-            d1 -= w0 * speed
-            d2 += ddq[i - 1]
-            w2 += speed
-        else:
-            a0 += 2.0 * w1 * speed
-            a1 -= 2.0 * w0 * speed
-            a2 += ddq[i - 1]
-        work.acceleration[i, 0], work.acceleration[i, 1], work.acceleration[i, 2] = a0, a1, a2
-        work.spin[i, 0], work.spin[i, 1], work.spin[i, 2] = w0, w1, w2
-        work.spin_rate[i, 0], work.spin_rate[i, 1], work.spin_rate[i, 2] = d0, d1, d2
-        g = work.gradient[i]
-        g[0, 0] = -w1 * w1 - w2 * w2
-        g[1, 1] = -w0 * w0 - w2 * w2
-        g[2, 2] = -w0 * w0 - w1 * w1
-        g[0, 1], g[1, 0] = w0 * w1 - d2, w0 * w1 + d2
-        g[0, 2], g[2, 0] = w0 * w2 + d1, w0 * w2 - d1
-        g[1, 2], g[2, 1] = w1 * w2 - d0, w1 * w2 + d0
+        g, f = work.gradient[i], work.wrench[i]
+        a0, a1, a2 = work.acceleration[i, 0], work.acceleration[i, 1], work.acceleration[i, 2]
+        w0, w1, w2 = work.spin[i, 0], work.spin[i, 1], work.spin[i, 2]
+        d0, d1, d2 = work.spin_rate[i, 0], work.spin_rate[i, 1], work.spin_rate[i, 2]
         m, x, y, z = (
             plant.inertial[i, 0],
             plant.inertial[i, 1],
@@ -90,7 +40,6 @@ def newton_euler(
         )
         xx, xy, yy = plant.inertial[i, 4], plant.inertial[i, 5], plant.inertial[i, 6]
         xz, yz, zz = plant.inertial[i, 7], plant.inertial[i, 8], plant.inertial[i, 9]
-        f = work.wrench[i]
         f[0] = m * a0 + g[0, 0] * x + g[0, 1] * y + g[0, 2] * z
         f[1] = m * a1 + g[1, 0] * x + g[1, 1] * y + g[1, 2] * z
         f[2] = m * a2 + g[2, 0] * x + g[2, 1] * y + g[2, 2] * z

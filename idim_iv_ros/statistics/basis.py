@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import qr, solve_triangular
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.integer[Any]]
@@ -39,14 +39,16 @@ class Basis:
         """Coefficients (width,) or (width, m) of least squares, zero for dropped columns."""
         coefficients = np.zeros((width, *target.shape[1:]))
         if self.rank:
-            coefficients[self.kept] = solve_triangular(self.upper, self.vectors.T @ target)
+            coefficients[self.kept] = scipy.linalg.solve_triangular(
+                self.upper, self.vectors.T @ target
+            )
         return coefficients
 
     def inverse_root(self, width: int) -> FloatArray:
         """(width, rank) G with G Gᵀ = (columnsᵀ columns)⁻¹ on the kept columns, zero elsewhere."""
         root = np.zeros((width, self.rank))
         if self.rank:
-            root[self.kept] = solve_triangular(self.upper, np.eye(self.rank))
+            root[self.kept] = scipy.linalg.solve_triangular(self.upper, np.eye(self.rank))
         return root
 
     def remove(self, target: FloatArray) -> FloatArray:
@@ -67,7 +69,9 @@ def independent_basis(columns: FloatArray, scale: FloatArray | None = None) -> B
     present = np.flatnonzero(norms > 0.0)
     if len(present) == 0 or len(columns) == 0:
         return Basis(np.zeros((len(columns), 0)), np.zeros(0, np.intp), np.zeros((0, 0)))
-    vectors, upper, order = qr(columns[:, present] / norms[present], mode="economic", pivoting=True)
+    vectors, upper, order = scipy.linalg.qr(
+        columns[:, present] / norms[present], mode="economic", pivoting=True
+    )
     rank = int(np.count_nonzero(np.abs(np.diag(upper)) > RANK_TOLERANCE))
     kept = present[order[:rank]]
     return Basis(vectors[:, :rank], kept, upper[:rank, :rank] * norms[kept])

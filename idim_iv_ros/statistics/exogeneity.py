@@ -6,8 +6,8 @@ Augmented regression y = X β + V̂ γ + e with V̂ = X − Z Π̂, H0: γ = 0, 
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import f as fisher
 
 from idim_iv_ros.r_factor import r_factor, spread
 from idim_iv_ros.statistics.basis import independent_basis
@@ -113,5 +113,5 @@ def exogeneity_f_test(
         return HypothesisTest.not_run(NULL, scope, "the residual vanishes", alpha)
     gained = augmented.vectors.T @ restricted
     statistic = float(gained @ gained) / augmented.rank / (unexplained / dof)
-    p_value = float(fisher.sf(statistic, augmented.rank, dof))
+    p_value = float(scipy.stats.f.sf(statistic, augmented.rank, dof))
     return HypothesisTest(NULL, scope, statistic, augmented.rank, dof, p_value, None, alpha)

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import f as fisher
 
 from idim_iv_ros.r_factor import r_factor, spread
 from idim_iv_ros.statistics.basis import independent_basis
@@ -186,7 +186,7 @@ def _fisher_test(
     spread_of_energy = rank * variance**2 + 2.0 * variance * trace + trace_of_square
     freedom = max(1, round(mean**2 / spread_of_energy))
     statistic = float(projection @ projection) / mean
-    p_value = float(fisher.sf(statistic, freedom, dof))
+    p_value = float(scipy.stats.f.sf(statistic, freedom, dof))
     return HypothesisTest(
         NULL,
         scope,

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from idim_iv_ros.signals.autoregression import AutoregressiveModel, fit_autoregression
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
@@ -190,7 +190,7 @@ def ljung_box(
     if dof < 1:
         return HypothesisTest.not_run(null, scope, "its runs are too short", alpha)
     statistic = count * (count + 2) * float(np.sum(correlation[seen] ** 2 / pairs[seen]))
-    p_value = float(chi2.sf(statistic, dof))
+    p_value = float(scipy.stats.chi2.sf(statistic, dof))
     deviation = float(np.abs(correlation[seen]).max())
     return HypothesisTest(null, scope, statistic, dof, None, p_value, deviation, alpha)
 
@@ -228,5 +228,5 @@ def _jarque_bera(
         return HypothesisTest.not_run(NORMAL, scope, f"{count} rows are too few", alpha)
     statistic = count / 6.0 * (skewness**2 + kurtosis**2 / 4.0)
     deviation = max(abs(skewness), abs(kurtosis))
-    p_value = float(chi2.sf(statistic, 2))
+    p_value = float(scipy.stats.chi2.sf(statistic, 2))
     return HypothesisTest(NORMAL, scope, statistic, 2, None, p_value, deviation, alpha)

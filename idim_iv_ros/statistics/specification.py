@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import f as fisher
 
 from idim_iv_ros.statistics.basis import independent_basis
 from idim_iv_ros.statistics.coloured_regression import regress_coloured_from_rest
@@ -119,7 +119,7 @@ def _test(
         statistic,
         added.rank,
         dof,
-        float(fisher.sf(statistic, added.rank, dof)),
+        float(scipy.stats.f.sf(statistic, added.rank, dof)),
         None,
         alpha,
         torque_deviation_percent=100.0 * float(np.sqrt(max(explained - noise, 0.0) / torque)),

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ def refused(outcome, status: int, *words: str) -> None:
     """One line on stderr that starts with the program's name and holds all words."""
     assert outcome.status == status, outcome
     lines = [line for line in outcome.error.splitlines() if line.strip()]
+    lines = [line for line in lines if not re.match(r"\d+ s: ", line)]  # progress
     assert len(lines) == 1, outcome.error
     assert lines[0].startswith("idim-iv: ")
     for word in words:
@@ -159,6 +161,18 @@ def test_rank_deficient_excitation_lists_what_cannot_be_seen(
 )
 def test_wrong_configuration(identify, bag, config, old, new, words) -> None:
     identify(bag, 2, *words, configuration=config((old, new)))
+
+
+@pytest.mark.parametrize("key", ["motor_to_joint", "motor_to_joint_torque"])
+def test_singular_transmission(identify, bag, config, key) -> None:
+    wrong = config(("joints: [joint_1", f"{key}: [[0, 0], [0, 1]]\n  joints: [joint_1"))
+    identify(bag, 2, "arm2.yaml", f"robot.{key} is singular", configuration=wrong)
+
+
+def test_gains_that_hardly_move_the_robot_end_in_an_answer(run, bag, config, tmp_path) -> None:
+    weak = config(("kp: [1200.0, 250.0]", "kp: [1.0e-6, 1.0e-6]"))
+    outcome = run("identify", bag, "--config", weak, "--out", tmp_path / "results")
+    assert outcome.status == 0, outcome.error
 
 
 @pytest.mark.parametrize(

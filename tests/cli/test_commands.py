@@ -63,7 +63,10 @@ def test_two_bags_are_used_together(run, config, bag, tmp_path: Path) -> None:
     assert len(json.loads((tmp_path / "results" / "result.json").read_text())["bags"]) == 2
 
 
-@pytest.mark.parametrize("command", ["import", "check", "identify", "diagnose", "excite"])
+COMMANDS = ["init", "import", "check", "identify", "diagnose", "excite", "simulate"]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
 def test_help_shows_an_example(run, command: str) -> None:
     done = run(command, "--help")
     assert done.status == 0

@@ -161,7 +161,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(run, bag, config, record, tmp_
     copy = tmp_path / "copy.mcap"
     copy.write_bytes(bag.read_bytes())
     must_refuse(2, "copy.mcap", "arm2.mcap", arguments=(bag, copy, "--config", good))
-    must_refuse(1, "no topic /nowhere", "signals.reference, or leave it out", "/joint_states",
+    must_refuse(1, "no topic /nowhere", "write `reference: /joint_reference` under signals",
                 arguments=(bag, "--config", config(("/joint_reference", "/nowhere"))))  # fmt: skip
     good = config()
     some = slice(5000, 5500)

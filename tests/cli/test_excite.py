@@ -125,7 +125,7 @@ def test_missing_velocity_limit_names_the_joint(run, config, tmp_path: Path) -> 
 def test_place_that_cannot_be_written_is_refused_before_the_search(
     run, config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
 ) -> None:
-    monkeypatch.setattr("idim_iv_ros.cli.excite.excite", lambda *a, **k: pytest.fail("searched"))
+    monkeypatch.setattr("idim_iv_ros.excitation.excite", lambda *a, **k: pytest.fail("searched"))
     done = run("excite", "--config", config(), "--out", tmp_path / place)
     assert done.status == 2
     assert "cannot write the trajectory there" in done.error

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.gap.cause_order import leading, strongest_first
-from idim_iv_ros.gap.result import Cause, Evidence, Gap
+from idim_iv_ros.gap.result import Cause, Evidence, Gap, JointChange
 from idim_iv_ros.gap.verdict import summary_of
 from tests.gap.test_verdict import GAPS, cause
 
@@ -47,9 +47,23 @@ def test_another_law_is_placed_by_its_evidence(evidence: float, place: int) -> N
     assert found.index("controller_mismatch") == place
 
 
-def test_wrong_numbers_stand_by_the_share_of_their_joints_torque() -> None:
-    found = strongest_first([FIRST, SMALL, LARGE], DATA)  # type: ignore[arg-type]
-    assert names(found) == ["payload", "friction_level", "stribeck"]
+def test_causes_of_both_kinds_go_by_the_share_of_their_joints_torque() -> None:
+    found = strongest_first([SMALL, FIRST, LARGE], DATA)  # type: ignore[arg-type]
+    assert names(found) == ["payload", "stribeck", "friction_level"]
+
+
+def test_what_a_cause_takes_at_other_joints_counts() -> None:
+    """0.1 N m at its own joint, 6 of 10 N m at another."""
+    wide = replace(
+        SMALL,
+        joint_gaps=(
+            JointChange("joint_1", 0.6, 0.5, 0.03),
+            JointChange("joint_2", 8.0, 5.3, 0.6),
+            JointChange("joint_2", 0.1, 0.2, -0.01),
+        ),
+    )
+    found = strongest_first([FIRST, wide], DATA)  # type: ignore[arg-type]
+    assert names(found) == ["friction_level", "stribeck"]
 
 
 def test_summary_tells_the_widest_and_counts_the_others() -> None:
@@ -61,3 +75,10 @@ def test_summary_tells_the_widest_and_counts_the_others() -> None:
     assert "elasticity" not in text
     assert "smaller" not in summary_of("both", told, None, GAPS, ())
     assert "1 smaller cause is listed" in summary_of("both", told, None, GAPS, (), more=1)
+
+
+def test_drive_inertia_that_the_configuration_leaves_out_stands_before_all() -> None:
+    left_out = replace(closing("drive_inertia", "parametric", "", 0.1, 0.09, 1e2), joint=None)
+    of_a_joint = closing("drive_inertia", "parametric", "joint_2", 0.1, 0.09, 1e2)
+    assert names(strongest_first([FIRST, LARGE, left_out], DATA))[0] == "drive_inertia"  # type: ignore[arg-type]
+    assert names(strongest_first([FIRST, LARGE, of_a_joint], DATA))[0] != "drive_inertia"  # type: ignore[arg-type]

@@ -73,6 +73,7 @@ def names(
     """Places of the effects that are kept."""
     effects = [found(joint, family) for joint in joints]
     monkeypatch.setattr(confirmation, "held_out", lambda *_, **__: KnownFigures(figures))
+    monkeypatch.setattr(confirmation, "sized", lambda _, model: list(model.found))
     monkeypatch.setattr(confirmation, "label", lambda *_: "")
     monkeypatch.setattr(
         confirmation,

@@ -1,17 +1,21 @@
 """Standard deviations of an effect's numbers against the scatter over many worlds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from idim_iv_ros.gap.attribution import attribute
 from idim_iv_ros.gap.baseline import Baseline, baseline
-from idim_iv_ros.gap.effect_deviations import parameters_of
+from idim_iv_ros.gap.confirmation import confirmed
+from idim_iv_ros.gap.effect_deviations import differs_from_nothing, parameters_of
 from idim_iv_ros.gap.effects.effect import Effect
 from idim_iv_ros.gap.effects.friction_drift import FrictionDrift
 from idim_iv_ros.gap.effects.nonlinear_viscous import NonlinearViscous
 from idim_iv_ros.gap.effects.stribeck import Stribeck
 from idim_iv_ros.gap.effects.torque_saturation import TorqueSaturation
-from idim_iv_ros.gap.structural_causes import effect_parameters, named_model
+from idim_iv_ros.gap.noise_floor import noise_floors
+from idim_iv_ros.gap.structural_causes import built_model, effect_parameters, named_model
 from tests.estimation.test_simulated_arms import recorded
 from tests.gap.test_attribution import Torque, world
 from tests.simulated_arms import arm2
@@ -57,3 +61,41 @@ def test_intervals_cover_the_truth_about_as_often_as_they_say(
             errors[name].append((numbers[name].value - value) / std)
     for name, each in errors.items():
         assert 0.3 < np.sqrt(np.mean(np.square(each))) < 1.7, name
+
+
+def test_an_effect_that_is_there_differs_from_nothing_and_one_that_is_not_does_not(
+    data: Baseline,
+) -> None:
+    effect, joint, torque, _ = WORLDS[1]
+    model = named_model(attribute(data, world(data, 50, joint, torque), [effect]))
+    candidate = model.found[0].candidate
+    assert differs_from_nothing(data, model.regression, model.fit, candidate, 0)
+    refused = 0
+    for seed in SEEDS:
+        empty = world(data, seed, joint, lambda m: 0.0 * m.time).with_columns(candidate.columns)
+        refused += not differs_from_nothing(data, empty, empty.fit(), candidate, 0)
+    assert refused >= len(SEEDS) - 2  # by chance one in twenty is not
+
+
+def test_an_effect_whose_numbers_may_each_be_zero_is_not_confirmed(
+    data: Baseline, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Twice the same column: together it fits well, and neither coefficient is known."""
+    effect, joint, torque, _ = WORLDS[0]
+    attribution = attribute(data, world(data, 50, joint, torque), [effect])
+    (found,) = attribution.found
+    random = np.random.default_rng(1)
+    twice = {
+        j: np.column_stack([rows[:, 0], rows[:, 0] + 1e-5 * random.standard_normal(len(rows))])
+        for j, rows in found.candidate.columns.items()
+    }
+    same = replace(found, candidate=replace(found.candidate, columns=twice))
+    monkeypatch.setattr(Stribeck, "free_shape", False)
+    floors = noise_floors(data, attribution.extended, attribution.fit, ())
+    for each, kept in ((found, 1), (same, 0)):
+        model = built_model(attribution, [each], [])
+        assert model.fits[-1].log_likelihood > model.fits[0].log_likelihood + 50.0
+        searched = replace(attribution, found=(each,))
+        confirmed_model, tested = confirmed(data, searched, model, floors, (), None)
+        assert len(confirmed_model.found) == kept
+        assert len(tested.stages()) == 1 + kept

@@ -50,9 +50,7 @@ FORMULAS: list[tuple[str, tuple[float, ...], list[float], Formula]] = [
     ("stribeck", (0.2, 1.5), [0.7],
      lambda m, q, v: 0.7 * np.sign(v) / np.exp((abs(v) / 0.2) ** 1.5)),
     ("nonlinear_viscous", (0.6,), [1.3], lambda m, q, v: 1.3 * v / abs(v) ** 0.4),
-    ("asymmetric_friction", (0.0,), [0.4], lambda m, q, v: 0.4 + 0.0 * v),
-    ("asymmetric_friction", (1.0,), [0.4, 0.2],
-     lambda m, q, v: 0.4 + np.where(v > 0, 0.2 * v, -0.2 * v)),
+    ("asymmetric_friction", (), [0.2], lambda m, q, v: np.where(v > 0, 0.2 * v, -0.2 * v)),
     ("load_dependent_friction", (1.0, 5.0, 0.0, 0.0), [0.1],
      lambda m, q, v: 0.1 * abs(m.load[:, 1]) * np.sign(v)),
     ("load_dependent_friction", (1.3, 5.0, 1.0, 0.0), [0.1, 0.2],
@@ -72,12 +70,12 @@ FORMULAS: list[tuple[str, tuple[float, ...], list[float], Formula]] = [
     ("position_ripple", (9.0, 31.0), [0.1, 0.2, 0.3, -0.4],
      lambda m, q, v: 0.1 * np.sin(9 * q) + 0.2 * np.cos(9 * q)
      + 0.3 * np.sin(31 * q) - 0.4 * np.cos(31 * q)),
-    ("spring", (0.0, -0.2, 0.6, 0.0, 1.0), [0.1, 2.0, -3.0, 4.0],
-     lambda m, q, v: np.polyval([4.0, -3.0, 2.0, 0.1], np.minimum(np.maximum(q, -0.2), 0.6))),
-    ("spring", (1.0, -2.0, 2.0, 0.1, 0.3), [0.1, 2.0, 0.5],
-     lambda m, q, v: 0.1 + 2.0 * q + 0.25 * (np.exp((q - 0.1) / 0.3) - np.exp((0.1 - q) / 0.3))),
-    ("spring", (2.0, -2.0, 2.0, 0.1, 0.3), [0.1, 2.0, 0.5],
-     lambda m, q, v: 0.1 + 2.0 * q + 0.5 * np.arctan2(q - 0.1, 0.3)),
+    ("spring", (0.0, -0.2, 0.6, 0.0, 1.0), [2.0, -3.0, 4.0],
+     lambda m, q, v: np.polyval([4.0, -3.0, 2.0, 0.0], np.minimum(np.maximum(q, -0.2), 0.6))),
+    ("spring", (1.0, -2.0, 2.0, 0.1, 0.3), [2.0, 0.5],
+     lambda m, q, v: 2.0 * q + 0.25 * (np.exp((q - 0.1) / 0.3) - np.exp((0.1 - q) / 0.3))),
+    ("spring", (2.0, -2.0, 2.0, 0.1, 0.3), [2.0, 0.5],
+     lambda m, q, v: 2.0 * q + 0.5 * np.arctan2(q - 0.1, 0.3)),
 ]  # fmt: skip
 
 
@@ -208,7 +206,7 @@ def test_a_joint_that_stands_still_does_no_harm(effect: Effect) -> None:
 UNITS = {
     "stribeck": {"excess": "N m", "speed": "rad/s", "exponent": ""},
     "nonlinear_viscous": {"coefficient": "N m at 1 rad/s", "power": ""},
-    "asymmetric_friction": {"offset": "N m", "viscous": "N m s/rad"},
+    "asymmetric_friction": {"viscous": "N m s/rad"},
     "load_dependent_friction": {
         "driving": "", "driven": "", "exponent": "", "scale": "N m", "motor_torque": "",
     },
@@ -221,14 +219,14 @@ UNITS = {
     "torque_saturation": {"knee": "N m", "slope": ""},
     "position_ripple": {"wave_number_1": "1/rad", "sine_1": "N m", "cosine_1": "N m"},
     "spring": {
-        "constant": "N m", "linear": "N m/rad", "quadratic": "N m/rad²", "cubic": "N m/rad³",
+        "linear": "N m/rad", "quadratic": "N m/rad²", "cubic": "N m/rad³",
         "lowest": "rad", "highest": "rad",
     },
     "encoder_eccentricity": dict.fromkeys(("sine", "cosine", "sine_2", "cosine_2"), "rad"),
-    "joint_coupling": {"direction": "", "coulomb": "N m", "viscous": "N m s/rad", "power": ""},
+    "joint_coupling": {"direction": "", "coulomb": "N m", "viscous": "N m at 1 rad/s", "power": ""},
 }  # fmt: skip
 # Of the parameters above; the first shape of the grid elsewhere.
-SHAPES = {"asymmetric_friction": (1.0,), "encoder_eccentricity": (2.0,)}
+SHAPES = {"encoder_eccentricity": (2.0,)}
 
 
 @pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda each: each.name)
@@ -354,8 +352,8 @@ def test_motion_that_cannot_show_an_effect(name, poor, reason) -> None:
 
 
 IN_ORDER = (
-    "payload", "gravity_direction", "torque_gain", "friction_level", "drive_inertia",
-    "link_inertia",
+    "payload", "gravity_direction", "torque_gain", "torque_offset", "friction_level",
+    "drive_inertia", "link_inertia",
     "stribeck", "nonlinear_viscous", "asymmetric_friction", "load_dependent_friction",
     "position_dependent_friction", "friction_drift", "presliding", "backlash", "elasticity",
     "time_delay", "torque_saturation", "position_ripple", "spring", "encoder_eccentricity",

@@ -3,13 +3,14 @@
 The commands are computed here, sample by sample, as a drive would: nothing of the check is used.
 """
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from idim_iv_ros.gap.baseline import Baseline, baseline
-from idim_iv_ros.gap.controller_check import controller_mismatch
+from idim_iv_ros.gap.controller_check import check_law
 from idim_iv_ros.gap.law_speed_choice import law_speed
 from idim_iv_ros.signals import JointSignals
 from tests.estimation.test_simulated_arms import recorded
@@ -56,7 +57,7 @@ def test_a_filtered_speed_is_no_mismatch(arm: SimulatedArm, data: Baseline, fact
     chosen = law_speed(changed.prepared.motions, arm.law)
     assert chosen.kind == "filtered"
     assert chosen.factor == pytest.approx(factor, rel=0.05)
-    assert controller_mismatch(changed) == []
+    assert check_law(changed).findings == ()
 
 
 def test_the_recorded_velocity_is_tried(arm: SimulatedArm, data: Baseline) -> None:
@@ -68,13 +69,39 @@ def test_the_recorded_velocity_is_tried(arm: SimulatedArm, data: Baseline) -> No
     effort = effort + arm.law.kd * (speed - observed)
     changed = commanded(data, effort, observed)
     assert law_speed(changed.prepared.motions, arm.law).kind == "recorded"
-    assert controller_mismatch(changed) == []
+    assert check_law(changed).findings == ()
 
 
 def test_another_gain_beside_a_filtered_speed_is_found(arm: SimulatedArm, data: Baseline) -> None:
     effort, _ = commands(arm, data.prepared.motions[0].signals, 0.3, scale=1.4)
-    findings = controller_mismatch(commanded(data, effort))
+    findings = check_law(commanded(data, effort)).findings
     assert {finding.joint for finding in findings} == set(data.joints)
     for finding in findings:
         joint = data.joints.index(finding.joint)
         assert finding.parameters["kd"].value == pytest.approx(1.4 * arm.law.kd[joint], rel=0.05)
+
+
+def test_pulses_beside_the_law_are_said_with_their_size_and_times(
+    arm: SimulatedArm, data: Baseline
+) -> None:
+    signals = data.prepared.motions[0].signals
+    effort, _ = commands(arm, signals, 0.3)
+    time = np.arange(len(effort)) / signals.rate
+    pulse = (np.abs(time - 4.0) < 0.2) | (np.abs(time - 8.5) < 0.2)
+    size = np.sqrt(np.mean(effort[:, 1] ** 2))
+    effort[:, 1] += 3.0 * size * pulse
+    check = check_law(commanded(data, effort))
+    (sentence,) = check.beyond
+    assert "joint_2" in sentence
+    found = re.findall(r"from (\S+) to (\S+) s of", sentence)
+    assert sorted((float(first), float(last)) for first, last in found) == [
+        (pytest.approx(3.8, abs=0.05), pytest.approx(4.2, abs=0.05)),
+        (pytest.approx(8.3, abs=0.05), pytest.approx(8.7, abs=0.05)),
+    ]
+
+
+def test_a_law_that_explains_its_commands_leaves_nothing_to_say(
+    arm: SimulatedArm, data: Baseline
+) -> None:
+    effort, _ = commands(arm, data.prepared.motions[0].signals, 0.3)
+    assert check_law(commanded(data, effort)).beyond == ()

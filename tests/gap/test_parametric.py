@@ -10,15 +10,22 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from idim_iv_ros.gap.attribution import attribute
 from idim_iv_ros.gap.baseline import Baseline, baseline
-from idim_iv_ros.gap.catalogue import STRUCTURAL
+from idim_iv_ros.gap.catalogue import PARAMETRIC, STRUCTURAL
+from idim_iv_ros.gap.change_regression import change_regression
 from idim_iv_ros.gap.effects.effect import Extent
+from idim_iv_ros.gap.effects.friction_level import FrictionLevel
+from idim_iv_ros.gap.effects.parametric_effect import Change, ParameterSpace, ParametricEffect
 from idim_iv_ros.gap.effects.presliding import Presliding
+from idim_iv_ros.gap.generic import GENERIC
 from idim_iv_ros.gap.hidden_rivals import hidden_rivals
 from idim_iv_ros.gap.likelihood import Regression
 from idim_iv_ros.gap.missing_gravity import missing_gravity
 from idim_iv_ros.gap.motion_limits import cannot_show, too_little
+from idim_iv_ros.gap.parameter_errors import parameter_errors
 from idim_iv_ros.gap.parametric import ParametricOutcome, parametric_causes
+from idim_iv_ros.gap.parametric_hypotheses import changes_of, of_base_parameters
 from idim_iv_ros.gap.regression_rows import smooth_regression
 from tests.estimation.test_simulated_arms import recorded
 from tests.simulated_arms import arm2
@@ -104,6 +111,84 @@ def test_friction_level_is_found_with_its_size(data: Baseline) -> None:
     assert cause.share > 0.5
     assert cause.torque is not None
     assert cause.torque == pytest.approx(rows(data, 1, change[1]), abs=0.05)
+
+
+def test_a_constant_torque_is_an_offset_and_no_missing_physics(data: Baseline) -> None:
+    change = nothing(data)
+    change[1] = np.full(len(data.motions[0].time), 0.4)
+    regression = world(data, 5, change)
+    assert attribute(data, regression, [*STRUCTURAL, *GENERIC]).found == ()
+    (cause,) = parametric_causes(data, regression, regression.fit()).causes
+    assert (cause.effect.name, cause.joint) == ("torque_offset", "joint_2")
+    offset = cause.parameters["offset"]
+    assert offset.std is not None
+    assert offset.unit == "N m"
+    assert abs(offset.value - 0.4) < 3.0 * offset.std < 0.05
+    same = [rival for rival in hidden_rivals(data, cause, STRUCTURAL) if rival.correlation == 1.0]
+    assert [(rival.effect, rival.joint) for rival in same] == [("asymmetric_friction", "joint_2")]
+
+
+def test_every_joint_is_accounted_for_where_most_numbers_are_wrong(data: Baseline) -> None:
+    """Friction, offsets and drives of both joints, and the weight of the last link."""
+    motion = data.motions[0]
+    change = payload(data, 0.3, 0.1)
+    signs = {0: (1.5, -1.0, 1.0), 1: (-0.2, 0.15, 0.2)}
+    for joint, (dry, viscous, constant) in signs.items():
+        change[joint] = (
+            change[joint]
+            + dry * motion.slip[:, joint]
+            + viscous * motion.velocity[:, joint]
+            + constant
+            + 0.4 * viscous * motion.acceleration[:, joint]
+        )
+    outcome = found(data, 6, change)
+    for error in parameter_errors(data, outcome):
+        assert error.given > 3.0 * error.refit
+        assert error.named < 1.5 * error.refit
+        assert error.share_of_torque < 0.02
+    named = {(cause.effect.name, cause.joint): cause for cause in outcome.causes}
+    for joint, (dry, viscous, _) in signs.items():
+        friction = named["friction_level", data.joints[joint]].parameters
+        for number, true in (
+            (friction["change_of_coulomb"], dry),
+            (friction["change_of_viscous"], viscous),
+        ):
+            assert number.std is not None
+            assert abs(number.value - true) < 4.0 * number.std
+
+
+def test_the_effects_that_own_base_parameters_are_the_refit(data: Baseline) -> None:
+    """Each base parameter belongs to one of them: what most wrong numbers are told by."""
+    regression = world(data, 7, payload(data, 0.8, 0.1))
+    changes = change_regression(data, regression, regression.fit())
+    owned = changes_of(of_base_parameters(changes, PARAMETRIC))
+    together = np.array([change.direction for change in owned])
+    parameters = data.prepared.model.base.names
+    assert together[:, : len(parameters)].sum(axis=0).tolist() == [1.0] * len(parameters)
+    refit = changes.refit()
+    assert changes.explain(owned).statistic == pytest.approx(refit.statistic)
+
+
+def test_a_cause_of_which_every_number_may_be_zero_is_not_named(data: Baseline) -> None:
+    """Two changes of nearly the same torque: together sure, each of any size."""
+    change = nothing(data)
+    change[1] = 0.4 * data.motions[0].slip[:, 1]
+    regression = world(data, 1, change)
+
+    class Twice(ParametricEffect):
+        name = "twice"
+        order = 1
+        excitation = ""
+
+        def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
+            (coulomb,) = space.change("Fc", joint or 0, "one")
+            (other,) = space.change("off", joint or 0, "other")
+            near = coulomb.direction + 2e-5 * other.direction
+            return [[coulomb, Change("two", coulomb.unit, near)]]
+
+    (alone,) = parametric_causes(data, regression, regression.fit(), [FrictionLevel()]).causes
+    assert alone.joint == "joint_2"
+    assert parametric_causes(data, regression, regression.fit(), [Twice()]).causes == ()
 
 
 def test_payload_of_another_program_is_found(data: Baseline) -> None:

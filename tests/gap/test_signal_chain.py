@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from idim_iv_ros.gap.baseline import Baseline, baseline
 from idim_iv_ros.gap.regression_rows import smooth_regression
-from idim_iv_ros.gap.signal_chain import SignalChain, aligned
+from idim_iv_ros.gap.signal_chain import EffortShift, aligned
 from idim_iv_ros.recording import Recording
 from tests import simulated_arms
 from tests.estimation.test_simulated_arms import recorded
@@ -52,7 +52,7 @@ def later(effort: np.ndarray, delays: list[float], rate: float) -> np.ndarray:
     return np.column_stack(parts)
 
 
-def chain_of(data: Baseline) -> tuple[Baseline, SignalChain]:
+def chain_of(data: Baseline) -> tuple[Baseline, EffortShift]:
     shifted, _, chain = aligned(data, smooth_regression(data))
     return shifted, chain
 

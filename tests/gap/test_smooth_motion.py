@@ -1,18 +1,21 @@
 """The motion of the candidates and the friction while a joint sticks, on a simulated arm."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.gap.bandwidth import widened
 from idim_iv_ros.gap.baseline import Baseline, baseline
 from idim_iv_ros.gap.regression_rows import smooth_regression
 from idim_iv_ros.gap.slip import simulated_slips
+from idim_iv_ros.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.estimation.test_simulated_arms import recorded
 from tests.gap.motions import synthetic
-from tests.simulated_arms import arm2, record
+from tests.simulated_arms import SimulatedArm, arm2, record
 
 SECONDS = 10.0
 
@@ -131,17 +134,91 @@ def test_band_ends_where_noise_of_the_encoders_reaches_half_of_the_torques() -> 
     assert widened([recorded(arm, 1)], own) is own
 
 
-def test_rows_beside_a_reversal_count_only_where_it_is_known_where_joints_stick() -> None:
-    arm = arm2(seconds=SECONDS)
-    recording = recorded(arm, 1)
-    default = arm.configuration.processing.reversal_margin
-    assert default > 0.0
-    assert widened([recording], arm.configuration).processing.reversal_margin == 0.0
-    blind = replace(recording, position_reference=None, velocity_reference=None)
-    assert widened([blind], arm.configuration).processing.reversal_margin == default
-    nobody = arm.configuration.controller.model_copy(update={"type": "unknown"})
-    lawless = arm.configuration.model_copy(update={"controller": nobody})
-    assert widened([recording], lawless).processing.reversal_margin == default
+def beside_reversals(data: Baseline) -> int:
+    """Rows of joint 1 that have a slow sample within one decimated sample."""
+    count = 0
+    for motion in data.prepared.motions:
+        speed = motion.derivatives(0, motion.span.stop - motion.span.start)[1][:, 0]
+        slow = np.flatnonzero(np.abs(speed) < data.prepared.minimum_speed[0])
+        rows = motion.decimation.kept[motion.kept[:, 0]]
+        after = np.minimum(np.searchsorted(slow, rows), len(slow) - 1)
+        near = np.minimum(np.abs(slow[after] - rows), np.abs(slow[after - 1] - rows))
+        count += int(np.sum(near < motion.decimation.factor - 1))
+    return count
+
+
+def margin_reason(data: Baseline) -> str:
+    return "".join(reason for reason in data.prepared.reasons if "a reversal" in reason)
+
+
+def changed_processing(arm: SimulatedArm, **values: float) -> Configuration:
+    processing = arm.configuration.processing.model_copy(update=values)
+    return arm.configuration.model_copy(update={"processing": processing})
+
+
+@pytest.fixture(scope="module")
+def arm() -> SimulatedArm:
+    return arm2(seconds=SECONDS)
+
+
+@pytest.mark.parametrize("others", [{}, {"decimation_cutoff": 8.0}, {"position_cutoff": 30.0}])
+def test_rows_beside_a_reversal_count_where_the_loop_is_simulated(
+    arm: SimulatedArm, others: dict[str, float]
+) -> None:
+    """Whatever else the user configures."""
+    data = baseline([recorded(arm, 1)], changed_processing(arm, **others))
+    assert data.sticking
+    assert beside_reversals(data) > 0
+    assert margin_reason(data).startswith("rows beside a reversal count")
+
+
+def unreferenced(arm: SimulatedArm) -> tuple[Recording, Configuration]:
+    blind = replace(recorded(arm, 1), position_reference=None, velocity_reference=None)
+    return blind, arm.configuration
+
+
+def lawless(arm: SimulatedArm) -> tuple[Recording, Configuration]:
+    nobody = {"type": "unknown", "kp": None, "kd": None}
+    section = arm.configuration.controller.model_copy(update=nobody)
+    return recorded(arm, 1), arm.configuration.model_copy(update={"controller": section})
+
+
+def unstable(arm: SimulatedArm) -> tuple[Recording, Configuration]:
+    """A law with which the simulated loop runs away, as only its simulation shows."""
+    wrong = {"kp": [-1200.0, -250.0], "kd": [0.0, 0.0], "torque_limit": None}
+    section = arm.configuration.controller.model_copy(update=wrong)
+    return recorded(arm, 1), arm.configuration.model_copy(update={"controller": section})
+
+
+@pytest.mark.parametrize(
+    ("world", "why"),
+    [
+        (unreferenced, "not simulated"),
+        (lawless, "control law is not configured"),
+        (unstable, "cannot be simulated"),
+    ],
+)
+def test_without_a_simulated_loop_no_row_at_a_reversal_has_the_sign_of_the_speed(
+    arm: SimulatedArm, world: Callable[[SimulatedArm], tuple[Recording, Configuration]], why: str
+) -> None:
+    recording, configuration = world(arm)
+    data = baseline([recording], configuration)
+    assert beside_reversals(data) == 0
+    reason = margin_reason(data)
+    assert reason.startswith("rows beside a reversal do not count")
+    assert why in reason
+
+
+@pytest.mark.parametrize("margin", [0.0, 3.0])
+@pytest.mark.parametrize("world", [None, unreferenced])
+def test_what_the_user_says_of_reversals_holds(arm: SimulatedArm, margin: float, world) -> None:
+    configuration = changed_processing(arm, reversal_margin=margin)
+    recording = recorded(arm, 1) if world is None else world(arm)[0]
+    data = baseline([recording], configuration)
+    assert data.prepared.configuration.processing.reversal_margin == margin
+    assert (beside_reversals(data) > 0) == (margin == 0.0)
+    warned = "count with the sign of the speed" in margin_reason(data)
+    assert warned == (margin == 0.0 and world is not None)
 
 
 @pytest.mark.parametrize("links", [True, False])

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
+from idim_iv_ros.gap.motion_at_rows import MotionAtRows
 from idim_iv_ros.gap.noise_floor import difference_energy, find_repeats
 from idim_iv_ros.gap.regimes import in_words, joined, lifts, regimes_of
-from idim_iv_ros.gap.residual_split import Axis, bands, split
+from idim_iv_ros.gap.residual_split import Axis, axes_of, bands, split
 from idim_iv_ros.gap.result import Regime
 from idim_iv_ros.gap.since_reversal import since_reversal
 from idim_iv_ros.gap.time_blocks import block_sums, interval, resampled, time_blocks
+from idim_iv_ros.recording import SessionPart
 
 
 def test_blocks_last_a_second_and_do_not_reach_into_the_next_recording() -> None:
@@ -55,7 +57,7 @@ def test_energy_in_one_bin_is_found_there() -> None:
     assert found[0].low == 0.0
     best = joined(found)
     assert best is not None
-    sentence = in_words(best, parts.edges)
+    sentence = in_words(best, parts.edges, ())
     assert sentence.startswith("joint_2, below 0.1 rad/s: ")
     assert " % of the gap in 10 % of the samples" in sentence
     assert energy.sum() == pytest.approx(1.0)
@@ -126,3 +128,32 @@ def test_drift_between_repeats_is_not_noise() -> None:
     energy, degrees = difference_energy(difference, direction[:, None])
     assert degrees == 2998
     assert np.sqrt(0.5 * energy / degrees) == pytest.approx(0.2, rel=0.04)
+
+
+@pytest.mark.parametrize("recordings", [1, 2, 3, 9])
+def test_a_stretch_of_time_lies_in_recordings_that_are_named(recordings: int) -> None:
+    """Ten seconds each; the residual is three times as large in the last 40 % of the last one."""
+    random = np.random.default_rng(7)
+    rows = 1000
+    parts = [SessionPart(f"run{k}.mcap", 20.0 * k, 10.0) for k in range(recordings)]
+    starts = [part.start for part in parts]
+    time = np.concatenate([start + np.arange(rows) / 100.0 for start in starts])
+    which = np.repeat(np.arange(recordings), rows)
+    loud = time >= starts[-1] + 6.0
+    residual = random.standard_normal(len(time)) * np.where(loud, 3.0, 1.0)
+    other = random.uniform(0.1, 1.0, len(time))
+    axes = axes_of(MotionAtRows(time, other, other, other, other), starts)
+    axis = next(each for each in axes if each.name == "time")
+    if 1 < recordings < 6:  # no bin holds rows of two recordings
+        place = np.searchsorted(axis.edges, time, side="right")
+        assert all(len(set(which[place == k])) == 1 for k in set(place[:-1]))
+    parted = split(axis, residual, time_blocks(which, np.tile(np.arange(rows), recordings), 100.0))
+    best = joined(regimes_of("joint_2", parted, "s"))
+    assert best is not None
+    sentence = in_words(best, parted.edges, parts)
+    assert f"s of run{recordings - 1}.mcap: " in sentence
+    assert "session" not in sentence
+    if recordings < 4:
+        start, end = sentence.split("from ")[1].split(" s of ")[0].split(" to ")
+        assert 4.0 < float(start) < 7.0
+        assert 9.9 < float(end) <= 10.0

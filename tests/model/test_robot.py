@@ -34,7 +34,7 @@ def test_rounded_right_angles_are_right_angles() -> None:
         (arm(("revolute", "fixed")), ["j2"], "j2 is fixed"),
         ("<robot", ["j1"], "not XML"),
         ("<sdf></sdf>", ["j1"], "root element is <sdf>"),
-        ('<robot name="r"></robot>', ["j1"], "no joint j1"),
+        ('<robot name="r"></robot>', ["j1"], "no <link>"),
         (arm().replace('link="base"', 'link="nowhere"'), ["j1"], "arm.urdf"),
     ],
 )

@@ -114,7 +114,7 @@ def sample_result(joints: int = 6, case: Case = "coloured", seed: int = 1) -> Id
             position_cutoff=50.0,
             position_order=4,
             decimation_cutoff=20.0,
-            decimation_factor=100,
+            decimation_factors=(100,),
             row_rate=50.0,
             minimum_speed=(0.0213,) * joints,
             reasons=(

@@ -15,12 +15,12 @@ from tests.report.sample_gap import CASES, Case, sample_gap
 # The design's format, and what the project added to it.
 TOP = {
     *("format", "verdict", "causes", "unexplained", "where", "not_testable", "stages"),
-    *("robot", "joints", "bags", "software", "configuration", "without", "summary", "findings"),
-    *("notes", "extended_parameters", "timing"),
+    *("robot", "joints", "bags", "session", "software", "configuration", "without", "summary"),
+    *("findings", "notes", "extended_parameters", "timing", "parameter_errors", "signal_chain"),
 }
 CAUSE = {
     *("effect", "kind", "joint", "parameters", "evidence", "indistinguishable_from"),
-    *("torque_gap", "simulation_gap", "other_joint", "sentence"),
+    *("torque_gap", "joint_gaps", "simulation_gap", "other_joint", "sentence"),
 }
 EVIDENCE = {"statistic", "p_value", "held_out_gain", "folds_positive"}
 JOINT = {"joint", "rms", "relative_percent", "share", "noise_floor", "floor_origin"}

@@ -178,7 +178,9 @@ def _bare(result: IdentificationResult) -> IdentificationResult:
             essential_p_value=np.nan,
             samples=0,
         ),
-        processing=replace(result.processing, reasons=(), minimum_speed=(), decimation_factor=1),
+        processing=replace(
+            result.processing, reasons=(), minimum_speed=(), decimation_factors=(1,)
+        ),
     )
 
 

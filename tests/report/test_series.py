@@ -1,7 +1,11 @@
 import numpy as np
 
-from idim_iv_ros.report.series import contiguous_runs, thin
+from idim_iv_ros.recording import SessionPart
+from idim_iv_ros.report.series import contiguous_runs, interrupted, thin
+from idim_iv_ros.report.session_axis import session_axis
 from idim_iv_ros.result import JointSeries
+
+ALONE = session_axis([])
 
 
 def _long(seconds: float = 3600.0, rate: float = 40.0) -> JointSeries:
@@ -12,7 +16,7 @@ def _long(seconds: float = 3600.0, rate: float = 40.0) -> JointSeries:
 
 
 def test_an_hour_becomes_a_few_thousand_points_that_keep_the_peak() -> None:
-    thinned = thin(_long())
+    thinned = thin(_long(), ALONE)
     assert len(thinned.time) < 3000
     assert np.nanmax(thinned.measured) == 5.0
     assert np.nanmax(thinned.residual) > 3.9
@@ -21,7 +25,7 @@ def test_an_hour_becomes_a_few_thousand_points_that_keep_the_peak() -> None:
 
 def test_a_short_series_is_kept_as_it_is() -> None:
     series = JointSeries("joint_1", np.arange(5) / 10, np.arange(5.0), np.zeros(5))
-    thinned = thin(series)
+    thinned = thin(series, ALONE)
     np.testing.assert_array_equal(thinned.measured, series.measured)
     assert len(thinned.gaps) == 0
 
@@ -29,7 +33,52 @@ def test_a_short_series_is_kept_as_it_is() -> None:
 def test_lines_are_interrupted_where_samples_do_not_count() -> None:
     time = np.array([0.0, 0.1, 0.2, 0.6, 0.7])
     series = JointSeries("joint_1", time, np.arange(5.0), np.zeros(5))
-    thinned = thin(series)
+    thinned = thin(series, ALONE)
     np.testing.assert_array_equal(thinned.gaps, [[0.2, 0.6]])
     np.testing.assert_array_equal(thinned.measured, [0.0, 1.0, 2.0, np.nan, 3.0, 4.0])
-    assert contiguous_runs(series) == [slice(0, 3), slice(3, 5)]
+    assert contiguous_runs(series, ALONE) == [slice(0, 3), slice(3, 5)]
+
+
+TWO = session_axis([SessionPart("run1", 0.0, 1.0), SessionPart("run2", 1.01, 1.0)])
+
+
+def _two(pause: float = 0.0) -> JointSeries:
+    """A hundred rows a second in two recordings, with no row left out in between."""
+    time = np.arange(202) / 100.0
+    time[101:] += pause
+    return JointSeries("joint_1", time, np.sin(time), np.zeros(202))
+
+
+def test_no_line_runs_from_one_recording_to_the_next() -> None:
+    thinned = thin(_two(), TWO)
+    breaks = np.flatnonzero(np.isnan(thinned.measured))
+    assert list(breaks) == [101]
+    assert np.isnan(thinned.predicted[101])
+    assert len(thinned.gaps) == 0  # nothing was left out between the two
+    assert contiguous_runs(_two(), TWO) == [slice(0, 101), slice(101, 202)]
+    series = _two()
+    _, values = interrupted(series.time, series.measured, np.arange(202), 0.01, TWO)
+    assert list(np.flatnonzero(np.isnan(values))) == [101]
+
+
+def test_a_long_pause_does_not_leave_hairlines_for_recordings() -> None:
+    parts = [SessionPart("run1", 0.0, 1.0), SessionPart("run2", 601.0, 1.0)]
+    session = session_axis(parts)
+    thinned = thin(_two(pause=599.99), session)
+    time = thinned.time[np.isfinite(thinned.time)]
+    assert np.all(np.diff(time) > 0.0)
+    assert 2.0 < time[-1] < 2.1
+    assert "pauses shortened" in session.words
+    assert "pauses" not in TWO.words
+    assert [each["text"] for each in session.marks()["annotations"]] == ["run1", "run2"]
+
+
+def test_names_of_recordings_that_would_cover_each_other_are_numbers_with_a_list() -> None:
+    names = [f"recording_2026_11_21-12_00_{k:02}" for k in range(5)]
+    session = session_axis([SessionPart(name, 10.0 * k, 10.0) for k, name in enumerate(names)])
+    assert [each["text"] for each in session.marks()["annotations"]] == list("12345")
+    for number, name in enumerate(names):
+        assert f"{number + 1} {name}" in session.words
+    many = session_axis([SessionPart(f"{k}", 10.0 * k, 10.0) for k in range(40)])
+    assert "annotations" not in many.marks()
+    assert len(many.marks()["shapes"]) == 39

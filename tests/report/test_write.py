@@ -1,12 +1,13 @@
 import json
 import os
+import warnings
 from pathlib import Path
 
 import pytest
 
-from idim_iv_ros.errors import UsageError
+from idim_iv_ros.errors import ReportWarning, UsageError
 from idim_iv_ros.formats import GAP, REPORT
-from idim_iv_ros.report import require_writable, write_gap_report, write_report
+from idim_iv_ros.report import gap_html, html, require_writable, write_gap_report, write_report
 from tests.report.sample_gap import sample_gap
 from tests.report.sample_result import sample_result
 
@@ -51,6 +52,70 @@ def test_a_full_disk_leaves_no_folder_where_there_was_none(
     with pytest.raises(UsageError):
         write_report(sample_result(1), tmp_path / "new" / "deep")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
+def test_a_disk_that_is_full_after_the_numbers_costs_the_page_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    """And no page of an earlier result is left beside the new numbers."""
+    _, (numbers, page) = _written(command, tmp_path, 2)
+    assert page is not None
+    before, calls = numbers.read_bytes(), []
+
+    def full(_: int) -> None:
+        calls.append(_)
+        if len(calls) > 1:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    lines, (numbers, page) = _written(command, tmp_path, 3)
+    assert page is None
+    assert numbers.read_bytes() != before
+    assert [path.name for path in tmp_path.iterdir()] == [numbers.name]
+    (line,) = lines
+    assert "No space left on device" in line
+    assert str(numbers) in line
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
+def test_no_section_of_a_report_costs_a_result_nor_the_other_sections(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    module = {"identify": html, "diagnose": gap_html}[command]
+    for number, (title, anchor, _) in enumerate(module._SECTIONS):
+        sections = list(module._SECTIONS)
+        sections[number] = (title, anchor, _fails)
+        monkeypatch.setattr(module, "_SECTIONS", tuple(sections))
+        lines, (numbers, page) = _written(command, tmp_path / anchor, 2)
+        assert json.loads(numbers.read_text(encoding="utf-8"))["robot"]
+        assert page is not None
+        text = page.read_text(encoding="utf-8")
+        assert text.count("negative elements") == 1
+        assert f"All numbers are in {numbers.name}." in text
+        assert f'id="{anchor}"' in text
+        shown = [name for _, name, _ in module._SECTIONS if f'<section id="{name}"' in text]
+        assert len(shown) >= len(sections) - 1  # of a diagnosis, notes may be missing
+        (line,) = lines
+        assert title in line
+        monkeypatch.undo()
+
+
+def _fails(_: object) -> None:
+    raise ValueError("'list' argument must have no negative\nelements")
+
+
+def _written(command: str, out: Path, joints: int):
+    """Warnings in words, and what was written."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ReportWarning)
+        if command == "identify":
+            written = write_report(sample_result(joints), out)
+        else:
+            written = write_gap_report(sample_gap(joints, "both"), out)
+    lines = [str(each.message) for each in caught]
+    assert all("\n" not in line for line in lines)
+    return lines, written
 
 
 def test_a_file_in_the_place_of_the_folder_is_refused_in_one_line(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import decimate
 
-from idim_iv_ros.signals import ParallelDecimation, decimation_factor
+from idim_iv_ros.signals import ParallelDecimation, common_factors, decimation_factor
 
 
 def noise(samples: int) -> np.ndarray:
@@ -41,3 +41,27 @@ def test_cutoff_lies_below_the_edge_of_the_filter() -> None:
     assert decimation_factor(5000.0, 20.0, 0.8) == 100
     assert decimation_factor(1000.0, 40.0, 0.8) == 10
     assert decimation_factor(125.0, 60.0, 0.8) == 1
+
+
+@pytest.mark.parametrize(
+    ("rates", "factors", "row_rate"),
+    [
+        ((1000.0, 250.0), (44, 11), 250.0 / 11),
+        ((250.0, 1000.0), (11, 44), 250.0 / 11),
+        ((500.0, 200.0), (20, 8), 25.0),  # 9 would leave 22.2, of which 500 is no multiple
+        ((1000.0, 333.0), (45, 15), 333.0 / 15),
+        ((499.9, 500.0), (23, 23), 499.9 / 23),
+        ((1000.0,), (47,), 1000.0 / 47),
+    ],
+)
+def test_every_rate_has_its_own_factor_to_one_rate_of_rows(rates, factors, row_rate) -> None:
+    found = common_factors(rates, 10.0, 0.95)
+    assert found == (factors, pytest.approx(row_rate))
+    for rate, factor in zip(rates, factors, strict=True):
+        assert rate / factor == pytest.approx(row_rate, rel=0.01)
+        assert 0.5 * 0.95 * row_rate >= 10.0
+
+
+def test_rates_without_a_common_one_have_no_factors() -> None:
+    assert common_factors([1000.0, 400.0], 150.0, 0.95) is None
+    assert common_factors([1000.0, 400.0], 80.0, 0.95) == ((5, 2), 200.0)

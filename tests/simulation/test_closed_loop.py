@@ -106,6 +106,13 @@ def test_acceleration_belongs_to_the_torque_on_the_joints(arm):
     np.testing.assert_allclose(needed[moving], result.applied_torque[moving], atol=1e-9)
 
 
+def test_the_motion_is_the_same_whether_accelerations_are_recorded_or_not(arm):
+    whole, motion = followed(arm, arm.law), followed(arm, arm.law, accelerations=False)
+    assert motion.acceleration.shape == (0, 7)
+    for name in ("position", "velocity", "torque", "applied_torque"):
+        np.testing.assert_array_equal(getattr(motion, name), getattr(whole, name))
+
+
 def test_a_disturbance_acts_on_the_joints_and_is_not_commanded(arm):
     random = np.random.default_rng(5)
     disturbance = random.normal(size=arm.position_reference.shape) * 2.0

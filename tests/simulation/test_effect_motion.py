@@ -307,7 +307,7 @@ def test_the_motor_gives_what_gain_and_saturation_leave_of_the_command():
     push = np.linspace(-8.0, 8.0, 401)
     bent = [
         on(robot, "torque_saturation", knee=4.0, slope=0.25),
-        on(robot, "torque_gain", gain=-0.1),
+        on(robot, "torque_gain", factor=0.9),
     ]
     result = driven(robot, parameters, push, *bent)
     np.testing.assert_array_equal(result.torque[:, 0], push)

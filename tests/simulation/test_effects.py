@@ -45,6 +45,15 @@ def surplus(arm, result, parameters=None):
     return (result.applied_torque - needed)[moving], moving
 
 
+def test_the_motion_is_the_same_whether_accelerations_are_recorded_or_not(arm):
+    """Joints at rest are judged by the torque that holds them, which a recorded sample changes."""
+    effects = [on(0, "stribeck", excess=1.2, speed=0.15, exponent=1.4)]
+    whole, motion = followed(arm, *effects), followed(arm, *effects, accelerations=False)
+    assert motion.acceleration.shape == (0, 2)
+    np.testing.assert_array_equal(motion.position, whole.position)
+    np.testing.assert_array_equal(motion.torque, whole.torque)
+
+
 FORMULAS = {
     "stribeck": (
         {"excess": 1.2, "speed": 0.15, "exponent": 1.4},

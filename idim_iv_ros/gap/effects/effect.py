@@ -115,8 +115,8 @@ class Effect(ABC):
     family: ClassVar[Family]
     look_alikes: ClassVar[tuple[str, ...]] = ()
     excitation: ClassVar[str]
-    # What no recording can tell from it, in words; empty where there is nothing of the kind.
-    same_as: ClassVar[str] = ""
+    # Whether its law has a constant part, which is no torque offset then.
+    with_constant: ClassVar[bool] = False
     # Logarithm of the likelihood that the effect must bring beyond its penalty. More where its
     # torque is made of high derivatives: noise of the encoders is then in both sides.
     least_support: ClassVar[float] = 8.0
@@ -127,8 +127,6 @@ class Effect(ABC):
     size_in: ClassVar[Literal["coefficients", "scale", "shape"]] = "coefficients"
     # Middle (geometric) of the largest torques that are typical of arms; see `plausible`.
     typical: ClassVar[ShareOf | None] = None
-    # Whether it is one of the few that are accepted at most; not what every joint may have.
-    counted: ClassVar[bool] = True
 
     def places(self, joints: int) -> list[Place]:
         """Where it may sit: at each joint."""

@@ -31,6 +31,10 @@ class FrictionLevel(ParametricEffect):
         ]
         return [changes] if changes else []
 
+    def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
+        """Both."""
+        return [change for kind, name in _NAMES.items() for change in space.base(kind, joint, name)]
+
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
     ) -> bool:

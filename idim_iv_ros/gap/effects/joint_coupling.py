@@ -69,6 +69,6 @@ class JointCoupling(Effect):
         return {
             "direction": number(shape[0], None, ""),
             "coulomb": number(coefficients[0], deviations[0], "N m"),
-            "viscous": number(coefficients[1], deviations[1], "N m s/rad"),
+            "viscous": number(coefficients[1], deviations[1], "N m at 1 rad/s"),
             "power": number(shape[1], None, ""),
         }

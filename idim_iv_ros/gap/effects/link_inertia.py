@@ -15,7 +15,11 @@ _POSITIVE = ("M", "XX", "YY", "ZZ")
 
 
 class LinkInertia(ParametricEffect):
-    """Changes of the standard inertial parameters of one link, those that the motion shows.
+    """Changes of the inertial parameters of one link, those that the motion shows.
+
+    The standard ones; where most links are wrong, the base parameters that have its name, with
+    what is grouped into them of the links that it carries: no torque tells then which of them a
+    mass belongs to.
 
     Simulated with the base parameters, which hold it.
     """
@@ -34,6 +38,14 @@ class LinkInertia(ParametricEffect):
             for change in space.change(kind, joint, f"change_of_{kind}{joint + 1}")
         ]
         return [changes] if changes else []
+
+    def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
+        """Those that are grouped at the link."""
+        return [
+            change
+            for kind in INERTIAL
+            for change in space.base(kind, joint, f"change_of_base_{kind}{joint + 1}")
+        ]
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]

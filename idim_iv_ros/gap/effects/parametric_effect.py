@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.gap.result import EffectParameter, Rival
+from idim_iv_ros.gap.significance import differs
 from idim_iv_ros.model import InverseModel, StandardParameter
 
 FloatArray = NDArray[np.float64]
@@ -52,6 +53,11 @@ class Estimated:
         """Whether noise cannot explain that it lies below zero."""
         return self.above(0.0) is False
 
+    @property
+    def tells(self) -> bool:
+        """Whether it is known to differ from zero, at 95 %."""
+        return self.std is not None and differs(self.value, self.std)
+
     def above(self, least: float) -> bool | None:
         """Whether it may lie above `least`; None where it is not determined."""
         if self.std is None:
@@ -70,11 +76,15 @@ class ParameterSpace:
         Base parameters of the given model.
     axes : (2, 3)
         Unit vectors of the base frame about which gravity may be tilted.
+    bare_drives : frozenset of int
+        Joints whose drives have no inertia in the given model because none was given, and that
+        move enough to show it.
     """
 
     model: InverseModel
     given: FloatArray
     axes: FloatArray
+    bare_drives: frozenset[int] = frozenset()
 
     @property
     def joints(self) -> int:
@@ -101,6 +111,14 @@ class ParameterSpace:
         found = self.standard(kind, joint)
         return [] if found is None else [Change(name, found[0].unit, found[1])]
 
+    def base(self, kind: str, joint: int, name: str) -> list[Change]:
+        """Return the change of a base parameter, empty where the model has none of that kind."""
+        names = list(self.model.base.names)
+        if f"{kind}{joint + 1}" not in names:
+            return []
+        place = names.index(f"{kind}{joint + 1}")
+        return [Change(name, self.model.base.units[place], self._unit(place))]
+
     def tilt(self, axis: int) -> FloatArray:
         """Direction (d,) of a rotation of gravity about one of the axes, rad."""
         return self._unit(len(self.given) + axis)
@@ -123,6 +141,8 @@ class ParametricEffect(ABC):
     order: ClassVar[int]
     kind: ClassVar[str] = "parametric"
     look_alikes: ClassVar[tuple[str, ...]] = ()
+    # Structural effects that no recording separates from it: part of their torque is the same.
+    same_as: ClassVar[tuple[str, ...]] = ()
     excitation: ClassVar[str]
 
     def places(self, space: ParameterSpace) -> list[int | None]:
@@ -132,6 +152,22 @@ class ParametricEffect(ABC):
     @abstractmethod
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """Sets of numbers that may change together, the smallest first."""
+
+    def known_to_be_left_out(self, space: ParameterSpace) -> bool:
+        """Whether the configuration itself says that the given model lacks these numbers."""
+        return False
+
+    def inseparable_from(self, space: ParameterSpace) -> tuple[Rival, ...]:
+        """What shares base parameters with these numbers, where it was known to be left out."""
+        return ()
+
+    def subject(self, place: str) -> str:
+        """What is not as given, in words, before the numbers; `place` is empty for none."""
+        return f"{self.name.replace('_', ' ')}{f' of {place}' if place else ''} is not as given"
+
+    def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
+        """Base parameters of a joint that belong to it and to no other effect; none by default."""
+        return []
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]

@@ -46,9 +46,12 @@ class Payload(ParametricEffect):
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
     ) -> bool:
-        """A payload weighs something, and has no negative moment of inertia."""
+        """A payload weighs something, and has no negative moment of inertia.
+
+        Where its weight is not determined beside other changes it is one of their combinations.
+        """
         mass = estimated(found, "mass")
-        if mass is not None and mass.determined and mass.value <= 0.0:
+        if mass is not None and (not mass.determined or mass.value <= 0.0):
             return False
         moments = (estimated(found, f"inertia_{kind}") for kind in ("xx", "yy", "zz"))
         return not any(each is not None and each.clearly_negative for each in moments)

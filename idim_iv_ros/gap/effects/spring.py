@@ -9,16 +9,17 @@ from idim_iv_ros.gap.smooth_motion import SmoothMotion
 _CUBIC, _HARDENING, _SOFTENING = 0.0, 1.0, 2.0
 _CENTRES = 9
 _WIDTHS = (0.1, 0.2, 0.4, 0.8)  # of the range
-_NAMES = ("constant", "linear", "quadratic", "cubic")
-_UNITS = ("N m", "N m/rad", "N m/rad²", "N m/rad³")
+_NAMES = ("linear", "quadratic", "cubic")
+_UNITS = ("N m/rad", "N m/rad²", "N m/rad³")
 
 
 class Spring(Effect):
     """A smooth function of the position, the same in both directions.
 
     Shape: law, lowest and highest position (outside them it is constant), centre, width; law 0: a
-    cubic polynomial, 1: constant + linear q + bent sinh((q − centre) / width) (it hardens), 2: the
-    same with arctan (it softens). Of a linear spring the model absorbs what looks like gravity.
+    cubic polynomial, 1: linear q + bent sinh((q − centre) / width) (it hardens), 2: the same with
+    arctan (it softens). Its constant is the model's offset; of a linear spring the model absorbs
+    what looks like gravity, too.
 
     Simulated by `simulation.effect_kernel.effect_torques`.
     """
@@ -27,6 +28,7 @@ class Spring(Effect):
     order = 130
     family = "position"
     look_alikes = ("position_ripple", "asymmetric_friction")
+    with_constant = True
     excitation = "the whole range of the joint, slowly"
     typical = ShareOf("peak", 0.1)
 
@@ -65,9 +67,9 @@ class Spring(Effect):
         law, low, high, centre, width = shape
         q = np.clip(motion.position[:, place.joint], low, high)
         if law == _CUBIC:
-            return {place.joint: np.column_stack([q**k for k in range(4)])}
+            return {place.joint: np.column_stack([q, q**2, q**3])}
         bend = np.sinh if law == _HARDENING else np.arctan
-        return {place.joint: np.column_stack([np.ones_like(q), q, bend((q - centre) / width)])}
+        return {place.joint: np.column_stack([q, bend((q - centre) / width)])}
 
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
         """Any: the model absorbs what looks like gravity, and what is left has no sign."""
@@ -78,8 +80,8 @@ class Spring(Effect):
     ) -> dict[str, EffectParameter]:
         """Coefficients, and the range in which they hold."""
         law, low, high, centre, width = shape
-        names = list(_NAMES) if law == _CUBIC else [*_NAMES[:2], "bent"]
-        units = list(_UNITS) if law == _CUBIC else [*_UNITS[:2], "N m"]
+        names = _NAMES if law == _CUBIC else (_NAMES[0], "bent")
+        units = _UNITS if law == _CUBIC else (_UNITS[0], "N m")
         found = {
             name: number(value, std, unit)
             for name, value, std, unit in zip(names, coefficients, deviations, units, strict=True)

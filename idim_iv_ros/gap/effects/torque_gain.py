@@ -14,7 +14,7 @@ _LARGEST = 0.6  # of the recorded torque that is needed, more or less
 
 
 class TorqueGain(ParametricEffect):
-    """Actual torque = (1 + gain) · recorded torque: the recording holds torque / (1 + gain).
+    """Actual torque = factor · recorded torque: the recording holds torque / factor.
 
     Simulated by `simulation.effect_kernel.acting_torque`.
     """
@@ -27,7 +27,7 @@ class TorqueGain(ParametricEffect):
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """One number."""
         assert joint is not None
-        return [[Change("gain", "", space.gain(joint))]]
+        return [[Change("recorded_more", "", space.gain(joint))]]
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
@@ -38,10 +38,10 @@ class TorqueGain(ParametricEffect):
     def parameters(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
     ) -> dict[str, EffectParameter]:
-        """The gain, from the share that the recorded torque is larger."""
+        """The factor, from the share that the recorded torque is larger."""
         named = {}
         for each in found:
             if each.std is not None:
                 factor = 1.0 / (1.0 + each.value)
-                named["gain"] = EffectParameter(factor - 1.0, each.std * factor**2, "")
+                named["factor"] = EffectParameter(factor, each.std * factor**2, "")
         return named

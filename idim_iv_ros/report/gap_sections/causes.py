@@ -1,10 +1,11 @@
 """Each accepted cause: what, how large, why it is believed, what it may be mistaken for."""
 
 from idim_iv_ros.excitation.separation import separating_motion
+from idim_iv_ros.gap.parameter_words import parameter_words
 from idim_iv_ros.gap.result import Cause, Gap, GapResult, Unexplained
 from idim_iv_ros.report.gap_sections.parameters import parameter_table
 from idim_iv_ros.report.gap_words import effect_at, effect_words, small_unit, torque_unit
-from idim_iv_ros.report.markup import Html, join, section, sentence, tag
+from idim_iv_ros.report.markup import Html, bullets, join, section, sentence, tag
 from idim_iv_ros.report.numerals import (
     cell,
     known,
@@ -37,6 +38,38 @@ def causes_section(result: GapResult) -> Html:
         if left_out
         else None,
         cards,
+        _parameter_errors(result),
+    )
+
+
+def _parameter_errors(result: GapResult) -> Html | None:
+    """Return the parameter errors joint by joint, and what no listed cause accounts for."""
+    if not result.parameter_errors:
+        return None
+    rows = []
+    for each in result.parameter_errors:
+        unit = torque_unit(result, each.joint)
+        values = (each.given, each.named, each.refit, each.remaining)
+        rows.append(
+            tag(
+                "tr",
+                tag("th", each.joint, scope="row"),
+                [cell(with_unit(value, unit)) for value in values],
+                cell(percent(100.0 * each.share_of_torque)),
+            )
+        )
+    heads = (
+        ("Joint", None),
+        ("Given model", "num"),
+        ("With the parametric causes", "num"),
+        ("With new base parameters", "num"),
+        ("Remaining parameter error", "num"),
+        ("of the torque", "num"),
+    )
+    head = tag("tr", [tag("th", text, scope="col", css=css) for text, css in heads])
+    return join(
+        tag("h3", "Parameter errors joint by joint", tag("small", " torque gap, rms, all samples")),
+        tag("div", tag("table", tag("thead", head), tag("tbody", rows)), css="wide"),
     )
 
 
@@ -61,7 +94,7 @@ def _card(result: GapResult, cause: Cause, rank: int) -> Html:
 def _parameters(cause: Cause) -> Html | None:
     if not cause.parameters:
         return None
-    named = {name.replace("_", " "): each for name, each in cause.parameters.items()}
+    named = {parameter_words(cause.effect, name): each for name, each in cause.parameters.items()}
     unsure = any(each.std is None for each in cause.parameters.values())
     return join(
         parameter_table(named),
@@ -91,6 +124,7 @@ def _gaps(result: GapResult, cause: Cause) -> Html:
     place = cause.joint or "all joints"
     unit = torque_unit(result, cause.joint)
     rows = [_gap(f"Torque gap, {place}", cause.torque_gap, 1.0, unit)]
+    rows += _joint_changes(result, cause)
     tracking = tracking_change(result, cause)
     if tracking.gap is not None:
         small = small_unit(result, cause.joint)
@@ -99,6 +133,19 @@ def _gaps(result: GapResult, cause: Cause) -> Html:
     else:
         rows.append(tag("p", tag("small", sentence(f"Tracking error: {tracking.words}"))))
     return join(rows)
+
+
+def _joint_changes(result: GapResult, cause: Cause) -> list[Html]:
+    """What the cause takes of the gap at each joint, as a share of the joint's torque."""
+    if not cause.joint_gaps:
+        return []
+    items = []
+    for each in cause.joint_gaps:
+        unit = torque_unit(result, each.joint)
+        before, after = (with_unit(value, unit) for value in (each.before, each.after))
+        share = percent(100.0 * each.share_of_torque)
+        items.append(f"{each.joint}: {before} → {after}, {share} of its torque")
+    return [bullets(items)]
 
 
 def _gap(title: str, gap: Gap, factor: float, unit: str, which: str = "") -> Html:

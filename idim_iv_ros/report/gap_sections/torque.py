@@ -19,6 +19,7 @@ from idim_iv_ros.report.gap_words import drawable, extended_beyond_refit, rms, t
 from idim_iv_ros.report.markup import Html, section, tag
 from idim_iv_ros.report.numerals import number
 from idim_iv_ros.report.series import FloatArray, interrupted, peaks
+from idim_iv_ros.report.session_axis import SessionAxis, axis_of_diagnosis
 from idim_iv_ros.report.units import torque_word
 
 _HEIGHT = 320
@@ -28,7 +29,10 @@ _FEW = 3
 
 def torque_section(result: GapResult) -> Html | None:
     """Return one plot for each joint, or None without series."""
-    plots = [_joint(result, series, index) for index, series in enumerate(drawable(result))]
+    session = axis_of_diagnosis(result)
+    plots = [
+        _joint(result, series, index, session) for index, series in enumerate(drawable(result))
+    ]
     if not plots:
         return None
     given = any(each.given is not None for each in result.series)
@@ -43,7 +47,7 @@ def torque_section(result: GapResult) -> Html | None:
         tag(
             "p",
             "Above: torque, each model at the measured motion. Below: measured minus modelled. "
-            "Recordings follow one another. Drag to zoom, double-click to go back.",
+            f"Drag to zoom, double-click to go back.{session.words}",
             css="explanation",
         ),
         legend(*marks),
@@ -51,7 +55,7 @@ def torque_section(result: GapResult) -> Html | None:
     )
 
 
-def _joint(result: GapResult, series: GapSeries, index: int) -> Html:
+def _joint(result: GapResult, series: GapSeries, index: int, session: SessionAxis) -> Html:
     unit = torque_unit(result, series.joint)
     models = _models(series)
     sizes = ", ".join(
@@ -61,7 +65,7 @@ def _joint(result: GapResult, series: GapSeries, index: int) -> Html:
     return tag(
         "div",
         tag("h3", series.joint, tag("small", f" gap, rms: {sizes}")),
-        embed(_drawing(series, models, unit), f"torque-{index}", _HEIGHT, words),
+        embed(_drawing(series, models, unit, session), f"torque-{index}", _HEIGHT, words),
         css="plot",
     )
 
@@ -75,12 +79,17 @@ def _models(series: GapSeries) -> list[tuple[str, FloatArray, str]]:
     return models
 
 
-def _drawing(series: GapSeries, models: list[tuple[str, FloatArray, str]], unit: str) -> Figure:
+def _drawing(
+    series: GapSeries,
+    models: list[tuple[str, FloatArray, str]],
+    unit: str,
+    session: SessionAxis,
+) -> Figure:
     residuals = [series.torque - values for _, values, _ in models]
     chosen = peaks([series.torque, residuals[0], residuals[-1]], _BUCKETS)
 
     def trace(values: FloatArray, rows: str, colour: str, width: float, name: str) -> Any:
-        time, drawn = interrupted(series.time, values, chosen, series.step)
+        time, drawn = interrupted(series.time, values, chosen, series.step, session)
         return {
             "type": "scatter",
             "mode": "lines",
@@ -100,4 +109,4 @@ def _drawing(series: GapSeries, models: list[tuple[str, FloatArray, str]], unit:
         "yaxis": axis(f"{torque_word(unit)}, {unit}", domain=[0.46, 1.0], nticks=6),
         "yaxis2": axis(f"Gap, {unit}", domain=[0.0, 0.38], nticks=5),
     }
-    return figure(data, axes, hovermode="closest")
+    return figure(data, axes, hovermode="closest", **session.marks())

@@ -5,6 +5,8 @@ from idim_iv_ros.report.gap_words import VERDICTS, duration, effect_at, torque_u
 from idim_iv_ros.report.markup import Html, bullets, join, key_numbers, tag
 from idim_iv_ros.report.numerals import THIN, cell, known, number, percent, with_unit
 
+_NAMED = 4  # causes in a tile
+
 
 def verdict_section(result: GapResult) -> Html:
     """Return the verdict paragraph, the key numbers, and the gap joint by joint."""
@@ -33,7 +35,9 @@ def _tiles(result: GapResult) -> Html:
 
 
 def _names(result: GapResult) -> str:
-    names = ", ".join(effect_at(each.effect, each.joint) for each in result.causes)
+    names = ", ".join(effect_at(each.effect, each.joint) for each in result.causes[:_NAMED])
+    if len(result.causes) > _NAMED:
+        names += f" and {len(result.causes) - _NAMED} more"
     return names or "nothing of the catalogue helps on held-out data"
 
 

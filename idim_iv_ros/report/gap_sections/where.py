@@ -51,13 +51,13 @@ def _map(result: GapResult, axis: str) -> Html | None:
     same = len(bounds) == columns and one is not None
     title = f"{AXES.get(axis, axis)}, {one}" if one else AXES.get(axis, axis)
     longest = max(by_joint.values(), key=len)
-    heads = [regime_range(regime) for regime in longest] if same else []
+    heads = [regime_range(regime, result.session) for regime in longest] if same else []
     head = [tag("th", "", scope="col"), *(tag("th", text, scope="col") for text in heads)]
     rows = [
         tag(
             "tr",
             tag("th", joint if one is not None else f"{joint}, {units[joint]}", scope="row"),
-            _cells(_placed(regimes, bounds) if same else regimes, columns, same),
+            _cells(result, _placed(regimes, bounds) if same else regimes, columns, same),
         )
         for joint, regimes in by_joint.items()
     ]
@@ -79,20 +79,22 @@ def _placed(
     return [by_bounds.get(each) for each in bounds]
 
 
-def _cells(regimes: Sequence[Regime | None], columns: int, same: bool) -> list[Html]:
-    cells = [_cell(regime, same) for regime in regimes]
-    return [*cells, *(_cell(None, same) for _ in range(columns - len(regimes)))]
+def _cells(
+    result: GapResult, regimes: Sequence[Regime | None], columns: int, same: bool
+) -> list[Html]:
+    cells = [_cell(result, regime, same) for regime in regimes]
+    return [*cells, *(_cell(result, None, same) for _ in range(columns - len(regimes)))]
 
 
-def _cell(regime: Regime | None, same: bool) -> Html:
+def _cell(result: GapResult, regime: Regime | None, same: bool) -> Html:
     if regime is None:
         return tag("td", "–", css="quiet")
     return tag(
         "td",
         percent(100.0 * regime.energy_share),
-        None if same else tag("small", regime_range(regime)),
+        None if same else tag("small", regime_range(regime, result.session)),
         style=f"background:{_colour(regime.lift)}",
-        title=_hover(regime),
+        title=_hover(result, regime),
     )
 
 
@@ -104,11 +106,13 @@ def _colour(lift: float) -> str:
     return f"rgba({'213,94,0' if strength > 0.0 else '0,114,178'},{0.75 * alpha:.2f})"
 
 
-def _hover(regime: Regime) -> str:
+def _hover(result: GapResult, regime: Regime) -> str:
     interval = ""
     if regime.ci95 is not None and known(regime.ci95[0]) and known(regime.ci95[1]):
         interval = f" ({number(regime.ci95[0], 2)} to {number(regime.ci95[1], 2)})"
-    bounds = f"{regime_range(regime)} {regime.unit}".strip()
+    bounds = regime_range(regime, result.session)
+    if not (regime.axis == "time" and len(result.session) > 1):
+        bounds = f"{bounds} {regime.unit}".strip()
     return (
         f"{regime.joint}, {bounds}: {percent(100.0 * regime.energy_share)} of the gap in "
         f"{percent(100.0 * regime.occupancy)} of the samples, lift "

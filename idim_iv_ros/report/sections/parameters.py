@@ -15,7 +15,12 @@ from idim_iv_ros.report.numerals import (
     percent,
 )
 from idim_iv_ros.report.sections.forest import forest_plot
-from idim_iv_ros.result import IdentificationResult, ParameterEstimate, RefinedEstimate
+from idim_iv_ros.result import (
+    IMPOSSIBLE,
+    IdentificationResult,
+    ParameterEstimate,
+    RefinedEstimate,
+)
 
 POORLY_KNOWN_PERCENT = 30.0
 _LONG_TABLE = 20
@@ -73,7 +78,23 @@ def parameters_section(result: IdentificationResult) -> Html:
 
 
 def _warnings(result: IdentificationResult) -> list[Html]:
-    return [each for each in (_wrong_model(result), _disagreement(result)) if each is not None]
+    found = (_wrong_model(result), _impossible(result), _disagreement(result))
+    return [each for each in found if each is not None]
+
+
+def _impossible(result: IdentificationResult) -> Html | None:
+    """Warn of values that no body, drive or friction has."""
+    names = [p.name for p in result.parameters if IMPOSSIBLE in (p.remark, p.essential_remark)]
+    if not names:
+        return None
+    return tag(
+        "p",
+        tag("b", "Some values are physically impossible. "),
+        f"{', '.join(names)}: below zero beyond the 95 % interval, though every parameter in the "
+        "grouped expression is a mass, a moment of inertia or a friction. The model lacks an "
+        "effect that these parameters take up, or the recording does not excite them.",
+        css="warning",
+    )
 
 
 def _disagreement(result: IdentificationResult) -> Html | None:
@@ -120,6 +141,9 @@ def _explanation(result: IdentificationResult, columns: _Columns) -> Html:
         "± is the half-width of the 95 % interval, 1.96 σ; σ takes the colour of the residual "
         "into account. %σ is 100 σ / |value|. "
         f"Grey: not essential, or %σ above {POORLY_KNOWN_PERCENT:.0f} % (poorly known). "
+        "Remark: “not significant” where the interval holds zero (what is essential together need "
+        "not be significant alone), “physically impossible” where it lies below zero and no part "
+        "of the expression may be negative. "
     ]
     if columns.essential:
         sentences.append(
@@ -150,6 +174,7 @@ def _header(columns: _Columns) -> Html:
         ("Unit", 1, False),
         ("Estimate ± 95 %", 2, True),
         ("%σ", 1, True),
+        ("Remark", 1, False),
     ]
     heads += [("Essential only ± 95 %", 2, True)] if columns.essential else []
     heads += [("Refined ± 95 %", 2, True)] if columns.refined else []
@@ -192,6 +217,7 @@ def _row(parameter: ParameterEstimate, refined: RefinedEstimate | None, columns:
         tag("td", parameter.unit, css="unit"),
         measured_cells(parameter.value, parameter.std),
         cell(percent(relative), relative),
+        tag("td", parameter.remark, css="words"),
     ]
     if columns.essential:
         if parameter.essential:

@@ -1,6 +1,7 @@
 """What was filtered and dropped, and what the reading of the recordings found."""
 
 from collections import Counter
+from collections.abc import Sequence
 
 from idim_iv_ros.report.markup import Html, bullets, section, sentence, tag
 from idim_iv_ros.report.numerals import cell, count, exact, percent, with_unit
@@ -41,7 +42,7 @@ def _filters(result: IdentificationResult) -> Html:
         ),
         (
             "Decimation",
-            f"1 of {used.decimation_factor}" if used.decimation_factor > 1 else "none",
+            _decimation(used.decimation_factors),
             f"leaves {exact(round(used.row_rate, 2), 'rows')} per second",
         ),
     ]
@@ -50,6 +51,11 @@ def _filters(result: IdentificationResult) -> Html:
         for name, value, note in rows
     ]
     return tag("table", tag("caption", "Filters"), tag("tbody", body), css="filters")
+
+
+def _decimation(factors: Sequence[int]) -> str:
+    kept = [f"1 of {each}" if each > 1 else "all" for each in dict.fromkeys(factors)]
+    return "none" if kept == ["all"] else " or ".join(kept)
 
 
 def _speeds(result: IdentificationResult) -> Html:

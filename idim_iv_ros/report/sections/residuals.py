@@ -7,6 +7,7 @@ from idim_iv_ros.report.markup import Html, section, tag
 from idim_iv_ros.report.numerals import cell, number, p_value, percent, with_unit
 from idim_iv_ros.report.sections.residual_plots import acf_figure, histogram_figure
 from idim_iv_ros.report.series import contiguous_runs
+from idim_iv_ros.report.session_axis import axis_of_identification
 from idim_iv_ros.report.units import torque_unit
 from idim_iv_ros.result import IdentificationResult
 from idim_iv_ros.statistics import HypothesisTest, ResidualDiagnosis
@@ -119,7 +120,7 @@ def _words(answer: str, detail: str) -> Html:
 def _plots(result: IdentificationResult, index: int) -> Html:
     residual, series = result.residuals[index], result.series[index]
     raw = np.asarray(series.measured) - np.asarray(series.predicted)
-    runs = contiguous_runs(series)
+    runs = contiguous_runs(series, axis_of_identification(result))
     whitened = residual.autoregression.whiten(raw, runs) if runs else raw
     joint = residual.joint
     rate = result.processing.row_rate

@@ -19,6 +19,7 @@ from idim_iv_ros.report.figures import (
 from idim_iv_ros.report.markup import Html, section, tag
 from idim_iv_ros.report.numerals import percent, with_unit
 from idim_iv_ros.report.series import PlotSeries, thin
+from idim_iv_ros.report.session_axis import SessionAxis, axis_of_identification
 from idim_iv_ros.report.units import torque_unit, torque_word
 from idim_iv_ros.result import IdentificationResult
 
@@ -29,11 +30,12 @@ _FEW = 3
 def torque_section(result: IdentificationResult) -> Html:
     """Return one plot for each joint."""
     plots = []
+    session = axis_of_identification(result)
     for index, series in enumerate(result.series):
         unit = torque_unit(result, index)
         residual = result.residuals[index]
         size = f"{percent(residual.relative_percent)}, rms {with_unit(residual.rms, unit, 2)}"
-        drawing = _drawing(thin(series), unit)
+        drawing = _drawing(thin(series, session), unit, session)
         words = f"Measured and predicted torque of {series.joint} over time"
         plots.append(
             tag(
@@ -51,7 +53,7 @@ def torque_section(result: IdentificationResult) -> Html:
             "The predicted torque is the observation matrix of the measured motion times the "
             "estimated parameters; the residual is measured minus predicted. Where the plot is "
             "shaded the samples do not count (reversals, edges, not measured). Drag to zoom, "
-            "double-click to go back.",
+            f"double-click to go back.{session.words}",
             css="explanation",
         ),
         legend(
@@ -64,7 +66,7 @@ def torque_section(result: IdentificationResult) -> Html:
     )
 
 
-def _drawing(series: PlotSeries, unit: str) -> Figure:
+def _drawing(series: PlotSeries, unit: str, session: SessionAxis) -> Figure:
     hover = "%{y:.4g} " + unit + " at %{x:.3f} s"
     data = [
         *_shaded(series, "y", [series.measured, series.predicted]),
@@ -78,7 +80,7 @@ def _drawing(series: PlotSeries, unit: str) -> Figure:
         "yaxis": axis(f"{torque_word(unit)}, {unit}", domain=[0.36, 1.0], nticks=6),
         "yaxis2": axis(f"Residual, {unit}", domain=[0.0, 0.29], nticks=4),
     }
-    return figure(data, axes, hovermode="closest")
+    return figure(data, axes, hovermode="closest", **session.marks())
 
 
 def _line(

@@ -4,7 +4,7 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks.withheld_effects.cells import RATIOS, Asked, Cell, all_cells, chosen_cells
+from benchmarks.withheld_effects.cells import RATIOS, Asked, Cell, all_cells, chosen_cells, family
 from benchmarks.withheld_effects.effects import EFFECTS, STRUCTURAL
 from benchmarks.withheld_effects.generate import LABELS, SEAL, write_cell, write_cells
 from benchmarks.withheld_effects.score import open_labels
@@ -36,9 +36,15 @@ def test_the_list_holds_what_the_benchmark_promises():
     assert {(name, rho) for name in STRUCTURAL for rho in RATIOS} <= single
     assert {cell.without for cell in cells if cell.group == "without"} == set(STRUCTURAL)
     assert {asked.effect for cell in cells for asked in cell.effects} == set(EFFECTS)
-    assert set(chosen_cells("fast")) < set(cells)
+    assert set(chosen_cells("families")) < set(chosen_cells("fast")) < set(cells)
     assert all_cells() == cells
     assert all_cells(1) != cells
+
+
+def test_ten_cells_are_one_of_each_family():
+    families = [family(cell) for cell in chosen_cells("families")]
+    assert len(families) == len(set(families)) == 10
+    assert set(families) == {family(cell) for cell in chosen_cells("fast")}
 
 
 def test_folders_tell_nothing_of_the_label(written):

@@ -1,4 +1,4 @@
-"""The diagnosis on the fast subset of the blind benchmark: about five minutes on two cores.
+"""The diagnosis on the blind benchmark: one cell of each family, or the 42 of the fast subset.
 
 Thresholds are what was measured (benchmarks/results/withheld_effects.md), with the room that 42
 cells need: a share of 12 cells moves by 8 % with one of them.
@@ -15,10 +15,10 @@ from benchmarks.withheld_effects.tables import page_lines
 from benchmarks.withheld_effects.verdict import Judged
 
 
-@pytest.fixture(scope="module")
-def judged(tmp_path_factory: pytest.TempPathFactory) -> list[Judged]:
+@pytest.fixture(scope="module", params=["families", pytest.param("fast", marks=pytest.mark.bench)])
+def judged(request: pytest.FixtureRequest, tmp_path_factory) -> list[Judged]:
     out: Path = tmp_path_factory.mktemp("withheld")
-    generate(out, "fast")
+    generate(out, request.param)
     assert run(out) == 0
     scored = score(out)
     print("\n" + "\n".join(page_lines(scored)))
@@ -27,27 +27,33 @@ def judged(tmp_path_factory: pytest.TempPathFactory) -> list[Judged]:
 
 
 def of_group(judged: list[Judged], *groups: str) -> list[Judged]:
-    return [cell for cell in judged if cell.label["group"] in groups]
+    """Cells of these groups, of which there are some."""
+    cells = [cell for cell in judged if cell.label["group"] in groups]
+    assert cells
+    return cells
+
+
+def tolerated(cells: list[Judged], share: float) -> int:
+    """So many of these cells may be wrong."""
+    return int(share * len(cells))
 
 
 def test_nothing_is_found_where_nothing_is(judged: list[Judged]) -> None:
     quiet = [cell for cell in of_group(judged, "none") if not cell.label["without"]]
-    assert len(quiet) == 12
-    assert sum(bool(cell.false_alarms) for cell in quiet) <= 1
+    assert sum(bool(cell.false_alarms) for cell in quiet) <= tolerated(quiet, 1 / 12)
 
 
 def test_right_effect_at_the_right_joint_comes_first(judged: list[Judged]) -> None:
     single = of_group(judged, "single")
-    assert len(single) == 16
-    assert sum(cell.first for cell in single) >= 14
+    assert sum(not cell.first for cell in single) <= tolerated(single, 2 / 16)
     sizes = [cell.set_size for cell in single if cell.set_size]
     assert sum(sizes) / len(sizes) <= 1.5
 
 
 def test_both_of_a_pair_are_found(judged: list[Judged]) -> None:
     pairs = of_group(judged, "pair")
-    assert len(pairs) == 2
-    assert sum(sum(cell.found) for cell in pairs) >= 3
+    found = [named for cell in pairs for named in cell.found]
+    assert found.count(False) <= tolerated(found, 1 / 4)
 
 
 def test_wrong_numbers_are_found(judged: list[Judged]) -> None:
@@ -56,5 +62,11 @@ def test_wrong_numbers_are_found(judged: list[Judged]) -> None:
 
 def test_what_is_not_in_the_catalogue_is_not_misnamed(judged: list[Judged]) -> None:
     outside = of_group(judged, "outside")
-    assert len(outside) == 4
-    assert sum(bool(cell.false_alarms) for cell in outside) <= 1
+    assert sum(bool(cell.false_alarms) for cell in outside) <= tolerated(outside, 1 / 4)
+
+
+def test_poor_motions_coloured_noise_and_uneven_stamps_are_not_misnamed(
+    judged: list[Judged],
+) -> None:
+    disturbed = of_group(judged, "poor", "coloured", "jitter")
+    assert sum(bool(cell.false_alarms) for cell in disturbed) <= tolerated(disturbed, 1 / 5)

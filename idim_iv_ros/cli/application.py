@@ -1,0 +1,53 @@
+"""The commands and the options that belong to none of them."""
+
+from typing import Annotated
+
+import typer
+
+from idim_iv_ros.cli.check import check_command
+from idim_iv_ros.cli.diagnose import diagnose_command
+from idim_iv_ros.cli.excite import excite_command
+from idim_iv_ros.cli.identify import identify_command
+from idim_iv_ros.cli.import_table import import_command
+from idim_iv_ros.cli.init import init_command
+from idim_iv_ros.cli.record import record_command
+from idim_iv_ros.cli.serve import serve_command
+from idim_iv_ros.cli.simulate import simulate_command
+
+application = typer.Typer(
+    name="idim-iv",
+    help="Identify robot dynamics from ROS 2 recordings, test whether to believe the answer, and "
+    "say why a simulator and its robot differ. Begin with `idim-iv init BAG --urdf FILE`.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+application.command("init")(init_command)
+application.command("check")(check_command)
+application.command("identify")(identify_command)
+application.command("diagnose")(diagnose_command)
+application.command("import")(import_command)
+application.command("record")(record_command)
+application.command("serve")(serve_command)
+application.command("excite")(excite_command)
+application.command("simulate")(simulate_command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from idim_iv_ros import __version__
+
+        typer.echo(f"idim-iv {__version__}")
+        raise typer.Exit()
+
+
+@application.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
+        ),
+    ] = False,
+) -> None:
+    pass

@@ -1,0 +1,103 @@
+"""From a YAML file to plain values: text of any kind ends in a mapping or in one line."""
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
+
+from idim_iv_ros.errors import UsageError
+
+# A configuration has a few hundred lines and three levels.
+_LARGEST_FILE = 1_000_000  # bytes
+_DEEPEST = 20
+
+
+def read_mapping(path: Path) -> dict[Any, Any]:
+    """Read a YAML file that holds one mapping.
+
+    Raises
+    ------
+    UsageError
+        File missing, unreadable, too large, no text, broken YAML, or no mapping.
+    """
+    text = _text(path)
+    try:
+        _require_flat(path, text)
+        data: Any = YAML(typ="safe", pure=True).load(text)
+    except YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f", line {mark.line + 1}" if mark else ""
+        problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "not YAML"
+        raise UsageError(f"{path}{where}: {shortened(problem)}") from error
+    except (ValueError, TypeError, OverflowError) as error:
+        # Dates that are none, integers of thousands of digits, keys that cannot be compared.
+        raise UsageError(f"{path}: not a configuration: {shortened(str(error))}") from error
+    if not isinstance(data, dict):
+        raise UsageError(f"{path}: a mapping with the key 'robot' is expected")
+    return data
+
+
+def _text(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            content = file.read(_LARGEST_FILE + 1)
+        if len(content) > _LARGEST_FILE:
+            raise UsageError(f"{path}: larger than 1 MB: not a configuration")
+        return content.decode("utf-8-sig")
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not a text file"
+        raise UsageError(f"{path}: cannot read the configuration: {reason}") from error
+
+
+def _require_flat(path: Path, text: str) -> None:
+    """Refuse what makes a short text endless: deep nesting, and references within references."""
+    depth = 0
+    anchored: list[bool] = []  # of each open collection, whether it or one around it is anchored
+    for event in YAML(typ="safe", pure=True).parse(text):
+        where = f"{path}, line {event.start_mark.line + 1}"
+        if isinstance(event, CollectionStartEvent):
+            depth += 1
+            anchored.append(event.anchor is not None or (bool(anchored) and anchored[-1]))
+            if depth > _DEEPEST:
+                raise UsageError(f"{where}: nested more than {_DEEPEST} deep: not a configuration")
+        elif isinstance(event, CollectionEndEvent):
+            depth -= 1
+            anchored.pop()
+        elif isinstance(event, AliasEvent) and anchored and anchored[-1]:
+            raise UsageError(f"{where}: an alias within an anchor is not allowed")
+
+
+def first_problem(error: ValidationError) -> str:
+    """Name the key and what is wrong with it, and how many others are wrong."""
+    problems = error.errors(include_url=False, include_context=False)
+    unknown = [problem for problem in problems if problem["type"] == "extra_forbidden"]
+    first = (unknown or problems)[0]  # a key that is misspelled is missing, too
+    key = shortened(".".join(str(part) for part in first["loc"]))
+    if first["type"] == "extra_forbidden":
+        text = f"unknown key {key}"
+    elif first["type"] == "missing":
+        text = f"key {key} is missing"
+    elif first["type"] == "string_type":
+        text = f"{key}: a text is needed; put numbers and dates in quotes"
+    else:
+        reason = shortened(
+            first["msg"].removeprefix("Value error, ").replace("Input should", "must", 1)
+        )
+        text = f"{key}: {reason}{_given(first['input'])}" if key else reason
+    more = len(problems) - 1
+    return f"{text} (and {more} more)" if more else text
+
+
+def _given(value: object) -> str:
+    """The value that was refused, where it is one that fits a line."""
+    simple = value is None or isinstance(value, bool | int | float | str)
+    return f", not {shortened(str(value))}" if simple else ""
+
+
+def shortened(text: str) -> str:
+    """Text of a file in one line that fits a message."""
+    text = " ".join(text.split())
+    return text if len(text) <= 120 else f"{text[:80]}…{text[-30:]}"

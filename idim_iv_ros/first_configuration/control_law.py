@@ -1,0 +1,113 @@
+"""A control law proposed from the log: recorded efforts fitted on the errors of the reference."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from idim_iv_ros.signals import Motion
+from idim_iv_ros.simulation import ControllerFit, fit_controller
+
+_LEAST_R_SQUARED = 0.95
+_LARGEST_DEVIATION = 0.1  # of a gain
+_DIGITS = 4
+# Hz. Noise of the positions grows in the velocity with its frequency and would lower kd; a motion
+# that identifies a robot has nothing above this.
+_HIGHEST_CUTOFF = 30.0
+
+
+@dataclass(frozen=True)
+class ProposedLaw:
+    """Keys of the section `controller`, and why.
+
+    Attributes
+    ----------
+    keys : dict
+    reason : str
+        Of the type.
+    """
+
+    keys: dict[str, object] = field(default_factory=lambda: {"type": "unknown"})
+    reason: str = "no reference in the bag"
+
+
+def propose_law(motions: Sequence[Motion]) -> ProposedLaw:
+    """Fit a PD law with integral and say whether it explains the efforts."""
+    if any(motion.signals.position_reference is None for motion in motions):
+        return ProposedLaw()
+    fits = [fit for motion in motions for fit in _fits(motion)]
+    fit, half = max(fits, key=lambda each: float(each[0].r_squared.sum()))
+    worst = float(fit.r_squared.min())
+    if worst < _LEAST_R_SQUARED:
+        return ProposedLaw(
+            reason=f"a PD law explains only R² = {worst:.2f} of a joint's effort; every "
+            "identification fits its own"
+        )
+    # What the control holds from one sample to the next acts half a sample late on average; the
+    # simulation of the loop holds it likewise, so that this is no delay of its own.
+    delay = max(fit.delay + (0.5 if half else 0.0) - 0.5, 0.0)
+    return _pd(fit, worst, delay / fit.rate)
+
+
+def _fits(motion: Motion) -> list[tuple[ControllerFit, bool]]:
+    """Laws with delays of whole samples, and of whole samples and a half.
+
+    A delay that is off by half a sample T shows as kd off by kp T / 2.
+    """
+    signals = motion.signals
+    assert signals.position_reference is not None
+    later = np.concatenate([signals.torque[1:], signals.torque[-1:]])
+    return [
+        (
+            fit_controller(
+                signals.rate,
+                signals.position,
+                signals.velocity,
+                torque,
+                signals.position_reference,
+                signals.velocity_reference,
+                cutoff=min(signals.rate / 10.0, _HIGHEST_CUTOFF),
+            ),
+            half,
+        )
+        for torque, half in ((signals.torque, False), (0.5 * (signals.torque + later), True))
+    ]
+
+
+def _pd(fit: ControllerFit, worst: float, delay: float) -> ProposedLaw:
+    """Keys of a PD law with a delay in s, or why it is none."""
+    kp, kd = fit.gain("kp"), fit.gain("kd")
+    forward = fit.included[:, fit.terms.index("reference_velocity")]
+    on_measured = forward & (np.abs(fit.gain("reference_velocity") + kd) < 0.2 * np.abs(kd))
+    uncertain = np.abs(fit.std[:, :2]) > _LARGEST_DEVIATION * np.abs(fit.gains[:, :2])
+    beyond = [
+        term
+        for term in ("reference_acceleration", "reference_direction")
+        if fit.included[:, fit.terms.index(term)].any()
+    ]
+    if forward.any() and not on_measured.all():
+        beyond.append("reference_velocity")
+    for refused, why in (
+        (np.any(kp <= 0.0) or np.any(kd <= 0.0), "the fitted gains are not all positive"),
+        (bool(uncertain.any()), "the log does not show the gains to 10 %"),
+        (bool(beyond), f"the law has feedforward terms ({', '.join(beyond)})"),
+    ):
+        if refused:
+            return ProposedLaw(reason=f"{why}; every identification fits its own law")
+    keys: dict[str, object] = {"type": "pd", "kp": _rounded(kp), "kd": _rounded(kd)}
+    if fit.included[:, fit.terms.index("ki")].any():
+        keys["ki"] = _rounded(fit.gain("ki"))
+    if on_measured.all():
+        keys["velocity_reference"] = False
+    if delay > 0.0:
+        keys["delay"] = round(delay, 6)
+    deviation = 100.0 * float(np.max(np.abs(fit.std[:, :2] / fit.gains[:, :2])))
+    reason = (
+        f"fitted from the log, R² ≥ {worst:.3f}, σ of the gains up to {deviation:.2g} %; replace "
+        "them by those of the real controller"
+    )
+    return ProposedLaw(keys, reason)
+
+
+def _rounded(values: np.ndarray) -> list[float]:
+    return [float(f"{value:.{_DIGITS}g}") for value in values]

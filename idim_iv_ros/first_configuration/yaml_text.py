@@ -1,0 +1,80 @@
+"""The proposal as a YAML file in which every key has its line."""
+
+import io
+from pathlib import Path
+
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap
+
+from idim_iv_ros.atomic_files import write_together
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.file_paths import FilePath
+from idim_iv_ros.first_configuration.keys import SECTIONS, Each, Key
+from idim_iv_ros.first_configuration.proposal import Proposal
+from idim_iv_ros.own_files import require_replaceable, signed
+
+_WIDTH = 10_000  # no value is broken over lines
+
+
+def configuration_text(proposal: Proposal, out: FilePath) -> str:
+    """Return the text of a configuration file at `out`."""
+    values = proposal.values_for(Path(out))
+    bags = " ".join(path.name for path in proposal.bags)
+    lines = [
+        f"# A first configuration, made by idim-iv init from {bags}.",
+        "# Lists are in the order of robot.joints. A line that begins with # is a key that is left",
+        "# out; behind its example: what it means, and what holds without it. All keys at length:",
+        "# docs/configuration.md.",
+    ]
+    for section, keys in SECTIONS.items():
+        given = values.get(section, {})
+        lines += ["", f"{section}:" if given else f"# {section}:"]
+        for name, key in keys.items():
+            lines.append(_line(proposal, section, name, key, given))
+            if (section, name) == ("robot", "joints"):
+                left_out = proposal.left_out.items()
+                lines += [f"  # left out: {joint}: {reason}" for joint, reason in left_out]
+    return signed("\n".join(lines) + "\n")
+
+
+def write_configuration(proposal: Proposal, out: FilePath, *, force: bool = False) -> Path:
+    """Write the proposal as a configuration file.
+
+    Raises
+    ------
+    UsageError
+        It cannot be written, or a file of the user is in its place.
+    """
+    path = Path(out)
+    require_replaceable([path], force=force)
+    try:
+        write_together({path: configuration_text(proposal, path)})
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from error
+    return path
+
+
+def _line(proposal: Proposal, section: str, name: str, key: Key, given: dict[str, object]) -> str:
+    """One key with its value, or as a comment with its example."""
+    reason = proposal.reasons.get((section, name), "")
+    about = f"{key.meaning}; default: {key.default}"
+    if name in given:
+        return f"  {_yaml(name, given[name])}  # {f'{about}. {reason}' if reason else about}"
+    example = key.example
+    if (section, name) == ("controller", "torque_limit") and proposal.limits:
+        example = list(proposal.limits)
+    elif isinstance(example, Each):
+        example = [example.value] * len(proposal.joints)
+    return f"  # {_yaml(name, example)}  # {f'{about}. {reason}' if reason else about}"
+
+
+def _yaml(name: str, value: object) -> str:
+    """``name: value`` in one line."""
+    yaml = YAML()
+    yaml.default_flow_style = True
+    yaml.width = _WIDTH
+    stream = io.StringIO()
+    mapping = CommentedMap({name: value})
+    mapping.fa.set_block_style()
+    yaml.dump(mapping, stream)
+    return stream.getvalue().strip()

@@ -1,0 +1,108 @@
+"""Placement and motion of the links of a robot: compiled, for its torques and its regressor.
+
+Frames are those of `LinkFrames`. Compiled code takes what has its arrays, whatever else it holds:
+`tree` is a `LinkFrames` or a simulation's plant, `work` a `LinkMotion` or a simulation's workspace.
+
+Source: Khalil and Dombre, Modeling, Identification and Control of Robots, chapter 9 (recursive
+Newton-Euler linear in the parameters).
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.compilation import kernel
+
+FloatArray = NDArray[np.float64]
+
+
+class LinkMotion(NamedTuple):
+    """Of each link, row 0 the base: placement in its parent, spin, and motion of its origin.
+
+    rotation, gradient : (n + 1, 3, 3); translation, spin, spin_rate, acceleration : (n + 1, 3)
+    """
+
+    rotation: FloatArray
+    translation: FloatArray
+    spin: FloatArray
+    spin_rate: FloatArray
+    gradient: FloatArray
+    acceleration: FloatArray
+
+
+def link_motion(joints: int) -> LinkMotion:
+    """Allocate the arrays for a robot of so many joints."""
+    matrices, vectors = (joints + 1, 3, 3), (joints + 1, 3)
+    return LinkMotion(
+        rotation=np.zeros(matrices),
+        translation=np.zeros(vectors),
+        spin=np.zeros(vectors),
+        spin_rate=np.zeros(vectors),
+        gradient=np.zeros(matrices),
+        acceleration=np.zeros(vectors),
+    )
+
+
+@kernel
+def place_links(tree: Any, q: FloatArray, work: Any) -> None:
+    """Placement of each link frame in its parent's."""
+    for i in range(1, q.shape[0] + 1):
+        angle = q[i - 1] if tree.revolute[i] else 0.0
+        shift = 0.0 if tree.revolute[i] else q[i - 1]
+        c, s = math.cos(angle), math.sin(angle)
+        for r in range(3):
+            x, y, z = tree.rotation[i, r, 0], tree.rotation[i, r, 1], tree.rotation[i, r, 2]
+            work.rotation[i, r, 0] = c * x + s * y
+            work.rotation[i, r, 1] = c * y - s * x
+            work.rotation[i, r, 2] = z
+            work.translation[i, r] = tree.translation[i, r] + shift * z
+
+
+@kernel
+def move_links(tree: Any, dq: FloatArray, ddq: FloatArray, work: Any) -> None:
+    """Spin of each link, its rate, and acceleration of its origin less gravity; links are placed.
+
+    `gradient` is [ω̇]× + [ω]×², so that a point r of a link accelerates by a + gradient r.
+    """
+    n = dq.shape[0]
+    for k in range(3):
+        work.acceleration[0, k] = -tree.gravity[k]
+    for i in range(1, n + 1):
+        u = tree.parent[i]
+        rot, p, grad = work.rotation[i], work.translation[i], work.gradient[u]
+        b0 = work.acceleration[u, 0] + grad[0, 0] * p[0] + grad[0, 1] * p[1] + grad[0, 2] * p[2]
+        b1 = work.acceleration[u, 1] + grad[1, 0] * p[0] + grad[1, 1] * p[1] + grad[1, 2] * p[2]
+        b2 = work.acceleration[u, 2] + grad[2, 0] * p[0] + grad[2, 1] * p[1] + grad[2, 2] * p[2]
+        a0 = rot[0, 0] * b0 + rot[1, 0] * b1 + rot[2, 0] * b2
+        a1 = rot[0, 1] * b0 + rot[1, 1] * b1 + rot[2, 1] * b2
+        a2 = rot[0, 2] * b0 + rot[1, 2] * b1 + rot[2, 2] * b2
+        b0, b1, b2 = work.spin[u, 0], work.spin[u, 1], work.spin[u, 2]
+        w0 = rot[0, 0] * b0 + rot[1, 0] * b1 + rot[2, 0] * b2
+        w1 = rot[0, 1] * b0 + rot[1, 1] * b1 + rot[2, 1] * b2
+        w2 = rot[0, 2] * b0 + rot[1, 2] * b1 + rot[2, 2] * b2
+        b0, b1, b2 = work.spin_rate[u, 0], work.spin_rate[u, 1], work.spin_rate[u, 2]
+        d0 = rot[0, 0] * b0 + rot[1, 0] * b1 + rot[2, 0] * b2
+        d1 = rot[0, 1] * b0 + rot[1, 1] * b1 + rot[2, 1] * b2
+        d2 = rot[0, 2] * b0 + rot[1, 2] * b1 + rot[2, 2] * b2
+        speed = dq[i - 1]
+        if tree.revolute[i]:
+            d0 += w1 * speed
+            d1 -= w0 * speed
+            d2 += ddq[i - 1]
+            w2 += speed
+        else:
+            a0 += 2.0 * w1 * speed
+            a1 -= 2.0 * w0 * speed
+            a2 += ddq[i - 1]
+        work.acceleration[i, 0], work.acceleration[i, 1], work.acceleration[i, 2] = a0, a1, a2
+        work.spin[i, 0], work.spin[i, 1], work.spin[i, 2] = w0, w1, w2
+        work.spin_rate[i, 0], work.spin_rate[i, 1], work.spin_rate[i, 2] = d0, d1, d2
+        g = work.gradient[i]
+        g[0, 0] = -w1 * w1 - w2 * w2
+        g[1, 1] = -w0 * w0 - w2 * w2
+        g[2, 2] = -w0 * w0 - w1 * w1
+        g[0, 1], g[1, 0] = w0 * w1 - d2, w0 * w1 + d2
+        g[0, 2], g[2, 0] = w0 * w2 + d1, w0 * w2 - d1
+        g[1, 2], g[2, 1] = w1 * w2 - d0, w1 * w2 + d0

@@ -1,0 +1,117 @@
+"""Walking the records of an MCAP file, past damaged ones. Format: https://mcap.dev/spec."""
+
+import re
+import struct
+from collections.abc import Iterator
+from mmap import mmap
+from typing import NamedTuple
+
+DAMAGED = 0  # no opcode of the format: bytes that are no record
+FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, STATISTICS, DATA_END = 2, 3, 4, 5, 6, 7, 11, 15
+HEAD = 9  # opcode and length
+MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
+_LAST_OPCODE, _FIRST_PRIVATE = 15, 0x80
+
+# A chunk by its compression, which stands 37 bytes behind its opcode; a message by its length.
+_BEGINNINGS = re.compile(
+    rb"\x06.{5}\0{3}.{28}(?:\x04\0{3}zstd|\x03\0{3}lz4|\0{4})|\x05.{2}\0{6}", re.DOTALL
+)
+_IN_A_ROW = 3  # records that must follow each other where reading begins again
+
+
+class Record(NamedTuple):
+    """One record: what it is, and where its content lies; `end` may pass the end of the file."""
+
+    opcode: int
+    start: int
+    end: int
+
+
+def records(content: mmap, place: int) -> Iterator[Record]:
+    """Records from `place` on.
+
+    What is no record, because a byte of its head or of the one before is wrong, is given as
+    ``DAMAGED``; reading goes on at the next record that can be recognised. The last one passes the
+    end of a file that was cut.
+    """
+    trusted = place
+    while place + HEAD <= len(content):
+        record = _record(content, place)
+        if record is not None and record.end <= len(content):
+            yield record
+            # The length of a chunk is written in it twice; any other may have led astray.
+            trusted = record.end if record.opcode == CHUNK else record.start
+            place = record.end
+            continue
+        following = _next_beginning(content, trusted)
+        if following is None:
+            if record is not None:
+                yield record
+            return
+        yield Record(DAMAGED, place, following)
+        trusted = place = following
+
+
+def text(record: bytes, place: int) -> tuple[str, int]:
+    """Text at `place`, and where it ends.
+
+    Raises
+    ------
+    struct.error, UnicodeDecodeError
+        There is none.
+    """
+    (size,) = struct.unpack_from("<I", record, place)
+    if place + 4 + size > len(record):
+        raise struct.error("the text passes the end of its record")
+    return record[place + 4 : place + 4 + size].decode("utf-8"), place + 4 + size
+
+
+def _record(content: mmap, place: int) -> Record | None:
+    """Record at `place`, None where its head contradicts itself."""
+    opcode, size = struct.unpack_from("<BQ", content, place)
+    record = Record(opcode, place + HEAD, place + HEAD + size)
+    if opcode == CHUNK:
+        whole = _is_chunk(content, record)
+    elif opcode == INDEX:
+        whole = size >= 6 and (size - 6) % 16 == 0
+    elif opcode == MESSAGE:
+        whole = size >= MESSAGE_HEAD
+    elif opcode == DATA_END:
+        whole = size == 4
+    elif opcode == FOOTER:
+        whole = size == 20
+    else:
+        whole = 0 < opcode <= _LAST_OPCODE or opcode >= _FIRST_PRIVATE
+    return record if whole else None
+
+
+def _is_chunk(content: mmap, record: Record) -> bool:
+    """Whether the length of a chunk is that of its parts."""
+    if record.start + 40 > len(content):
+        return False
+    (name,) = struct.unpack_from("<I", content, record.start + 28)
+    if name > 16 or record.start + 40 + name > len(content):
+        return False
+    (size,) = struct.unpack_from("<Q", content, record.start + 32 + name)
+    return bool(record.end - record.start == 40 + name + size)
+
+
+def _next_beginning(content: mmap, place: int) -> int | None:
+    """Where the next record begins that others follow; None if none does."""
+    for match in _BEGINNINGS.finditer(content, place):
+        if _leads_on(content, match.start()):
+            return match.start()
+    return None
+
+
+def _leads_on(content: mmap, place: int) -> bool:
+    for _ in range(_IN_A_ROW):
+        if place + HEAD > len(content):
+            break
+        record = _record(content, place)
+        if record is None or record.end > len(content):
+            return False
+        if record.opcode == FOOTER:
+            break
+        place = record.end
+    return True

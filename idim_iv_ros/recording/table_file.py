@@ -1,0 +1,210 @@
+"""Numbers in .csv, .npy, .npz and .mat files: ``FILE`` or ``FILE:KEY``."""
+
+import struct
+import warnings
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.recording.paths import is_file
+
+FloatArray = NDArray[np.float64]
+
+SUFFIXES = (".csv", ".npy", ".npz", ".mat")
+_NUMBERS = "iuf"  # kinds of numpy: integers, unsigned ones, floats
+_LARGEST = 1 << 30  # bytes of one array
+# What the readers of numpy and scipy raise when the bytes are not what the name says.
+_NOT_READABLE = (
+    ValueError,
+    KeyError,
+    TypeError,
+    IndexError,
+    AttributeError,
+    NotImplementedError,
+    EOFError,
+    OverflowError,
+    RecursionError,
+    SyntaxError,
+    struct.error,
+    zlib.error,
+    zipfile.BadZipFile,
+)
+
+
+def read_table(spec: str) -> FloatArray:
+    """Two-dimensional numbers (n_samples, n_columns) of ``FILE[:KEY]``.
+
+    Raises
+    ------
+    UsageError
+        No such file, variable or column, or something else than real numbers.
+    """
+    path, key = _split(spec)
+    try:
+        # What is wrong is said by the error; a warning would only come beside it.
+        with warnings.catch_warnings(action="ignore"):
+            values = _load(path, key)
+    except (UsageError, DataError):
+        raise
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except MemoryError as error:
+        raise UsageError(f"{path}: claims more numbers than fit into memory") from error
+    except _NOT_READABLE as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise UsageError(f"{path}: not a table that can be read: {reason[:200]}") from error
+    array = np.asarray(values)
+    if array.dtype.kind == "c":
+        raise UsageError(f"{spec}: holds complex numbers; real ones are needed")
+    if array.dtype.kind not in _NUMBERS:
+        raise UsageError(f"{spec}: holds something else than numbers ({array.dtype})")
+    if array.ndim == 1:
+        array = array[:, None]
+    if array.ndim != 2:
+        raise UsageError(f"{spec}: {array.ndim} dimensions; samples and joints are needed")
+    array = array.astype(float, copy=False)
+    return array if array.shape[0] >= array.shape[1] else array.T
+
+
+def _split(spec: str) -> tuple[Path, str | None]:
+    name, colon, key = spec.rpartition(":")
+    if not colon or _is_there(spec):
+        path, key_or_none = Path(spec), None
+    else:
+        path, key_or_none = Path(name), key
+    if not is_file(path):
+        raise UsageError(f"{path}: no such file")
+    if path.suffix.lower() not in SUFFIXES:
+        raise UsageError(f"{path}: not a table ({', '.join(SUFFIXES)})")
+    return path, key_or_none
+
+
+def _is_there(spec: str) -> bool:
+    """Whether the whole of ``FILE:KEY`` is the name of a file."""
+    try:
+        return is_file(Path(spec))
+    except UsageError:
+        return False
+
+
+def _load(path: Path, key: str | None) -> Any:
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        return _csv(path, key)
+    if suffix == ".npy":
+        # Mapped, so that a header that claims more than the file holds is an error and no memory.
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+        _require_size(path, array.nbytes)
+        return array if key is None else array[:, [_column(path, part) for part in key.split(",")]]
+    if suffix == ".npz":
+        return _npz(path, key)
+    from scipy.io import loadmat, whosmat  # here, because a recorder starts faster without it
+
+    names = [name for name, _, _ in whosmat(path)]
+    wanted = _variables(path, names, key)
+    loaded = loadmat(path, variable_names=wanted)
+    return _joined([loaded[name] for name in wanted])
+
+
+def _npz(path: Path, key: str | None) -> Any:
+    with zipfile.ZipFile(path) as archive:
+        sizes = {entry.filename: entry.file_size for entry in archive.infolist()}
+    with np.load(path, allow_pickle=False) as variables:
+        wanted = _variables(path, list(variables.files), key)
+        for name in wanted:
+            _require_size(path, sizes.get(f"{name}.npy", 0))
+            _require_claim(path, name, sizes.get(f"{name}.npy", 0))
+        return _joined([variables[name] for name in wanted])
+
+
+def _require_claim(path: Path, name: str, size: int) -> None:
+    """Refuse an array whose header claims more than is packed: numpy makes room for the claim."""
+    with zipfile.ZipFile(path) as archive, archive.open(f"{name}.npy") as stream:
+        version = np.lib.format.read_magic(stream)
+        read = (
+            np.lib.format.read_array_header_1_0
+            if version == (1, 0)
+            else np.lib.format.read_array_header_2_0
+        )
+        shape, _, dtype = read(stream)
+    claimed = dtype.itemsize
+    for length in shape:
+        claimed *= int(length)
+    if not 0 <= claimed <= size:
+        raise ValueError(f"{name} claims {claimed:.4g} bytes, and there are {size}")
+
+
+def _require_size(path: Path, size: int) -> None:
+    if size > _LARGEST:
+        raise UsageError(
+            f"{path}: {size / 1e9:.3g} GB in one array; split it into bags of less than 1 GB"
+        )
+
+
+def _variables(path: Path, names: list[str], key: str | None) -> list[str]:
+    """Names of the wanted variables: the only one, the one that is named, or several."""
+    if key is None and len(names) == 1:
+        return names
+    listed = ", ".join(sorted(names)) or "none"
+    if key is None:
+        raise UsageError(f"{path}: say which variable, FILE:KEY; there are {listed}")
+    wanted = [key] if key in names else key.split(",")
+    for name in wanted:
+        if name not in names:
+            raise UsageError(f"{path}: no variable {name}; there are {listed}")
+    return wanted
+
+
+def _joined(variables: list[Any]) -> Any:
+    if len(variables) == 1:
+        return variables[0]
+    return np.column_stack([np.ravel(variable) for variable in variables])
+
+
+def _column(path: Path, text: str) -> int:
+    if not text.isdigit():
+        raise UsageError(f"{path}: no column {text}; columns are numbers from 0")
+    return int(text)
+
+
+def _csv(path: Path, key: str | None) -> FloatArray:
+    with path.open(encoding="utf-8-sig") as file:
+        first = file.readline().strip()
+    delimiter = ";" if first.count(";") > first.count(",") else ","
+    names = [name.strip().strip('"') for name in first.split(delimiter)]
+    headed = not all(_is_number(name) for name in names)
+    wanted = None
+    if key is not None:
+        wanted = []
+        for column in key.split(","):
+            if headed and column in names:
+                wanted.append(names.index(column))
+            elif column.isdigit() and int(column) < len(names):
+                wanted.append(int(column))
+            else:
+                listed = ", ".join(names) if headed else f"0 to {len(names) - 1}"
+                raise UsageError(
+                    f"{path}: no column {column}; there are {listed}"
+                    + (", or numbers from 0" if headed else "")
+                )
+    return np.loadtxt(
+        path,
+        delimiter=delimiter,
+        skiprows=1 if headed else 0,
+        usecols=wanted,
+        ndmin=2,
+        encoding="utf-8-sig",
+    )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,186 @@
+"""Joint positions that a driver wraps into one turn (±π, or 0 … 2π) become continuous again.
+
+A wrap is a step of nearly a whole turn between two samples, in a signal that never leaves one turn,
+that without the turn is no longer than the joint's other steps around it. A real jump is none.
+Torques depend on the position of a revolute joint only up to whole turns, so that a turn that
+cannot be known (the joint turned unseen, in a gap) changes no result: the nearest is taken.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+
+from idim_iv_ros.recording.clock import GAP, StampedMessages
+from idim_iv_ros.recording.recording import Note
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+TURN = 2.0 * np.pi
+_ONE_TURN = TURN * (1.0 + 1e-3)  # drivers round their limits
+# Without its turn a wrap is at most this many times the largest step of those around it, plus the
+# noise of a position at rest, rad; and never more than a quarter of a turn.
+_PLAUSIBLE, _AROUND, _NOISE = 3.0, 10, 2e-3
+_LARGEST = TURN / 4.0
+# A reference that is within this of whole turns from the position is off by these turns, rad.
+_WHOLE = 0.5
+
+
+@dataclass(frozen=True)
+class Unwrapped:
+    """A position without its wraps.
+
+    Attributes
+    ----------
+    position : (n,) rad
+    wraps : int
+        How many were undone.
+    breaks : (k,) int
+        Samples from which on the turn is only the nearest one: behind gaps.
+    """
+
+    position: FloatArray
+    wraps: int
+    breaks: IntArray
+
+
+def without_wraps(
+    stamped: dict[str, StampedMessages],
+    joint_states: str,
+    reference: str | None,
+    joints: Sequence[str],
+    sliding: Collection[str],
+) -> dict[str, StampedMessages]:
+    """Undo the wraps of positions, and of references so that both are in the same turn.
+
+    Parameters
+    ----------
+    stamped
+        Messages of each topic.
+    joint_states, reference
+        Topics of the positions and of their references.
+    joints
+    sliding
+        Prismatic joints: they have no turns.
+    """
+    for column, joint in enumerate(joints):
+        if joint not in sliding:
+            stamped = _joint_without_wraps(stamped, joint_states, reference, column, joint)
+    return stamped
+
+
+def _joint_without_wraps(
+    stamped: dict[str, StampedMessages],
+    joint_states: str,
+    reference: str | None,
+    column: int,
+    joint: str,
+) -> dict[str, StampedMessages]:
+    states = stamped[joint_states]
+    measured = states.messages.values["position"][:, column]
+    position = unwrapped(states.time, measured)
+    new = dict(stamped)
+    if position is not None:
+        new[joint_states] = _with(states, column, position.position, _sentence(joint, position))
+    if reference is None or reference == joint_states:
+        return new
+    topic = stamped[reference]
+    recorded = topic.messages.values["position"][:, column]
+    if not np.isfinite(recorded).any() or not np.isfinite(measured).any():
+        return new
+    own = unwrapped(topic.time, recorded)
+    known = Unwrapped(measured, 0, np.zeros(0, np.int64)) if position is None else position
+    wanted = Unwrapped(recorded, 0, np.zeros(0, np.int64)) if own is None else own
+    turns = _turns_between(states.time, known, topic.time, wanted)
+    if own is None and not turns.any():
+        return new
+    sentence = (
+        f"the reference of {joint} is put into the same turn as its position"
+        if own is None
+        else _sentence(joint, own)
+    )
+    new[reference] = _with(topic, column, wanted.position + TURN * turns, sentence)
+    return new
+
+
+def unwrapped(time: IntArray, position: FloatArray) -> Unwrapped | None:
+    """Undo the wraps of a position (n,) rad at stamps `time` (n,) ns; None if there are none."""
+    finite = np.flatnonzero(np.isfinite(position))
+    known = position[finite]
+    # Without a copy, so that the many joints that never wrap cost nothing.
+    if len(known) < 2 or not TURN - _LARGEST <= known.max() - known.min() <= _ONE_TURN:
+        return None
+    steps = np.diff(known)
+    turns = np.round(steps / TURN)
+    if not turns.any():
+        return None
+    interval = np.diff(time[finite]) * 1e-9
+    short = steps - TURN * turns
+    allowed = _PLAUSIBLE * _speed_around(short, interval) * interval + _NOISE
+    plausible = np.abs(short) <= np.minimum(allowed, _LARGEST)
+    wraps = (turns != 0.0) & plausible
+    if not wraps.any():
+        return None
+    gap = interval > GAP * float(np.median(interval))
+    unsure = gap & (np.abs(steps) > _LARGEST) & ~wraps
+    undone = np.where(wraps | unsure, turns, 0.0)
+    whole = position.copy()
+    whole[finite[1:]] -= TURN * np.cumsum(undone)
+    breaks = finite[1:][gap & (np.abs(steps) > _LARGEST)]
+    return Unwrapped(whole, int(np.count_nonzero(wraps)), breaks)
+
+
+def _speed_around(steps: FloatArray, interval: FloatArray) -> FloatArray:
+    """Largest speed of the `_AROUND` steps on either side of each, without itself."""
+    speed = np.abs(steps) / interval
+    padded = np.concatenate([np.zeros(_AROUND), speed, np.zeros(_AROUND)])
+    windows = maximum_filter1d(padded, _AROUND, mode="constant")
+    # Centred windows of _AROUND: element k covers k - _AROUND // 2 … k + (_AROUND - 1) // 2.
+    half = _AROUND // 2
+    count = len(speed)
+    before = windows[half : half + count]
+    after = windows[_AROUND + 1 + half : _AROUND + 1 + half + count]
+    return np.asarray(np.maximum(before, after))
+
+
+def _turns_between(
+    time: IntArray, position: Unwrapped, reference_time: IntArray, reference: Unwrapped
+) -> FloatArray:
+    """Whole turns to add to each sample of a reference, constant between breaks, (n,)."""
+    finite = np.isfinite(position.position)
+    start = time[0]
+    there = np.interp(reference_time - start, (time - start)[finite], position.position[finite])
+    ahead = there - reference.position
+    stretch = np.searchsorted(time[position.breaks], reference_time, side="right")
+    own = np.zeros(len(reference_time), dtype=np.int64)
+    own[reference.breaks] = 1
+    stretch = stretch + np.cumsum(own)
+    turns = np.zeros(len(reference_time))
+    begins = np.flatnonzero(np.diff(stretch, prepend=-1))
+    for begin, end in zip(begins, [*begins[1:], len(stretch)], strict=True):
+        ahead_here = ahead[begin:end][np.isfinite(ahead[begin:end])]
+        if len(ahead_here) == 0:
+            continue
+        middle = float(np.median(ahead_here))
+        nearest = round(middle / TURN)
+        if position.wraps or reference.wraps or abs(middle - TURN * nearest) < _WHOLE:
+            turns[begin:end] = nearest
+    return turns
+
+
+def _sentence(joint: str, position: Unwrapped) -> str:
+    times = "once" if position.wraps == 1 else f"{position.wraps} times"
+    return f"position of {joint} wraps after one turn ({times}): unwrapped"
+
+
+def _with(
+    stamped: StampedMessages, column: int, position: FloatArray, sentence: str
+) -> StampedMessages:
+    values = stamped.messages.values["position"].copy()
+    values[:, column] = position
+    messages = replace(stamped.messages, values={**stamped.messages.values, "position": values})
+    note = Note(stamped.messages.topic, sentence, 1)
+    return replace(stamped, messages=messages, notes=(*stamped.notes, note))

@@ -1,0 +1,299 @@
+"""A first configuration from a bag: what a stranger does before reading anything."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+from idim_iv_ros import load_configuration, write_bag
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.first_configuration.keys import SECTIONS
+from idim_iv_ros.recording import JointTopic
+from idim_iv_ros.recording.reference_names import sounds_like_reference
+from tests import simulated_arms
+from tests.cli.test_bad_input import refused
+
+ARM = (simulated_arms.CONFIG / "arm2.urdf").read_text()
+GRIPPER = """
+  <link name="finger_1"/><link name="finger_2"/><link name="rail_link"/><link name="lamp_link"/>
+  <joint name="left_finger_joint" type="prismatic">
+    <parent link="link_2"/><child link="finger_1"/><axis xyz="0 0 1"/>
+    <limit lower="0" upper="0.04" velocity="0.1" effort="10"/></joint>
+  <joint name="follower" type="revolute">
+    <parent link="link_2"/><child link="finger_2"/><axis xyz="0 0 1"/>
+    <limit lower="0" upper="1" velocity="1" effort="1"/><mimic joint="left_finger_joint"/></joint>
+  <joint name="rail" type="prismatic">
+    <parent link="link_2"/><child link="rail_link"/><axis xyz="0 0 1"/>
+    <limit lower="0" upper="1" velocity="1" effort="1"/></joint>
+  <joint name="lamp" type="fixed"><parent link="link_2"/><child link="lamp_link"/></joint>
+</robot>"""
+
+
+@pytest.fixture
+def urdf(tmp_path: Path) -> Path:
+    """The arm with a gripper, a follower, a rail that nobody records, and a lamp."""
+    path = tmp_path / "models" / "arm.urdf"
+    path.parent.mkdir()
+    path.write_text(ARM.replace("</robot>", GRIPPER))
+    return path
+
+
+def states(record, *, scale: float = 1.0, extra: tuple[str, ...] = ()) -> JointTopic:
+    """Joint states in another order than the URDF's, with joints that stand still."""
+    count = len(record.time)
+    return JointTopic(
+        "/joint_states",
+        ["joint_2", "joint_1", *extra],
+        record.time,
+        np.column_stack([record.position[:, ::-1], np.full((count, len(extra)), 0.01)]),
+        None,
+        np.column_stack([scale * record.effort[:, ::-1], np.zeros((count, len(extra)))]),
+    )
+
+
+def reference(record, name: str = "/arm/joint_command") -> JointTopic:
+    return JointTopic(
+        name,
+        ["joint_1", "joint_2"],
+        record.time,
+        record.position_reference,
+        record.velocity_reference,
+    )
+
+
+def test_stranger_goes_from_a_bag_to_parameters_by_the_commands_that_are_named(
+    run, record, urdf, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither a configuration nor a word of documentation: every line names the next one."""
+    monkeypatch.chdir(tmp_path)
+    write_bag("run1.mcap", [states(record, extra=("left_finger_joint", "torso"))])
+    lost = run("identify", "run1.mcap")
+    assert lost.status == 2
+    assert "idim-iv init BAG… --urdf FILE" in lost.error
+    refused(run("init", "run1.mcap"), 2, "run1.mcap", "--urdf")
+    done = run("init", "run1.mcap", "--urdf", "models/arm.urdf")
+    for command in ("init", "check", "identify"):
+        assert done.status == 0, done.error
+        if command == "identify":
+            break
+        following = re.search(r"^Next: idim-iv (.*)$", done.out, re.MULTILINE)
+        assert following, done.out
+        done = run(*following[1].split())
+    assert "Verdict" in done.out
+    document = json.loads((tmp_path / "results" / "result.json").read_text())
+    truth = simulated_arms.arm2()
+    assert document["joints"] == truth.configuration.robot.joints
+    configuration = load_configuration("my_arm.yaml")
+    assert configuration.controller.type == "unknown"
+    assert configuration.signals.effort_unit == "N m"
+
+
+def test_what_is_left_out_is_said_with_the_reason(run, record, urdf, tmp_path: Path) -> None:
+    bag, out = tmp_path / "run.mcap", tmp_path / "sub" / "arm.yaml"
+    out.parent.mkdir()
+    write_bag(bag, [states(record, extra=("left_finger_joint", "torso"))])
+    done = run("init", bag, "--urdf", urdf, "--out", out, "--json")
+    document = json.loads(done.out)
+    assert document["configuration"]["robot"] == {
+        "urdf": "../models/arm.urdf",
+        "joints": ["joint_1", "joint_2"],
+    }
+    reasons = {
+        "left_finger_joint": "gripper",
+        "follower": "mimics left_finger_joint",
+        "rail": "not in the bag",
+        "torso": "not in the URDF",
+    }
+    assert document["left_out"].keys() == reasons.keys()
+    text = out.read_text()
+    for joint, reason in reasons.items():
+        assert reason in document["left_out"][joint]
+        assert f"# left out: {joint}: {document['left_out'][joint]}" in text
+    assert load_configuration(out).robot.urdf == urdf.resolve()
+
+
+def test_joint_that_stands_still_away_from_zero_is_warned_of(run, record, tmp_path: Path) -> None:
+    """The model locks it at zero, where it was not."""
+    position = record.position.copy()
+    position[:, 1] = 0.7
+    topic = JointTopic(
+        "/joint_states", ["joint_1", "joint_2"], record.time, position, None, record.effort
+    )
+    write_bag(tmp_path / "run.mcap", [topic], robot_description=ARM)
+    done = run("init", tmp_path / "run.mcap", "--out", tmp_path / "arm.yaml", "--quiet")
+    assert done.status == 0
+    assert "joint_2" in done.error
+    assert "0.7" in done.error
+    assert load_configuration(tmp_path / "arm.yaml").robot.joints == ["joint_1"]
+
+
+def test_control_law_and_reference_are_found_in_the_log(run, record, tmp_path: Path) -> None:
+    """The gains within 2 %, so that the instruments of the simulated loop are valid."""
+    bag, out = tmp_path / "run.mcap", tmp_path / "arm.yaml"
+    write_bag(bag, [states(record), reference(record)], robot_description=ARM)
+    done = run("init", bag, "--out", out)
+    assert done.status == 0, done.error
+    configuration, truth = load_configuration(out), simulated_arms.arm2().configuration
+    assert configuration.robot.urdf is None
+    assert configuration.signals.reference == "/arm/joint_command"
+    assert configuration.controller.type == "pd"
+    np.testing.assert_allclose(configuration.controller.kp, truth.controller.kp, rtol=0.02)
+    np.testing.assert_allclose(configuration.controller.kd, truth.controller.kd, rtol=0.02)
+    identified = run("identify", bag, "--config", out, "--json")
+    assert json.loads(identified.out)["instruments"]["accepted"] is True
+
+
+def test_efforts_that_are_no_torques_are_not_taken_for_torques(run, record, tmp_path) -> None:
+    bag, out = tmp_path / "run.mcap", tmp_path / "arm.yaml"
+    write_bag(bag, [states(record, scale=0.1), reference(record)], robot_description=ARM)
+    done = run("init", bag, "--out", out)
+    assert load_configuration(out).signals.effort_unit == "A"
+    assert "effort over the torque" in out.read_text()
+    assert "effort_scale" in done.out
+    assert run("identify", bag, "--config", out, "--out", tmp_path / "r").status == 0
+
+
+def test_ratio_of_effort_and_torque_is_not_moved_by_drives_that_no_urdf_has(
+    run, record, tmp_path: Path
+) -> None:
+    """The arm's masses are 10 to 30 % off the URDF's, its drives add as much again."""
+    bag = tmp_path / "run.mcap"
+    write_bag(bag, [states(record)], robot_description=ARM)
+    done = run("init", bag, "--out", tmp_path / "arm.yaml", "--json")
+    reason = json.loads(done.out)["reasons"]["signals.effort_unit"]
+    ratios = [float(each) for each in re.findall(r"joint_\d (\d\.?\d*)", reason)]
+    assert ratios
+    assert all(0.7 <= ratio <= 1.3 for ratio in ratios)
+
+
+@pytest.mark.parametrize(
+    ("effort", "words"),
+    [(0.0, ("effort", "zero throughout")), (np.nan, ("effort", "empty"))],
+)
+def test_bag_without_efforts_is_refused_in_one_line(
+    run, record, tmp_path: Path, effort: float, words: tuple[str, ...]
+) -> None:
+    topic = JointTopic(
+        "/joint_states",
+        ["joint_1", "joint_2"],
+        record.time,
+        record.position,
+        None,
+        np.full_like(record.effort, effort),
+    )
+    write_bag(tmp_path / "run.mcap", [topic], robot_description=ARM)
+    out = tmp_path / "arm.yaml"
+    refused(run("init", tmp_path / "run.mcap", "--out", out), 1, "run.mcap", *words)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "word"), [("<robot", "not XML"), ("<sdf/>", "not a URDF"), ("\xff", "not")]
+)
+def test_broken_urdf_is_refused_in_one_line(run, record, tmp_path, text: str, word: str) -> None:
+    write_bag(tmp_path / "run.mcap", [states(record)])
+    (tmp_path / "arm.urdf").write_bytes(text.encode("latin-1"))
+    outcome = run(
+        *("init", tmp_path / "run.mcap", "--urdf", tmp_path / "arm.urdf"),
+        *("--out", tmp_path / "arm.yaml"),
+    )
+    refused(outcome, 2, "arm.urdf", word)
+
+
+def test_edited_configuration_is_kept(run, record, tmp_path: Path) -> None:
+    bag, out = tmp_path / "run.mcap", tmp_path / "arm.yaml"
+    write_bag(bag, [states(record)], robot_description=ARM)
+    assert run("init", bag, "--out", out).status == 0
+    assert run("init", bag, "--out", out).status == 0
+    out.write_text(out.read_text().replace("effort_unit: N m", "effort_unit: A"))
+    refused(run("init", bag, "--out", out), 2, "arm.yaml", "--force")
+    assert load_configuration(out).signals.effort_unit == "A"
+
+
+def test_every_key_of_a_configuration_has_its_line(run, record, tmp_path: Path) -> None:
+    sections = {
+        name: field.annotation
+        for name, field in Configuration.model_fields.items()
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)
+    }
+    assert {name: set(keys) for name, keys in SECTIONS.items()} == {
+        name: set(section.model_fields) for name, section in sections.items()
+    }
+    bag, out = tmp_path / "run.mcap", tmp_path / "arm.yaml"
+    write_bag(bag, [states(record)], robot_description=ARM)
+    assert run("init", bag, "--out", out).status == 0
+    lines = out.read_text().splitlines()
+    for keys in SECTIONS.values():
+        for name in keys:
+            (*_, line) = [each for each in lines if re.match(rf"  (# )?{name}: ", each)]
+            assert "default: " in line
+
+
+def test_every_example_of_a_left_out_key_is_valid(run, record, tmp_path: Path) -> None:
+    """Each line may be taken as it is: the # away, and with it that of its section."""
+    bag, out = tmp_path / "run.mcap", tmp_path / "arm.yaml"
+    write_bag(bag, [states(record)], robot_description=ARM)
+    assert run("init", bag, "--out", out).status == 0
+    text = out.read_text()
+    tried = 0
+    for section, keys in SECTIONS.items():
+        for name in keys:
+            # These are examples of other robots: a file, joints, a law.
+            if name in ("urdf", "couplings", "kp", "kd", "ki", "kv", "drive_gain"):
+                continue
+            changed = re.sub(rf"^# ({section}:)$", r"\1", text, flags=re.MULTILINE)
+            head, middle, tail = changed.partition(f"{section}:\n")
+            tail, count = re.subn(rf"^  # ({name}: )", r"  \1", tail, count=1, flags=re.MULTILINE)
+            if not count:
+                continue
+            out.write_text(head + middle + tail)
+            load_configuration(out)
+            tried += 1
+    assert tried > 25
+
+
+@pytest.mark.parametrize(
+    ("topic", "expected"),
+    [
+        ("/joint_reference", True),
+        ("/arm_controller/joint_command", True),
+        ("/desired_joint_states", True),
+        ("/joint_states", False),
+        ("/link_states", False),
+        ("/preference", False),
+    ],
+)
+def test_references_are_known_by_a_word_of_their_name(topic: str, expected: bool) -> None:
+    assert sounds_like_reference(topic) is expected
+
+
+def test_unused_reference_is_answered_with_the_line_to_write(
+    run, config, record, tmp_path: Path
+) -> None:
+    bag = tmp_path / "run.mcap"
+    write_bag(bag, [states(record), reference(record)])
+    line = "`reference: /arm/joint_command` under `signals:` in arm2.yaml"
+    without = config(("reference: /joint_reference", "effort_unit: N m"))
+    checked = run("check", bag, "--config", without)
+    assert line in " ".join(checked.out.split())
+    done = run("identify", bag, "--config", without, "--out", tmp_path / "r")
+    assert line in " ".join(done.out.split())
+    assert line in json.dumps(json.loads((tmp_path / "r" / "result.json").read_text()))
+    assert "reference: /arm/joint_command" in (tmp_path / "r" / "report.html").read_text()
+    wrong = config()
+    refused(run("check", bag, "--config", wrong), 1, "`reference: /arm/joint_command`")
+    right = config(("reference: /joint_reference", "reference: /arm/joint_command"))
+    followed = run("check", bag, "--config", right)
+    assert "no reference" not in followed.out
+
+
+def test_other_topics_are_no_reference(run, config, record, tmp_path: Path) -> None:
+    bag = tmp_path / "run.mcap"
+    gripper = JointTopic("/gripper/command", ["finger"], record.time, record.position[:, :1])
+    write_bag(bag, [states(record), gripper])
+    done = run("check", bag, "--config", config(("reference: /joint_reference", "effort: null")))
+    assert done.status == 0, done.error
+    assert "nothing uses them" not in done.out

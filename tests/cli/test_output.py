@@ -1,0 +1,191 @@
+"""What the commands print: tables, one document, or nothing; and what they refuse to replace."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.cli import progress
+from tests import simulated_arms
+from tests.cli.test_bad_input import refused
+from tests.cli.test_start import REPOSITORY, START
+
+
+@pytest.fixture
+def table(record, tmp_path: Path) -> Path:
+    path = tmp_path / "run.npz"
+    np.savez(path, q=record.position, tau=record.effort, ref=record.position_reference)
+    return path
+
+
+def importing(table: Path, out: Path) -> tuple[object, ...]:
+    return (
+        *("import", out, "--rate", 1000, "--joints", "joint_1,joint_2"),
+        *("--position", f"{table}:q", "--effort", f"{table}:tau", "--reference", f"{table}:ref"),
+    )
+
+
+def test_json_is_all_that_is_on_stdout(run, config, bag, table, tmp_path: Path) -> None:
+    out, simulated = tmp_path / "results", tmp_path / "simulated.mcap"
+    requests = {
+        "identification": ("identify", bag, "--config", config(), "--out", out),
+        "check": ("check", bag, "--config", config()),
+        "import": importing(table, tmp_path / "a.mcap"),
+        "simulation": ("simulate", "--config", config(), "--out", simulated, "--duration", 2),
+    }
+    for name, arguments in requests.items():
+        done = run(*arguments, "--json")
+        assert done.status == 0, done.error
+        document = json.loads(done.out)
+        assert document["format"] == f"idim_iv_ros/{name}/1"
+    written = json.loads((out / "result.json").read_text())
+    printed = json.loads(run("identify", bag, "--config", config(), "--json").out)
+    assert printed.keys() == written.keys()
+    assert printed["parameters"] == written["parameters"]
+
+
+def test_unusable_recording_is_a_document_with_status_one(run, config, record, tmp_path) -> None:
+    from tests.cli.conftest import write_arm
+
+    position = record.position.copy()
+    position[:, 1] = 0.4
+    still = write_arm(
+        tmp_path / "one.mcap", record.time, position, record.effort, record.position_reference
+    )
+    done = run("check", still, "--config", config(), "--json")
+    assert done.status == 1
+    assert json.loads(done.out)["usable"] is False
+
+
+def test_result_needs_somewhere_to_go(run, config, bag) -> None:
+    refused(run("identify", bag, "--config", config()), 2, "--out", "--json")
+
+
+def test_quiet_prints_nothing(run, config, bag, tmp_path: Path) -> None:
+    done = run("identify", bag, "--config", config(), "--out", tmp_path / "r", "--quiet")
+    assert (done.status, done.out, done.error) == (0, "", "")
+    assert (tmp_path / "r" / "report.html").is_file()
+    checked = run("check", bag, "--config", config(), "-q")
+    assert (checked.status, checked.out, checked.error) == (0, "", "")
+
+
+def test_progress_is_lines_where_stderr_is_no_terminal(capsys, monkeypatch) -> None:
+    monkeypatch.setattr(progress, "INTERVAL", 0.05)
+    import time
+
+    with progress.shown_progress() as report:
+        report("filtering", 0.25)
+        time.sleep(0.5)
+    lines = capsys.readouterr().err.splitlines()
+    assert 2 <= len(lines) <= 10
+    assert all(line.endswith(" s: filtering, 25 %") for line in lines)
+    with progress.shown_progress(quiet=True) as report:
+        report("filtering", 0.25)
+        time.sleep(0.2)
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("width", [60, 80])
+def test_tables_of_a_check_fit_the_terminal(config, bag, width: int) -> None:
+    variables = {**os.environ, "PYTHONPATH": str(REPOSITORY), "COLUMNS": str(width)}
+    done = subprocess.run(
+        [sys.executable, "-c", START, "check", bag, "--config", config()],
+        capture_output=True,
+        text=True,
+        env=variables,
+        check=True,
+    )
+    lines = [line.rstrip() for line in done.stdout.splitlines()]
+    assert max(map(len, lines[:-1])) <= width
+    assert lines[-1].startswith("Next: idim-iv identify ")  # to be pasted: not broken
+
+
+FOREIGN = {
+    "identify": ("results/report.html", "--out", "results"),
+    "simulate": ("a.mcap", "--out", "a.mcap"),
+    "excite": ("run.csv", "--out", "run"),
+    "init": ("my_arm.yaml", "--out", "my_arm.yaml"),
+    "import": ("b.mcap", "b.mcap"),
+}
+
+
+@pytest.mark.parametrize("command", FOREIGN)
+def test_no_command_replaces_what_it_did_not_write(
+    run, config, bag, table, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    """It is refused before anything is read or computed: the inputs do not even exist."""
+    place, *out = FOREIGN[command]
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / place
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("mine")
+    missing = tmp_path / "missing.npz"
+    rest: dict[str, tuple[object, ...]] = {
+        "identify": ("no.mcap", "--config", config()),
+        "simulate": ("--config", config(), "--trajectory", "no.csv"),
+        "excite": ("--config", config()),
+        "init": ("no.mcap",),
+        "import": importing(missing, Path("b.mcap"))[2:],
+    }
+    outcome = run(command, *out, *rest[command])
+    refused(outcome, 2, path.name, "--force")
+    assert path.read_text() == "mine"
+
+
+def test_edited_motion_is_kept_and_an_untouched_one_replaced(run, config, tmp_path: Path) -> None:
+    design = ("excite", "--config", config(), "--out", tmp_path / "run", "--time-limit", 0.001)
+    quick = ("--rate", 100, "--period", 6, "--harmonics", 3, "--repeats", 2)
+    assert run(*design, *quick).status == 0
+    assert run(*design, *quick).status == 0
+    with (tmp_path / "run.csv").open("a") as file:
+        file.write("\n")
+    refused(run(*design, *quick), 2, "run.csv", "--force")
+    assert run(*design, *quick, "--force").status == 0
+
+
+@pytest.mark.parametrize("out", ["missing/a.mcap", ".", f"{'a' * 300}.mcap"])
+def test_place_that_cannot_be_used_is_refused_before_the_tables_are_read(
+    run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, out: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("folder.mcap").mkdir()
+    place = Path("folder.mcap") if out == "." else Path(out)
+    outcome = run(*importing(tmp_path / "no.npz", place))
+    refused(outcome, 2, str(place))
+
+
+def test_functions_take_text_paths_and_one_or_many_bags(bag, record, tmp_path: Path) -> None:
+    import idim_iv_ros
+
+    folder = simulated_arms.CONFIG
+    configuration = idim_iv_ros.load_configuration(str(folder / "arm2.yaml"))
+    assert configuration == idim_iv_ros.load_configuration(folder / "arm2.yaml")
+    options = {"joints": configuration.robot.joints, "reference": "/joint_reference"}
+    (one,) = idim_iv_ros.read_recordings(str(bag), **options)
+    (same,) = idim_iv_ros.read_recordings([bag], **options)
+    np.testing.assert_array_equal(one.position.values, same.position.values)
+    np.save(tmp_path / "q.npy", record.position)
+    np.save(tmp_path / "tau.npy", record.effort)
+    for out in (tmp_path / "a.mcap", str(tmp_path / "b.mcap")):
+        idim_iv_ros.import_table(
+            out,
+            joints=("joint_1", "joint_2"),
+            position=tmp_path / "q.npy",
+            effort=str(tmp_path / "tau.npy"),
+            rate=1000.0,
+        )
+        assert Path(out).is_file()
+    assert idim_iv_ros.check(str(bag), configuration) == idim_iv_ros.check((bag,), configuration)
+    results = [
+        idim_iv_ros.identify(given, configuration) for given in (bag, str(bag), iter([str(bag)]))
+    ]
+    results.append(idim_iv_ros.identify_recordings(one, configuration))
+    assert len({tuple(each.value for each in result.parameters) for result in results}) == 1
+    written, _ = idim_iv_ros.write_report(results[0], str(tmp_path / "results"))
+    assert written.is_file()
+    with pytest.raises(idim_iv_ros.UsageError, match="no bag"):
+        idim_iv_ros.check([], configuration)

@@ -1,0 +1,142 @@
+"""How the command starts, and how Ctrl-C ends it at any moment."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import idim_iv_ros
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+START = "from idim_iv_ros.cli.main import main; main()"
+HEAVY = ("numpy", "scipy", "numba", "pinocchio", "plotly", "ruamel", "rosbags")
+COMMANDS = (
+    "check",
+    "diagnose",
+    "excite",
+    "identify",
+    "import",
+    "init",
+    "record",
+    "serve",
+    "simulate",
+)
+
+
+def started(*arguments: str, code: str = START, **environment: str) -> subprocess.Popen[str]:
+    """The command in a process of its own."""
+    variables = {**os.environ, "PYTHONPATH": str(REPOSITORY), "COLUMNS": "80", **environment}
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=variables,
+        # A shell that runs the tests in the background lets its children ignore SIGINT.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+
+
+def finished(*arguments: str, code: str = START, **environment: str) -> tuple[str, str]:
+    process = started(*arguments, code=code, **environment)
+    out, error = process.communicate(timeout=60)
+    assert process.returncode == 0, error
+    return out, error
+
+
+@pytest.mark.parametrize("arguments", [(), *((command,) for command in COMMANDS)])
+def test_help_loads_nothing_that_computes_or_draws(arguments: tuple[str, ...]) -> None:
+    # Recent versions of typer read the options of a command with pydantic themselves.
+    heavy = HEAVY if arguments else (*HEAVY, "pydantic")
+    code = (
+        f"import sys\ntry:\n    {START}\nexcept SystemExit:\n    pass\n"
+        f"print([name for name in {heavy} if name in sys.modules], file=sys.stderr)"
+    )
+    out, error = finished(*arguments, "--help", code=code)
+    assert "Usage" in out
+    assert error.strip() == "[]"
+
+
+def test_help_needs_less_than_a_second_of_the_processor() -> None:
+    code = (
+        f"import atexit, os, sys\n"
+        f"atexit.register(lambda: print(sum(os.times()[:2]), file=sys.stderr))\n{START}"
+    )
+    spent = min(float(finished("--help", code=code)[1]) for _ in range(3))
+    assert spent < 1.0
+
+
+def test_version_is_that_of_the_package() -> None:
+    out, _ = finished("--version")
+    assert out.strip() == f"idim-iv {idim_iv_ros.__version__}"
+    assert idim_iv_ros.__version__[0].isdigit()
+
+
+def test_shell_completes_commands_and_options() -> None:
+    def completed(words: str) -> str:
+        environment = {"COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+        return finished(_IDIM_IV_COMPLETE="complete_bash", **environment, code=code)[0]
+
+    code = f"import sys; sys.argv[0] = 'idim-iv'; {START}"
+    assert completed("idim-iv ide").split() == ["identify"]
+    assert completed("idim-iv identify --es").split() == ["--estimator"]
+
+
+# From the first imports over loading and simulation to the writing of the report.
+@pytest.mark.parametrize("seconds", [0.15, 0.4, 0.8, 1.3, 2.0, 3.0, 5.0])
+def test_ctrl_c_is_one_line_and_leaves_nothing(
+    seconds: float, bag: Path, config, tmp_path: Path
+) -> None:
+    out = tmp_path / "results"
+    process = started("identify", str(bag), "--config", str(config()), "--out", str(out))
+    time.sleep(seconds)
+    if process.poll() is not None:
+        pytest.skip("it was faster")
+    process.send_signal(signal.SIGINT)
+    printed, error = process.communicate(timeout=120)
+    lines = [line for line in error.splitlines() if " s: " not in line]  # progress
+    if process.returncode == 0:  # it ended before the signal was looked at
+        assert printed
+        return
+    assert process.returncode == 130, error
+    assert lines == ["idim-iv: interrupted"]
+    assert not out.exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["arm2.yaml"]
+
+
+def test_ctrl_c_is_not_lost_in_code_that_swallows_every_exception() -> None:
+    code = (
+        "import os, signal\n"
+        "from idim_iv_ros.interruption import interruption_ends_process\n"
+        "with interruption_ends_process():\n"
+        "    try:\n        os.kill(os.getpid(), signal.SIGINT)\n        [0] * 10\n"
+        "    except BaseException:\n        pass\n"
+        "print('went on')"
+    )
+    process = started(code=code)
+    out, error = process.communicate(timeout=60)
+    assert (process.returncode, out, error) == (130, "", "idim-iv: interrupted\n")
+
+
+def test_files_that_belong_together_are_not_parted_by_ctrl_c(tmp_path: Path) -> None:
+    """The signal comes between the two renames."""
+    code = (
+        "import os, signal, sys\nfrom pathlib import Path\n"
+        "from idim_iv_ros.atomic_files import write_together\n"
+        "from idim_iv_ros.interruption import interruption_ends_process\n"
+        "folder, replace = Path(sys.argv[1]), Path.replace\n"
+        "def interrupted(path, other):\n"
+        "    os.kill(os.getpid(), signal.SIGINT)\n    return replace(path, other)\n"
+        "Path.replace = interrupted\n"
+        "with interruption_ends_process():\n"
+        "    write_together({folder / 'a': '1', folder / 'b': '2'})\n"
+        "print('went on')"
+    )
+    process = started(str(tmp_path), code=code)
+    out, error = process.communicate(timeout=60)
+    assert (process.returncode, out, error) == (130, "", "idim-iv: interrupted\n")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]

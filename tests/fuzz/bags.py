@@ -1,0 +1,451 @@
+"""Bags that are torn, flipped, or hold what no driver should send."""
+
+import shutil
+import struct
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from mcap.writer import CompressionType
+
+from tests.fuzz import messages
+from tests.fuzz.case import CONFIG, JOINTS, Case, Good, command, random_of, write_configuration
+from tests.fuzz.messages import REFERENCE, STATE_TYPE, STATES, Raw, State
+
+_MAGIC = 8  # bytes of MCAP's first mark
+_RECORDS = {1: "header", 3: "schema", 4: "channel", 6: "chunk", 7: "index", 8: "chunkindex",
+            11: "statistics", 14: "offsets", 15: "dataend", 2: "footer"}  # fmt: skip
+_COMMANDS = ("check", "check", "check", "check", "check", "check", "identify", "check")
+
+
+def cases(seed: int) -> Iterator[Case]:
+    """Damaged bytes first, then damaged contents."""
+    yield from _torn(seed)
+    yield from _flipped(seed)
+    yield from _databases(seed)
+    for number, (name, change) in enumerate({**_CONTENTS, **_STAMPS, **_VALUES}.items()):
+        yield _content_case(f"content-{name}", change, seed, _COMMANDS[number % len(_COMMANDS)])
+    for name in ("huge-efforts", "tiny-efforts", "one-spike", "constant", "wrap"):
+        for heavy in ("identify", "diagnose"):
+            yield _content_case(f"{heavy}-{name}", _VALUES[name], seed, heavy)
+    yield from _schemas()
+    yield from _folders(seed)
+
+
+def _torn(seed: int) -> Iterator[Case]:
+    for number in range(16):
+        name = f"torn-mcap-{number}"
+        storage = ("mcap", "db3")[number % 4 == 3]
+
+        def build(folder: Path, good: Good, name=name, storage=storage) -> list[str]:
+            random = random_of(seed, name)
+            content = _content(folder, good, storage)
+            share = random.choice([random.uniform(), random.uniform(0.9, 1.0), 1e-3])
+            path = folder / f"torn.{storage}"
+            path.write_bytes(content[: int(share * len(content))])
+            return command(_COMMANDS[int(random.integers(8))], folder, [path])
+
+        yield Case(name.replace("mcap", storage), build)
+
+
+def _flipped(seed: int) -> Iterator[Case]:
+    for kind in (*_RECORDS.values(), "anywhere", "lengths"):
+        for number in range(3):
+            name = f"flipped-{kind}-{number}"
+
+            def build(folder: Path, good: Good, name=name, kind=kind, number=number) -> list[str]:
+                random = random_of(seed, name)
+                content = bytearray(good.bag.read_bytes())
+                if number == 2:
+                    plain = messages.raw(messages.states(good))
+                    file = folder / "plain.mcap"
+                    compression = (CompressionType.NONE, CompressionType.LZ4)[seed % 2]
+                    messages.write_mcap(file, plain, compression=compression)
+                    content = bytearray(file.read_bytes())
+                    file.unlink()
+                for place in _places(content, kind, random, count=1 + number * 4):
+                    content[place] ^= 1 << int(random.integers(8))
+                path = folder / "flipped.mcap"
+                path.write_bytes(content)
+                return command(_COMMANDS[int(random.integers(8))], folder, [path])
+
+            yield Case(name, build)
+
+
+def _places(content: bytes, kind: str, random: np.random.Generator, count: int) -> list[int]:
+    """Bytes in a record of this kind; ``lengths`` are those of the lengths of all records."""
+    records = []
+    place = _MAGIC
+    while place + 9 <= len(content) - _MAGIC:
+        size = struct.unpack_from("<Q", content, place + 1)[0]
+        records.append((content[place], place, 9 + size))
+        place += 9 + size
+    if kind == "anywhere":
+        return [int(p) for p in random.integers(0, len(content), 5 * count)]
+    if kind == "lengths":
+        chosen = [records[int(k)] for k in random.integers(0, len(records), count)]
+        return [start + 1 + int(random.integers(8)) for _, start, _ in chosen]
+    fitting = [each for each in records if _RECORDS.get(each[0]) == kind] or records
+    chosen = [fitting[int(k)] for k in random.integers(0, len(fitting), count)]
+    # The fields of a chunk are before its compressed messages.
+    return [start + int(random.integers(min(size, 80))) for _, start, size in chosen]
+
+
+def _content(folder: Path, good: Good, storage: str) -> bytes:
+    if storage == "mcap":
+        return good.bag.read_bytes()
+    path = messages.write_db3(folder / "whole.db3", messages.raw(messages.states(good)))
+    content = path.read_bytes()
+    path.unlink()
+    return content
+
+
+_CELLS = ("NULL", "'text'", "-1", "1.5", "9223372036854775807", "x'00'", "zeroblob(2000000)", "''")
+_SQL = {
+    "recursive-view": (
+        "DROP TABLE messages",
+        "CREATE VIEW messages AS WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) "
+        "SELECT x AS id, 1 AS topic_id, x AS timestamp, zeroblob(100) AS data FROM n",
+    ),
+    "recursive-topics": (
+        "DROP TABLE topics",
+        "CREATE VIEW topics AS WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) "
+        "SELECT x AS id, 'a' || x AS name, 'sensor_msgs/msg/JointState' AS type, "
+        "'cdr' AS serialization_format FROM n",
+    ),
+    "generated-column": (
+        "ALTER TABLE messages RENAME TO old",
+        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, "
+        "raw BLOB, data BLOB AS (zeroblob(100000000)))",
+        "INSERT INTO messages(topic_id, timestamp, raw) SELECT topic_id, timestamp, data FROM old",
+    ),
+    "no-topics": ("DROP TABLE topics",),
+    "no-messages": ("DROP TABLE messages",),
+    "no-rows": ("DELETE FROM messages",),
+    "no-column": ("ALTER TABLE messages RENAME COLUMN data TO payload",),
+    "unknown-topic": ("UPDATE messages SET topic_id = 77",),
+    "same-topic-twice": ("INSERT INTO topics SELECT id + 10, name, type, 'cdr', '' FROM topics",),
+    "binary-name": ("UPDATE topics SET name = x'ff00fe'",),
+    "null-type": ("ALTER TABLE topics RENAME TO t", "CREATE TABLE topics AS SELECT id, name, "
+                  "NULL AS type, serialization_format FROM t"),
+}  # fmt: skip
+
+
+def _databases(seed: int) -> Iterator[Case]:
+    for column in ("timestamp", "data", "topic_id"):
+        for number, cell in enumerate(_CELLS):
+            where = ("", "WHERE id % 50 = 7", "WHERE id < 20")[2 if "zero" in cell else number % 2]
+            statement = f"UPDATE messages SET {column} = {cell} {where}"
+            yield _database_case(f"db3-{column}-{cell.strip(chr(39))[:8]}", (statement,))
+    for name, statements in _SQL.items():
+        yield _database_case(f"db3-{name}", statements)
+    for number in range(4):
+        name = f"db3-flipped-{number}"
+
+        def build(folder: Path, good: Good, name=name, number=number) -> list[str]:
+            random = random_of(seed, name)
+            content = bytearray(_content(folder, good, "db3"))
+            top = (100, 4096, len(content), len(content))[number]
+            for place in random.integers(0, top, 20):
+                content[int(place)] = int(random.integers(256))
+            (folder / "flipped.db3").write_bytes(content)
+            return command("check", folder, [folder / "flipped.db3"])
+
+        yield Case(name, build)
+
+
+def _database_case(name: str, statements: tuple[str, ...]) -> Case:
+    def build(folder: Path, good: Good) -> list[str]:
+        raw = messages.raw(messages.states(good))
+        return command("check", folder, [messages.write_db3(folder / "b.db3", raw, *statements)])
+
+    return Case(name, build)
+
+
+Change = Callable[[list[State], np.random.Generator], list[State]]
+
+
+def _content_case(name: str, change: Change, seed: int, what: str) -> Case:
+    def build(folder: Path, good: Good) -> list[str]:
+        changed = change(messages.states(good), random_of(seed, name))
+        path = messages.write_mcap(folder / "bag.mcap", messages.raw(changed))
+        return command(what, folder, [path])
+
+    return Case(name, build)
+
+
+def _each(change: Callable[[State, int, np.random.Generator], object]) -> Change:
+    """Change every message in its place; the function gets its number."""
+
+    def apply(all_states: list[State], random: np.random.Generator) -> list[State]:
+        for number, state in enumerate(all_states):
+            change(state, number, random)
+        return all_states
+
+    return apply
+
+
+def _set(**values: object) -> Change:
+    return _each(lambda state, _, __: [setattr(state, k, v) for k, v in values.items()])
+
+
+def _sometimes(change: Callable[[State, np.random.Generator], object]) -> Change:
+    return _each(lambda s, _, random: change(s, random) if random.uniform() < 0.1 else None)
+
+
+def _swap(state: State, random: np.random.Generator) -> None:
+    state.names = state.names[::-1]
+    state.position = state.position[::-1]
+    state.effort = state.effort[::-1]
+
+
+_CONTENTS: dict[str, Change] = {
+    "permuted": _sometimes(_swap),
+    "names-alone-permuted": _set(names=JOINTS[::-1]),
+    "doubled-name": _set(names=("joint_1", "joint_1")),
+    "third-joint": _each(
+        lambda s, _, __: [setattr(s, "names", (*JOINTS, "joint_1")),
+                          setattr(s, "position", np.append(s.position, 1.0)),
+                          setattr(s, "effort", np.append(s.effort, 1.0)) if len(s.effort) else 0]
+    ),
+    "namespace": _set(names=("/left/joint_1", "/left/joint_2")),
+    "prefix": _set(names=("left_joint_1", "left_joint_2")),
+    "no-names": _set(names=()),
+    "empty-names": _set(names=("", "")),
+    "markup-names": _set(names=("[bold]joint_1", "[/]")),
+    "line-breaks-in-names": _set(names=("joint_1\nsecond line", "\x1b[31mjoint_2\x1b[2J")),
+    "long-names": _set(names=("j" * 20_000, "joint_2")),
+    "many-names": _set(names=tuple(f"joint_{k}" for k in range(300))),
+    "short-effort": _sometimes(lambda s, _: setattr(s, "effort", s.effort[:1])),
+    "long-effort": _set(effort=np.ones(5)),
+    "short-position": _set(position=np.zeros(1)),
+    "no-position": _set(position=np.zeros(0)),
+    "no-effort": _set(effort=np.zeros(0)),
+    "velocity-of-other-length": _set(velocity=(1.0, 2.0, 3.0)),
+    "other-names-now-and-then": _sometimes(lambda s, _: setattr(s, "names", ("a", "b"))),
+    "empty-messages": _set(names=(), position=np.zeros(0), effort=np.zeros(0)),
+    "no-reference": lambda states, _: [s for s in states if s.topic == STATES],
+    "reference-alone": lambda states, _: [s for s in states if s.topic == REFERENCE],
+    "one-message": lambda states, _: states[:2],
+    "three-messages": lambda states, _: states[:6],
+    "nineteen-messages": lambda states, _: states[:38],
+    "thirty-messages": lambda states, _: states[:60],
+    "no-messages": lambda states, _: [],
+}  # fmt: skip
+
+
+def _stamps(function: Callable[[float, int], float]) -> Change:
+    return _each(lambda s, number, _: setattr(s, "stamp", function(s.stamp, number)))
+
+
+_STAMPS: dict[str, Change] = {
+    "zero-stamps": _stamps(lambda t, k: 0.0),
+    "same-stamp-everywhere": _each(lambda s, _, __: [setattr(s, "stamp", 7.0),
+                                                      setattr(s, "arrival", 7.0)]),
+    "backward": _stamps(lambda t, k: 10.0 - t),
+    "back-and-forth": _stamps(lambda t, k: t if k % 2 else 4.0 - t),
+    "one-far-ahead": _stamps(lambda t, k: 2e9 if k == 300 else t),
+    "last-far-ahead": _stamps(lambda t, k: 2.1e9 if k == 1601 else t),
+    "simulated-then-epoch": _stamps(lambda t, k: t + 1.7e9 * (k > 800)),
+    "epoch-then-simulated": _stamps(lambda t, k: t + 1.7e9 * (k < 800)),
+    "hole-of-a-day": _stamps(lambda t, k: t + 86_400.0 * (k > 800)),
+    "hole-of-an-hour": _stamps(lambda t, k: t + 3600.0 * (k > 800)),
+    "negative": _stamps(lambda t, k: t - 100.0),
+    "most-negative": _stamps(lambda t, k: -(2.0**31) if k % 2 else t),
+    "nanosecond-apart": _stamps(lambda t, k: 1.0 + 1e-9 * (k // 2)),
+    "a-day-apart": _stamps(lambda t, k: 86_400.0 * (k // 2)),
+    "years-apart": _stamps(lambda t, k: 2.5e6 * (k // 2)),
+    "ever-slower": _stamps(lambda t, k: 1.01 ** (k // 2)),
+    "in-pairs": _stamps(lambda t, k: 0.01 * (k // 4)),
+    "reference-a-year-ago": _each(
+        lambda s, _, __: setattr(s, "stamp", s.stamp - 3e7 * (s.topic == REFERENCE) + 4e7)
+    ),
+    "arrival-zero": _each(lambda s, _, __: setattr(s, "arrival", 0.0)),
+    "arrival-huge": _each(lambda s, k, __: setattr(s, "arrival", 9.2e9)),
+    "arrival-backward": _each(lambda s, k, __: setattr(s, "arrival", 9.0 - s.stamp)),
+    "shuffled": lambda states, random: [states[k] for k in random.permutation(len(states))],
+    "twice": lambda states, _: [*states, *states],
+    "every-message-twice": lambda states, _: [s for s in states for _ in range(2)],
+}  # fmt: skip
+
+
+def _values(position: Callable | None = None, effort: Callable | None = None) -> Change:
+    def change(state: State, number: int, random: np.random.Generator) -> None:
+        if position is not None:
+            state.position = np.asarray(position(state.position, number), dtype=float)
+        if effort is not None and len(state.effort):
+            state.effort = np.asarray(effort(state.effort, number), dtype=float)
+
+    return _each(change)
+
+
+_REFERENCE_FACTOR = {STATES: 1.0, REFERENCE: np.nan}
+_VALUES: dict[str, Change] = {
+    "huge-efforts": _values(effort=lambda v, k: v * 1e300),
+    "large-efforts": _values(effort=lambda v, k: v * 1e150),
+    "tiny-efforts": _values(effort=lambda v, k: v * 1e-300),
+    "subnormal-efforts": _values(effort=lambda v, k: v * 1e-320),
+    "one-joint-huge": _values(effort=lambda v, k: v * [1e300, 1.0]),
+    "one-joint-tiny": _values(effort=lambda v, k: v * [1.0, 1e-300]),
+    "huge-positions": _values(lambda v, k: v * 1e300),
+    "large-positions": _values(lambda v, k: v * 1e8),
+    "tiny-positions": _values(lambda v, k: v * 1e-300),
+    "infinite-positions": _values(lambda v, k: v * np.inf),
+    "one-infinite-position": _values(lambda v, k: v + (np.inf if k == 500 else 0.0)),
+    "one-spike": _values(lambda v, k: v + 1e9 * (k == 500)),
+    "one-spike-of-effort": _values(effort=lambda v, k: v + 1e200 * (k == 500)),
+    "nan-now-and-then": _values(lambda v, k: v * (np.nan if k % 7 == 0 else 1.0)),
+    "nan-effort": _values(effort=lambda v, k: v * [np.nan, 1.0]),
+    "mostly-nan": _values(effort=lambda v, k: v * (1.0 if k % 200 == 0 else np.nan)),
+    "infinite-effort": _values(effort=lambda v, k: v * np.inf),
+    "signs": _values(effort=lambda v, k: v * (-1) ** (k // 2)),
+    "constant": _values(lambda v, k: 0.0 * v + 0.3),
+    "steps": _values(lambda v, k: np.round(v)),
+    "wrap": _values(lambda v, k: (3.0 * v + np.pi) % (2 * np.pi) - np.pi),
+    "same-joints": _values(lambda v, k: v[[0, 0]], lambda v, k: v[[0, 0]]),
+    "constant-effort": _values(effort=lambda v, k: 0.0 * v + 5.0),
+    "huge-reference": _each(
+        lambda s, _, __: setattr(s, "position", s.position * (1e300 if s.topic == REFERENCE else 1))
+    ),
+    "nan-reference": _each(
+        lambda s, _, __: setattr(s, "position", s.position * _REFERENCE_FACTOR[s.topic])
+    ),
+}  # fmt: skip
+
+_SCHEMAS = {
+    "other-type": ("std_msgs/msg/String", "ros2msg", b"string data"),
+    "other-definition": (STATE_TYPE, "ros2msg", b"float32 a\nint8[] b"),
+    "definition-without-end": (STATE_TYPE, "ros2msg", b"float64[" * 2000),
+    "no-definition": (STATE_TYPE, "ros2msg", b""),
+    "definition-not-text": (STATE_TYPE, "ros2msg", bytes(range(256)) * 8),
+    "idl": (STATE_TYPE, "ros2idl", b"module a { };"),
+    "json": (STATE_TYPE, "jsonschema", b"{}"),
+    "ros1-type": ("sensor_msgs/JointState", "ros1msg", b""),
+    "float-array": ("std_msgs/msg/Float64MultiArray", "ros2msg", b""),
+    "unknown-type": ("[red]x/msg/Y", "ros2msg", b"int8 a"),
+    "no-schema": ("", "", b""),
+}
+
+
+def _schemas() -> Iterator[Case]:
+    for name, schema in _SCHEMAS.items():
+
+        def build(folder: Path, good: Good, schema=schema) -> list[str]:
+            raw = messages.raw(messages.states(good))
+            path = messages.write_mcap(folder / "bag.mcap", raw, schema=schema)
+            return command("check", folder, [path])
+
+        yield Case(f"schema-{name}", build)
+    for encoding in ("json", "ros1", ""):
+
+        def other(folder: Path, good: Good, encoding=encoding) -> list[str]:
+            raw = messages.raw(messages.states(good))
+            path = messages.write_mcap(folder / "bag.mcap", raw, encoding=encoding)
+            return command("check", folder, [path])
+
+        yield Case(f"encoding-{encoding or 'none'}", other)
+    for name, change in _PAYLOADS.items():
+
+        def payload(folder: Path, good: Good, change=change) -> list[str]:
+            raw = [
+                Raw(each.topic, each.arrival, change(each.payload, k), each.kind)
+                for k, each in enumerate(messages.raw(messages.states(good)))
+            ]
+            return command("check", folder, [messages.write_mcap(folder / "bag.mcap", raw)])
+
+        yield Case(f"payload-{name}", payload)
+    yield Case("description-bomb", lambda f, g: _described(f, g, _BOMB))
+    yield Case("description-empty", lambda f, g: _described(f, g, ""))
+    yield Case("description-not-xml", lambda f, g: _described(f, g, "\x00{}[bold]"))
+    whole = (CONFIG / "arm2.urdf").read_text()
+    yield Case("description-half", lambda f, g: _described(f, g, whole[:900]), refused=True)
+
+
+_BOMB = (
+    '<?xml version="1.0"?><!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">'
+    + "".join(f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in pairwise("abcdefghi"))
+    + ']><robot name="&i;"/>'
+)  # fmt: skip
+
+_PAYLOADS: dict[str, Callable[[bytes, int], bytes]] = {
+    "empty": lambda data, k: b"",
+    "four-bytes": lambda data, k: data[:4],
+    "half": lambda data, k: data[: len(data) // 2],
+    "big-endian": lambda data, k: b"\x00\x00\x00\x00" + data[4:],
+    "parameter-list": lambda data, k: b"\x00\x03\x00\x00" + data[4:],
+    "xcdr2": lambda data, k: b"\x00\x07\x00\x00" + data[4:],
+    "claims-4e9-names": lambda data, k: data[:20] + b"\xff\xff\xff\xff" + data[24:],
+    "claims-4e9-bytes": lambda data, k: data[:12] + b"\xff\xff\xff\xff" + data[16:],
+    "now-and-then-half": lambda data, k: data[: len(data) // (1 + (k % 9 == 0))],
+    "noise": lambda data, k: np.random.default_rng(k).bytes(len(data)),
+    "zeros": lambda data, k: bytes(len(data)),
+    "ones": lambda data, k: b"\xff" * len(data),
+    "names-not-text": lambda data, k: data.replace(b"joint_1", b"\xff\xfe\x00\xc3\x28\xf0\x9f"),
+    "with-a-tail": lambda data, k: data + bytes(1000 * (k % 3)),
+}
+
+
+def _described(folder: Path, good: Good, text: str) -> list[str]:
+    """A bag whose /robot_description is the only URDF there is."""
+    raw = [messages.text_message(text), *messages.raw(messages.states(good))]
+    path = messages.write_mcap(folder / "bag.mcap", raw)
+    return command("check", folder, [path], write_configuration(folder, urdf=None))
+
+
+_METADATA = {
+    "empty": "",
+    "not-yaml": "rosbag2_bagfile_information: [",
+    "nested": "[" * 5000,
+    "a-list": "[1, 2, 3]",
+    "anchors": "a: &a [x, x]\nb: &b [*a, *a]\nrosbag2_bagfile_information: *b\n",
+    "other-keys": "rosbag2_bagfile_information: {version: 5}",
+    "paths-as-number": "rosbag2_bagfile_information: {relative_file_paths: 3, files: [4]}",
+    "path-outside": "rosbag2_bagfile_information: {relative_file_paths: [../../../etc/passwd]}",
+    "missing-file": "rosbag2_bagfile_information: {relative_file_paths: [none.mcap]}",
+    "same-file-twice": "rosbag2_bagfile_information: {relative_file_paths: [b.mcap, b.mcap]}",
+    "folder-as-file": "rosbag2_bagfile_information: {relative_file_paths: [sub]}",
+    "compressed": (
+        "rosbag2_bagfile_information: {compression_format: zstd, compression_mode: file, "
+        "relative_file_paths: [b.mcap.zstd]}"
+    ),
+    "not-text": "\udcff\udcfe\udc80",
+    "dates": "2020-01-01: 2020-01-02\nrosbag2_bagfile_information: 2020-01-01",
+}
+
+
+def _folders(seed: int) -> Iterator[Case]:
+    for name, text in _METADATA.items():
+
+        def build(folder: Path, good: Good, text=text) -> list[str]:
+            bag = folder / "bag"
+            (bag / "sub").mkdir(parents=True)
+            shutil.copy(good.bag, bag / "b.mcap")
+            (bag / "metadata.yaml").write_bytes(text.encode("utf-8", "surrogateescape"))
+            return command("check", folder, [bag])
+
+        yield Case(f"metadata-{name}", build)
+
+    def empty(folder: Path, good: Good) -> list[str]:
+        (folder / "bag").mkdir()
+        return command("check", folder, [folder / "bag"])
+
+    def both(folder: Path, good: Good) -> list[str]:
+        (folder / "bag").mkdir()
+        shutil.copy(good.bag, folder / "bag" / "b.mcap")
+        messages.write_db3(folder / "bag" / "b.db3", messages.raw(messages.states(good)))
+        return command("check", folder, [folder / "bag"])
+
+    def twice(folder: Path, good: Good) -> list[str]:
+        return command("identify", folder, [good.bag, good.bag])
+
+    def many(folder: Path, good: Good) -> list[str]:
+        (folder / "bag").mkdir()
+        for number in range(40):
+            (folder / "bag" / f"b_{number}.mcap").write_bytes(good.bag.read_bytes()[: 500 * number])
+        return command("check", folder, [folder / "bag"])
+
+    yield Case("folder-empty", empty, refused=True)
+    yield Case("folder-of-both-kinds", both)
+    yield Case("folder-of-pieces", many)
+    yield Case("same-bag-twice", twice, refused=True)

@@ -1,0 +1,142 @@
+"""Every key of the configuration with what it must not hold; the keys are those of the model."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+from pydantic import BaseModel
+
+from idim_iv_ros.configuration import Configuration
+from tests.fuzz.case import (
+    Case,
+    Good,
+    Yaml,
+    command,
+    configuration,
+    random_of,
+    simulation,
+    write_configuration,
+)
+
+_VALUES = {
+    "nothing": "null",
+    "nan": ".nan",
+    "infinite": ".inf",
+    "minus-infinite": "-.inf",
+    "zero": "0",
+    "minus-one": "-1",
+    "minus-ones": "[-1.0, -1.0]",
+    "zeros": "[0, 0]",
+    "tiny": "1.0e-300",
+    "huge": "1.0e+300",
+    "million": "1000000",
+    "huge-integer": "1" + "0" * 400,
+    "too-many-digits": "1" * 5000,
+    "tinies": "[1.0e-300, 1.0e-300]",
+    "huges": "[1.0e+300, -1.0e+300]",
+    "largest": "[1.7976931348623157e+308, 1.7976931348623157e+308]",
+    "nans": "[.nan, .nan]",
+    "one": "[1.0]",
+    "three": "[1.0, 2.0, 3.0]",
+    "matrix": "[[0, 0], [0, 0]]",
+    "huge-matrix": "[[1.0e+300, 0], [1.0e-300, 1.0e+300]]",
+    "ragged": "[[1.0], [1.0, 2.0]]",
+    "empty-list": "[]",
+    "nested": "[[[[]]]]",
+    "text": "text",
+    "texts": "[joint_1, joint_1]",
+    "empty-text": "''",
+    "long-text": "x" * 3000,
+    "markup": "'[bold]/[/]'",
+    "line-break": '"a\\nb\\e[2J"',
+    "mapping": "{a: 1}",
+    "mapping-of-nan": "{YY1: .nan}",
+    "mapping-of-huge": "{YY1: 1.0e+300, MX1: -1.0e+300}",
+    "negative-inertia": "{YY1: -5.0, YY2: -5.0}",
+    "yes": "true",
+    "date": "2020-01-01",
+    "binary": "!!binary AAAA",
+    "set": "!!set {a, b}",
+    "python": "!!python/object/apply:os.system [id]",
+    "sexagesimal": "1:30:00",
+    "many": "[" + ", ".join(["1.0"] * 2000) + "]",
+}
+_DRAWN = 4  # values for each key and seed
+_WITH_SIMULATION = ("simulator", "simulated_robot", "controller")
+_WITH_IDENTIFICATION = ("identification",)
+
+
+def keys(model: type[BaseModel] = Configuration, before: tuple[str, ...] = ()) -> list[tuple]:
+    """Paths of all keys, sections too; `source` is no key of the file."""
+    found = []
+    for name, field in model.model_fields.items():
+        if field.exclude:
+            continue
+        found.append((*before, name))
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            found += keys(field.annotation, (*before, name))
+    return found
+
+
+def cases(seed: int) -> Iterator[Case]:
+    """Draw values for each key; every seed draws others."""
+    for key in keys():
+        random = random_of(seed, ".".join(key))
+        for name in random.choice(list(_VALUES), size=_DRAWN, replace=False):
+            yield _value_case(key, str(name), int(random.integers(8)))
+    for name, text in _TEXTS.items():
+        yield Case(f"yaml-{name}", lambda folder, good, text=text: _text(folder, good, text))
+
+
+def _value_case(key: tuple[str, ...], name: str, draw: int) -> Case:
+    def build(folder: Path, good: Good) -> list[str]:
+        document = configuration()
+        place = document
+        for part in key[:-1]:
+            place = place.setdefault(part, {})
+        place[key[-1]] = Yaml(_VALUES[name])
+        path = write_configuration(folder, document)
+        if key[0] in _WITH_SIMULATION and draw % 4:
+            return simulation(folder, path)
+        heavy = key[0] in _WITH_IDENTIFICATION or draw in (0, 1)
+        return command("identify" if heavy else "check", folder, [good.bag], path)
+
+    return Case(f"key-{'.'.join(key)}-{name}", build)
+
+
+def _text(folder: Path, good: Good, text: str) -> list[str]:
+    path = folder / "robot.yaml"
+    path.write_bytes(text.encode("utf-8", "surrogateescape"))
+    return command("check", folder, [good.bag], path)
+
+
+_TEXTS = {
+    "empty": "",
+    "brackets": "[" * 5000,
+    "braces": "{" * 5000,
+    "dashes": "- " * 3000,
+    "questions": "? " * 3000,
+    "tags": "!!map " * 3000,
+    "nested-blocks": "".join(" " * k + "a:\n" for k in range(1500)),
+    "aliases": "a: &a [1,1,1,1,1,1,1,1,1,1]\n"
+    + "".join(f"{b}: &{b} [{','.join(['*' + a] * 10)}]\n" for a, b in pairwise("abcdefghi"))
+    + "robot: *i\n",
+    "self-alias": "&a {robot: *a}",
+    "list-of-itself": "robot: {joints: &a [*a, *a]}",
+    "unknown-alias": "robot: *x",
+    "merge": "robot: {<<: [1, 2]}",
+    "merge-itself": "robot: &r {<<: *r}",
+    "not-text": "\udcff\udcfe",
+    "null-byte": "robot: \x00",
+    "control": "robot: {joints: ['\x07']}",
+    "byte-order": "\ufeff\ufeffrobot: {}",
+    "tabs": "robot:\n\t joints: []",
+    "two-documents": "robot: {joints: [a]}\n---\nrobot: {joints: [b]}",
+    "same-key-twice": "robot: {joints: [a]}\nrobot: {joints: [b]}",
+    "number": "3",
+    "directive": "%YAML 9.9\n---\na: b",
+    "object": "!!python/object/apply:os.system ['true']",
+    "keys-not-text": "{1: 2, null: 3, [1, 2]: 4}",
+    "mapping-as-key": "? {a: 1}\n: b\n",
+    "million-keys": "{" + ",".join(f"k{n}: {n}" for n in range(20_000)) + "}",
+}  # fmt: skip

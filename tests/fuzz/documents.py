@@ -1,0 +1,174 @@
+"""Diagnoses for `simulate --effects`, and trajectories."""
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from idim_iv_ros.gap.catalogue import EFFECTS
+from idim_iv_ros.simulation.effects import PARAMETERS
+from tests.fuzz.case import Case, Good, Yaml, random_of, simulation, spelt, write_configuration
+
+_NUMBERS = ("0", "-1", "1e300", "-1e300", "1e-300", "NaN", "Infinity", "1" + "0" * 400, "null",
+            '"1"', "true", "[]", "{}", "0.5", "1e10")  # fmt: skip
+
+
+def cases(seed: int) -> Iterator[Case]:
+    """Whole documents, then each effect of the catalogue with numbers it cannot have."""
+    for name, text in _DOCUMENTS.items():
+        yield _document_case(f"gap-{name}", lambda good, text=text: text)
+    for effect in EFFECTS:
+        for number in range(2):
+            yield _effect_case(f"effect-{effect}-{number}", effect, seed)
+    for name, text in _TRAJECTORIES.items():
+        yield _trajectory_case(f"trajectory-{name}", text)
+    for number in range(4):
+        name = f"trajectory-flipped-{number}"
+        yield _trajectory_case(name, _flipped(random_of(seed, name)))
+
+
+def _document_case(name: str, text: Callable[[Good], str]) -> Case:
+    def build(folder: Path, good: Good) -> list[str]:
+        path = folder / "gap.json"
+        path.write_bytes(text(good).encode("utf-8", "surrogateescape"))
+        return [*simulation(folder), "--effects", str(path)]
+
+    return Case(name, build)
+
+
+def _effect_case(name: str, effect: str, seed: int) -> Case:
+    def text(good: Good) -> str:
+        random = random_of(seed, name)
+        names = [each.replace("_k", "_1") for each in PARAMETERS.get(effect, ("a",))]
+        wrong = random.choice(names)
+        entries = {
+            each: {"value": Yaml(str(random.choice(_NUMBERS)) if each == wrong else "0.5")}
+            for each in names
+        }
+        cause = {
+            "effect": effect,
+            "joint": str(random.choice(["joint_1", "joint_2"])),
+            "other_joint": random.choice([None, "joint_1", "joint_2"]),
+            "parameters": entries,
+        }
+        return spelt(_gap([cause]))
+
+    return _document_case(name, text)
+
+
+def _gap(causes: Any, parameters: Any = None) -> dict[str, Any]:
+    return {
+        "format": "idim_iv_ros/gap/1",
+        "causes": causes,
+        "extended_parameters": {} if parameters is None else parameters,
+    }
+
+
+def _one(**values: Any) -> str:
+    cause = {"effect": "stribeck", "joint": "joint_1", "parameters": {}}
+    return spelt(_gap([{**cause, **values}]))
+
+
+_DOCUMENTS = {
+    "empty": "",
+    "not-json": "{",
+    "list": "[]",
+    "null": "null",
+    "number": "1e999",
+    "not-text": "\udcff\udcfe",
+    "nested": "[" * 100_000,
+    "nested-objects": '{"a":' * 100_000,
+    "huge-integer": '{"format": ' + "1" * 10_000 + "}",
+    "other-format": '{"format": "idim_iv_ros/gap/2", "causes": []}',
+    "result-json": '{"format": "idim_iv_ros/identification/1", "parameters": []}',
+    "format-as-list": '{"format": ["idim_iv_ros/gap/1"]}',
+    "no-causes": '{"format": "idim_iv_ros/gap/1"}',
+    "causes-mapping": spelt(_gap({})),
+    "causes-numbers": spelt(_gap([1, 2])),
+    "no-parameters": '{"format": "idim_iv_ros/gap/1", "causes": []}',
+    "parameters-list": spelt(_gap([], [1])),
+    "unknown-parameter": spelt(_gap([], {"[bold]X": {"value": 1}})),
+    "huge-parameter": spelt(_gap([], {"YY1": {"value": 1e308}})),
+    "huge-integer-parameter": spelt(_gap([], {"YY1": {"value": Yaml("1" + "0" * 400)}})),
+    "nan-parameter": spelt(_gap([], {"YY1": {"value": Yaml("NaN")}})),
+    "overflowing-parameter": spelt(_gap([], {"YY1": {"value": Yaml("1e999")}})),
+    "negative-inertia": spelt(_gap([], {"YY1": {"value": -9}, "YY2": {"value": -9}})),
+    "zero-inertia": spelt(_gap([], {name: {"value": 0} for name in ("YY2", "Ia2", "MX2")})),
+    "negative-friction": spelt(_gap([], {"Fc1": {"value": -50}, "Fv1": {"value": -500}})),
+    "huge-friction": spelt(_gap([], {"Fc1": {"value": 1e200}, "Fv1": {"value": 1e200}})),
+    "text-value": spelt(_gap([], {"YY1": {"value": "1"}})),
+    "no-value": spelt(_gap([], {"YY1": {}})),
+    "effect-unknown": _one(effect="[red]magic"),
+    "effect-number": _one(effect=3),
+    "effect-missing": _one(effect=None),
+    "joint-unknown": _one(joint="none"),
+    "joint-missing": _one(joint=None),
+    "joint-list": _one(joint=["joint_1"]),
+    "parameters-of-another": _one(parameters={"stiffness": {"value": 1}}),
+    "many-causes": spelt(_gap([json.loads(_one())["causes"][0]] * 2000)),
+}  # fmt: skip
+
+
+def _motion(
+    time: Any = None, first: Any = None, second: Any = None, names: Any = ("joint_1", "joint_2")
+) -> str:
+    stamps = np.arange(201) / 200.0 if time is None else time
+    wave = 0.1 * np.sin(6.0 * np.arange(len(stamps)) / 200.0)
+    columns = [stamps, wave if first is None else first, wave if second is None else second]
+    headings = ["time", *(f"{name}.position" for name in names)]
+    rows = zip(*columns[: len(headings)], strict=True)
+    return "\n".join([",".join(headings), *(",".join(map(str, row)) for row in rows)]) + "\n"
+
+
+_STEPS = np.arange(201) / 200.0
+_TRAJECTORIES = {
+    "empty": "",
+    "header-alone": "time,joint_1.position,joint_2.position\n",
+    "two-samples": "\n".join(_motion().splitlines()[:3]),
+    "three-samples": "\n".join(_motion().splitlines()[:4]),
+    "six-samples": "\n".join(_motion().splitlines()[:7]),
+    "no-time": _motion().replace("time", "t", 1),
+    "other-joints": _motion(names=("a", "b")),
+    "one-joint": _motion(names=("joint_1",)),
+    "same-joint": _motion(names=("joint_1", "joint_1")),
+    "nan": _motion().replace("0.0,0.0", "0.0,nan", 1),
+    "text": _motion().replace("0.0,0.0", "0.0,x", 1),
+    "huge-integer": _motion().replace("0.0,0.0", "0.0," + "1" * 6000, 1),
+    "backward": _motion(time=1.0 - _STEPS),
+    "constant-time": _motion(time=0.0 * _STEPS),
+    "tiny-steps": _motion(time=_STEPS * 1e-300),
+    "nanosecond-steps": _motion(time=_STEPS * 2e-7),
+    "huge-steps": _motion(time=_STEPS * 1e300),
+    "hour-steps": _motion(time=_STEPS * 7.2e5),
+    "day-steps": _motion(time=_STEPS * 1.7e7),
+    "huge-positions": _motion(first=np.full(201, 1e300)),
+    "jumping": _motion(first=(-1.0) ** np.arange(201) * 1e3),
+    "far": _motion(first=np.full(201, 1e6)),
+    "outside-limits": _motion(first=np.full(201, 50.0)),
+    "ragged": _motion().replace("\n", ",1\n", 3),
+    "zeros": "\0" * 4000,
+    "one-cell": _motion().replace("0.0,", '"0.0,', 1),
+    "long-cell": "time,joint_1.position\n" + "1" * 200_000 + ",1\n",
+    "not-text": "\udcff\udcfe,\n",
+    "other-file": '{"format": "idim_iv_ros/gap/1"}',
+}
+
+
+def _flipped(random: np.random.Generator) -> str:
+    content = bytearray(_motion().encode())
+    for place in random.integers(0, len(content), 5):
+        content[int(place)] ^= 1 << int(random.integers(8))
+    return content.decode("utf-8", "surrogateescape")
+
+
+def _trajectory_case(name: str, text: str) -> Case:
+    def build(folder: Path, good: Good) -> list[str]:
+        (folder / "t.csv").write_bytes(text.encode("utf-8", "surrogateescape"))
+        config = write_configuration(folder)
+        out = str(folder / "s.mcap")
+        trajectory = str(folder / "t.csv")
+        return ["simulate", "--config", str(config), "--out", out, "--trajectory", trajectory]
+
+    return Case(name, build)

@@ -1,0 +1,79 @@
+"""Whatever a user gives: an answer or one line, soon, within memory, and no half-written file."""
+
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz import arguments, bags, configurations, documents, places, robots, tables
+from tests.fuzz.case import Case, Good
+from tests.fuzz.known import KNOWN
+from tests.fuzz.runs import CommandLine, faults, file_faults, files_of
+
+_FAMILIES = (bags, configurations, robots, tables, documents, places, arguments)
+_SEEDS = range(1, 11)
+
+
+# Inputs that broke the program before this was tested, whatever the draw below says.
+_ALWAYS = (
+    "db3-data-NULL", "db3-timestamp-text", "db3-recursive-view", "name-long", "yaml-brackets",
+    "table-junk.npz", "table-claims-1e12.npy", "import-rate-1e-300", "table-nan", "table-complex",
+    "content-huge-efforts", "content-simulated-then-epoch", "gap-huge-integer-parameter",
+    "trajectory-hour-steps", "simulate--duration-infinite", "file-trajectory-endless-zeros",
+)  # fmt: skip
+
+
+def _cases(seed: int) -> Iterator[Case]:
+    for family in _FAMILIES:
+        yield from family.cases(seed)
+
+
+def _half() -> list[Case]:
+    """Every second input of the first seed by its name: what the time of each run allows."""
+    return [c for c in _cases(1) if c.name in _ALWAYS or zlib.crc32(c.name.encode()) % 2]
+
+
+def _marked(case: Case) -> object:
+    marks = []
+    if case.name in KNOWN:
+        marks.append(pytest.mark.xfail(reason=KNOWN[case.name], strict=True))
+    return pytest.param(case, id=case.name, marks=marks)
+
+
+def _seen(case: Case, folder: Path, fuzzed: tuple[CommandLine, Good]) -> list[str]:
+    line, good = fuzzed
+    arguments_ = case.build(folder, good)
+    before = files_of(folder)
+    outcome = line.run(arguments_, folder)
+    found = faults(outcome, refused=case.refused)
+    found += file_faults(arguments_, outcome.status, folder, before)
+    return [*found, outcome.error[-2000:]] if found else []
+
+
+def test_there_are_hundreds_of_inputs_of_different_names() -> None:
+    names = [case.name for case in _cases(1)]
+    assert len(_half()) >= 300
+    assert len(set(names)) == len(names)
+    assert set(KNOWN) | set(_ALWAYS) <= set(names)
+
+
+@pytest.mark.parametrize("case", [_marked(case) for case in _half()])
+def test_bad_input_ends_in_an_answer_or_one_line(
+    case: Case, tmp_path: Path, fuzzed: tuple[CommandLine, Good]
+) -> None:
+    assert _seen(case, tmp_path, fuzzed) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", _SEEDS)
+def test_all_bad_input_of_ten_seeds_ends_in_an_answer_or_one_line(
+    seed: int, tmp_path: Path, fuzzed: tuple[CommandLine, Good]
+) -> None:
+    wrong = {}
+    for number, case in enumerate(_cases(seed)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        if case.name not in KNOWN and (found := _seen(case, folder, fuzzed)):
+            wrong[case.name] = found
+    assert wrong == {}

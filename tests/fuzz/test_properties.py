@@ -1,0 +1,105 @@
+"""Functions that meet any number or text of a user: they answer, or refuse in one line."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from idim_iv_ros.errors import IdimError
+from idim_iv_ros.excitation import read_trajectory
+from idim_iv_ros.excitation.fourier import FourierBasis
+from idim_iv_ros.report import numerals
+from idim_iv_ros.simulated_effects import read_extended_model
+from idim_iv_ros.text_file import read_text
+
+_ANY = st.one_of(st.none(), st.floats())
+# The same examples in every run: a failure is of the change that is tested, not of the day.
+_SAME = settings(
+    derandomize=True,
+    deadline=None,
+    max_examples=150,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+
+
+@_SAME
+@given(_ANY, _ANY)
+def test_every_number_can_be_written_beside_any_uncertainty(value, std) -> None:
+    texts = [
+        *numerals.measured(value, std),
+        numerals.beside(value, std),
+        numerals.number(value),
+        numerals.percent(value),
+        numerals.p_value(value),
+        numerals.with_unit(value, "N m"),
+        numerals.exact(value, "N m"),
+    ]
+    known = value is not None and math.isfinite(value)
+    assert (texts[0] == numerals.MISSING) is not known
+    assert all("nan" not in text and "inf" not in text and len(text) < 60 for text in texts)
+
+
+def _refused_or_read(read, path: Path) -> None:
+    try:
+        read(path)
+    except IdimError as error:
+        assert str(path) in str(error)
+        assert "\n" not in str(error)
+
+
+_JSON = st.recursive(
+    st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=5)),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=3), st.dictionaries(st.text(max_size=5), inner, max_size=3)
+    ),
+    max_leaves=8,
+)
+
+
+@_SAME
+@given(causes=_JSON, parameters=_JSON, value=_JSON)
+def test_any_json_is_a_diagnosis_or_one_line(causes, parameters, value, tmp_path: Path) -> None:
+    cause = {"effect": "stribeck", "joint": causes, "parameters": {"level": {"value": value}}}
+    for document in (
+        {"causes": causes, "extended_parameters": parameters},
+        {"causes": [cause], "extended_parameters": {"YY1": {"value": value}}},
+    ):
+        path = tmp_path / "gap.json"
+        path.write_text(json.dumps({"format": "idim_iv_ros/gap/1", **document}))
+        _refused_or_read(read_extended_model, path)
+
+
+@_SAME
+@given(start=st.floats(), step=st.floats(), cell=st.one_of(st.floats(), st.text(max_size=8)))
+def test_any_csv_is_a_motion_or_one_line(start, step, cell, tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    rows = "".join(f"{start + k * step},{0.1 * k}\n" for k in range(4))
+    path.write_bytes(
+        f"time,a.position\n{rows}{start + 4 * step},{cell}\n".encode("utf-8", "replace")
+    )
+    _refused_or_read(read_trajectory, path)
+
+
+@pytest.mark.parametrize("place", ["/dev/zero", "/dev/null", "/dev", "/proc/self/mem", "/none"])
+def test_what_is_no_file_is_refused_before_it_is_read(place: str) -> None:
+    with pytest.raises(IdimError, match="cannot read the diagnosis"):
+        read_text(Path(place), "the diagnosis", megabytes=1.0)
+
+
+def test_a_file_that_is_too_large_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "large").write_bytes(bytes(1_000_001))
+    with pytest.raises(IdimError, match="larger than 1 MB"):
+        read_text(tmp_path / "large", "the diagnosis", megabytes=1.0)
+
+
+@pytest.mark.parametrize("samples", [1, 1999, 2000, 2001, 5000])
+def test_a_motion_in_blocks_is_the_sum_of_its_shapes(samples: int) -> None:
+    basis = FourierBasis(3.0, 7)
+    coefficients = np.random.default_rng(1).normal(size=(basis.size, 2))
+    time = np.arange(samples) / 1000.0
+    for block, shape in zip(basis.motion(time, coefficients), basis.shapes(time), strict=True):
+        np.testing.assert_allclose(block, shape @ coefficients, rtol=0.0, atol=1e-11)

@@ -1,0 +1,198 @@
+"""URDFs as they come: names of every kind, and files that are none."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.excitation.heights import moving_frames
+from idim_iv_ros.model import build_inverse_model, load_robot
+from idim_iv_ros.simulation import inverse_dynamics
+from tests.model.test_regressor import arm, states
+
+GRIPPER = (
+    '<joint name="l3" type="fixed"><parent link="l3"/><child link="finger"/>'
+    '<origin xyz="0.1 0 0.05" rpy="0.3 0 0.1"/></joint>'
+    '<link name="finger"><inertial><origin xyz="0.02 0 0" rpy="0.1 0.2 0.3"/><mass value="0.4"/>'
+    '<inertia ixx="0.001" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="0.0015"/></inertial></link>'
+)
+
+
+def with_gripper() -> str:
+    """The arm, with a part whose fixed joint has the name of the link that it hangs on."""
+    return arm().replace("</robot>", GRIPPER + "</robot>")
+
+
+def renamed(**names: str) -> str:
+    """The arm with its links and joints renamed."""
+    urdf = with_gripper()
+    for old, new in names.items():
+        urdf = urdf.replace(f'"{old}"', f'"{new}"')
+    return urdf
+
+
+def reference_torque(urdf: str, joints: list[str], state: tuple[np.ndarray, ...]) -> np.ndarray:
+    """Torque by pinocchio's own reading of the URDF, other joints locked; names must differ."""
+    full = pin.buildModelFromXML(urdf)
+    kept = [full.getJointId(joint) for joint in joints]
+    locked = [index for index in range(1, full.njoints) if index not in kept]
+    model = pin.buildReducedModel(full, locked, pin.neutral(full))
+    order = [joints.index(name) for name in model.names[1:]]
+    torque = np.empty(state[0].shape)
+    data = model.createData()
+    for sample, values in enumerate(zip(*state, strict=True)):
+        torque[sample, order] = pin.rnea(model, data, *(value[order] for value in values))
+    return torque
+
+
+@pytest.mark.parametrize("joints", [["j1", "j2", "j3"], ["j3", "j1"], ["j2"]])
+def test_torque_is_that_of_pinocchios_own_reading_of_the_file(joints) -> None:
+    urdf = with_gripper().replace("continuous", "revolute")
+    state = states(len(joints))
+    robot = load_robot(urdf, joints)
+    still = [np.zeros(len(joints))] * 4
+    bodies = robot.given.__class__(
+        robot.given.inertial, *still, robot.given.coupling_joints, *[np.zeros(0)] * 3
+    )
+    unique = urdf.replace('<joint name="l3"', '<joint name="flange"')
+    torque = inverse_dynamics(robot, bodies, *state)
+    np.testing.assert_allclose(torque, reference_torque(unique, joints, state), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        {"j2": "l2"},
+        {"j3": "finger"},
+        {"base": "universe"},
+        {"base": "root_joint", "l1": "universe"},
+        {"j1": "universe", "l3": "j1"},
+        {"j1": "joint 1", "l1": "link one"},
+        {"j1": "Gelenk_ä", "l1": "関節"},
+        {"j1": "1", "j2": "2", "l1": "1", "l2": "2"},
+    ],
+    ids=str,
+)
+def test_names_of_links_and_joints_do_not_change_the_robot(names) -> None:
+    plain = load_robot(with_gripper(), ["j1", "j2", "j3"])
+    joints = [names.get(joint, joint) for joint in ("j1", "j2", "j3")]
+    configuration = Configuration.model_validate({"robot": {"joints": joints}})
+    model = build_inverse_model(configuration, renamed(**names), "odd.urdf")
+    assert model.robot.joints == tuple(joints)
+    assert model.robot.order.tolist() == plain.order.tolist()
+    np.testing.assert_array_equal(model.robot.given.inertial, plain.given.inertial)
+    state = states(3)
+    np.testing.assert_array_equal(
+        inverse_dynamics(model.robot, model.robot.given, *state),
+        inverse_dynamics(plain, plain.given, *state),
+    )
+    assert set(moving_frames(model.robot).names) == {
+        names.get(name, name) for name in ("j1", "j2", "j3", "l1", "l2", "l3", "finger")
+    }
+
+
+BOMB = '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]><robot name="&b;"/>'
+LIMIT = '<limit lower="-2" upper="2" effort="10" velocity="3"/>'
+
+
+def joint(name: str, parent: str, child: str) -> str:
+    return (
+        f'<joint name="{name}" type="fixed"><parent link="{parent}"/>'
+        f'<child link="{child}"/></joint></robot>'
+    )
+
+
+@pytest.mark.parametrize(
+    ("urdf", "words"),
+    [
+        ("", "is empty"),
+        (" \n", "is empty"),
+        ("just text", "not XML"),
+        ("\x00\x01", "not XML"),
+        (BOMB, "XML entities"),
+        ('<robot name="r">', "not XML"),
+        ('<mujoco model="m"/>', "root element is <mujoco>"),
+        ('<robot name="r"/>', "no <link>"),
+        (arm().replace("</robot>", '<link name="lone"/></robot>'), "2 links are no joint's child"),
+        (arm().replace("</robot>", joint("back", "l3", "base")), "loop through base, l1"),
+        (
+            arm().replace("</robot>", '<link name="a"/><link name="b"/></robot>')
+            .replace("</robot>", joint("x", "a", "b"))
+            .replace("</robot>", joint("y", "b", "a")),
+            "loop through a, b",
+        ),
+        (arm().replace("</robot>", joint("more", "l1", "l3")), "l3 is the child of two joints"),
+        (arm().replace('link="base"', 'link="gone"'), "parent link gone is not in the file"),
+        (arm().replace('<parent link="base"/>', ""), "joint j1: names no parent link"),
+        (arm().replace('type="prismatic"', 'type="hinge"'), "joint j2: unknown type hinge"),
+        (arm().replace(' type="prismatic"', ""), "joint j2: no type"),
+        (arm().replace('name="j2"', 'name="j1"'), "two joints are named j1"),
+        (arm().replace('<link name="l2"', '<link name="l1"'), "two links are named l1"),
+        (arm().replace('<link name="l2"', "<link"), "a <link> has no name"),
+        (arm().replace('xyz="0.2 -0.1 0.2"', 'xyz="0.2 nan 0.2"'), "joint j2 <origin>: xyz is nan"),
+        (arm().replace('xyz="0.2 -0.1 0.2"', 'xyz="0.2 0.2"'), "xyz has 2 numbers, not 3"),
+        (arm().replace('rpy="0.2 0.3 -0.2"', 'rpy="${pi} 0 0"'), "expand the xacro"),
+        (arm().replace('lower="-2"', 'lower="nan"', 1), "joint j1: <limit> lower is nan"),
+        (arm().replace('mass value="2.0"', 'mass value="1e300"'), "link l1: <mass> value is 1e300"),
+        (arm().replace('<mass value="2.0"/>', ""), "link l1: <inertial> has no <mass>"),
+        (arm().replace('ixx="0.02" ', "", 1), "link l1: <inertia> has no ixx"),
+    ],
+)  # fmt: skip
+def test_a_file_that_is_no_robot_is_one_line_that_says_why(urdf: str, words: str) -> None:
+    with pytest.raises(UsageError, match=words) as caught:
+        load_robot(urdf, ["j1", "j2", "j3"], source="arm.urdf")
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith("arm.urdf: ")
+    assert len(str(caught.value)) < 500
+
+
+def test_all_problems_are_in_one_line_and_many_are_counted() -> None:
+    with pytest.raises(UsageError) as caught:
+        load_robot(arm().replace('ixx="0.02"', 'ixx="x"'), ["j1"], source="a.urdf")
+    assert str(caught.value).count("ixx is x, not a number") == 3
+    many = arm()
+    for number in ("0.02", "0.001", "-0.002"):
+        many = many.replace(f'="{number}"', '="x"')
+    with pytest.raises(UsageError, match="and 5 more"):
+        load_robot(many, ["j1"])
+
+
+def test_a_long_chain_of_links_is_read() -> None:
+    urdf = arm().replace("</robot>", "")
+    for k in range(3, 3000):
+        urdf += f'<link name="l{k + 1}"/>' + joint(f"f{k}", f"l{k}", f"l{k + 1}")[:-8]
+    assert load_robot(urdf + "</robot>", ["j1", "j2", "j3"]).pinocchio.nv == 3
+
+
+def test_joints_without_limits_are_unlimited_and_said() -> None:
+    robot = load_robot(arm().replace(LIMIT, "", 1), ["j1"], source="arm.urdf")
+    assert np.isinf(robot.limits.upper[0])
+    assert robot.doubts == ("arm.urdf: joint j1: no <limit>: taken as unlimited",)
+
+
+def test_nothing_but_our_messages_reaches_the_terminal() -> None:
+    program = (
+        "import sys\n"
+        "from idim_iv_ros.errors import UsageError\n"
+        "from idim_iv_ros.model import load_robot\n"
+        "for urdf in sys.stdin.read().split('\\f'):\n"
+        "    try:\n"
+        "        load_robot(urdf, ['j1'], source='arm.urdf')\n"
+        "    except UsageError:\n"
+        "        pass\n"
+    )
+    bad = [
+        arm().replace('link="base"', 'link="gone"'),
+        arm().replace(LIMIT, "", 1),
+        arm().replace("0.001", "nan"),
+        arm().replace("</robot>", '<link name="lone"/></robot>'),
+        arm().replace("</robot>", '<material name="m"/><gazebo><x/></gazebo></robot>'),
+    ]
+    done = subprocess.run(
+        [sys.executable, "-c", program], input="\f".join(bad), capture_output=True, text=True
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

@@ -1,0 +1,125 @@
+"""Databases that are no bag, and rows that are no message: one line, in no time."""
+
+import sqlite3
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin
+
+from idim_iv_ros.errors import DataError, IdimError, UsageError
+from idim_iv_ros.recording import Recording, read_recordings
+from tests.recording.bag_writer import float_array, joint_state, steady, write
+
+TOPICS = "CREATE TABLE topics (id INTEGER PRIMARY KEY, name, type, serialization_format)"
+ROW = "INSERT INTO topics VALUES (1, '/joint_states', 'sensor_msgs/msg/JointState', 'cdr')"
+ENDLESS = "WITH RECURSIVE r(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM r)"
+
+
+def read(path: Path) -> Recording:
+    return read_recordings([path], joints=["a", "b"])[0]
+
+
+def change(path: Path, table: str, statement: str) -> None:
+    """Change a table after taking its constraints away."""
+    with sqlite3.connect(path) as connection:
+        connection.execute(f"CREATE TABLE copied AS SELECT * FROM {table}")
+        connection.execute(f"DROP TABLE {table}")
+        connection.execute(f"ALTER TABLE copied RENAME TO {table}")
+        connection.execute(statement)
+    connection.close()
+
+
+@pytest.mark.parametrize(
+    "messages",
+    [
+        f"CREATE VIEW messages AS {ENDLESS} SELECT n AS id, 1 AS topic_id, n AS timestamp, "
+        "zeroblob(9) AS data FROM r",
+        "CREATE VIRTUAL TABLE messages USING fts5(topic_id, timestamp, data)",
+        "CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, "
+        "data AS (zeroblob(100000000)))",
+        "CREATE TABLE messages (id INTEGER PRIMARY KEY, stamp INTEGER, data BLOB)",
+        "CREATE TABLE other (id INTEGER)",
+    ],
+)
+def test_only_plain_tables_are_read(tmp_path: Path, messages: str) -> None:
+    path = tmp_path / "bag.db3"
+    with sqlite3.connect(path) as connection:
+        for statement in (TOPICS, ROW, messages):
+            connection.execute(statement)
+    connection.close()
+    started = time.monotonic()
+    with pytest.raises(DataError, match=r"bag\.db3: not a rosbag2 database"):
+        read(path)
+    assert time.monotonic() - started < 2.0
+
+
+def test_topics_that_never_end_are_no_table(tmp_path: Path) -> None:
+    path = tmp_path / "bag.db3"
+    with sqlite3.connect(path) as connection:
+        connection.execute(
+            f"CREATE VIEW topics AS {ENDLESS} SELECT n AS id, 'x' || n AS name, 't' AS type, 'cdr' "
+            "AS serialization_format FROM r"
+        )
+    connection.close()
+    with pytest.raises(DataError, match="topics is no plain table"):
+        read(path)
+
+
+@pytest.mark.parametrize("value", ["NULL", "'text'", "17", "1.5", "zeroblob(3)"])
+@pytest.mark.parametrize("column", ["data", "timestamp"])
+def test_rows_that_are_no_message_are_left_out(tmp_path: Path, column: str, value: str) -> None:
+    folder = write(tmp_path / "bag", steady(300), StoragePlugin.SQLITE3)
+    (path,) = folder.glob("*.db3")
+    change(path, "messages", f"UPDATE messages SET {column} = {value} WHERE id % 50 = 7")
+    before = path.read_bytes()
+    recording = read(folder)
+    assert path.read_bytes() == before
+    assert recording.samples == 300
+    accepted = (column, value) == ("timestamp", "17")
+    assert accepted or any(note.limits for note in recording.notes)
+    time_ = recording.start + np.arange(300) / recording.rate
+    np.testing.assert_allclose(recording.position.values[:, 0], time_, atol=1e-6)
+
+
+@pytest.mark.parametrize("value", ["NULL", "'text'", "17"])
+@pytest.mark.parametrize("column", ["name", "type", "serialization_format", "id"])
+def test_topics_without_names_end_in_one_line(tmp_path: Path, column: str, value: str) -> None:
+    folder = write(tmp_path / "bag", steady(300), StoragePlugin.SQLITE3)
+    (path,) = folder.glob("*.db3")
+    change(path, "topics", f"UPDATE topics SET {column} = {value}")
+    with pytest.raises(IdimError) as caught:
+        read(folder)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_name_that_is_too_long_is_no_bag(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="File name too long"):
+        read(tmp_path / ("b" * 300 + ".mcap"))
+
+
+@pytest.mark.parametrize("field", ["position", "effort"])
+@pytest.mark.parametrize("value", [1e100, -1e100, np.inf, 2e9])
+def test_one_impossible_value_is_left_out_with_message_joint_and_value(
+    tmp_path: Path, field: str, value: float
+) -> None:
+    messages = steady(300)
+    values = {"position": [2.0, 12.0], "effort": [3.0, 4.0]}
+    values[field][1] = value
+    messages[100] = ("/joint_states", 7.0, joint_state(2.0, **values))
+    recording = read(write(tmp_path / "bag", messages))
+    (note,) = [note for note in recording.notes if note.limits]
+    assert f"{field}: message 101 holds {value:.3g} for b" in note.what
+    assert "left out" in note.what
+    np.testing.assert_allclose(recording.position.values[100], [2.0, 12.0], atol=1e-6)
+    np.testing.assert_allclose(recording.effort.values[100], [3.0, 4.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("scale", [1e10, 1e300])
+def test_efforts_of_another_world_are_refused(tmp_path: Path, scale: float) -> None:
+    messages = steady(100)
+    messages += [("/effort", 1.0 + k / 50, float_array([scale, 1.0])) for k in range(100)]
+    bag = write(tmp_path / "bag", messages)
+    with pytest.raises(DataError, match="100 of 100 messages, the first 1 and the last 100"):
+        read_recordings([bag], joints=["a", "b"], effort="/effort")

@@ -1,0 +1,227 @@
+"""What one bad byte, a torn end or an unreadable message costs, and what is said of it."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import CompressionType, IndexType, Writer
+from rosbags.rosbag2 import StoragePlugin
+
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.recording import JointTopic, Recording, import_table, read_recordings, write_bag
+from idim_iv_ros.recording.cdr_layout import JOINT_STATE
+from idim_iv_ros.recording.channel import TopicChannel
+from idim_iv_ros.recording.growing_bag import GrowingBag, SplitLimits
+from idim_iv_ros.recording.write import serialised
+from tests.recording import bag_writer
+
+JOINTS = ["a", "b"]
+RATE = 200
+SECONDS = 12
+SAMPLES = RATE * SECONDS
+TIME = 100.0 + np.arange(SAMPLES) / RATE
+VALUES = np.random.default_rng(0).normal(size=(SAMPLES, 2)).cumsum(axis=0) * 1e-3
+TOPICS = [
+    JointTopic("/joint_states", JOINTS, TIME, VALUES, None, 1.0 + VALUES),
+    JointTopic("/joint_reference", JOINTS, TIME, VALUES),
+]
+
+
+def _by_write_bag(folder: Path) -> Path:
+    write_bag(folder / "bag.mcap", TOPICS, robot_description="<robot/>" * 500)
+    return folder / "bag.mcap"
+
+
+def _by_the_recorder(folder: Path) -> Path:
+    """As the recorder writes when nothing can be committed for a while: all at once."""
+    bag = GrowingBag(folder / "recorded", SplitLimits())
+    for topic in TOPICS:
+        bag.describe(TopicChannel(topic.name, JOINT_STATE))
+    stamps = np.round(TIME * 1e9).astype(np.int64)
+    payloads = [serialised(topic, stamps) for topic in TOPICS]
+    bag.add(
+        [
+            (int(stamp), topic.name, payload[k].tobytes(), int(stamp), k)
+            for k, stamp in enumerate(stamps)
+            for topic, payload in zip(TOPICS, payloads, strict=True)
+        ]
+    )
+    bag.close()
+    return folder / "recorded" / "recorded_0.mcap"
+
+
+def _by_import(folder: Path) -> Path:
+    np.savez(folder / "t.npz", q=VALUES, tau=1.0 + VALUES, r=VALUES, t=TIME)
+    table = folder / "t.npz"
+    import_table(
+        folder / "imported.mcap",
+        joints=JOINTS,
+        position=f"{table}:q",
+        effort=f"{table}:tau",
+        reference=f"{table}:r",
+        time=f"{table}:t",
+    )
+    return folder / "imported.mcap"
+
+
+@pytest.mark.parametrize("make", [_by_write_bag, _by_the_recorder, _by_import])
+def test_one_bad_byte_costs_a_second_at_most(tmp_path: Path, make: Callable) -> None:
+    path = make(tmp_path)
+    content = path.read_bytes()
+    random = np.random.default_rng(1)
+    places = {*range(80), *range(len(content) - 60, len(content))}
+    places |= set(random.integers(0, len(content), 80).tolist())
+    worst = 0
+    for place in places:
+        damaged = bytearray(content)
+        damaged[place] ^= 1 << int(random.integers(8))
+        recording = _read(tmp_path / "damaged.mcap", bytes(damaged))
+        lost = SAMPLES - (int((~recording.effort.invented[:, 0]).sum()))
+        assert lost <= RATE, (place, lost, recording.notes)
+        good = ~recording.position.invented
+        if recording.samples == SAMPLES:
+            np.testing.assert_allclose(recording.position.values[good], VALUES[good], atol=1e-12)
+        worst = max(worst, lost)
+    assert worst == RATE  # a byte of the messages themselves costs their second
+
+
+def test_every_byte_of_the_records_between_chunks_may_be_wrong(tmp_path: Path) -> None:
+    """Heads and indices, where a length leads astray: found by writing each byte anew."""
+    path = _by_write_bag(tmp_path)
+    content = path.read_bytes()
+    chunk = content.index(b"zstd", len(content) // 2) - 41
+    size = 9 + int.from_bytes(content[chunk + 1 : chunk + 9], "little")
+    for place in (*range(chunk, chunk + 60), *range(chunk + size, chunk + size + 40)):
+        for value in (0, 6, 15, 0xFF):
+            if content[place] == value:
+                continue
+            damaged = bytearray(content)
+            damaged[place] = value
+            recording = _read(tmp_path / "damaged.mcap", bytes(damaged))
+            lost = SAMPLES - int((~recording.effort.invented[:, 0]).sum())
+            assert lost <= RATE, (place, value)
+
+
+def test_a_damaged_second_is_counted_in_messages_and_seconds(tmp_path: Path) -> None:
+    content = bytearray(_by_write_bag(tmp_path).read_bytes())
+    content[content.index(b"zstd", len(content) // 2) + 500] ^= 0x10
+    recording = _read(tmp_path / "damaged.mcap", bytes(content))
+    (note,) = [note for note in recording.notes if note.limits]
+    for words in (
+        "the file is damaged in 1 place",
+        "200 messages on /joint_states (1 s) are lost, 2200 (11 s) were saved",
+        "200 messages on /joint_reference (1 s) are lost",
+    ):
+        assert words in note.what, note
+
+
+def test_a_torn_file_tells_what_was_saved(tmp_path: Path) -> None:
+    content = _by_write_bag(tmp_path).read_bytes()
+    recording = _read(tmp_path / "torn.mcap", content[: len(content) // 2])
+    (note,) = [note for note in recording.notes if note.limits]
+    saved = int((~recording.effort.invented[:, 0]).sum())
+    assert f"the file ends in the middle: {saved} messages on /joint_states" in note.what
+    assert "how many more there were is not known" in note.what
+
+
+def test_a_folder_tells_by_its_metadata_what_a_torn_file_lost(tmp_path: Path) -> None:
+    path = _by_the_recorder(tmp_path)
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    (recording,) = read_recordings([path.parent], joints=JOINTS)
+    (note,) = [note for note in recording.notes if note.limits]
+    saved = int((~recording.effort.invented[:, 0]).sum())
+    assert f"{SAMPLES - saved} messages on /joint_states" in note.what
+    assert "are lost" in note.what
+
+
+@pytest.mark.parametrize("compression", [CompressionType.ZSTD, CompressionType.LZ4])
+def test_what_came_before_the_tear_is_saved_from_a_single_long_chunk(
+    tmp_path: Path, compression: CompressionType
+) -> None:
+    content = _foreign(tmp_path, chunk_size=1 << 30, compression=compression)
+    recording = _read(tmp_path / "torn.mcap", content[: int(0.7 * len(content))], reference=False)
+    assert recording.samples > 0.4 * SAMPLES
+    np.testing.assert_array_equal(recording.position.values, VALUES[: recording.samples])
+
+
+@pytest.mark.parametrize("place", [0.2, 0.5, 0.9])
+def test_a_bad_length_outside_chunks_costs_two_messages(tmp_path: Path, place: float) -> None:
+    content = bytearray(_foreign(tmp_path, use_chunking=False))
+    size = 22 + serialised(TOPICS[0], np.zeros(SAMPLES, np.int64)).shape[1]
+    head = bytes([5, *size.to_bytes(8, "little")])
+    message = content.index(head, int(place * len(content)))
+    content[message + 2] = 7
+    recording = _read(tmp_path / "damaged.mcap", bytes(content), reference=False)
+    assert (~recording.effort.invented[:, 0]).sum() >= SAMPLES - 2
+
+
+def _foreign(folder: Path, **settings) -> bytes:
+    """As another writer might: no index of messages, no checksum."""
+    path = folder / "foreign.mcap"
+    stamps = np.round(TIME * 1e9).astype(np.int64)
+    payload = serialised(TOPICS[0], stamps)
+    with path.open("wb") as stream:
+        writer = Writer(stream, index_types=IndexType.NONE, enable_crcs=False, **settings)
+        writer.start()
+        channel = TopicChannel("/joint_states", JOINT_STATE).register(writer)
+        for k, stamp in enumerate(stamps):
+            writer.add_message(channel, int(stamp), payload[k].tobytes(), int(stamp), k)
+        writer.finish()
+    return path.read_bytes()
+
+
+def test_a_bag_torn_before_its_first_message_is_not_called_empty(tmp_path: Path) -> None:
+    content = _by_write_bag(tmp_path).read_bytes()
+    with pytest.raises(DataError) as caught:
+        _read(tmp_path / "torn.mcap", content[:120])
+    assert "empty" not in str(caught.value)
+    assert "the file ends in the middle: 0 messages on /joint_states" in str(caught.value)
+
+
+@pytest.mark.parametrize("count", [1, 50])
+def test_unreadable_references_are_not_called_missing(tmp_path: Path, count: int) -> None:
+    junk = bag_writer.float_array([1.0])
+    path = tmp_path / "bag.mcap"
+    stamps = np.round((1.0 + np.arange(200) / 100) * 1e9).astype(np.int64)
+    topic = JointTopic("/joint_states", JOINTS, stamps * 1e-9, VALUES[:200], None, VALUES[:200])
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channels = [
+            TopicChannel(name, JOINT_STATE).register(writer)
+            for name in ("/joint_states", "/joint_reference")
+        ]
+        for k, message in enumerate(serialised(topic, stamps)):
+            stamp = int(stamps[k])
+            writer.add_message(channels[0], stamp, message.tobytes(), stamp, k)
+            if k < count:
+                raw = bytes(bag_writer.STORE.serialize_cdr(junk, junk.__msgtype__))
+                writer.add_message(channels[1], stamp, raw[: 5 + k % 4], stamp, k)
+        writer.finish()
+    with pytest.raises(DataError) as caught:
+        read_recordings([path], joints=JOINTS, reference="/joint_reference")
+    assert f"no message on /joint_reference can be read: all {count} are damaged" in str(
+        caught.value
+    )
+
+
+def test_a_bad_page_of_a_database_costs_its_rows_only(tmp_path: Path) -> None:
+    folder = bag_writer.write(tmp_path / "bag", bag_writer.steady(2000), StoragePlugin.SQLITE3)
+    (path,) = folder.glob("*.db3")
+    content = bytearray(path.read_bytes())
+    middle = len(content) // 2 // 4096 * 4096
+    content[middle : middle + 4096] = b"\xff" * 4096
+    path.write_bytes(bytes(content))
+    (recording,) = read_recordings([folder], joints=JOINTS)
+    measured = int((~recording.effort.invented[:, 0]).sum())
+    assert 1900 < measured < 2000
+    (note,) = [note for note in recording.notes if note.limits]
+    assert f"{2000 - measured} messages on /joint_states" in note.what
+
+
+def _read(path: Path, content: bytes, *, reference: bool = True) -> Recording:
+    path.write_bytes(content)
+    topic = "/joint_reference" if reference else None
+    return read_recordings([path], joints=JOINTS, reference=topic)[0]

@@ -1,0 +1,104 @@
+"""Recordings of a session, one after the other, whatever their stamps."""
+
+from itertools import pairwise, permutations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.recording import Recording, Signal, in_recordings, part_at, session_of
+from idim_iv_ros.recording.session import LONGEST_PAUSE
+
+RATE = 100.0
+
+
+def recording(name: str, start: float, seconds: float = 10.0, rate: float = RATE) -> Recording:
+    values = np.zeros((round(seconds * rate), 1))
+    signal = Signal(values, np.zeros(values.shape, dtype=bool), "made up")
+    return Recording(
+        path=Path("runs") / name,
+        joints=("a",),
+        rate=rate,
+        start=start,
+        position=signal,
+        effort=signal,
+        velocity=None,
+        position_reference=None,
+        velocity_reference=None,
+        clocks=(),
+        notes=(),
+        robot_description=None,
+    )
+
+
+@pytest.mark.parametrize("starts", [(5.0, 60.0, 300.0), (0.0, 4.0, 7.0), (1.7e9, 1.7e9 + 1.0, 3.0)])
+def test_recordings_follow_their_first_stamps_whatever_the_order_given(starts) -> None:
+    recordings = [recording(f"{start:.0f}.mcap", start) for start in starts]
+    sessions = [session_of(order) for order in permutations(recordings)]
+    assert len({(each.parts, each.sentences) for each in sessions}) == 1
+    assert [each.start for each in sessions[0].recordings] == sorted(starts)
+
+
+def test_equal_stamps_keep_the_order_given() -> None:
+    names = ["b", "a", "c"]
+    session = session_of([recording(name, 0.0) for name in names])
+    assert [part.bag for part in session.parts] == names
+    assert [part.start for part in session.parts] == pytest.approx([0.0, 10.0, 20.0])
+
+
+@pytest.mark.parametrize("starts", [(0.0, 0.0, 0.0), (0.0, 3.0, 20.0), (0.0, 10.0, 12.0)])
+def test_time_of_the_session_increases_from_sample_to_sample(starts) -> None:
+    session = session_of([recording(f"{k}", start) for k, start in enumerate(starts)])
+    time = np.concatenate([part.start + np.arange(1000) / RATE for part in session.parts])
+    assert np.diff(time).min() == pytest.approx(1.0 / RATE)
+
+
+def test_a_pause_keeps_its_length_up_to_an_hour() -> None:
+    a, b, c = recording("a", 0.0), recording("b", 130.0), recording("c", 1.7e9)
+    session = session_of([a, b, c])
+    assert [part.start for part in session.parts] == pytest.approx(
+        [0.0, 130.0, 140.0 + LONGEST_PAUSE]
+    )
+    assert any("3600 s at most" in sentence and "c" in sentence for sentence in session.sentences)
+
+
+def test_a_pause_counts_from_the_last_stamp_of_all_recordings_before() -> None:
+    """The second recording lies within the first one; the third starts 5 s after that ends."""
+    parts = session_of(
+        [recording("a", 0.0, 30.0), recording("b", 2.0, 4.0), recording("c", 35.0)]
+    ).parts
+    assert [part.start for part in parts] == pytest.approx([0.0, 30.0, 39.0])
+
+
+def test_overlapping_stamps_are_named_and_one_recording_needs_no_words() -> None:
+    overlapping = session_of([recording("b.mcap", 4.0), recording("a.mcap", 0.0)])
+    order, overlap = overlapping.sentences
+    assert "a.mcap from 0 s, b.mcap from 10 s" in order
+    assert overlap.startswith("stamps of b.mcap begin before")
+    assert session_of([recording("a", 7.0)]).sentences == ()
+
+
+def test_a_time_of_the_session_is_told_in_the_time_of_its_recording() -> None:
+    parts = session_of([recording("run1", 0.0), recording("run2", 100.0)]).parts
+    assert part_at(parts, 105.0) == (parts[1], pytest.approx(5.0))
+    assert in_recordings(parts, 101.5, 109.0) == "1.5 to 9 s of run2"
+    assert in_recordings(parts, 8.0, 102.0) == "8 s of run1 to 2 s of run2"
+    assert in_recordings(parts, 2.0, 100.0) == "2 to 9.99 s of run1"
+
+
+def test_recordings_of_the_same_name_are_told_by_their_folder() -> None:
+    one, two = recording("a/bag", 0.0), recording("b/bag", 0.0)
+    assert [part.bag for part in session_of([one, two]).parts] == ["runs/a/bag", "runs/b/bag"]
+
+
+def test_time_of_many_recordings_increases_between_all_of_them() -> None:
+    random = np.random.default_rng(1)
+    starts = random.uniform(0.0, 200.0, 40)
+    parts = session_of([recording(str(k), float(start)) for k, start in enumerate(starts)]).parts
+    assert all(b.start >= a.start + a.duration for a, b in pairwise(parts))
+
+
+def test_no_recording_at_all_is_refused_in_words() -> None:
+    with pytest.raises(UsageError, match="at least one bag"):
+        session_of([])

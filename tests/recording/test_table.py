@@ -1,0 +1,164 @@
+"""Tables of any content end in a bag or in one line that says which rows of which file."""
+
+import io
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.recording import ImportSummary, import_table, read_recordings
+
+JOINTS = ["a", "b"]
+TIME = np.arange(1000) / 100.0
+GOOD = np.column_stack([np.sin(TIME), np.cos(TIME)])
+
+
+def convert(folder: Path, position: str, effort: str | None = None, **keywords) -> ImportSummary:
+    np.save(folder / "effort.npy", 1.0 + GOOD)
+    keywords.setdefault("rate", 100.0)
+    return import_table(
+        folder / "out.mcap",
+        joints=JOINTS,
+        position=position,
+        effort=effort or str(folder / "effort.npy"),
+        **keywords,
+    )
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1.1e6, -1e100])
+def test_a_few_impossible_rows_become_missing_and_are_named(tmp_path: Path, value) -> None:
+    table = GOOD.copy()
+    table[[300, 700, 701], 1] = value
+    np.save(tmp_path / "q.npy", table)
+    summary = convert(tmp_path, str(tmp_path / "q.npy"))
+    (warning,) = summary.warnings
+    for words in ("q.npy: position", "3 of 1000 rows", "the first 300 and the last 701", "for b"):
+        assert words in warning
+    (recording,) = read_recordings([tmp_path / "out.mcap"], joints=JOINTS)
+    np.testing.assert_allclose(recording.position.values, GOOD, atol=1e-3)
+    kept = np.setdiff1d(np.arange(1000), [300, 700, 701])
+    np.testing.assert_allclose(recording.position.values[kept], GOOD[kept], atol=1e-12)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1.1e6, 1e300])
+@pytest.mark.parametrize("signal", ["position", "effort", "reference", "velocity"])
+def test_many_impossible_rows_are_refused_with_first_last_and_count(
+    tmp_path: Path, value: float, signal: str
+) -> None:
+    table = GOOD.copy()
+    table[100:150, 0] = value if signal != "effort" or value != 1.1e6 else 1e10
+    np.save(tmp_path / "bad.npy", table)
+    np.save(tmp_path / "good.npy", GOOD)
+    sources = {"position": str(tmp_path / "good.npy"), signal: str(tmp_path / "bad.npy")}
+    with pytest.raises(DataError) as caught:
+        convert(tmp_path, **sources)
+    kind = "position" if signal == "reference" else signal
+    for words in (f"bad.npy: {kind}", "50 of 1000 rows", "first 100 and the last 149", "for a"):
+        assert words in str(caught.value)
+    assert not (tmp_path / "out.mcap").exists()
+
+
+def _zipped(name: str, content: bytes) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(name, content)
+    return stream.getvalue()
+
+
+def _claiming(rows: int) -> bytes:
+    """A .npy header that claims so many rows, and the numbers of ten."""
+    stream = io.BytesIO()
+    header = {"descr": "<f8", "fortran_order": False, "shape": (rows, 2)}
+    np.lib.format.write_array_header_1_0(stream, header)
+    return stream.getvalue() + bytes(160)
+
+
+def _saved(array) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array, allow_pickle=True)
+    return stream.getvalue()
+
+
+def _mat(**variables) -> bytes:
+    stream = io.BytesIO()
+    savemat(stream, variables)
+    return stream.getvalue()
+
+
+CONTENTS = {
+    "junk.npz": b"junk",
+    "junk.npy": b"junk",
+    "junk.mat": b"junk" * 100,
+    "cut.npz": _zipped("q.npy", _saved(GOOD))[:2000],
+    "flipped.npz": _zipped("q.npy", _saved(GOOD)).replace(b"\x00", b"\x07", 40),
+    "cut.mat": _mat(q=GOOD)[:900],
+    "claims.npy": _claiming(10**12),
+    "claims_more.npy": _claiming(2**62),
+    "claims.npz": _zipped("q.npy", _claiming(10**12)),
+    "objects.npy": _saved(np.array([{}, []], dtype=object)),
+    "objects.npz": _zipped("q.npy", _saved(np.array([{}, []], dtype=object))),
+    "complex.npy": _saved(GOOD + 1j),
+    "complex.mat": _mat(q=GOOD + 1j),
+    "text.npy": _saved(np.array([["1", "2"]] * 50)),
+    "text.mat": _mat(q="position"),
+    "cells.mat": _mat(q=np.array([GOOD, "x"], dtype=object)),
+    "struct.mat": _mat(q={"x": GOOD}),
+    "bool.npy": _saved(GOOD > 0.0),
+    "dates.npy": _saved(np.zeros((50, 2), dtype="M8[s]")),
+    "records.npy": _saved(np.zeros(50, dtype=[("a", float), ("b", float)])),
+    "cube.npy": _saved(np.zeros((50, 2, 2))),
+    "scalar.npy": _saved(np.array(1.0)),
+    "empty.npy": _saved(np.zeros((0, 2))),
+    "empty.csv": b"",
+    "head.csv": b"a,b\n",
+    "ragged.csv": b"1,2\n3,4\n5\n",
+    "words.csv": b"a,b\n1,2\nx,4\n",
+    "bytes.csv": bytes(range(256)) * 4,
+}
+
+
+@pytest.mark.parametrize("name", CONTENTS)
+def test_a_file_that_is_no_table_of_numbers_is_one_line_with_its_name(
+    tmp_path: Path, name: str
+) -> None:
+    (tmp_path / name).write_bytes(CONTENTS[name])
+    with pytest.raises((UsageError, DataError)) as caught:
+        convert(tmp_path, str(tmp_path / name))
+    assert str(caught.value).startswith(str(tmp_path / name))
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out.mcap").exists()
+
+
+@pytest.mark.parametrize("rate", [1e-300, 1e-7, 1e10, 1e300])
+def test_a_rate_that_no_stamp_can_hold_is_refused(tmp_path: Path, rate: float) -> None:
+    np.save(tmp_path / "q.npy", GOOD)
+    with pytest.raises(UsageError, match="--rate"):
+        convert(tmp_path, str(tmp_path / "q.npy"), rate=rate)
+
+
+@pytest.mark.parametrize("stamps", [TIME - 1.0, TIME * 1e9, TIME * 1e-12, TIME + 3e9])
+def test_stamps_that_ros_cannot_hold_are_refused(tmp_path: Path, stamps) -> None:
+    np.save(tmp_path / "q.npy", GOOD)
+    np.save(tmp_path / "t.npy", stamps)
+    with pytest.raises(DataError, match=r"t\.npy: stamps"):
+        convert(tmp_path, str(tmp_path / "q.npy"), rate=None, time=str(tmp_path / "t.npy"))
+
+
+def test_a_name_that_is_too_long_is_no_file(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="File name too long"):
+        convert(tmp_path, str(tmp_path / ("q" * 300 + ".npy")))
+
+
+@pytest.mark.parametrize("key", ["q1,q2", "1,2", "q1,2"])
+def test_columns_are_named_by_the_header_or_by_numbers_from_0(tmp_path: Path, key: str) -> None:
+    table = tmp_path / "t.csv"
+    rows = np.column_stack([TIME, GOOD])
+    np.savetxt(table, rows, delimiter=",", header="t,q1,q2", comments="", fmt="%.17g")
+    convert(tmp_path, f"{table}:{key}", rate=None, time=f"{table}:0")
+    (recording,) = read_recordings([tmp_path / "out.mcap"], joints=JOINTS)
+    np.testing.assert_allclose(recording.position.values, GOOD, atol=1e-9)
+    with pytest.raises(UsageError, match="no column 3; there are t, q1, q2, or numbers from 0"):
+        convert(tmp_path, f"{table}:3,1")

@@ -1,0 +1,159 @@
+"""Positions that a driver wraps into one turn, and jumps that are no wraps."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from idim_iv_ros.recording import JointTopic, Recording, read_recordings, write_bag
+from idim_iv_ros.recording.wraps import unwrapped
+
+FloatArray = NDArray[np.float64]
+TURN = 2.0 * np.pi
+RATE = 200.0
+TIME = 50.0 + np.arange(4000) / RATE
+# Passes ±π many times, turns around there, and rests on it.
+TURNING = np.pi + 2.4 * np.sin(0.9 * TIME) + 0.5 * np.sin(3.1 * TIME)
+NANOSECONDS = np.round(TIME * 1e9).astype(np.int64)
+URDF = '<robot name="r"><joint name="a" type="{}"/><joint name="b" type="revolute"/></robot>'
+
+
+def into_pi(angle: FloatArray) -> FloatArray:
+    return np.asarray((angle + np.pi) % TURN - np.pi)
+
+
+def into_turn(angle: FloatArray) -> FloatArray:
+    return np.asarray(angle % TURN)
+
+
+def read(
+    path: Path,
+    position: FloatArray,
+    reference: FloatArray | None = None,
+    kept=slice(None),
+    kind: str = "continuous",
+    prismatic=(),
+) -> Recording:
+    other = 0.5 * np.sin(TIME)
+    both = np.column_stack([position, other])
+    random = np.random.default_rng(0)
+    effort = 3.0 + random.normal(size=both.shape)
+    topics = [JointTopic("/joint_states", ["a", "b"], TIME[kept], both[kept], None, effort[kept])]
+    if reference is not None:
+        both = np.column_stack([reference, other])
+        topics.append(JointTopic("/joint_reference", ["a", "b"], TIME, both))
+    write_bag(path, topics, robot_description=URDF.format(kind))
+    name = None if reference is None else "/joint_reference"
+    return read_recordings([path], joints=["a", "b"], reference=name, prismatic=prismatic)[0]
+
+
+def assert_continuous(values: FloatArray, truth: FloatArray, tolerance: float = 1e-9) -> None:
+    """Same motion, up to a number of whole turns that never changes."""
+    turns = np.round((values - truth) / TURN)
+    assert np.ptp(turns) == 0
+    np.testing.assert_allclose(values - TURN * turns, truth, atol=tolerance)
+
+
+@pytest.mark.parametrize("wrap", [into_pi, into_turn])
+@pytest.mark.parametrize("noise", [0.0, 1e-4, 1e-3])
+def test_a_wrapped_position_becomes_continuous(tmp_path: Path, wrap, noise: float) -> None:
+    shift = 0.0 if wrap is into_pi else np.pi
+    truth = TURNING + shift + noise * np.random.default_rng(1).normal(size=len(TIME))
+    recording = read(tmp_path / "b.mcap", wrap(truth))
+    assert_continuous(recording.position.values[:, 0], truth)
+    (note,) = [n for n in recording.notes if "wraps" in n.what]
+    assert "position of a wraps after one turn" in note.what
+    assert not recording.position.invented.any()
+
+
+def test_a_joint_that_rests_on_the_edge_is_still(tmp_path: Path) -> None:
+    noise = 2e-4 * np.random.default_rng(2).normal(size=len(TIME))
+    truth = np.where(TIME < 60.0, np.pi, np.pi + np.sin(TIME - 60.0)) + noise
+    recording = read(tmp_path / "b.mcap", into_pi(truth))
+    assert_continuous(recording.position.values[:, 0], truth)
+
+
+@pytest.mark.parametrize("slow", [1, 4, 10])
+def test_slow_sampling_of_a_fast_joint_is_unwrapped(slow: int) -> None:
+    found = unwrapped(NANOSECONDS[::slow], into_pi(TURNING)[::slow])
+    assert found is not None
+    assert_continuous(found.position, TURNING[::slow])
+
+
+@pytest.mark.parametrize("length", [20, 100, 600])
+def test_a_wrap_in_a_gap_leaves_no_turn_behind(tmp_path: Path, length: int) -> None:
+    edge = int(np.flatnonzero(np.abs(np.diff(into_pi(TURNING))) > 6.0)[3])
+    kept = np.ones(len(TIME), dtype=bool)
+    kept[edge - length // 2 : edge + length // 2] = False
+    recording = read(tmp_path / "b.mcap", into_pi(TURNING), into_pi(TURNING), kept)
+    measured = ~recording.position.invented[:, 0]
+    position = recording.position.values[:, 0]
+    step = np.diff(position)[measured[1:] & measured[:-1]]
+    assert np.abs(step).max() < 0.05
+    assert np.abs(np.diff(position)).max() < np.pi  # nor while nothing was measured
+    turns = (position - TURNING)[measured] / TURN
+    np.testing.assert_allclose(turns, np.round(turns), atol=1e-9)
+    assert recording.position_reference is not None
+    reference = recording.position_reference.values[:, 0]
+    np.testing.assert_allclose(reference[measured], position[measured], atol=1e-9)
+
+
+@pytest.mark.parametrize("shown", [into_pi, into_turn, lambda angle: angle, lambda a: a + 2 * TURN])
+@pytest.mark.parametrize("measured", [into_pi, lambda angle: angle])
+def test_the_reference_is_in_the_turn_of_the_position(tmp_path: Path, shown, measured) -> None:
+    ahead = TURNING + 0.02 * np.cos(TIME)
+    recording = read(tmp_path / "b.mcap", measured(TURNING), shown(ahead))
+    assert recording.position_reference is not None
+    lag = recording.position_reference.values[:, 0] - recording.position.values[:, 0]
+    np.testing.assert_allclose(lag, ahead - TURNING, atol=1e-9)
+
+
+def test_a_reference_that_steps_far_ahead_stays_ahead(tmp_path: Path) -> None:
+    """A command of four rad at once is no wrap, though the other way around were shorter."""
+    wanted = np.where((TIME > 55.0) & (TIME < 60.0), 6.0, 2.0)
+    lag = np.convolve(wanted, np.ones(400) / 400.0)[: len(TIME)]
+    lag[:400] = 2.0
+    recording = read(tmp_path / "b.mcap", into_pi(lag), into_pi(wanted))
+    assert recording.position_reference is not None
+    error = recording.position_reference.values[:, 0] - recording.position.values[:, 0]
+    # Only full turns may differ where the command itself came wrapped.
+    away = (error - (wanted - lag)) / TURN
+    np.testing.assert_allclose(away, np.round(away), atol=1e-9)
+    assert np.abs(error[TIME < 55.0]).max() < 1e-9
+
+
+@pytest.mark.parametrize("jump", [1.0, 3.0, 5.0, 6.0, 6.2, 6.6])
+def test_a_real_jump_is_kept(jump: float) -> None:
+    position = 0.01 * np.sin(TIME)
+    position[2000:] -= jump
+    found = unwrapped(NANOSECONDS, position)
+    assert found is None
+
+
+def test_a_jump_in_a_wrapping_joint_is_kept(tmp_path: Path) -> None:
+    truth = TURNING.copy()
+    truth[2000:] += 2.5
+    found = unwrapped(NANOSECONDS, into_pi(truth))
+    assert found is not None
+    assert abs(abs(found.position[2000] - found.position[1999]) - 2.5) < 0.1 or (
+        abs(abs(found.position[2000] - found.position[1999]) - (TURN - 2.5)) < 0.1
+    )
+
+
+def test_a_joint_that_turns_more_than_once_without_wrapping_is_as_it_was(tmp_path: Path) -> None:
+    recording = read(tmp_path / "b.mcap", 3.0 * TURNING)
+    np.testing.assert_array_equal(recording.position.values[:, 0], 3.0 * TURNING)
+    assert not any("wraps" in note.what for note in recording.notes)
+
+
+@pytest.mark.parametrize("told", ["by the bag", "by the caller"])
+def test_a_prismatic_joint_has_no_turns(tmp_path: Path, told: str) -> None:
+    wrapped = into_pi(TURNING)
+    recording = read(
+        tmp_path / "b.mcap",
+        wrapped,
+        kind="prismatic" if told == "by the bag" else "revolute",
+        prismatic=["a"] if told == "by the caller" else [],
+    )
+    np.testing.assert_array_equal(recording.position.values[:, 0], wrapped)
