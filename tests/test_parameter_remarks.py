@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from idim_iv_ros.cli.identify import parameter_table, print_next, print_remarks, print_verdict
+from idim_iv_ros.cli.identify import print_next, print_parameters, print_remarks, print_verdict
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.report.html import report_html
 from idim_iv_ros.report.json_result import result_document
@@ -37,7 +37,7 @@ def with_value(value: float, std: float, non_negative: bool) -> IdentificationRe
 
 def printed(result: IdentificationResult) -> str:
     console = Console(file=io.StringIO(), width=200)
-    console.print(parameter_table(result))
+    print_parameters(console, result)
     print_remarks(console, result)
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()

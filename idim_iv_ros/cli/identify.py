@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -39,7 +40,6 @@ def identify_command(
 
     Example: idim-iv identify run1.mcap run2.mcap --config ur5.yaml --out results
     """
-    from idim_iv_ros.cli.next_command import next_command
     from idim_iv_ros.cli.output import Output, require_destination
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.formats import REPORT, RESULT
@@ -62,8 +62,7 @@ def identify_command(
     print_parameters(output.console, result, whole=verbose)
     print_remarks(output.console, result)
     print_verdict(output.console, result)
-    if result.verdict.verdict == "model error here":
-        output.line(f"Next: {next_command('diagnose', bags, config, '--out', 'why')}")
+    print_next(output.console, result, bags, config)
     if page is not None:
         output.line(f"Report: {page}")
     elif numbers is not None:
@@ -178,3 +177,16 @@ def data_warnings(result: IdentificationResult) -> list[str]:
             *(each.sentence for each in bag.frozen),
         )
     ]
+
+
+def print_next(
+    console: Console, result: IdentificationResult, bags: Sequence[Path], config: Path
+) -> None:
+    """Name the command that looks for the cause of a model error, with its arguments."""
+    from rich.text import Text
+
+    from idim_iv_ros.cli.next_command import next_command
+
+    if result.verdict.verdict == "model error here":
+        text = Text(f"Next: {next_command('diagnose', bags, config, '--out', 'why')}")
+        console.print(text, soft_wrap=True)

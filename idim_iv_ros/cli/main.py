@@ -1,6 +1,8 @@
 """The command `idim-iv`: arguments in, one public function, a short table out."""
 
+import atexit
 import os
+import signal
 import sys
 from collections.abc import Sequence
 
@@ -15,6 +17,8 @@ def main() -> None:
 
     With ``IDIM_IV_TRACEBACK`` set in the environment, unexpected errors keep their traceback.
     """
+    # While the interpreter ends, there is nothing left to interrupt.
+    atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
     with interruption_ends_process():
         # Here, so that Ctrl-C has its answer while they are imported.
         from idim_iv_ros.cli.application import application

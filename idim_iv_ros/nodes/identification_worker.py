@@ -22,6 +22,7 @@ from idim_iv_ros.report import write_gap_report, write_report
 from idim_iv_ros.stopwatch import Progress
 
 _FEEDBACK_PERIOD = 0.05  # s
+_NO_ROOM = "failed to map segment"  # of a library that is loaded when the memory is used up
 _NICE = 5  # recorder and controllers on the same machine come first
 
 Send = Callable[[Mapping[str, object]], None]
@@ -43,10 +44,11 @@ def main() -> None:
         send({"message": _work(request, send)})
     except IdimError as error:
         send({"error": " ".join(str(error).split())})
-    except MemoryError:
-        send({"error": "not enough memory: see memory_limit; use fewer or shorter bags"})
     except Exception as error:
-        send({"error": f"defect in idim_iv_ros ({one_line(error)})"})
+        if isinstance(error, MemoryError) or _NO_ROOM in str(error):
+            send({"error": "not enough memory: see memory_limit; use fewer or shorter bags"})
+        else:
+            send({"error": f"defect in idim_iv_ros ({one_line(error)})"})
 
 
 def _end_with_the_node() -> None:

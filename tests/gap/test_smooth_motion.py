@@ -90,12 +90,14 @@ def test_load_is_that_of_the_links_without_drives_and_friction(data: Baseline) -
         - drive * motion.acceleration[:, 1]
         - friction["Fv"] * motion.velocity[:, 1]
         - friction["Fc"] * motion.slip[:, 1]
+        - values[names.index("off2")]
     )
     np.testing.assert_allclose(motion.load[:, 1], expected, atol=1e-9)
     given = data.prepared.model.robot.given.drive_inertia[0]
     whole = motion.torque[:, 0] - (
         values[names.index("Fv1")] * motion.velocity[:, 0]
         + values[names.index("Fc1")] * motion.slip[:, 0]
+        + values[names.index("off1")]
     )
     expected = whole - given * motion.acceleration[:, 0]
     np.testing.assert_allclose(motion.load[:, 0], expected, atol=1e-9)
