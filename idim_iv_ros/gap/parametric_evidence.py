@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,7 @@ from scipy import stats
 
 from idim_iv_ros.gap.change_regression import ChangeRegression
 from idim_iv_ros.gap.effects.parametric_effect import Change, ParametricEffect
+from idim_iv_ros.gap.other_errors import estimated_beside_other_errors
 from idim_iv_ros.gap.parametric_hypotheses import (
     Hypothesis,
     Trial,
@@ -94,12 +96,14 @@ def causes_of(
         The smallest set that explains the change.
     """
     count = len({each.key for each in hypotheses(changes, catalogue)})
+    estimates = iter(estimated_beside_other_errors(changes, changes_of(kept)) if kept else ())
+    numbers = [tuple(islice(estimates, len(each.changes))) for each in kept]
     causes: list[tuple[ParametricCause, Hypothesis]] = []
-    for hypothesis in kept:
+    for hypothesis, own in zip(kept, numbers, strict=True):
         rest = [other for other in kept if other is not hypothesis]
         others = changes.explain(changes_of(rest))
         this = trial_of(changes, rest, hypothesis)
-        if this is None:
+        if this is None or not any(each.tells for each in own):
             continue
         tried = [
             trial
@@ -113,7 +117,7 @@ def causes_of(
             effect=hypothesis.effect,
             joint=_name(joints, hypothesis),
             changes=hypothesis.changes,
-            parameters=hypothesis.effect.parameters(changes.space, hypothesis.joint, this.own),
+            parameters=hypothesis.effect.parameters(changes.space, hypothesis.joint, own),
             statistic=statistic,
             p_value=min(1.0, count * float(stats.chi2.sf(statistic, degrees))),
             share=changes.share(this.contribution),
