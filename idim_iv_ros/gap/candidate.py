@@ -1,5 +1,6 @@
 """An effect at a place with its best shape, and how well it is supported."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +54,12 @@ class Candidate:
     def width(self) -> int:
         """How many columns it has."""
         return int(next(iter(self.columns.values())).shape[1])
+
+    def share_of_torque(self, sizes: Sequence[float]) -> float:
+        """RMS of what it adds at its joint, as a share of that joint's torque `sizes`, N m (N)."""
+        joint = self.place.joint
+        added = self.columns[joint] @ self.coefficients
+        return float(np.sqrt(np.mean(added**2))) / sizes[joint]
 
     @property
     def cost(self) -> float:

@@ -113,8 +113,9 @@ def _diagnosed(
     simulations = simulation_gaps(model, tracked, tested.refit)
     causes = structural_causes(data, model, tested, simulations, attribution.tried)
     parametric = [effect for effect in PARAMETRIC if effect.name not in without]
-    # With what has no name, too: it would else pass for wrong numbers.
-    outcome = parametric_causes(data, model.whole, model.whole.fit(model.fit.colours), parametric)
+    # With what has no name, too, where it matters: it would else pass for parameter errors.
+    whole = model.with_nameless(data.torque_sizes)
+    outcome = parametric_causes(data, whole, whole.fit(model.fit.colours), parametric)
     law = check_law(data) if ControllerMismatch.name not in without else LawCheck()
     causes += _other_causes(data, model, outcome, floors, law, without)
     if gravity is not None and weightless is not None:
@@ -132,7 +133,7 @@ def _diagnosed(
     numbers = remaining_words(data, errors)
     stages = with_tracking(tested.stages(), tracked)
     left = left_over(data, stages, floors)
-    verdict = verdict_of(causes, rest, unexplained=bool(numbers or left))
+    verdict = verdict_of(causes, rest, parameters=bool(numbers), unexplained=bool(left))
     if weightless is not None:
         stages = (weightless.stage(0), replace(stages[0], name="+gravity_direction"), *stages[1:])
     first, last = (tracked[0], tracked[-1]) if tracked else (None, None)

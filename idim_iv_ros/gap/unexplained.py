@@ -9,7 +9,7 @@ from idim_iv_ros.gap.generic import Generic
 from idim_iv_ros.gap.joint_units import unit_at
 from idim_iv_ros.gap.likelihood import Fit
 from idim_iv_ros.gap.result import Unexplained
-from idim_iv_ros.gap.structural_causes import NamedModel
+from idim_iv_ros.gap.structural_causes import LEAST_NAMELESS, NamedModel
 
 FloatArray = NDArray[np.float64]
 
@@ -17,13 +17,14 @@ FloatArray = NDArray[np.float64]
 _KURTOSIS = 4.0
 _EVENT_SHARE = 0.12
 _LARGEST = 0.01
-# Share of a joint's torque (rms) below which what has no name is no reason to doubt the simulator.
-_LEAST_SHARE = 0.01
 
 
 def unexplained(data: Baseline, model: NamedModel) -> Unexplained | None:
     """Describe the strongest of what has no name; None where there is nothing."""
-    large = [each for each in model.nameless if _share_of_torque(data, each) >= _LEAST_SHARE]
+    sizes = data.torque_sizes
+    large = [
+        each for each in model.nameless if each.candidate.share_of_torque(sizes) >= LEAST_NAMELESS
+    ]
     if large:
         return _nameless(data, max(large, key=lambda each: each.candidate.gain))
     found = [_events(data, model.fit, joint) for joint in range(len(data.joints))]
@@ -35,20 +36,11 @@ def small_remainders(data: Baseline, model: NamedModel) -> tuple[str, ...]:
     """Say of what has no name, and is too small to matter, what it is and how small."""
     sentences = []
     for each in model.nameless:
-        share = _share_of_torque(data, each)
-        if share < _LEAST_SHARE:
+        share = each.candidate.share_of_torque(data.torque_sizes)
+        if share < LEAST_NAMELESS:
             where = _nameless(data, each).where
             sentences.append(f"{where}: {100.0 * share:.2g} % of its torque, too small to matter")
     return tuple(sentences)
-
-
-def _share_of_torque(data: Baseline, found: Found) -> float:
-    """RMS of what it adds at its joint, as a share of the joint's torque."""
-    candidate = found.candidate
-    joint = candidate.place.joint
-    added = candidate.columns[joint] @ candidate.coefficients
-    size = float(np.sqrt(np.mean(data.rows[joint].torque ** 2)))
-    return float(np.sqrt(np.mean(added**2))) / max(size, 1e-300)
 
 
 def _nameless(data: Baseline, found: Found) -> Unexplained:
@@ -78,6 +70,9 @@ def _events(data: Baseline, fit: Fit, joint: int) -> Unexplained | None:
     most = np.sort(energy)[-max(1, round(_LARGEST * len(energy))) :]
     share = float(most.sum()) / total
     if kurtosis < _KURTOSIS or share < _EVENT_SHARE:
+        return None
+    size = float(np.sqrt(share * np.mean(fit.residuals[joint] ** 2)))
+    if size < LEAST_NAMELESS * data.torque_sizes[joint]:
         return None
     largest = int(np.argmax(energy))
     motion = data.motions[int(data.recordings[joint][largest])]
