@@ -56,10 +56,14 @@ class Candidate:
         return int(next(iter(self.columns.values())).shape[1])
 
     def share_of_torque(self, sizes: Sequence[float]) -> float:
-        """RMS of what it adds at its joint, as a share of that joint's torque `sizes`, N m (N)."""
+        """RMS of the gap that it closes at its joint, as a share of that joint's torque `sizes`.
+
+        Not of its own torque: a free curve of the speed holds the dry friction that the model has.
+        """
         joint = self.place.joint
-        added = self.columns[joint] @ self.coefficients
-        return float(np.sqrt(np.mean(added**2))) / sizes[joint]
+        after = float(np.mean(self.fit.residuals[joint] ** 2))
+        closed = min(max(self.closed, 0.0), 1.0 - 1e-9)
+        return float(np.sqrt(after * closed / (1.0 - closed))) / sizes[joint]
 
     @property
     def cost(self) -> float:

@@ -20,6 +20,8 @@ FloatArray = NDArray[np.float64]
 
 # A direction of which, unit columns taken, less than this is left counts as not excited.
 _LEAST = 1e-5
+# Share of a column that accepted effects must leave, or the recording does not show it beside them.
+_LEAST_INDEPENDENT = 1e-2
 
 
 @dataclass(frozen=True)
@@ -151,11 +153,10 @@ class ChangeRegression:
     def rms(self, contribution: FloatArray) -> tuple[FloatArray, FloatArray]:
         """RMS of each joint's residual (n_joints,) N m, before and after a change (d,).
 
-        The accepted effects are in the model both times: before, as they are beside the refit, for
-        else they would stand for what the change explains; after, as they are beside the change.
+        The accepted effects are in the model both times, their coefficients free.
         """
         effects = self.accepted.torques(contribution)
-        before = [np.sqrt(np.mean(rest**2)) for rest in self._without_effects]
+        before = [np.sqrt(np.mean(rest**2)) for rest in self._without_changes]
         after = [
             np.sqrt(np.mean((residual - columns @ contribution - effect) ** 2))
             for residual, columns, effect in zip(self.residuals, self.columns, effects, strict=True)
@@ -163,9 +164,9 @@ class ChangeRegression:
         return np.array(before), np.array(after)
 
     @cached_property
-    def _without_effects(self) -> list[FloatArray]:
-        """Residual (r_j,) of the nominal model with the effects as they are beside the refit."""
-        effects = self.accepted.torques(self.refit().contributions.sum(axis=1))
+    def _without_changes(self) -> list[FloatArray]:
+        """Residual (r_j,) of the nominal model with the accepted effects alone."""
+        effects = self.accepted.torques(np.zeros(self.space.size))
         return [residual - effect for residual, effect in zip(self.residuals, effects, strict=True)]
 
     def share(self, contribution: FloatArray) -> float:
@@ -254,7 +255,11 @@ def _projected(rows: FloatArray, added: int) -> tuple[FloatArray, FloatArray]:
     seen = singular > 1e-6
     coordinates = left[:, seen].T @ rows[:, added:]
     coefficients = scale[:, None] * (right[seen].T @ (coordinates / singular[seen, None]))
-    return r_factor(rows[:, added:] - left[:, seen] @ coordinates), coefficients
+    rest = rows[:, added:] - left[:, seen] @ coordinates
+    # A free curve of the speed holds the joint's dry friction: what is left of that is rounding.
+    whole = np.linalg.norm(rows[:, added:], axis=0)
+    rest[:, np.linalg.norm(rest, axis=0) < _LEAST_INDEPENDENT * whole] = 0.0
+    return r_factor(rest), coefficients
 
 
 def _gravity_rows(data: Baseline, axes: FloatArray) -> list[FloatArray]:
