@@ -25,7 +25,12 @@ from idim_iv_ros.estimation.least_squares import (
     solve_weighted_least_squares,
 )
 from idim_iv_ros.estimation.refined import RefinedIdimIv, refined_idim_iv, residual_models
-from idim_iv_ros.estimation.rows import ObservationRows, instrument_rows, observation_rows
+from idim_iv_ros.estimation.rows import (
+    ObservationRows,
+    instrument_rows,
+    observation_rows,
+    torque_rows,
+)
 from idim_iv_ros.estimation.sources import InstrumentSources, instrument_sources
 from idim_iv_ros.estimation.triangles import (
     JointTriangle,
@@ -73,6 +78,7 @@ __all__ = [
     "solve_triangles",
     "solve_weighted_least_squares",
     "stream_triangles",
+    "torque_rows",
     "triangles_of_rows",
     "unseen_parameters",
     "white_covariance",

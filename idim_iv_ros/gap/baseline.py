@@ -73,6 +73,11 @@ class Baseline:
         return self.prepared.cutoffs.row_rate
 
     @property
+    def torque_sizes(self) -> tuple[float, ...]:
+        """RMS of the recorded torque of each joint, N m (N)."""
+        return tuple(max(float(np.sqrt(np.mean(rows.torque**2))), 1e-300) for rows in self.rows)
+
+    @property
     def slowest(self) -> FloatArray:
         """Speeds (n_joints,) that count, rad/s (m/s); where rows of all do, a share of the peak."""
         peaks = np.max([np.abs(m.velocity).max(axis=0) for m in self.motions], axis=0)

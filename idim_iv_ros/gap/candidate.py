@@ -1,5 +1,6 @@
 """An effect at a place with its best shape, and how well it is supported."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +54,16 @@ class Candidate:
     def width(self) -> int:
         """How many columns it has."""
         return int(next(iter(self.columns.values())).shape[1])
+
+    def share_of_torque(self, sizes: Sequence[float]) -> float:
+        """RMS of the gap that it closes at its joint, as a share of that joint's torque `sizes`.
+
+        Not of its own torque: a free curve of the speed holds the dry friction that the model has.
+        """
+        joint = self.place.joint
+        after = float(np.mean(self.fit.residuals[joint] ** 2))
+        closed = min(max(self.closed, 0.0), 1.0 - 1e-9)
+        return float(np.sqrt(after * closed / (1.0 - closed))) / sizes[joint]
 
     @property
     def cost(self) -> float:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ FloatArray = NDArray[np.float64]
 
 # A direction of which, unit columns taken, less than this is left counts as not excited.
 _LEAST = 1e-5
+# Share of a column that accepted effects must leave, or the recording does not show it beside them.
+_LEAST_INDEPENDENT = 1e-2
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,30 @@ class Explained:
 
 
 @dataclass(frozen=True)
+class Accepted:
+    """Structural effects that were accepted, their a coefficients free beside any change.
+
+    Attributes
+    ----------
+    columns : tuple of (r_j, a)
+        Rows of unit coefficients, N m, not whitened.
+    of_residual : (a,)
+        Coefficients that fit the nominal model's residual best, whitened.
+    of_changes : (a, d)
+        How far a unit of each change moves them.
+    """
+
+    columns: tuple[FloatArray, ...]
+    of_residual: FloatArray
+    of_changes: FloatArray
+
+    def torques(self, contribution: FloatArray) -> list[FloatArray]:
+        """Their torque (r_j,) at each joint beside a change (d,), N m."""
+        coefficients = self.of_residual - self.of_changes @ contribution
+        return [columns @ coefficients for columns in self.columns]
+
+
+@dataclass(frozen=True)
 class ChangeRegression:
     """Least squares of y − X β₀ on changes of the given numbers, whitened and compressed.
 
@@ -62,6 +89,7 @@ class ChangeRegression:
         y − X β₀ of each joint, N m.
     torques : tuple of (r_j,)
         y of each joint, N m.
+    accepted : Accepted
     still : frozenset of int
         Joints that move too little to tell anything of them.
     """
@@ -72,6 +100,7 @@ class ChangeRegression:
     columns: tuple[FloatArray, ...]
     residuals: tuple[FloatArray, ...]
     torques: tuple[FloatArray, ...]
+    accepted: Accepted
     still: frozenset[int] = frozenset()
 
     @property
@@ -122,13 +151,23 @@ class ChangeRegression:
         return Explained(statistic, rank, found, directions * values)
 
     def rms(self, contribution: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """RMS of each joint's residual (n_joints,) N m, before and after a change (d,)."""
-        before = [np.sqrt(np.mean(residual**2)) for residual in self.residuals]
+        """RMS of each joint's residual (n_joints,) N m, before and after a change (d,).
+
+        The accepted effects are in the model both times, their coefficients free.
+        """
+        effects = self.accepted.torques(contribution)
+        before = [np.sqrt(np.mean(rest**2)) for rest in self._without_changes]
         after = [
-            np.sqrt(np.mean((residual - columns @ contribution) ** 2))
-            for residual, columns in zip(self.residuals, self.columns, strict=True)
+            np.sqrt(np.mean((residual - columns @ contribution - effect) ** 2))
+            for residual, columns, effect in zip(self.residuals, self.columns, effects, strict=True)
         ]
         return np.array(before), np.array(after)
+
+    @cached_property
+    def _without_changes(self) -> list[FloatArray]:
+        """Residual (r_j,) of the nominal model with the accepted effects alone."""
+        effects = self.accepted.torques(np.zeros(self.space.size))
+        return [residual - effect for residual, effect in zip(self.residuals, effects, strict=True)]
 
     def share(self, contribution: FloatArray) -> float:
         """Share of the gap's energy that a change (d,) takes away, joints by their torques."""
@@ -157,7 +196,7 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
     space = ParameterSpace(model, model.given, axes, bare)
     gravity = _gravity_rows(data, axes)
     b, joints = regression.parameters, len(regression.joints)
-    columns, residuals, whitened = [], [], []
+    columns, effects, residuals, whitened = [], [], [], []
     for joint, rows in enumerate(regression.joints):
         unit = np.zeros((len(rows.torque), space.size))
         unit[:, rows.columns] = rows.matrix
@@ -172,9 +211,9 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
             fit.colours[joint].apply(np.column_stack([structural, unit, residual]), rows.runs)
         )
         columns.append(unit)
+        effects.append(structural)
         residuals.append(residual)
-    added = regression.total - b
-    triangle = _projected(np.vstack(whitened), added)
+    triangle, moved = _projected(np.vstack(whitened), regression.total - b)
     return ChangeRegression(
         space,
         triangle[:, :-1],
@@ -182,6 +221,7 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
         tuple(columns),
         tuple(residuals),
         tuple(regression.joints[joint].torque for joint in range(joints)),
+        Accepted(tuple(effects), moved[:, -1], moved[:, :-1]),
         still,
     )
 
@@ -200,16 +240,26 @@ def level_axes(gravity: FloatArray) -> FloatArray:
     return np.array([first, second if second[max(kept)] > 0.0 else -second])
 
 
-def _projected(rows: FloatArray, added: int) -> FloatArray:
-    """Triangle of the rows less what the first `added` columns explain."""
-    if added:
-        norms = np.linalg.norm(rows[:, :added], axis=0)
-        left, singular, _ = np.linalg.svd(
-            rows[:, :added] / np.where(norms > 0.0, norms, 1.0), full_matrices=False
-        )
-        basis = left[:, singular > 1e-6]
-        rows = rows[:, added:] - basis @ (basis.T @ rows[:, added:])
-    return r_factor(rows)
+def _projected(rows: FloatArray, added: int) -> tuple[FloatArray, FloatArray]:
+    """R factor of the rows less what the first `added` columns explain, and their coefficients.
+
+    Returns
+    -------
+    (e, d + 1), (added, d + 1)
+    """
+    if not added:
+        return r_factor(rows), np.zeros((0, rows.shape[1]))
+    norms = np.linalg.norm(rows[:, :added], axis=0)
+    scale = 1.0 / np.where(norms > 0.0, norms, 1.0)
+    left, singular, right = np.linalg.svd(rows[:, :added] * scale, full_matrices=False)
+    seen = singular > 1e-6
+    coordinates = left[:, seen].T @ rows[:, added:]
+    coefficients = scale[:, None] * (right[seen].T @ (coordinates / singular[seen, None]))
+    rest = rows[:, added:] - left[:, seen] @ coordinates
+    # A free curve of the speed holds the joint's dry friction: what is left of that is rounding.
+    whole = np.linalg.norm(rows[:, added:], axis=0)
+    rest[:, np.linalg.norm(rest, axis=0) < _LEAST_INDEPENDENT * whole] = 0.0
+    return r_factor(rest), coefficients
 
 
 def _gravity_rows(data: Baseline, axes: FloatArray) -> list[FloatArray]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.gap.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
+from idim_iv_ros.gap.law_speed import LawSpeed
 from idim_iv_ros.gap.likelihood import Fit, JointData, Regression
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControlLaw
@@ -40,6 +41,10 @@ class CommandRegression:
         Share of each group's energy that noise of the encoder makes.
     runs : tuple of slice
         Rows without a gap in time.
+    recording : (r,) int
+        Which recording each row belongs to.
+    time : s
+        From the start of the recording.
     """
 
     rest: FloatArray
@@ -50,6 +55,8 @@ class CommandRegression:
     groups: dict[str, FloatArray]
     noise: dict[str, float]
     runs: tuple[slice, ...]
+    recording: NDArray[np.int64]
+    time: FloatArray
 
     def usable(self, name: str) -> bool:
         """Whether a group varies."""
@@ -81,30 +88,29 @@ def rms(fit: Fit) -> float:
 
 
 def command_regression(
-    motions: Sequence[Motion], law: ControlLaw, joint: int
+    motions: Sequence[Motion], law: ControlLaw, joint: int, speed: LawSpeed
 ) -> CommandRegression | None:
     """Evaluate the law on the measured motion; None where too few rows are left."""
     effect = ControllerMismatch()
-    tables, constants, runs, start = [], [], [], 0
+    tables, constants, runs, times, start = [], [], [], [], 0
     noise_energy, energy = np.zeros(len(GROUPS)), np.zeros(len(GROUPS))
-    limit = _LIMITED * float(law.torque_limit[joint])
     for number, motion in enumerate(motions):
         signals = motion.signals
-        parts = effect.parts(signals, law, joint)
+        parts = effect.parts(signals, law, joint, speed.of(signals, joint))
         rest = signals.torque[:, joint] - parts.command
         groups = [parts.groups[name] for name in GROUPS]
         recorded = signals.torque[:, joint]
         table = np.column_stack([rest, parts.rate, parts.acceleration, recorded, *groups])
         table = motion.decimation.whole(table[motion.span])
-        bad = ~signals.valid[:, joint] | (np.abs(signals.torque[:, joint]) >= limit)
-        kept = _apart(bad[motion.span], motion)
+        kept = comparable_rows(motion, law, joint)
         tables.append(table[kept])
         constants.append(np.full(int(kept.sum()), number))
+        times.append(motion.time[kept])
         for first, last in _stretches(kept):
             runs.append(slice(start + first, start + last))
         start += int(kept.sum())
         energy += np.sum(table[kept][:, 4:] ** 2, axis=0)
-        noise_energy += np.sum(_noise(motion, law, joint)[kept] ** 2, axis=0)
+        noise_energy += np.sum(_noise(motion, law, joint, speed)[kept] ** 2, axis=0)
     if start < _LEAST_ROWS:
         return None
     table = np.concatenate(tables)
@@ -119,7 +125,17 @@ def command_regression(
         groups={name: table[:, 4 + k] for k, name in enumerate(GROUPS)},
         noise=dict(zip(GROUPS, noise_energy / np.maximum(energy, 1e-300), strict=True)),
         runs=tuple(runs),
+        recording=which,
+        time=np.concatenate(times),
     )
+
+
+def comparable_rows(motion: Motion, law: ControlLaw, joint: int) -> NDArray[np.bool_]:
+    """Decimated samples (m,) at which a command is measured and not at the torque limit."""
+    signals = motion.signals
+    limit = _LIMITED * float(law.torque_limit[joint])
+    bad = ~signals.valid[:, joint] | (np.abs(signals.torque[:, joint]) >= limit)
+    return _apart(bad[motion.span], motion)
 
 
 def _apart(bad: NDArray[np.bool_], motion: Motion) -> NDArray[np.bool_]:
@@ -143,14 +159,20 @@ def _stretches(kept: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return list(pairwise(edges))
 
 
-def _noise(motion: Motion, law: ControlLaw, joint: int) -> FloatArray:
+def _noise(motion: Motion, law: ControlLaw, joint: int, speed: LawSpeed) -> FloatArray:
     """What white noise of the encoder makes of each group, decimated (m, groups)."""
     signals = motion.signals
     span = motion.span
     deviation = np.std(signals.position[span, joint] - motion.position[span, joint])
     random = np.random.default_rng(0).normal(0.0, 1.0, signals.position.shape) * deviation
     still = np.zeros_like(random)
-    alone = replace(signals, position=random, position_reference=still, velocity_reference=still)
-    parts = ControllerMismatch().parts(alone, law, joint)
+    alone = replace(
+        signals,
+        position=random,
+        velocity=None,
+        position_reference=still,
+        velocity_reference=still,
+    )
+    parts = ControllerMismatch().parts(alone, law, joint, speed.of(alone, joint))
     table = np.column_stack([parts.groups[name] for name in GROUPS])[span]
     return motion.decimation.whole(table)

@@ -9,7 +9,11 @@ from scipy import stats
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.command_regression import command_regression, rms
 from idim_iv_ros.gap.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
+from idim_iv_ros.gap.joint_units import unit_at
 from idim_iv_ros.gap.law_change import LONGEST_LAG, LawChange, law_change, worth
+from idim_iv_ros.gap.law_residual import beyond_the_law
+from idim_iv_ros.gap.law_speed import LawSpeed
+from idim_iv_ros.gap.law_speed_choice import law_speed
 from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.gap.significance import differs
 from idim_iv_ros.simulation import ControlLaw, control_law
@@ -57,27 +61,58 @@ def why_not_checked(data: Baseline) -> str:
     return ""
 
 
-def controller_mismatch(data: Baseline) -> list[ControllerFinding]:
+@dataclass(frozen=True)
+class LawCheck:
+    """Recorded commands against the configured law.
+
+    Attributes
+    ----------
+    findings : tuple of ControllerFinding
+        Joints with another law.
+    speed : LawSpeed or None
+        The speed that explains the commands best; None where nothing can be compared.
+    beyond : tuple of str
+        What the commands hold beyond the law and its changes, one sentence for each joint where
+        it is much.
+    """
+
+    findings: tuple[ControllerFinding, ...] = ()
+    speed: LawSpeed | None = None
+    beyond: tuple[str, ...] = ()
+
+
+def check_law(data: Baseline) -> LawCheck:
     """Compare the recorded efforts with the configured law on the measured motion.
 
-    All samples count, also at reversals, except those at the torque limit. Constants and a lag
-    of up to two periods of the control, common to all joints, are no mismatch. Empty where nothing
-    can be compared (`why_not_checked`) or nothing differs.
+    All samples count, also at reversals, except those at the torque limit. Constants, a lag of up
+    to two periods of the control, common to all joints, and a speed that the law differentiates and
+    filters (`law_speed`) are no mismatch. Empty where nothing can be compared or nothing differs;
+    `why_not_checked` says why.
     """
     if why_not_checked(data):
-        return []
+        return LawCheck()
     configuration = data.prepared.configuration
     law = control_law(configuration.controller, len(data.joints))
     slowest = min(motion.signals.rate for motion in data.prepared.motions)
     period = configuration.controller.period or 1.0 / slowest
+    speed = law_speed(data.prepared.motions, law)
     compared = {}
     for joint in range(len(data.joints)):
-        rows = command_regression(data.prepared.motions, law, joint)
+        rows = command_regression(data.prepared.motions, law, joint, speed)
         if rows is not None:
             compared[joint] = law_change(rows, law, joint, period)
     longest = _longest_lag(list(compared.values()), period)
     found = [_finding(data, law, joint, change, longest) for joint, change in compared.items()]
-    return [finding for finding in found if finding is not None]
+    names = [recording.path.name for recording in data.prepared.recordings]
+    beyond = [
+        beyond_the_law(change, data.joints[joint], unit_at(data, joint, "N m"), names)
+        for joint, change in compared.items()
+    ]
+    return LawCheck(
+        findings=tuple(finding for finding in found if finding is not None),
+        speed=speed,
+        beyond=tuple(sentence for sentence in beyond if sentence),
+    )
 
 
 def _longest_lag(compared: Sequence[LawChange], period: float) -> float:

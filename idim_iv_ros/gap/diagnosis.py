@@ -13,7 +13,7 @@ from idim_iv_ros.gap.baseline import Baseline, baseline
 from idim_iv_ros.gap.catalogue import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.gap.cause_order import leading, strongest_first
 from idim_iv_ros.gap.confirmation import confirmed
-from idim_iv_ros.gap.controller_check import controller_mismatch, why_not_checked
+from idim_iv_ros.gap.controller_check import LawCheck, check_law, why_not_checked
 from idim_iv_ros.gap.dry_friction import dry_friction
 from idim_iv_ros.gap.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.gap.effects.encoder_eccentricity import EncoderEccentricity
@@ -31,11 +31,12 @@ from idim_iv_ros.gap.parameter_errors import parameter_errors, remaining_words
 from idim_iv_ros.gap.parametric import ParametricOutcome, parametric_causes
 from idim_iv_ros.gap.regression_rows import smooth_regression
 from idim_iv_ros.gap.result import Cause, EffectParameter, GapResult, NotTestable
+from idim_iv_ros.gap.signal_chain import aligned
 from idim_iv_ros.gap.structural_causes import NamedModel, named_model, structural_causes
 from idim_iv_ros.gap.testability import floor_colours, shown_by_motion
 from idim_iv_ros.gap.tracked_stages import simulation_gaps, tracked_stages
 from idim_iv_ros.gap.tracking import Tracking, tracking_series, with_tracking
-from idim_iv_ros.gap.unexplained import unexplained
+from idim_iv_ros.gap.unexplained import small_remainders, unexplained
 from idim_iv_ros.gap.verdict import summary_of, verdict_of
 from idim_iv_ros.gap.where import where
 from idim_iv_ros.gap.wrong_numbers import WRONG_NUMBERS
@@ -96,6 +97,7 @@ def _diagnosed(
         weightless = _given_alone(data, regression)
         data = baseline(recordings, gravity.corrected(configuration))
         regression = smooth_regression(data)
+    data, regression, shift = aligned(data, regression)
     watch.stage("attribution", 0.2)
     catalogue = [effect for effect in STRUCTURAL if effect.name not in without]
     wrong = [effect for effect in WRONG_NUMBERS if effect.name not in without]
@@ -111,9 +113,11 @@ def _diagnosed(
     simulations = simulation_gaps(model, tracked, tested.refit)
     causes = structural_causes(data, model, tested, simulations, attribution.tried)
     parametric = [effect for effect in PARAMETRIC if effect.name not in without]
-    # With what has no name, too: it would else pass for wrong numbers.
-    outcome = parametric_causes(data, model.whole, model.whole.fit(model.fit.colours), parametric)
-    causes += _other_causes(data, model, outcome, floors, without)
+    # With what has no name, too, where it matters: it would else pass for parameter errors.
+    whole = model.with_nameless(data.torque_sizes)
+    outcome = parametric_causes(data, whole, whole.fit(model.fit.colours), parametric)
+    law = check_law(data) if ControllerMismatch.name not in without else LawCheck()
+    causes += _other_causes(data, model, outcome, floors, law, without)
     if gravity is not None and weightless is not None:
         causes.append(gravity.cause(weightless, tested))
     colours = floor_colours(attribution.refit, [floor.sigma for floor in floors])
@@ -129,7 +133,7 @@ def _diagnosed(
     numbers = remaining_words(data, errors)
     stages = with_tracking(tested.stages(), tracked)
     left = left_over(data, stages, floors)
-    verdict = verdict_of(causes, rest, unexplained=bool(numbers or left))
+    verdict = verdict_of(causes, rest, parameters=bool(numbers), unexplained=bool(left))
     if weightless is not None:
         stages = (weightless.stage(0), replace(stages[0], name="+gravity_direction"), *stages[1:])
     first, last = (tracked[0], tracked[-1]) if tracked else (None, None)
@@ -154,7 +158,8 @@ def _diagnosed(
             numbers=numbers,
             more=len(causes) - len(told),
             model="refit" if given is None else "given model",
-        ),
+        )
+        + "".join(f" {sentence[0].upper()}{sentence[1:]}." for sentence in law.beyond),
         causes=tuple(causes),
         unexplained=rest,
         joint_gaps=place.joint_gaps,
@@ -165,10 +170,18 @@ def _diagnosed(
         confusability=confusability,
         series=gap_series(data, regression, model),
         tracking=tracking_series(data, first, last),
-        notes=_notes(data, tested.note, [floor.note for floor in floors], tracked),
+        notes=(
+            shift.sentence(data.joints),
+            *([] if law.speed is None else [f"the speed in the control law: {law.speed.words}"]),
+            *_notes(data, tested.note, [floor.note for floor in floors], tracked),
+            *small_remainders(data, model),
+        ),
         extended_parameters=_extended(data, model),
         recorded=sum(part.duration for part in data.prepared.session.parts),
         parameter_errors=errors,
+        signal_chain=shift.part_of_result(
+            data.joints, None if law.speed is None else law.speed.words
+        ),
     )
 
 
@@ -177,6 +190,7 @@ def _other_causes(
     model: NamedModel,
     outcome: ParametricOutcome,
     floors: Sequence[NoiseFloor],
+    law: LawCheck,
     without: Sequence[str],
 ) -> list[Cause]:
     """Wrong numbers, and another control law."""
@@ -186,15 +200,13 @@ def _other_causes(
         for each in outcome.causes
     ]
     causes = parametric_results(data, found, floors)
-    if ControllerMismatch.name not in without:
-        turned = {
-            data.joints[found.candidate.place.joint]
-            for found in model.found
-            if found.candidate.effect.name == EncoderEccentricity.name
-        }
-        findings = [each for each in controller_mismatch(data) if each.joint not in turned]
-        causes += controller_results(data, findings)
-    return causes
+    turned = {
+        data.joints[found.candidate.place.joint]
+        for found in model.found
+        if found.candidate.effect.name == EncoderEccentricity.name
+    }
+    findings = [each for each in law.findings if each.joint not in turned]
+    return causes + controller_results(data, findings)
 
 
 def _nominal_words(data: Baseline) -> str:

@@ -107,6 +107,9 @@ def _parametric_sentence(data: Baseline, cause: ParametricCause) -> str:
     most = _MOST_NUMBERS if cause.joint else len(cause.parameters)  # one for each joint
     numbers = _numbers(cause.effect.name, cause.parameters, most)
     text = f"{cause.effect.subject(place)}: {numbers}"
+    mass = cause.parameters.get("mass")
+    if mass is not None and mass.value < 0.0:
+        text += " (negative: a part that the nominal model has is not mounted)"
     smaller = [each for each in _joint_gaps(data, cause) if each.share_of_torque > 0.0]
     if smaller:
         gaps = ", ".join(_gap_words(data, each) for each in smaller)

@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
 from idim_iv_ros.gap.change_regression import ChangeRegression
-from idim_iv_ros.gap.effects.parametric_effect import Change, ParametricEffect
+from idim_iv_ros.gap.effects.parametric_effect import Change, Estimated, ParametricEffect
+from idim_iv_ros.gap.other_errors import estimated_beside_other_errors
 from idim_iv_ros.gap.parametric_hypotheses import (
     Hypothesis,
     Trial,
@@ -94,8 +96,9 @@ def causes_of(
         The smallest set that explains the change.
     """
     count = len({each.key for each in hypotheses(changes, catalogue)})
+    kept, numbers = _sure(changes, kept)
     causes: list[tuple[ParametricCause, Hypothesis]] = []
-    for hypothesis in kept:
+    for hypothesis, own in zip(kept, numbers, strict=True):
         rest = [other for other in kept if other is not hypothesis]
         others = changes.explain(changes_of(rest))
         this = trial_of(changes, rest, hypothesis)
@@ -113,7 +116,7 @@ def causes_of(
             effect=hypothesis.effect,
             joint=_name(joints, hypothesis),
             changes=hypothesis.changes,
-            parameters=hypothesis.effect.parameters(changes.space, hypothesis.joint, this.own),
+            parameters=hypothesis.effect.parameters(changes.space, hypothesis.joint, own),
             statistic=statistic,
             p_value=min(1.0, count * float(stats.chi2.sf(statistic, degrees))),
             share=changes.share(this.contribution),
@@ -127,6 +130,25 @@ def causes_of(
         )
         causes.append((cause, hypothesis))
     return _one_after_the_other(changes, causes)
+
+
+def _sure(
+    changes: ChangeRegression, found: Sequence[Hypothesis]
+) -> tuple[list[Hypothesis], list[tuple[Estimated, ...]]]:
+    """Hypotheses with a number that differs from zero beside errors of all others, and estimates.
+
+    One that has none is dropped, the least sure first, and the rest is estimated again.
+    """
+    kept = list(found)
+    while kept:
+        estimates = iter(estimated_beside_other_errors(changes, changes_of(kept)))
+        numbers = [tuple(islice(estimates, len(each.changes))) for each in kept]
+        sure = [max((each.certainty for each in own), default=0.0) for own in numbers]
+        unsure = [place for place, own in enumerate(numbers) if not any(e.tells for e in own)]
+        if not unsure:
+            return kept, numbers
+        del kept[min(unsure, key=lambda place: sure[place])]
+    return [], []
 
 
 def _name(joints: Sequence[str], hypothesis: Hypothesis) -> str | None:

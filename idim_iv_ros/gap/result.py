@@ -344,6 +344,33 @@ class GapSeries:
 
 
 @dataclass(frozen=True)
+class SignalChain:
+    """What lies between the law and the torque: a property of the recording, and no cause.
+
+    Attributes
+    ----------
+    effort_shift : EffectParameter
+        Time from the recorded effort to the torque on the joints, s; it was taken out before causes
+        were looked for. Zero with `std` None where none can be said.
+    periods : float
+        The same in periods of the control.
+    joint_shifts : dict of joint to EffectParameter
+        Each joint's own, s.
+    differing : tuple of str
+        Joints that do not share the common shift.
+    law_speed : str or None
+        The speed with which the configured law explains the commands best, in words; None where
+        the commands cannot be compared with a law.
+    """
+
+    effort_shift: EffectParameter
+    periods: float
+    joint_shifts: dict[str, EffectParameter]
+    differing: tuple[str, ...]
+    law_speed: str | None
+
+
+@dataclass(frozen=True)
 class TrackingSeries:
     """Tracking error of one joint in one recording, thinned for the figures; (s,) each, rad."""
 
@@ -395,6 +422,7 @@ class GapResult:
         Where each recording lies in the time of the session, in the order of `bags`.
     parameter_errors : tuple of ParameterError
         One for each joint; empty without a given model.
+    signal_chain : SignalChain or None
     """
 
     robot: str
@@ -422,3 +450,4 @@ class GapResult:
     recorded: float | None = None
     session: tuple[SessionPart, ...] = ()
     parameter_errors: tuple[ParameterError, ...] = ()
+    signal_chain: SignalChain | None = None

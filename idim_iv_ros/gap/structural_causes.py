@@ -21,6 +21,8 @@ from idim_iv_ros.simulation import SimulatedEffect
 
 # Of the residual's energy that the stronger effect at a joint closes.
 LEAST_BESIDE = 0.03
+# Share of a joint's torque (rms) below which what has no name is no reason to doubt the simulator.
+LEAST_NAMELESS = 0.01
 
 
 @dataclass(frozen=True)
@@ -44,12 +46,18 @@ class NamedModel:
     regression: Regression
     fits: tuple[Fit, ...]
 
-    @property
-    def whole(self) -> Regression:
-        """With what has no name, too, and with the constants that belong to the effects' laws."""
+    def with_nameless(self, sizes: Sequence[float]) -> Regression:
+        """With what has no name where it matters, and the constants of the effects' laws.
+
+        Parameters
+        ----------
+        sizes
+            RMS of the torque of each joint, N m (N).
+        """
         regression = self.regression
         for each in self.nameless:
-            regression = regression.with_columns(each.candidate.columns)
+            if each.candidate.share_of_torque(sizes) >= LEAST_NAMELESS:
+                regression = regression.with_columns(each.candidate.columns)
         for each in self.found:
             if each.candidate.effect.with_constant:
                 constants = {

@@ -3,12 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.gap.attribution import Found
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.generic import Generic
 from idim_iv_ros.gap.joint_units import unit_at
 from idim_iv_ros.gap.likelihood import Fit
 from idim_iv_ros.gap.result import Unexplained
-from idim_iv_ros.gap.structural_causes import NamedModel
+from idim_iv_ros.gap.structural_causes import LEAST_NAMELESS, NamedModel
 
 FloatArray = NDArray[np.float64]
 
@@ -20,16 +21,30 @@ _LARGEST = 0.01
 
 def unexplained(data: Baseline, model: NamedModel) -> Unexplained | None:
     """Describe the strongest of what has no name; None where there is nothing."""
-    if model.nameless:
-        return _nameless(data, model)
+    sizes = data.torque_sizes
+    large = [
+        each for each in model.nameless if each.candidate.share_of_torque(sizes) >= LEAST_NAMELESS
+    ]
+    if large:
+        return _nameless(data, max(large, key=lambda each: each.candidate.gain))
     found = [_events(data, model.fit, joint) for joint in range(len(data.joints))]
     present = [each for each in found if each is not None]
     return max(present, key=lambda each: each.share, default=None)
 
 
-def _nameless(data: Baseline, model: NamedModel) -> Unexplained:
-    strongest = max(model.nameless, key=lambda each: each.candidate.gain)
-    candidate = strongest.candidate
+def small_remainders(data: Baseline, model: NamedModel) -> tuple[str, ...]:
+    """Say of what has no name, and is too small to matter, what it is and how small."""
+    sentences = []
+    for each in model.nameless:
+        share = each.candidate.share_of_torque(data.torque_sizes)
+        if share < LEAST_NAMELESS:
+            where = _nameless(data, each).where
+            sentences.append(f"{where}: {100.0 * share:.2g} % of its torque, too small to matter")
+    return tuple(sentences)
+
+
+def _nameless(data: Baseline, found: Found) -> Unexplained:
+    candidate = found.candidate
     joint = candidate.place.joint
     effect = candidate.effect
     assert isinstance(effect, Generic)
@@ -55,6 +70,9 @@ def _events(data: Baseline, fit: Fit, joint: int) -> Unexplained | None:
     most = np.sort(energy)[-max(1, round(_LARGEST * len(energy))) :]
     share = float(most.sum()) / total
     if kurtosis < _KURTOSIS or share < _EVENT_SHARE:
+        return None
+    size = float(np.sqrt(share * np.mean(fit.residuals[joint] ** 2)))
+    if size < LEAST_NAMELESS * data.torque_sizes[joint]:
         return None
     largest = int(np.argmax(energy))
     motion = data.motions[int(data.recordings[joint][largest])]

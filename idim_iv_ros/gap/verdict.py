@@ -6,16 +6,25 @@ from idim_iv_ros.gap.result import Cause, JointGap, Unexplained, Verdict
 
 
 def verdict_of(
-    causes: Sequence[Cause], rest: Unexplained | None, *, unexplained: bool = False
+    causes: Sequence[Cause],
+    rest: Unexplained | None,
+    *,
+    parameters: bool = False,
+    unexplained: bool = False,
 ) -> Verdict:
     """One word: named causes count before what has no name.
 
     Parameters
     ----------
+    parameters
+        Whether new parameters take a part of the gap that no cause names: that they are in error is
+        known, which of them is not.
     unexplained
-        Whether much of the gap stays, or goes with numbers that no cause tells.
+        Whether much of the gap stays.
     """
-    kinds = {cause.kind for cause in causes}
+    kinds: set[str] = {cause.kind for cause in causes}
+    if parameters and not kinds and not unexplained:
+        kinds = {"parametric"}
     if kinds == {"parametric", "structural"}:
         return "both"
     if "parametric" in kinds:

@@ -167,6 +167,16 @@ class SessionPartPart(_Part):
     duration: Number
 
 
+class SignalChainPart(_Part):
+    """What lies between the law and the torque."""
+
+    effort_shift: ParameterPart
+    periods: Number
+    joint_shifts: dict[str, ParameterPart]
+    differing: list[str]
+    law_speed: str | None
+
+
 class GapFile(_Part):
     """The whole file."""
 
@@ -182,6 +192,7 @@ class GapFile(_Part):
     causes: list[CausePart]
     unexplained: UnexplainedPart | None
     parameter_errors: list[ParameterErrorPart] = []
+    signal_chain: SignalChainPart | None = None
     where: WherePart
     findings: list[str]
     not_testable: list[NotTestablePart]

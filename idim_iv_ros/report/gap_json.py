@@ -29,6 +29,7 @@ def gap_document(result: GapResult) -> Document:
             "causes": [_cause(cause) for cause in result.causes],
             "unexplained": result.unexplained,
             "parameter_errors": result.parameter_errors,
+            "signal_chain": result.signal_chain,
             "where": {"joints": result.joint_gaps, "regimes": result.regimes},
             "findings": result.findings,
             "not_testable": result.not_testable,

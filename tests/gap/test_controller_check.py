@@ -11,7 +11,7 @@ import pytest
 from idim_iv_ros.gap.baseline import Baseline, baseline
 from idim_iv_ros.gap.controller_check import (
     ControllerFinding,
-    controller_mismatch,
+    check_law,
     why_not_checked,
 )
 from tests.estimation.test_simulated_arms import recorded
@@ -30,7 +30,7 @@ def diagnosed(arm: SimulatedArm, seed: int, **gains: np.ndarray) -> Baseline:
 
 
 def found(arm: SimulatedArm, seed: int, **gains: np.ndarray) -> list[ControllerFinding]:
-    return controller_mismatch(diagnosed(arm, seed, **gains))
+    return list(check_law(diagnosed(arm, seed, **gains)).findings)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -68,4 +68,4 @@ def test_what_cannot_be_compared_is_said(arm: SimulatedArm) -> None:
     lawless = arm.configuration.model_copy(update={"controller": controller})
     blind = replace(data, prepared=replace(data.prepared, configuration=lawless))
     assert why_not_checked(blind) == "the configuration names no control law"
-    assert controller_mismatch(blind) == []
+    assert check_law(blind).findings == ()

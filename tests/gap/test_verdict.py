@@ -72,6 +72,8 @@ def test_without_a_given_model_the_gap_is_that_of_the_refit() -> None:
 
 def test_much_that_stays_is_not_nothing() -> None:
     assert verdict_of([], None, unexplained=True) == "unknown"
+    assert verdict_of([], None, parameters=True) == "parametric"
+    assert verdict_of([], None, parameters=True, unexplained=True) == "unknown"
     assert verdict_of([STRIBECK], None, unexplained=True) == "structural"
     numbers = "Given numbers are wrong: new ones take the gap from 2 to 1 N m at joint_1."
     text = summary_of("unknown", [], None, GAPS, (), "Still unexplained.", numbers=numbers)

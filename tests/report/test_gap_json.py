@@ -16,7 +16,7 @@ from tests.report.sample_gap import CASES, Case, sample_gap
 TOP = {
     *("format", "verdict", "causes", "unexplained", "where", "not_testable", "stages"),
     *("robot", "joints", "bags", "session", "software", "configuration", "without", "summary"),
-    *("findings", "notes", "extended_parameters", "timing", "parameter_errors"),
+    *("findings", "notes", "extended_parameters", "timing", "parameter_errors", "signal_chain"),
 }
 CAUSE = {
     *("effect", "kind", "joint", "parameters", "evidence", "indistinguishable_from"),

@@ -57,13 +57,14 @@ class ControllerMismatch:
     look_alikes = ("time_delay",)
     excitation = "references that change quickly enough to leave a tracking error"
 
-    def parts(self, signals: JointSignals, law: ControlLaw, joint: int) -> CommandParts:
-        """Evaluate the law; the recording must have references."""
+    def parts(
+        self, signals: JointSignals, law: ControlLaw, joint: int, speed: FloatArray
+    ) -> CommandParts:
+        """Evaluate the law with a speed (n_samples,); the recording must have references."""
         reference = signals.position_reference
         assert reference is not None
         wanted = reference[:, joint]
         step = 1.0 / signals.rate
-        speed = np.gradient(signals.position[:, joint], step)
         if signals.velocity_reference is not None:
             wanted_speed = signals.velocity_reference[:, joint]
         else:
@@ -82,7 +83,7 @@ class ControllerMismatch:
             "feedforward_acceleration": np.gradient(wanted_speed, step),
             "feedforward_velocity": wanted_speed,
         }
-        acceleration = np.gradient(speed, step)
+        acceleration = np.gradient(np.gradient(signals.position[:, joint], step), step)
         return CommandParts(command, np.gradient(command, step), acceleration, groups)
 
     def parameters(

@@ -54,6 +54,11 @@ class Estimated:
         return self.above(0.0) is False
 
     @property
+    def certainty(self) -> float:
+        """Distance from zero in standard deviations; 0 where the recording does not tell."""
+        return abs(self.value) / self.std if self.std else 0.0
+
+    @property
     def tells(self) -> bool:
         """Whether it is known to differ from zero, at 95 %."""
         return self.std is not None and differs(self.value, self.std)

@@ -9,9 +9,10 @@ from idim_iv_ros.gap.effects.parametric_effect import (
     ParametricEffect,
     estimated,
 )
-from idim_iv_ros.model.parameters import INERTIAL
+from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER
 
 _POINT = ("M", "MX", "MY", "MZ")
+_CHECKED = ("M", "XX", "YY", "ZZ")
 _NAMES = {"M": "mass", "MX": "moment_x", "MY": "moment_y", "MZ": "moment_z"}
 
 
@@ -46,12 +47,19 @@ class Payload(ParametricEffect):
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
     ) -> bool:
-        """A payload weighs something, and has no negative moment of inertia.
+        """A payload weighs something and has no negative moment of inertia.
 
-        Where its weight is not determined beside other changes it is one of their combinations.
+        A negative one is a part that the model has and the robot has not: no more than is there.
         """
+        assert joint is not None
         mass = estimated(found, "mass")
-        if mass is not None and (not mass.determined or mass.value <= 0.0):
-            return False
-        moments = (estimated(found, f"inertia_{kind}") for kind in ("xx", "yy", "zz"))
-        return not any(each is not None and each.clearly_negative for each in moments)
+        there = dict.fromkeys(_CHECKED, 0.0)
+        if mass is not None and mass.determined and mass.value < 0.0:
+            given = space.model.robot.given.inertial[joint][list(REGRESSOR_ORDER)]
+            there = dict(zip(INERTIAL, map(float, given), strict=True))
+        for kind in _CHECKED:
+            name = "mass" if kind == "M" else f"inertia_{kind.lower()}"
+            change = estimated(found, name)
+            if change is not None and change.above(-there[kind]) is False:
+                return False
+        return True
