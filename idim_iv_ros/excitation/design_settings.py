@@ -74,8 +74,8 @@ def require_possible(
     if settings.harmonics > _MOST_HARMONICS:
         raise UsageError(f"harmonics {settings.harmonics}: at most {_MOST_HARMONICS} are possible")
     require_sampling(settings.rate, settings.period * settings.repeats, "the motion")
-    if not settings.time_limit > 0.0:
-        raise UsageError(f"time limit {settings.time_limit:g}: seconds above 0 are needed")
+    if not 0.0 < settings.time_limit < np.inf:
+        raise UsageError(f"time limit {settings.time_limit:g}: a finite number above 0 is needed")
     samples = settings.period * settings.rate
     if abs(samples - round(samples)) > 1e-6 * samples:
         raise UsageError(

@@ -83,7 +83,7 @@ class SqliteFile:
                 numbers = self._open(connection)
                 topics = {number: name for number, name in numbers.items() if name in wanted}
                 yield from self._read(connection, topics)
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:  # a damaged name is no text
             raise DataError(f"{self.path}: not a rosbag2 database ({error})") from error
 
     def _open(self, connection: sqlite3.Connection) -> dict[int, str]:

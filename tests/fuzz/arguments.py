@@ -94,6 +94,10 @@ _WRONG: dict[str, Build] = {
         "excite", "--config", str(write_configuration(folder)), "--out", str(folder / "m"),
         "--period", "2", "--rate", "100", "--time-limit", "0.2", "--torque-noise", "1e-300",
     ],
+    "time-limit-infinite": lambda folder, good, random: [
+        "excite", "--config", str(write_configuration(folder)), "--out", str(folder / "m"),
+        "--period", "2", "--rate", "100", "--time-limit", "inf",
+    ],
     "estimator": _identify_with("--estimator", "[bold]"),
     "estimator-long": _identify_with("--estimator", "x" * 20_000),
     "config-twice": _identify_with("--config", "/none.yaml"),
