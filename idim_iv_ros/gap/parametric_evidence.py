@@ -16,6 +16,7 @@ from idim_iv_ros.gap.parametric_hypotheses import (
     Trial,
     changes_of,
     hypotheses,
+    of_base_parameters,
     trial_of,
     trials,
 )
@@ -96,7 +97,16 @@ def causes_of(
         The smallest set that explains the change.
     """
     count = len({each.key for each in hypotheses(changes, catalogue)})
-    kept, numbers = _sure(changes, kept)
+    sure, numbers = _sure(changes, kept)
+    if kept and not sure:
+        # Most numbers are in error, and no few of them stand out: joint by joint, then.
+        known = [each for each in kept if each.effect.known_to_be_left_out(changes.space)]
+        names = {each.effect.name for each in known}
+        owned = of_base_parameters(changes, catalogue)
+        sure, numbers = _sure(
+            changes, [*known, *(each for each in owned if each.effect.name not in names)]
+        )
+    kept = sure
     causes: list[tuple[ParametricCause, Hypothesis]] = []
     for hypothesis, own in zip(kept, numbers, strict=True):
         rest = [other for other in kept if other is not hypothesis]
