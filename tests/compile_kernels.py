@@ -26,7 +26,7 @@ def main() -> None:
     urdf = configuration.robot.urdf
     arm = simulated_robot(configuration, urdf.read_text(), urdf.name)
     rest = np.zeros((2, len(configuration.robot.joints)))
-    for effects in ((), (SimulatedEffect("torque_gain", None, {"gain": 0.1}),)):
+    for effects in ((), (SimulatedEffect("torque_gain", None, {"factor": 1.1}),)):
         simulate_closed_loop(
             arm.robot,
             arm.robot.given,
