@@ -75,7 +75,6 @@ def test_bags_of_other_programs_and_of_a_recorder_are_refused(tmp_path: Path) ->
         assert path.read_bytes() == before
 
 
-@pytest.mark.timeout(30)
 @pytest.mark.parametrize(
     ("make", "words"),
     [
