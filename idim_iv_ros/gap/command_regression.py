@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 
 # Of the limit, above which a command counts as limited.
 _LIMITED = 0.98
-_LEAST_ROWS = 50
+LEAST_ROWS = 50
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def command_regression(
         start += int(kept.sum())
         energy += np.sum(table[kept][:, 4:] ** 2, axis=0)
         noise_energy += np.sum(_noise(motion, law, joint, speed)[kept] ** 2, axis=0)
-    if start < _LEAST_ROWS:
+    if start < LEAST_ROWS:
         return None
     table = np.concatenate(tables)
     which = np.concatenate(constants)

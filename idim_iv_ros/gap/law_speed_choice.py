@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from idim_iv_ros.gap.command_regression import comparable_rows
+from idim_iv_ros.gap.command_regression import LEAST_ROWS, comparable_rows
 from idim_iv_ros.gap.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.gap.law_speed import FACTORS, LawSpeed, law_speeds
 from idim_iv_ros.signals import Motion
@@ -16,7 +16,6 @@ FloatArray = NDArray[np.float64]
 
 # Another speed than the plain one must leave this much less of the commands, rms over all joints.
 _LEAST_GAIN = 0.2
-_LEAST_ROWS = 50
 
 
 def law_speed(motions: Sequence[Motion], law: ControlLaw) -> LawSpeed:
@@ -74,7 +73,7 @@ def _shares(
         tables.append(rows)
         constants.append(np.full(len(rows), number))
     table = np.concatenate(tables)
-    if len(table) < _LEAST_ROWS:
+    if len(table) < LEAST_ROWS:
         return None
     which = np.concatenate(constants)
     plain_columns = np.column_stack([which[:, None] == np.unique(which), table[:, 2:4]])

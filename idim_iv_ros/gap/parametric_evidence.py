@@ -101,11 +101,7 @@ def causes_of(
     if kept and not sure:
         # Most numbers are in error, and no few of them stand out: joint by joint, then.
         known = [each for each in kept if each.effect.known_to_be_left_out(changes.space)]
-        names = {each.effect.name for each in known}
-        owned = of_base_parameters(changes, catalogue)
-        sure, numbers = _sure(
-            changes, [*known, *(each for each in owned if each.effect.name not in names)]
-        )
+        sure, numbers = _sure(changes, [*known, *of_base_parameters(changes, catalogue, known)])
     kept = sure
     causes: list[tuple[ParametricCause, Hypothesis]] = []
     for hypothesis, own in zip(kept, numbers, strict=True):

@@ -90,13 +90,23 @@ def hypotheses(
 
 
 def of_base_parameters(
-    changes: ChangeRegression, catalogue: Sequence[ParametricEffect]
+    changes: ChangeRegression,
+    catalogue: Sequence[ParametricEffect],
+    known: Sequence[Hypothesis] = (),
 ) -> list[Hypothesis]:
-    """Every effect that owns base parameters, at every joint: together they are the refit."""
+    """Every effect that owns base parameters, at every joint: together they are the refit.
+
+    Parameters
+    ----------
+    known
+        Causes that are in the model in any case; their effects are left out.
+    """
     space = changes.space
+    named = {each.effect.name for each in known}
     owned = [
         Hypothesis(effect, joint, tuple(effect.base_parameters(space, joint)))
         for effect in catalogue
+        if effect.name not in named
         for joint in range(space.joints)
         if joint not in changes.still
     ]

@@ -68,9 +68,7 @@ def smallest_set(
     explained = changes.explain(changes_of(kept))
     if _share(changes, explained) >= ENOUGH * _share(changes, refit):
         return kept[len(known) :]
-    named = {each.effect.name for each in known}
-    owned = of_base_parameters(changes, catalogue)
-    return [each for each in owned if each.effect.name not in named]
+    return of_base_parameters(changes, catalogue, known)
 
 
 def _share(changes: ChangeRegression, explained: Explained) -> float:
