@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from idim_iv_ros.gap.baseline import Baseline
 from idim_iv_ros.gap.joint_units import unit_at
 from idim_iv_ros.gap.noise_floor import NoiseFloor
@@ -20,7 +18,7 @@ def left_over(data: Baseline, stages: Sequence[Stage], floors: Sequence[NoiseFlo
     worst = []
     for joint, (name, floor) in enumerate(zip(data.joints, floors, strict=True)):
         rest = last.torque_rms[name]
-        share = rest / max(float(np.sqrt(np.mean(data.rows[joint].torque ** 2))), 1e-300)
+        share = rest / data.torque_sizes[joint]
         much = share > _SHARE or rest > _OF_GAP * first.torque_rms[name]
         if floor.sigma is not None and rest > _TIMES_NOISE * floor.sigma and much:
             unit = unit_at(data, joint, "N m")

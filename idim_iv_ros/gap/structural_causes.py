@@ -212,8 +212,7 @@ def structural_causes(
 
 
 def _joint_change(data: Baseline, joint: int, gap: Gap) -> JointChange:
-    size = float(np.sqrt(np.mean(data.rows[joint].torque ** 2)))
-    share = signed_share(gap.before, gap.after, size)
+    share = signed_share(gap.before, gap.after, data.torque_sizes[joint])
     return JointChange(data.joints[joint], gap.before, gap.after, share)
 
 
