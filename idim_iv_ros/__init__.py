@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     __version__: str
     from idim_iv_ros.configuration import Configuration, load_configuration
+    from idim_iv_ros.diagnosis.diagnose import diagnose
+    from idim_iv_ros.diagnosis.result import GapResult
     from idim_iv_ros.errors import DataError, IdimError, UsageError
     from idim_iv_ros.excitation import Trajectory, excite, read_trajectory
     from idim_iv_ros.first_configuration import propose_configuration, write_configuration
-    from idim_iv_ros.gap.diagnosis import diagnose
-    from idim_iv_ros.gap.result import GapResult
-    from idim_iv_ros.identification import identify, identify_recordings
+    from idim_iv_ros.identification.check import CheckReport, check
+    from idim_iv_ros.identification.identify import identify, identify_recordings
+    from idim_iv_ros.identification.result import IdentificationResult
     from idim_iv_ros.recording import Recording, import_table, read_recordings, write_bag
     from idim_iv_ros.report import write_gap_report, write_report
-    from idim_iv_ros.result import IdentificationResult
-    from idim_iv_ros.usability import CheckReport, check
 
 __all__ = [
     "CheckReport",
@@ -52,13 +52,13 @@ _MODULES = {
     "errors": ("DataError", "IdimError", "UsageError"),
     "excitation": ("Trajectory", "excite", "read_trajectory"),
     "first_configuration": ("propose_configuration", "write_configuration"),
-    "gap.diagnosis": ("diagnose",),
-    "gap.result": ("GapResult",),
-    "identification": ("identify", "identify_recordings"),
+    "diagnosis.diagnose": ("diagnose",),
+    "diagnosis.result": ("GapResult",),
+    "identification.identify": ("identify", "identify_recordings"),
     "recording": ("Recording", "import_table", "read_recordings", "write_bag"),
     "report": ("write_gap_report", "write_report"),
-    "result": ("IdentificationResult",),
-    "usability": ("CheckReport", "check"),
+    "identification.result": ("IdentificationResult",),
+    "identification.check": ("CheckReport", "check"),
 }
 
 

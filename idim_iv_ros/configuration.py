@@ -62,7 +62,7 @@ class SimulatorSection(Section):
 
 
 class SimulatedRobotSection(Section):
-    """The robot that `simulate` runs, where it differs from the given model and is not ideal.
+    """The robot that `simulate` runs, where it differs from the nominal model and is not ideal.
 
     Attributes
     ----------

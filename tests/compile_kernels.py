@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from idim_iv_ros import load_configuration
-from idim_iv_ros.simulated_robot import simulated_robot
 from idim_iv_ros.simulation import (
     SimulatedEffect,
     inverse_dynamics,
     mass_matrix,
     simulate_closed_loop,
 )
+from idim_iv_ros.simulators.robot import simulated_robot
 
 CONFIGURATION = Path(__file__).resolve().parent.parent / "config" / "arm2.yaml"
 

@@ -3,8 +3,8 @@
 rho = sqrt(sigma² / sigma_n² - 1) at the joint of the effect, where sigma² is the variance of the
 residual with the effect and sigma_n² that of the same robot, motion and noise without it. The
 residual is that of the best rigid model fitted to these recordings ("refit", see
-`residual_variance`), of the given model for causes that a refit absorbs ("given"), of the recorded
-effort less the configured control law for another controller ("command").
+`residual_variance`), of the nominal model for causes that a refit absorbs ("given"), of the
+recorded effort less the configured control law for another controller ("command").
 """
 
 from collections.abc import Sequence

@@ -145,7 +145,7 @@ def _arm2(cells: _List) -> None:
         cells.add("none", "arm2", True, fast=number < 2)
     for place, names in enumerate(PAIRS):
         first = int(rng.integers(2))
-        # Look-alikes share a joint; of the others every second pair does.
+        # Look-pairs share a joint; of the others every second pair does.
         second = first if place >= len(PAIRS) - 4 or place % 2 else 1 - first
         wanted = rng.choice([1.0, 1.5, 2.0, 3.0], 2)
         asked = [

@@ -107,7 +107,7 @@ def residual_variance(given: GivenRobot, motion: Filtered, scale: FloatArray) ->
 
 
 def given_variance(given: GivenRobot, inertials: Inertials, motion: Filtered) -> FloatArray:
-    """Mean square (n_joints,) in (N m)² of what the given model itself leaves."""
+    """Mean square (n_joints,) in (N m)² of what the nominal model itself leaves."""
     model = _pinocchio_model(given)
     data = model.createData()
     for k in range(len(given.joints)):

@@ -11,7 +11,7 @@ from idim_iv_ros.cli.arguments import AsJson, Bags, Config, Quiet, Verbose
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from idim_iv_ros.usability import CheckReport
+    from idim_iv_ros.identification.check import CheckReport
 
 _STYLES = {"good": "green", "limited": "yellow", "unusable": "red"}
 
@@ -37,8 +37,8 @@ def check_command(
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
     with output.progress() as progress:
+        from idim_iv_ros.identification.check import check
         from idim_iv_ros.report import check_document
-        from idim_iv_ros.usability import check
 
         report = check(bags, configuration, progress)
     output.document(check_document(report))

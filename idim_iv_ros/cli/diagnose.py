@@ -15,9 +15,9 @@ from idim_iv_ros.formats import GAP, REPORT
 if TYPE_CHECKING:
     from idim_iv_ros.cli.output import Output
     from idim_iv_ros.configuration import Configuration
+    from idim_iv_ros.diagnosis.result import GapResult
     from idim_iv_ros.file_paths import FilePaths
-    from idim_iv_ros.gap.result import GapResult
-    from idim_iv_ros.stopwatch import Progress
+    from idim_iv_ros.progress import Progress
 
 
 class Diagnose(Protocol):
@@ -59,8 +59,8 @@ def diagnose_command(
     Example: idim-iv diagnose run1.mcap run2.mcap --config ur5.yaml --out why
     """
     from idim_iv_ros.cli.output import Output
-    from idim_iv_ros.gap.catalogue import EFFECTS
-    from idim_iv_ros.gap.diagnosis import diagnose
+    from idim_iv_ros.diagnosis.diagnose import diagnose
+    from idim_iv_ros.effects.catalogue import EFFECTS
 
     output = Output(quiet=quiet, as_json=as_json, verbose=verbose)
     run_diagnosis(

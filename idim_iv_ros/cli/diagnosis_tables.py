@@ -4,8 +4,8 @@ from rich.console import Console
 from rich.markup import escape
 
 from idim_iv_ros.cli.table import Column, print_table, unbroken
-from idim_iv_ros.gap.parameter_words import surest
-from idim_iv_ros.gap.result import Cause, EffectParameter, Gap, GapResult
+from idim_iv_ros.diagnosis.parameter_words import surest
+from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Gap, GapResult
 from idim_iv_ros.report.gap_words import (
     VERDICTS,
     effect_words,
@@ -18,7 +18,7 @@ from idim_iv_ros.report.numerals import measured
 
 _COLOURS = {"good": "green", "fair": "blue", "bad": "red", "open": "yellow"}
 _MOST_UNTESTABLE = 10
-_FEW_STAGES = 3  # the given model, the refit, and all that was found
+_FEW_STAGES = 3  # the nominal model, the refit, and all that was found
 _MOST_ROWS = 24
 _MOST_NUMBERS = 4  # of one cause
 
@@ -109,7 +109,7 @@ def _rivals(cause: Cause) -> str:
 
 
 def _print_stages(console: Console, result: GapResult, whole: bool) -> None:
-    """One row a joint: the given model, the refit, the extended model, the noise floor.
+    """One row a joint: the nominal model, the refit, the extended model, the noise floor.
 
     The `whole` table has every stage, one row a joint and stage.
     """

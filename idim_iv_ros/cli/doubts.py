@@ -1,4 +1,4 @@
-"""What of the given model is hard to believe, on the terminal."""
+"""What of the nominal model is hard to believe, on the terminal."""
 
 from collections.abc import Sequence
 

@@ -14,7 +14,7 @@ from idim_iv_ros.cli.arguments import AsJson, Bags, Config, Force, OutOrJson, Qu
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from idim_iv_ros.result import IdentificationResult
+    from idim_iv_ros.identification.result import IdentificationResult
 
 
 class EstimatorName(str, Enum):
@@ -49,7 +49,7 @@ def identify_command(
     numbers = page = None
     with output.progress() as progress:
         from idim_iv_ros.cli.report_warnings import report_warnings
-        from idim_iv_ros.identification import identify
+        from idim_iv_ros.identification.identify import identify
         from idim_iv_ros.report import result_document, write_report
 
         with require_destination(out, (RESULT, REPORT), as_json=as_json, force=force):
@@ -119,7 +119,7 @@ def print_parameters(
 
 def print_remarks(console: Console, result: IdentificationResult) -> None:
     """What the remarks of the table mean, where there are any."""
-    from idim_iv_ros.result import IMPOSSIBLE, NOT_SIGNIFICANT
+    from idim_iv_ros.identification.result import IMPOSSIBLE, NOT_SIGNIFICANT
 
     found = {parameter.essential_remark for parameter in result.parameters}
     if IMPOSSIBLE in found:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from idim_iv_ros.configuration import Configuration
-    from idim_iv_ros.simulated_recording import SimulatedBag
+    from idim_iv_ros.simulators.recording import SimulatedBag
 
 
 def simulate_command(
@@ -65,7 +65,7 @@ def simulate_command(
     configuration = load_configuration(config)
     with output.progress() as progress:
         from idim_iv_ros.excitation import random_motion, read_trajectory
-        from idim_iv_ros.simulated_recording import (
+        from idim_iv_ros.simulators.recording import (
             require_simulation_place,
             simulate,
             simulation_document,

@@ -1,8 +1,8 @@
 """IDIM-LS, IDIM-IV and refined IDIM-IV, with the covariance of their estimates."""
 
 from idim_iv_ros.estimation.covariance import (
-    ColouredBlock,
-    ColouredCovariance,
+    AutocorrelatedBlock,
+    AutocorrelatedCovariance,
     JointBlock,
     RefinedCovariance,
     WhiteCovariance,
@@ -44,8 +44,8 @@ from idim_iv_ros.estimation.triangles import (
 )
 
 __all__ = [
-    "ColouredBlock",
-    "ColouredCovariance",
+    "AutocorrelatedBlock",
+    "AutocorrelatedCovariance",
     "EssentialParameters",
     "FilteredReference",
     "IdimIvEstimate",

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.r_factor import r_factor, spread
+from idim_iv_ros.estimation.r_factor import r_factor, spread
 from idim_iv_ros.signals.autoregression import AutoregressiveModel
+from idim_iv_ros.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.integer[Any]]
 
 _COLUMNS, _ROWS = 4, 5_000
@@ -42,7 +42,7 @@ class JointBlock:
 
 
 @dataclass(frozen=True)
-class ColouredBlock(JointBlock):
+class AutocorrelatedBlock(JointBlock):
     """The unfiltered rows of one joint and the colour of its residual.
 
     Attributes
@@ -76,7 +76,7 @@ class WhiteCovariance:
 
 
 @dataclass(frozen=True)
-class ColouredCovariance:
+class AutocorrelatedCovariance:
     """Σ = A S Aᵀ of the estimate from unfiltered rows, when each joint's residual is AR(p).
 
     A = (ZᵀWX)⁻¹ and S = Σ_j σ_j⁻⁴ Z_jᵀ R_j Z_j, with R_j the covariance of the joint's residual
@@ -84,7 +84,7 @@ class ColouredCovariance:
     grid, where Z_j is zero at the dropped rows.
     """
 
-    blocks: Sequence[ColouredBlock]
+    blocks: Sequence[AutocorrelatedBlock]
     n_parameters: int
 
     @property
@@ -172,7 +172,7 @@ def _split(triangle: FloatArray, n_parameters: int) -> tuple[FloatArray, FloatAr
     return square, projected
 
 
-def _coloured_triangle(block: ColouredBlock) -> FloatArray:
+def _coloured_triangle(block: AutocorrelatedBlock) -> FloatArray:
     """R of H_jᵀ Z_j, a few columns and a few rows at a time for the sake of memory."""
     width = block.instruments.shape[1]
     coloured: FloatArray | None = None

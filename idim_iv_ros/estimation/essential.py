@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 
 @dataclass(frozen=True)

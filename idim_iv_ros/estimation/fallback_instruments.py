@@ -4,15 +4,13 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.estimation.instruments import Instruments, differentiated
 from idim_iv_ros.estimation.rows import instrument_rows
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Motion, zero_phase_butterworth
 from idim_iv_ros.simulation import ReferenceFilter, filter_reference
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 
 def reference(motion: Motion) -> FloatArray:

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.estimation.essential import restrict
@@ -16,8 +15,7 @@ from idim_iv_ros.estimation.least_squares import (
 )
 from idim_iv_ros.estimation.rows import ObservationRows
 from idim_iv_ros.estimation.triangles import JointTriangle, triangles_of_rows, white_covariance
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 # Parameters with a relative deviation above this do not decide about convergence.
 _WELL_KNOWN = 0.3

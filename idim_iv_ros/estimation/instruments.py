@@ -10,14 +10,12 @@ from functools import partial
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.estimation.rows import States, instrument_rows
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Motion, central_differences
 from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, joint_inertia, simulate_closed_loop
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 # Gains are rescaled only while the simulated inertia is further than this from the robot's.
 _SAME_INERTIA = 0.25

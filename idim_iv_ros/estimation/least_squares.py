@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.estimation.r_factor import r_factor, spread
 from idim_iv_ros.estimation.rows import ObservationRows
 from idim_iv_ros.estimation.triangles import (
     InstrumentTriangle,
@@ -16,9 +16,7 @@ from idim_iv_ros.estimation.triangles import (
     stacked,
     triangles_of_rows,
 )
-from idim_iv_ros.r_factor import r_factor, spread
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 _LARGEST_CONDITION = 1e12
 

@@ -4,16 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.estimation.covariance import JointBlock, RefinedCovariance
 from idim_iv_ros.estimation.least_squares import solve_instrument_triangles
+from idim_iv_ros.estimation.r_factor import r_factor
 from idim_iv_ros.estimation.rows import ObservationRows
 from idim_iv_ros.estimation.triangles import InstrumentTriangle
-from idim_iv_ros.r_factor import r_factor
 from idim_iv_ros.signals import AutoregressiveModel, fit_autoregression
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 
 @dataclass(frozen=True)

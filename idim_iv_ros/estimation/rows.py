@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Motion
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from idim_iv_ros.types import FloatArray, IntArray
 
 # Full-rate samples for which the regressor is held at once.
 CHUNK = 30_000

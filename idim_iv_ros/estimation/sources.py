@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.estimation.fallback_instruments import (
@@ -22,8 +21,7 @@ from idim_iv_ros.simulation import (
     control_law,
     fit_controller,
 )
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 # A fitted control law that explains less of the torque than this is not simulated.
 LEAST_R_SQUARED = 0.9

@@ -7,15 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idim_iv_ros.estimation.r_factor import r_factor, spread
 from idim_iv_ros.estimation.rows import ObservationRows, row_blocks, torque_rows
 from idim_iv_ros.model import InverseModel
-from idim_iv_ros.r_factor import r_factor, spread
 from idim_iv_ros.signals import Motion
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from idim_iv_ros.types import FloatArray, IntArray
 
 # A parameter is unseen when less than this share of its column is independent of the others.
 RANK_TOLERANCE = 1e-6

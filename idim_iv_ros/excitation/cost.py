@@ -4,15 +4,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.excitation.heights import MovingFrames
 from idim_iv_ros.excitation.limits import MotionLimits
 from idim_iv_ros.model import InverseModel
+from idim_iv_ros.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 Criterion = Literal["condition", "precision"]
 States = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -98,7 +97,7 @@ class ExcitationCost:
         slope = np.concatenate([by_start, np.ravel(gradient)])
         if not (np.isfinite(value) and np.all(np.isfinite(slope))):
             raise DataError(
-                "the torques of the given model are beyond every number: look at the inertials, "
+                "the torques of the nominal model are beyond every number: look at the inertials, "
                 "axes and limits of the URDF"
             )
         return value, slope

@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idim_iv_ros.estimation.r_factor import r_factor
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
-from idim_iv_ros.r_factor import r_factor
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 _BLOCK = 2000
 

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.cost import Criterion
@@ -11,8 +10,7 @@ from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.excitation.limits import MotionLimits
 from idim_iv_ros.excitation.sampling import MOST_SAMPLES, require_sampling
 from idim_iv_ros.excitation.start_posture import require_inside
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 SAMPLES_PER_HARMONIC = 16
 _MOST_HARMONICS = 100  # the search has two coefficients for each, at every joint

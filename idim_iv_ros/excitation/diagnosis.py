@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
@@ -20,8 +19,7 @@ from idim_iv_ros.excitation.start_posture import require_inside
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.simulation import mass_matrix
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 SHORTEST, LONGEST = 90.0, 3600.0  # s
 _TRIALS = 6

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.excitation.heights import MovingFrames
@@ -15,8 +14,7 @@ from idim_iv_ros.excitation.shapes import Shape, rest_to_rest, there_and_back
 from idim_iv_ros.excitation.small_motions import multisine, reversals
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 CREEP_SHARES = (0.005, 0.02)  # of the velocity limit
 PLATEAU_SHARES = (1.0, 0.75, 0.5, 0.25, 0.1)  # of the fastest plateau that has room

@@ -40,7 +40,7 @@ class Excitation:
 
 
 def load_model(configuration: Configuration) -> InverseModel:
-    """Build the given model, with torques in N m whatever the recordings hold.
+    """Build the nominal model, with torques in N m whatever the recordings hold.
 
     Raises
     ------

@@ -5,11 +5,9 @@ from functools import cache
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import UsageError
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 _BLOCK = 2000  # samples
 

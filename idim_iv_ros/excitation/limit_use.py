@@ -3,15 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.excitation.heights import MovingFrames
 from idim_iv_ros.excitation.limits import MotionLimits
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.simulation import inverse_dynamics
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 _BLOCK = 4000
 
@@ -26,7 +24,7 @@ class LimitUse:
         Distance from the middle of the range over half of the range.
     velocity, acceleration
     torque : or None
-        Of the given model: gravity, inertia, drives, friction. None without inertials.
+        Of the nominal model: gravity, inertia, drives, friction. None without inertials.
     lowest_frame : str
     lowest_height : float
         Of all frames that move, over the whole motion, m.

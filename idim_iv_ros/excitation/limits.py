@@ -4,14 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.simulation import mass_matrix
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 # Where nothing limits the acceleration: half of the torque limit moves the joint's own inertia,
 # and full speed takes this long at least.
@@ -33,7 +31,7 @@ class MotionLimits:
     acceleration : rad/s² (m/s²)
     torque : N m (N)
     torque_known : bool
-        Whether the given model has inertials, so that torques can be predicted.
+        Whether the nominal model has inertials, so that torques can be predicted.
     floor : float or None
         Height in the base frame above which every moving frame stays, m.
     margin : float
@@ -72,7 +70,7 @@ def motion_limits(
 
     The torque limit is the smaller of the URDF's effort and ``controller.torque_limit``. A
     revolute joint without position limits gets ±π. Without `acceleration`, a joint may take
-    half of its torque limit over the mean of its diagonal element of the mass matrix (given
+    half of its torque limit over the mean of its diagonal element of the mass matrix (nominal
     model, 200 postures), and at most what reaches its full speed in 0.1 s.
 
     Parameters

@@ -1,11 +1,9 @@
 """Bandwidth of the position loops, for the upper end of a multisine."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import ControllerSection
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 UNKNOWN_BANDWIDTH = 6.0  # Hz, where the controller is not known
 

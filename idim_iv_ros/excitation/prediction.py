@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.criterion import triangle
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 # A parameter counts as badly excited above this relative standard deviation, or below this share
 # of its column that no combination of the other columns explains.
@@ -26,7 +24,7 @@ class PredictedParameter:
     ----------
     name, unit : str
     given : float
-        Value of the given model.
+        Value of the nominal model.
     std : float
         Predicted standard deviation.
     unexplained : float

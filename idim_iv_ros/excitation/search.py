@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.excitation.cost import ExcitationCost
@@ -19,8 +18,7 @@ from idim_iv_ros.excitation.limit_use import limit_use
 from idim_iv_ros.excitation.limits import MotionLimits
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 # p of the criterion, weight of the penalties, iterations: from smooth and lenient to sharp.
 _FIRST = (1.0, 10.0, 40)

@@ -2,12 +2,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from idim_iv_ros.excitation.shapes import Shape
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 # Effects by kind of segment, with the names of the gap's causes.
 EFFECTS: dict[str, tuple[str, ...]] = {

@@ -5,9 +5,9 @@ Each function returns position, velocity and acceleration, (n_samples, n_joints)
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
+
 Shape = tuple[FloatArray, FloatArray, FloatArray]
 
 

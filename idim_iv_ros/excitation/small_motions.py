@@ -1,12 +1,10 @@
 """Segments of small amplitude about a posture: reversals and a multisine."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.excitation.segment import SegmentPlan
 from idim_iv_ros.excitation.shapes import waves
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 LOWEST_LINE = 0.5  # Hz
 _FADE = 1.0  # s

@@ -1,12 +1,8 @@
 """Check of a posture at rest that the user asks for."""
 
-import numpy as np
-from numpy.typing import NDArray
-
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.limits import MotionLimits
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 
 def require_inside(start: FloatArray, limits: MotionLimits, joints: tuple[str, ...]) -> None:

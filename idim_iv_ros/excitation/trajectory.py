@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.sampling import require_sampling
 from idim_iv_ros.file_paths import FilePath
 from idim_iv_ros.text_file import read_text
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 SIGNALS = ("position", "velocity", "acceleration")
 # Stamps may be rounded to this share of a period.

@@ -5,13 +5,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.estimation import observation_rows
+from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.model import JointLimits
-from idim_iv_ros.preparation import PreparedRegression
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 _FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
 _LEAST_SHARE = 0.05  # of the torque's variance that only the masses explain

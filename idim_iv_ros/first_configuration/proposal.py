@@ -15,9 +15,9 @@ from idim_iv_ros.first_configuration.effort_unit import EffortUnit, guess_effort
 from idim_iv_ros.first_configuration.joint_choice import JointChoice, choose_joints
 from idim_iv_ros.first_configuration.topic_choice import TopicChoice, choose_states, choose_topics
 from idim_iv_ros.first_configuration.topic_contents import BagContents, read_contents
+from idim_iv_ros.identification.prepare import prepare, read_configured
 from idim_iv_ros.model import read_urdf_file
-from idim_iv_ros.preparation import prepare, read_configured
-from idim_iv_ros.stopwatch import Progress, Stopwatch
+from idim_iv_ros.progress import Progress, Stopwatch
 
 
 @dataclass(frozen=True)

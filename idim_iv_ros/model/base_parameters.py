@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.model.parameters import ParameterLayout
 from idim_iv_ros.model.regressor import StandardRegressor
 from idim_iv_ros.model.robot import JointLimits
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 # A column is eliminated when less than this share of it is independent of the columns before.
 TOLERANCE = 1e-6

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
@@ -11,8 +10,7 @@ from idim_iv_ros.model.base_parameters import BaseParameters, find_base_paramete
 from idim_iv_ros.model.parameters import DynamicParameters, parameter_layout
 from idim_iv_ros.model.regressor import StandardRegressor
 from idim_iv_ros.model.robot import RobotModel, load_robot
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 _BLOCK = 256
 

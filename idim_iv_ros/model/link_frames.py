@@ -7,9 +7,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from idim_iv_ros.model.robot import RobotModel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from idim_iv_ros.types import FloatArray, IntArray
 
 
 class LinkFrames(NamedTuple):

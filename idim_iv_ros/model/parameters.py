@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 JointType = Literal["revolute", "prismatic"]
 EffortUnit = Literal["N m", "A", "V"]

@@ -4,16 +4,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.model.link_frames import LinkFrames, link_frames
 from idim_iv_ros.model.link_motion import link_motion
 from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER, ParameterLayout
 from idim_iv_ros.model.regressor_kernel import inertial_columns
 from idim_iv_ros.model.robot import RobotModel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from idim_iv_ros.types import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

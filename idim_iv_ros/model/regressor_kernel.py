@@ -7,16 +7,11 @@ each inertial parameter, turned to the axis of joint j as link i sees it.
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from idim_iv_ros.compilation import entry, kernel, source_digest
 from idim_iv_ros.model import link_motion
 from idim_iv_ros.model.link_frames import LinkFrames
 from idim_iv_ros.model.link_motion import LinkMotion, move_links, place_links
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from idim_iv_ros.types import FloatArray, IntArray
 
 
 @kernel

@@ -12,8 +12,7 @@ from idim_iv_ros.model.parameters import DynamicParameters, JointType
 from idim_iv_ros.model.plausibility import judge_urdf
 from idim_iv_ros.model.urdf import MOVABLE, Urdf, UrdfJoint, quoted, refuse
 from idim_iv_ros.model.urdf_reader import read_urdf_text
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ def load_robot(
     gravity
         (3,) m/s² in the base frame.
     armature
-        (n_joints,) drive inertia of the given model, joint side, kg m².
+        (n_joints,) drive inertia of the nominal model, joint side, kg m².
     couplings
         Pairs of indices of joints that a transmission couples.
     source

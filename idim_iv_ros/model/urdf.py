@@ -3,13 +3,10 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import UsageError
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 MOVABLE = ("revolute", "continuous", "prismatic")
 TYPES = (*MOVABLE, "fixed", "floating", "planar")

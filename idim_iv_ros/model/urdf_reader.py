@@ -14,13 +14,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.urdf import TYPES, Inertial, Urdf, UrdfJoint, base_link, quoted, refuse
 from idim_iv_ros.text_file import read_text
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 # URDF files write right angles with few digits (1.5708); within this they are taken as meant.
 RIGHT_ANGLE_TOLERANCE = 1e-5

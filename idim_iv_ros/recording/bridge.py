@@ -8,10 +8,8 @@ of a gap is an acceleration that the robot never had.
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from idim_iv_ros.types import BoolArray, FloatArray
 
 # Time, and samples at least, from which the speed at the edge of a gap is taken.
 _EDGE, _EDGE_SAMPLES = 0.1, 8  # s

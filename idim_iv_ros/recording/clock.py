@@ -3,14 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.recording.bags.joint_messages import JointMessages
 from idim_iv_ros.recording.clock_jumps import on_one_clock
-from idim_iv_ros.recording.joint_messages import JointMessages
 from idim_iv_ros.recording.recording import ClockQuality, Note
-
-IntArray = NDArray[np.int64]
+from idim_iv_ros.types import IntArray
 
 GAP = 2.5  # sampling intervals without a message
 _MOSTLY_BACKWARD = 0.2

@@ -3,12 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.recording.recording import Note
-
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from idim_iv_ros.types import BoolArray, IntArray
 
 # A step back by more than this many intervals is a clock that was set, not a late message.
 _SET_BACK = 20.0

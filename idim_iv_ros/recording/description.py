@@ -3,7 +3,7 @@
 import struct
 from xml.etree import ElementTree
 
-from idim_iv_ros.recording.message_batch import MessageBatch
+from idim_iv_ros.recording.bags.message_batch import MessageBatch
 
 
 def robot_description(batch: MessageBatch) -> str | None:

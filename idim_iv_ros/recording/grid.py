@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.recording.bridge import bridged
 from idim_iv_ros.recording.clock import GAP
 from idim_iv_ros.recording.recording import Signal
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from idim_iv_ros.types import FloatArray, IntArray
 
 # Stamps this close to the grid (share of an interval) lie on it.
 _ON_GRID = 1e-3

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.recording.clock import StampedMessages, selected
 from idim_iv_ros.recording.recording import Note
-
-IntArray = NDArray[np.int64]
+from idim_iv_ros.types import IntArray
 
 # A longer step without a message is shortened to this, s: time for a joint to be elsewhere after it
 # without having to be fast, and short beside the memory that a recording takes anyway.

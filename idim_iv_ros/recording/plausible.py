@@ -7,9 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from idim_iv_ros.types import BoolArray, FloatArray
 
 # Beyond these a number is no position in rad or m, speed in rad/s or m/s; efforts may be counts.
 LARGEST = {"position": 1e6, "velocity": 1e6, "effort": 1e9}

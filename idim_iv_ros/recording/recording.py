@@ -4,13 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
-from idim_iv_ros.recording.frozen import FrozenStretches
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from idim_iv_ros.recording.held_samples import FrozenStretches
+from idim_iv_ros.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)

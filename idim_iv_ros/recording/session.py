@@ -9,12 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.recording.recording import Recording
-
-FloatArray = NDArray[np.float64]
 
 # s; a robot that rested for longer has cooled down, or the stamps are of two different clocks.
 LONGEST_PAUSE = 3600.0

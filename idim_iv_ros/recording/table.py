@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.atomic_files import require_file_place
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.file_paths import FilePath
 from idim_iv_ros.recording.plausible import impossible, wrong_rows
 from idim_iv_ros.recording.table_file import read_table
-from idim_iv_ros.recording.write import JointTopic, write_bag
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.recording.writing.write import JointTopic, write_bag
+from idim_iv_ros.types import FloatArray
 
 # Stamps of ROS messages count seconds in 32 bits.
 _LAST_STAMP = float(2**31 - 1)

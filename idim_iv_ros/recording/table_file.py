@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.recording.paths import is_file
+from idim_iv_ros.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 _Wanted = TypeVar("_Wanted", str, int)  # name of a variable, or number of a column
 
 SUFFIXES = (".csv", ".npy", ".npz", ".mat")

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bag import Bag
-from idim_iv_ros.recording.cdr_layout import JOINT_STATE, read_layout
+from idim_iv_ros.recording.bags.cdr_layout import JOINT_STATE, read_layout
+from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.reference_names import sounds_like_reference
 
 

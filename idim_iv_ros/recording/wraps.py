@@ -10,14 +10,11 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from idim_iv_ros.recording.clock import GAP, StampedMessages
 from idim_iv_ros.recording.recording import Note
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from idim_iv_ros.types import FloatArray, IntArray
 
 TURN = 2.0 * np.pi
 _ONE_TURN = TURN * (1.0 + 1e-3)  # drivers round their limits

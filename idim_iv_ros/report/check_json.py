@@ -1,8 +1,8 @@
 """The findings of a check as plain values."""
 
 from idim_iv_ros.formats import CHECK_FORMAT
+from idim_iv_ros.identification.check import CheckReport
 from idim_iv_ros.report.json_result import Document, plain
-from idim_iv_ros.usability import CheckReport
 
 
 def check_document(report: CheckReport) -> Document:

@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from idim_iv_ros.diagnosis.result import FORMAT, Family, Kind, Verdict
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.file_paths import FilePath
-from idim_iv_ros.gap.result import FORMAT, Family, Kind, Verdict
 from idim_iv_ros.report.json_result import Document
 from idim_iv_ros.text_file import read_text
 
@@ -39,7 +39,7 @@ class EvidencePart(_Part):
     folds_positive: str
 
 
-class RivalPart(_Part):
+class IndistinguishablePart(_Part):
     """An effect that explains the recording as well."""
 
     effect: str
@@ -72,7 +72,7 @@ class JointChangePart(_Part):
 
 
 class ParameterErrorPart(_Part):
-    """What parameter errors make of the given model's torque gap at one joint."""
+    """What parameter errors make of the nominal model's torque gap at one joint."""
 
     joint: str
     given: Number | None
@@ -92,7 +92,7 @@ class CausePart(_Part):
     sentence: str
     parameters: dict[str, ParameterPart]
     evidence: EvidencePart
-    indistinguishable_from: list[RivalPart]
+    indistinguishable_from: list[IndistinguishablePart]
     torque_gap: TorqueGapPart
     joint_gaps: list[JointChangePart] = []
     simulation_gap: SimulationGapPart | None

@@ -1,6 +1,6 @@
 """gap.json: a diagnosis as plain values, in the order of the design."""
 
-from idim_iv_ros.gap.result import FORMAT, Cause, Gap, GapResult, Stage
+from idim_iv_ros.diagnosis.result import FORMAT, Cause, Gap, GapResult, Stage
 from idim_iv_ros.report.json_result import Document, document_text, plain
 
 

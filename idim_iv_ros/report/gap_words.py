@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.gap.result import GapResult, GapSeries, NotTestable, Regime
+from idim_iv_ros.diagnosis.result import GapResult, GapSeries, NotTestable, Regime
 from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.report.numerals import round_number
 
 VERDICTS = {
     "none": ("good", "✓", "no cause found"),
-    "parametric": ("fair", "≈", "parametric: wrong numbers in the given model"),
+    "parametric": ("fair", "≈", "parametric: wrong numbers in the nominal model"),
     "structural": ("bad", "≠", "structural: physics is missing in the model"),
     "both": ("bad", "≠", "parametric and structural"),
     "unknown": ("open", "?", "unknown: not in the catalogue, or it cannot be told"),
@@ -28,7 +28,7 @@ AXES = {
     "reversal": "Distance since reversal",
     "frequency": "Frequency",
 }
-_STAGES = {"given": "given model", "refit": "refit"}
+_STAGES = {"given": "nominal model", "refit": "refit"}
 
 
 def effect_words(effect: str) -> str:

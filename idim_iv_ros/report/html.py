@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import partial
 
 from idim_iv_ros.formats import RESULT
+from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.guarded import guarded
 from idim_iv_ros.report.markup import Html, tag
 from idim_iv_ros.report.numerals import with_unit
@@ -16,7 +17,6 @@ from idim_iv_ros.report.sections.provenance import provenance_section
 from idim_iv_ros.report.sections.residuals import residuals_section
 from idim_iv_ros.report.sections.torque import torque_section
 from idim_iv_ros.report.sections.verdict import verdict_section
-from idim_iv_ros.result import IdentificationResult
 
 _Draw = Callable[[IdentificationResult], Html]
 _SECTIONS: tuple[tuple[str, str, _Draw], ...] = (

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from idim_iv_ros.result import (
+from idim_iv_ros.identification.result import (
     FORMAT,
     IdentificationResult,
     ParameterEstimate,

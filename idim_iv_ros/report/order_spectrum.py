@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 _MOST_WAVES = 300  # over the range of the motion
 _PER_WAVE = 3  # points of the spectrum

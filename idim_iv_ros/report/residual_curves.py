@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from idim_iv_ros.gap.result import GapSeries
+from idim_iv_ros.diagnosis.result import GapSeries
 from idim_iv_ros.report.figures import GREY, Figure, axis, figure, typed
 from idim_iv_ros.report.numerals import round_number
 from idim_iv_ros.report.smooth_curve import SmoothCurve, smooth
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 # Neither is a colour of a model: green and purple of Okabe and Ito, told apart by all readers.
 FORWARD, BACKWARD = "#007a5a", "#a0457e"

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.identification.result import JointSeries
 from idim_iv_ros.report.session_axis import SessionAxis
-from idim_iv_ros.result import JointSeries
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 _BUCKETS = 700
 

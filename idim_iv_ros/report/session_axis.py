@@ -5,15 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from idim_iv_ros.gap.result import GapResult
+from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.recording import SessionPart
 from idim_iv_ros.report.figures import GREY, MUTED
-from idim_iv_ros.result import IdentificationResult
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from idim_iv_ros.types import FloatArray, IntArray
 
 # Of the length of all recordings: no pause between two is drawn longer.
 _WIDEST_PAUSE = 0.02

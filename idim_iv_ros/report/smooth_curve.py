@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 _CELLS = 180
 _WIDTH = _CELLS / 32.0  # σ of the kernel, cells

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from idim_iv_ros.gap.result import Cause, Gap, GapResult, Stage
+from idim_iv_ros.diagnosis.result import Cause, Gap, GapResult, Stage
 from idim_iv_ros.report.gap_words import small_unit, stage_words
 from idim_iv_ros.report.numerals import known
 

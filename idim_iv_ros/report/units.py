@@ -1,6 +1,6 @@
 """Units of each joint's torque and speed."""
 
-from idim_iv_ros.result import IdentificationResult
+from idim_iv_ros.identification.result import IdentificationResult
 
 
 def torque_unit(result: IdentificationResult, joint: int) -> str:

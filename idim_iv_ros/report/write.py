@@ -8,17 +8,17 @@ from functools import partial
 from pathlib import Path
 
 from idim_iv_ros.atomic_files import probe_place, write_together
+from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import ReportWarning, UsageError, one_line
 from idim_iv_ros.file_paths import FilePath
 from idim_iv_ros.formats import GAP, REPORT, RESULT
-from idim_iv_ros.gap.result import GapResult
+from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.interruption import undone_if_interrupted
 from idim_iv_ros.own_files import require_replaceable
 from idim_iv_ros.report.gap_html import gap_report_html
 from idim_iv_ros.report.gap_json import gap_text
 from idim_iv_ros.report.html import report_html
 from idim_iv_ros.report.json_result import result_text
-from idim_iv_ros.result import IdentificationResult
 
 _WRITTEN_BY = {RESULT: "identify", GAP: "diagnose"}
 

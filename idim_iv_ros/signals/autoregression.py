@@ -9,7 +9,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
+
 IntArray = NDArray[np.integer[Any]]
 
 _ROWS_PER_COEFFICIENT = 10

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import ProcessingSection
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.signals.decimation import common_factors
 from idim_iv_ros.signals.joint_side import JointSignals
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 # The paper filters positions at 50 Hz and decimates at 20 Hz; EMPS is filtered at 100 and 40 Hz.
 DECIMATION_SHARE = 0.4

@@ -5,9 +5,8 @@ Source: paper, section II.C.
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 
 def zero_phase_butterworth(

@@ -4,14 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording import Recording
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from idim_iv_ros.types import BoolArray, FloatArray
 
 _LARGEST_POSITION = 1e6  # rad (m)
 # Least and greatest peak of a joint's torque, N m (N): what is beyond is no torque, or has another

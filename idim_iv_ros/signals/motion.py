@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import ProcessingSection
 from idim_iv_ros.errors import DataError
@@ -12,9 +11,7 @@ from idim_iv_ros.signals.cutoffs import Cutoffs, choose_minimum_speed
 from idim_iv_ros.signals.decimation import ParallelDecimation
 from idim_iv_ros.signals.filters import central_differences, zero_phase_butterworth
 from idim_iv_ros.signals.joint_side import JointSignals
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from idim_iv_ros.types import BoolArray, FloatArray
 
 _EDGE_PERIODS = 2.0  # of the position cut-off, cut at each end when the user names no trim
 _EDGE_GROUPS = 2  # decimated samples cut at each end, likewise

@@ -4,11 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from idim_iv_ros.signals.motion import Motion
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 _SEGMENT = 2.0  # s
 _ABOVE = 3.0  # times the decimation cut-off, where only noise is left

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
@@ -31,8 +30,7 @@ from idim_iv_ros.simulation.effect_tables import affected_robot
 from idim_iv_ros.simulation.effects import JointEffect, SimulatedEffect, joint_effects
 from idim_iv_ros.simulation.plant import initial_state, plant, workspace
 from idim_iv_ros.simulation.shaft import Shaft, link_positions
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 # Longest plant step when the caller gives none, s.
 PLANT_STEP = 0.5e-3

@@ -16,8 +16,9 @@ from idim_iv_ros.model import link_motion
 from idim_iv_ros.simulation import dry_friction, effect_kernel, plant_step, rigid_body
 from idim_iv_ros.simulation.dry_friction import accelerate
 from idim_iv_ros.simulation.effect_kernel import Effects, acting_torque, measure
-from idim_iv_ros.simulation.plant import FloatArray, Plant, State, Workspace
+from idim_iv_ros.simulation.plant import Plant, State, Workspace
 from idim_iv_ros.simulation.plant_step import advance, prepare, prepare_with_effects
+from idim_iv_ros.types import FloatArray
 
 COMPLETED, NOT_POSITIVE_DEFINITE, TOO_FAST = 0, 1, 2
 

@@ -5,12 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import ControllerSection
 from idim_iv_ros.errors import UsageError
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 
 @dataclass(frozen=True)

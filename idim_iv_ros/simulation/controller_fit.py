@@ -8,8 +8,7 @@ import scipy
 from numpy.typing import NDArray
 
 from idim_iv_ros.simulation.controller import ControlLaw
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 # Always in the law; the others enter only where they lower the residual's energy by this share.
 LAW = ("kp", "kd", "bias")

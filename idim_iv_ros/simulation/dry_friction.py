@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.simulation.plant import FloatArray, IntArray, Plant, Workspace
+from idim_iv_ros.simulation.plant import Plant, Workspace
+from idim_iv_ros.types import FloatArray, IntArray
 
 # A constraint whose pivot is this small beside its diagonal follows from the others.
 DEPENDENT = 1e-10

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.simulation.plant import FloatArray, IntArray, Plant
+from idim_iv_ros.simulation.plant import Plant
+from idim_iv_ros.types import FloatArray, IntArray
 
 (
     STRIBECK,

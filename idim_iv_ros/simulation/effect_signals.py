@@ -4,11 +4,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.simulation.effects import JointEffect
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 
 def delays(effects: Sequence[JointEffect], n: int) -> FloatArray:

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
@@ -13,9 +12,7 @@ from idim_iv_ros.simulation.effect_kernel import LEAST_LEVEL, Effects
 from idim_iv_ros.simulation.effects import JointEffect
 from idim_iv_ros.simulation.plant import Plant, plant
 from idim_iv_ros.simulation.shaft import Shaft, fastest_shaft, shafts_of, split_drives
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from idim_iv_ros.types import FloatArray, IntArray
 
 # A step is at most this over the pulsation of the fastest shaft, rad.
 SHAFT_ANGLE = 0.4

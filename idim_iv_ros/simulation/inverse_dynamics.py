@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.compilation import entry, source_digest
 from idim_iv_ros.model import link_motion
@@ -14,8 +13,7 @@ from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.simulation import rigid_body
 from idim_iv_ros.simulation.plant import Plant, Workspace, plant, workspace
 from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 
 def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:

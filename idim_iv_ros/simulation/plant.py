@@ -8,9 +8,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.model.link_frames import link_frames
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from idim_iv_ros.types import FloatArray, IntArray
 
 
 class Plant(NamedTuple):

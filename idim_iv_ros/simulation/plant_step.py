@@ -18,8 +18,9 @@ from idim_iv_ros.simulation.effect_kernel import (
     effect_torques,
     slide_bristles,
 )
-from idim_iv_ros.simulation.plant import FloatArray, IntArray, Plant, State, Workspace
+from idim_iv_ros.simulation.plant import Plant, State, Workspace
 from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler
+from idim_iv_ros.types import FloatArray, IntArray
 
 # Slip speeds that cross zero within this fraction of a step cross together.
 TOGETHER = 1e-9

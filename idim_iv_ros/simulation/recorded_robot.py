@@ -6,15 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.simulation.closed_loop import PLANT_STEP, ClosedLoopResult, simulate_closed_loop
 from idim_iv_ros.simulation.controller import ControlLaw
 from idim_iv_ros.simulation.effects import SimulatedEffect
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 # Each kind of noise has a stream of its own, so that one more does not change the others.
 _DISTURBANCE, _JITTER = 1, 2

@@ -14,7 +14,8 @@ Newton-Euler linear in the parameters); Featherstone, Rigid Body Dynamics Algori
 
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.model.link_motion import move_links
-from idim_iv_ros.simulation.plant import FloatArray, Plant, Workspace
+from idim_iv_ros.simulation.plant import Plant, Workspace
+from idim_iv_ros.types import FloatArray
 
 
 @kernel

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.parameters import DynamicParameters, parameter_layout
@@ -12,8 +11,7 @@ from idim_iv_ros.model.regressor import StandardRegressor
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.simulation.effects import JointEffect
 from idim_iv_ros.simulation.inverse_dynamics import inverse_dynamics, mass_matrix
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 # Gear flanks whose stiffness is not given: natural frequency of motor against link, Hz, and
 # damping ratio. At 300 Hz the flanks give less than backlash does; teeth meet without bouncing far.
@@ -57,7 +55,7 @@ def split_drives(
 
     Base parameters group the inertia of some drives with that of links (joint 1: ZZ1 + Ia1), and
     a motion of the rigid robot cannot tell them apart. There the drive inertia is that of the
-    given model (`simulator.armature`), taken from the links.
+    nominal model (`simulator.armature`), taken from the links.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 from idim_iv_ros.statistics.exogeneity import exogeneity_test
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
-from idim_iv_ros.statistics.instrument_test import wald_test_of_instruments
+from idim_iv_ros.statistics.instruments import wald_test_of_instruments
 from idim_iv_ros.statistics.joint_rows import JointRows
 from idim_iv_ros.statistics.residuals import ResidualDiagnosis, diagnose_residual
 from idim_iv_ros.statistics.specification import specification_tests

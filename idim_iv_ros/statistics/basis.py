@@ -7,7 +7,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
+
 IntArray = NDArray[np.integer[Any]]
 
 RANK_TOLERANCE = 1e-8

@@ -1,11 +1,9 @@
 """How far instruments are from valid, apart from whether the deviation is significant."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.statistics.basis import independent_basis
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 LARGEST_STANDARD_ERROR = 0.05
 

@@ -7,15 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-from idim_iv_ros.r_factor import r_factor, spread
+from idim_iv_ros.estimation.r_factor import r_factor, spread
 from idim_iv_ros.statistics.basis import independent_basis
-from idim_iv_ros.statistics.coloured_regression import regress_coloured
+from idim_iv_ros.statistics.gls import gls_regression
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.joint_rows import JointRows
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 NULL = "the regressor is exogenous (γ = 0)"
 
@@ -57,7 +55,7 @@ def exogeneity_test(
     for rows in joints:
         # The residual has lost what estimating β took out of it; a filter fitted on it alone
         # made a true hypothesis fail 45 % of the time with 45 columns in 250 rows.
-        model = regress_coloured(rows.residual(parameters), rows.regressor, rows.runs).errors
+        model = gls_regression(rows.residual(parameters), rows.regressor, rows.runs).errors
         white = rows.whitened(model)
         reduced = r_factor(np.column_stack([white.instruments, white.regressor, white.torque]))
         count = len(rows.torque)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.signals.autoregression import AutoregressiveModel
+from idim_iv_ros.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.integer[Any]]
 
 

@@ -8,9 +8,8 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 POSITION, SPEED, ACCELERATION = FAMILIES = ("position", "speed", "acceleration")
 

@@ -5,13 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from idim_iv_ros.signals.autoregression import AutoregressiveModel, fit_autoregression
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.joint_rows import JointRows
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 WHITE = "the residual is white"
 WHITENED = "the residual filtered by its autoregressive model is white"

@@ -13,14 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from idim_iv_ros.statistics.basis import independent_basis
-from idim_iv_ros.statistics.coloured_regression import regress_coloured_from_rest
+from idim_iv_ros.statistics.gls import gls_regression_from_rest
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.joint_rows import JointRows
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 NULL = "nothing of the {family} is left in the residual"
 
@@ -97,7 +95,7 @@ def _test(
     if not np.any(residual):
         return HypothesisTest.not_run(null, scope, "the residual vanishes", alpha)
     both = np.column_stack([rows.instruments, beyond])
-    fit = regress_coloured_from_rest(residual, both, rows.runs)
+    fit = gls_regression_from_rest(residual, both, rows.runs)
     instruments = independent_basis(fit.whitened[:, : -width - 1])
     added = independent_basis(instruments.remove(fit.whitened[:, -width - 1 : -1]))
     left = instruments.remove(fit.whitened[:, -1])

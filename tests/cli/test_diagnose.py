@@ -51,7 +51,7 @@ def test_verdict_causes_stages_and_limits_are_printed(diagnose, tmp_path: Path) 
     assert " ".join(result.summary.split()) in printed
     for words in ("payload", "stribeck", "0.62 → 0.225 N m", "96 % (90 to 100 %)", "presliding"):
         assert words in printed
-    for words in ("given model", "+ stribeck at joint_2", "noise floor", "torque saturation"):
+    for words in ("nominal model", "+ stribeck at joint_2", "noise floor", "torque saturation"):
         assert words in printed
     assert str(tmp_path / "why" / "report.html") in printed
 

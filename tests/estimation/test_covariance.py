@@ -4,8 +4,8 @@ from linearmodels.iv import IV2SLS
 from scipy.signal import lfilter
 
 from idim_iv_ros.estimation.covariance import (
-    ColouredBlock,
-    ColouredCovariance,
+    AutocorrelatedBlock,
+    AutocorrelatedCovariance,
     JointBlock,
     RefinedCovariance,
     WhiteCovariance,
@@ -65,9 +65,9 @@ def test_a_white_residual_makes_the_sandwich_the_white_covariance(two_joints):
     for x, z, places, sigma in zip(regressors, instruments, columns, (0.5, 4.0), strict=True):
         white.append(JointBlock(x, z, places, sigma))
         model = AutoregressiveModel(np.zeros(0), sigma**2)
-        coloured.append(ColouredBlock(x, z, places, sigma, model, np.arange(len(x))))
+        coloured.append(AutocorrelatedBlock(x, z, places, sigma, model, np.arange(len(x))))
     np.testing.assert_allclose(
-        ColouredCovariance(coloured, B).matrix, WhiteCovariance(white, B).matrix
+        AutocorrelatedCovariance(coloured, B).matrix, WhiteCovariance(white, B).matrix
     )
 
 
@@ -84,7 +84,9 @@ def test_sandwich_is_the_scatter_of_the_estimates_where_the_white_one_is_too_sma
     errors = np.linalg.solve(z.T @ x, z.T @ noise[positions])
     scatter = errors.std(axis=1)
     sigma = np.sqrt(model.variance)
-    coloured = ColouredCovariance([ColouredBlock(x, z, np.arange(B), sigma, model, positions)], B)
+    coloured = AutocorrelatedCovariance(
+        [AutocorrelatedBlock(x, z, np.arange(B), sigma, model, positions)], B
+    )
     white = WhiteCovariance([JointBlock(x, z, np.arange(B), sigma)], B)
     np.testing.assert_allclose(np.sqrt(np.diag(coloured.matrix)), scatter, rtol=0.05)
     assert np.all(np.sqrt(np.diag(white.matrix)) < scatter / 2)

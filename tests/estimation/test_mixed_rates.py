@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from idim_iv_ros import identify_recordings
+from idim_iv_ros.diagnosis.refit.baseline import baseline
+from idim_iv_ros.diagnosis.refit.noise_floor import REPEATS, noise_floors, repeats_of
+from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.diagnosis.tracking import simulated_tracking
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.gap.baseline import baseline
-from idim_iv_ros.gap.likelihood import Regression
-from idim_iv_ros.gap.noise_floor import REPEATS, noise_floors, repeats_of
-from idim_iv_ros.gap.regression_rows import smooth_regression
-from idim_iv_ros.gap.tracking import simulated_tracking
-from idim_iv_ros.preparation import prepare
+from idim_iv_ros.identification.prepare import prepare
 from idim_iv_ros.recording import Recording, Signal
 from tests.estimation.test_simulated_arms import off_by, recorded, truth_of
 from tests.simulated_arms import SimulatedArm, arm2

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from idim_iv_ros.gap.catalogue import EFFECTS
+from idim_iv_ros.effects.catalogue import EFFECTS
 from idim_iv_ros.simulation.effects import PARAMETERS
 from tests.fuzz.case import Case, Good, Yaml, random_of, simulation, spelt, write_configuration
 

@@ -13,7 +13,7 @@ from idim_iv_ros.errors import IdimError
 from idim_iv_ros.excitation import read_trajectory
 from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.report import numerals
-from idim_iv_ros.simulated_effects import read_extended_model
+from idim_iv_ros.simulators.extended_model import read_extended_model
 from idim_iv_ros.text_file import read_text
 
 _ANY = st.one_of(st.none(), st.floats())

@@ -2,7 +2,7 @@
 
 EMPS: friction differs between the directions (shared/data/README.md; published as asymmetric
 friction by Janot, Gautier and Brunot). TX40: the drives of joints 5 and 6 are coupled, and a robot
-on the floor feels gravity; each is left out of the given model in turn. DFKI: no known answer;
+on the floor feels gravity; each is left out of the nominal model in turn. DFKI: no known answer;
 friction under load and a late torque were found by hand too (benchmarks/results/diagnosis_real.md).
 """
 
@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from idim_iv_ros import load_configuration
-from idim_iv_ros.gap.diagnosis import diagnose
-from idim_iv_ros.gap.result import Cause, GapResult
+from idim_iv_ros.diagnosis.diagnose import diagnose
+from idim_iv_ros.diagnosis.result import Cause, GapResult
 from tests.real.recordings import emps_bag, tx40_bag
 from tests.real.test_tx40 import CONFIGURATION
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from idim_iv_ros import identify, load_configuration
-from idim_iv_ros.result import IdentificationResult
+from idim_iv_ros.identification.result import IdentificationResult
 from tests.real.recordings import double_pendulum_bag
 
 # identified_model_2.0.yml: m1 = 0.5594, r1 = 0.3, m2 = 0.6043, l1 = 0.3, r2 = 0.1838

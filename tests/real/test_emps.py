@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from idim_iv_ros import identify, load_configuration
-from idim_iv_ros.result import IdentificationResult
+from idim_iv_ros.identification.result import IdentificationResult
 from tests.real.recordings import emps_bag
 
 PUBLISHED = {"M1": 95.1089, "Fv1": 203.5034, "Fc1": 20.3935, "off1": -3.1648}

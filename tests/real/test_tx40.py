@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from idim_iv_ros import Configuration, identify, load_configuration
-from idim_iv_ros.result import IdentificationResult
+from idim_iv_ros.identification.result import IdentificationResult
 from tests.real.recordings import tx40_bag
 
 CONFIGURATION = """

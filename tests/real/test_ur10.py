@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from idim_iv_ros import identify, load_configuration
-from idim_iv_ros.result import IdentificationResult
+from idim_iv_ros.identification.result import IdentificationResult
 
 
 @pytest.fixture(scope="module")

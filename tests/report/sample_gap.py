@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from idim_iv_ros.gap.result import (
+from idim_iv_ros.diagnosis.result import (
     Cause,
     Confusability,
     EffectParameter,
@@ -16,10 +16,10 @@ from idim_iv_ros.gap.result import (
     Gap,
     GapResult,
     GapSeries,
+    Indistinguishable,
     JointGap,
     NotTestable,
     Regime,
-    Rival,
     Stage,
     TrackingSeries,
     Unexplained,
@@ -60,7 +60,7 @@ def sample_gap(
         Verdict: Stribeck friction at joint 2 and ripple at the last joint (structural), a payload
         (parametric), both, contact (unknown) or nothing.
     given, floor, tracking
-        Whether there is a given model, a noise floor from repeats, a loop that can be simulated.
+        Whether there is a nominal model, a noise floor from repeats, a loop that can be simulated.
     """
     names = tuple(f"joint_{k + 1}" for k in range(joints))
     random = np.random.default_rng(seed)
@@ -234,7 +234,10 @@ def _causes(
             "speed": EffectParameter(0.121, 0.009, "rad/s"),
         },
         Evidence(611.2, 3e-9, 0.47, "6 of 6"),
-        (Rival("presliding", names[1], 0.97), Rival("time_delay", names[1], 0.955)),
+        (
+            Indistinguishable("presliding", names[1], 0.97),
+            Indistinguishable("time_delay", names[1], 0.955),
+        ),
         _gap(0.62, 0.225, level),
         moved,
         f"{names[1]}: friction rises below 0.12 rad/s by 1.6 N m (Stribeck); with it 96 % of the "

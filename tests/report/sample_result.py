@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from idim_iv_ros.recording import ClockQuality, Note
-from idim_iv_ros.result import (
+from idim_iv_ros.identification.result import (
     BagSummary,
     Fit,
     IdentificationResult,
@@ -20,6 +19,7 @@ from idim_iv_ros.result import (
     Refined,
     RefinedEstimate,
 )
+from idim_iv_ros.recording import ClockQuality, Note
 from idim_iv_ros.statistics import (
     HypothesisTest,
     JointRows,

@@ -62,7 +62,7 @@ def test_a_joint_that_stands_still_has_no_spectrum() -> None:
 
 
 def test_stages_are_named_in_words() -> None:
-    assert stage_words("given") == "given model"
+    assert stage_words("given") == "nominal model"
     assert stage_words("+position_ripple[joint_2]") == "+ position ripple at joint_2"
     assert stage_words("+payload") == "+ payload"
     assert stage_words("+stribeck[a[1]]") == "+ stribeck at a[1]"

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idim_iv_ros.gap.result import GapResult, NotTestable
+from idim_iv_ros.diagnosis.result import GapResult, NotTestable
 from idim_iv_ros.report import gap_report_html
 from tests.report.sample_gap import CASES, Case, sample_gap, with_first_joint_named
 from tests.report.test_html import Page
@@ -50,7 +50,7 @@ def _only_first(result: GapResult) -> GapResult:
 def test_what_is_unknown_is_left_out_or_said(given: bool, floor: bool, tracking: bool) -> None:
     text = gap_report_html(sample_gap(2, "both", given=given, floor=floor, tracking=tracking))
     page = Page(text)
-    assert ('<th scope="row">given model</th>' in text) == given
+    assert ('<th scope="row">nominal model</th>' in text) == given
     assert ("<small>unknown</small>" in text) == (not floor)
     assert ("Tracking error in closed loop" in page.text) == tracking
     assert "nan" not in page.text.split()

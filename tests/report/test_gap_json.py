@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from idim_iv_ros.diagnosis.result import Regime
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.gap.result import Regime
 from idim_iv_ros.report import gap_document, read_gap, write_gap_report
 from idim_iv_ros.report.gap_json import gap_text
 from tests.report.sample_gap import CASES, Case, sample_gap

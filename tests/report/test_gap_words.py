@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from idim_iv_ros.diagnosis.result import EffectParameter
+from idim_iv_ros.effects.effect import in_words
 from idim_iv_ros.excitation.separation import separating_motion
-from idim_iv_ros.gap.effects.effect import in_words
-from idim_iv_ros.gap.result import EffectParameter
 from idim_iv_ros.report import gap_report_html
 from idim_iv_ros.report.gap_sections.tracking import _drawing
 from tests.report.sample_gap import sample_gap
@@ -35,7 +35,7 @@ def _numbers(packed: dict[str, str]) -> np.ndarray:
 
 def test_the_models_that_are_simulated_are_named() -> None:
     text = re.sub(r"\s+", " ", Page(gap_report_html(sample_gap(2, "parametric"))).text)
-    assert "simulated, before (given model)" in text
+    assert "simulated, before (nominal model)" in text
     assert "simulated, after (refit)" in text
 
 

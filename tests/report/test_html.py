@@ -6,8 +6,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from idim_iv_ros.identification.result import IdentificationResult, JointSeries
 from idim_iv_ros.report import report_html
-from idim_iv_ros.result import IdentificationResult, JointSeries
 from tests.report.sample_result import sample_result, with_joint_name
 
 NASTY = """<script>alert(1)</script>&'"<b>"""

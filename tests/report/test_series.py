@@ -1,9 +1,9 @@
 import numpy as np
 
+from idim_iv_ros.identification.result import JointSeries
 from idim_iv_ros.recording import SessionPart
 from idim_iv_ros.report.series import contiguous_runs, interrupted, thin
 from idim_iv_ros.report.session_axis import session_axis
-from idim_iv_ros.result import JointSeries
 
 ALONE = session_axis([])
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from idim_iv_ros.gap.result import Cause, GapResult, Stage
+from idim_iv_ros.diagnosis.result import Cause, GapResult, Stage
 from idim_iv_ros.report import gap_report_html
 from idim_iv_ros.report.tracking_change import tracking_change
 from tests.report.sample_gap import sample_gap
@@ -32,7 +32,7 @@ def test_wrong_numbers_have_the_tracking_error_of_given_model_and_refit() -> Non
     text = _words(result)
     assert "no closed loop was" not in text
     assert "Tracking error, joint_2: 0.400 mrad → 0.0800 mrad" in text
-    assert "80 % of it goes; given model → refit, in which all" in text
+    assert "80 % of it goes; nominal model → refit, in which all" in text
 
 
 def test_wrong_numbers_of_no_single_joint_have_that_of_all_joints() -> None:
@@ -46,7 +46,7 @@ def test_wrong_numbers_of_no_single_joint_have_that_of_all_joints() -> None:
 
 def test_a_stage_that_was_not_simulated_is_named_with_the_reason() -> None:
     text = _words(_parametric("joint_1", None, _ERRORS[1], note="the simulation diverges"))
-    assert "Tracking error: given model not simulated: the simulation diverges." in text
+    assert "Tracking error: nominal model not simulated: the simulation diverges." in text
     nothing = _parametric("joint_1", None, None, note="not simulated: no reference")
     assert "mrad →" not in _words(nothing)
 

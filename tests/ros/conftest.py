@@ -19,7 +19,7 @@ import rclpy
 
 from idim_iv_ros import load_configuration
 from idim_iv_ros.excitation import random_motion
-from idim_iv_ros.simulated_recording import simulate
+from idim_iv_ros.simulators.recording import simulate
 from tests.ros.identifier_client import IdentifierClient
 from tests.ros.processes import ROOT, Observer, Process, Robot, start_node, start_recorder
 

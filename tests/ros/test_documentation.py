@@ -5,9 +5,9 @@ from dataclasses import fields
 
 import pytest
 
-from idim_iv_ros.nodes.identifier_settings import IdentifierSettings
-from idim_iv_ros.nodes.recorder_settings import RecorderSettings
-from idim_iv_ros.nodes.simulator_settings import SimulatorSettings
+from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
+from idim_iv_ros.nodes.recorder.settings import RecorderSettings
+from idim_iv_ros.nodes.simulator.settings import SimulatorSettings
 from tests.ros.processes import ROOT
 
 

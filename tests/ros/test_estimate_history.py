@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.nodes.estimate_history import FILE, EstimateHistory, PastEstimates
+from idim_iv_ros.nodes.identifier.estimate_history import FILE, EstimateHistory, PastEstimates
 
 NAMES = [f"p{k}" for k in range(20)]
 

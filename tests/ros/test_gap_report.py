@@ -10,8 +10,8 @@ from builtin_interfaces.msg import Time
 
 from idim_iv_interfaces.msg import GapReport
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.nodes.gap_messages import gap_message
-from idim_iv_ros.nodes.gap_publisher import GapPublisher
+from idim_iv_ros.nodes.identifier.gap_messages import gap_message
+from idim_iv_ros.nodes.identifier.gap_publisher import GapPublisher
 from idim_iv_ros.report.gap_format import read_gap
 from idim_iv_ros.report.gap_json import gap_document
 from tests.report.sample_gap import CASES, Case, sample_gap

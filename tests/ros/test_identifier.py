@@ -14,7 +14,7 @@ from action_msgs.msg import GoalStatus
 from idim_iv_interfaces.msg import ParameterEstimates
 from idim_iv_ros import load_configuration
 from idim_iv_ros.excitation import random_motion
-from idim_iv_ros.simulated_recording import simulate
+from idim_iv_ros.simulators.recording import simulate
 from tests.ros.conftest import ARM2
 from tests.ros.identifier_client import IdentifierClient
 from tests.ros.processes import Process

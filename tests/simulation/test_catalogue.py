@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from idim_iv_ros.gap.catalogue import PARAMETRIC, STRUCTURAL
-from idim_iv_ros.gap.effects.effect import Extent, Place
-from idim_iv_ros.gap.smooth_motion import SmoothMotion
+from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
+from idim_iv_ros.effects.catalogue import PARAMETRIC, STRUCTURAL
+from idim_iv_ros.effects.effect import OperatingRange, Place
 from idim_iv_ros.signals import ParallelDecimation
 from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, simulate_closed_loop
 from idim_iv_ros.simulation.effects import PARAMETERS, joint_effects
@@ -59,7 +59,7 @@ def reference_motion(samples):
     return smooth(one.position_reference[1000 : 1000 + samples], velocity, acceleration, one.rate)
 
 
-EXTENT = Extent(
+EXTENT = OperatingRange(
     low=np.array([-1.0, -1.0]),
     high=np.array([1.5, 1.5]),
     slowest=np.array([0.05, 0.05]),

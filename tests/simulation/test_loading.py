@@ -16,7 +16,11 @@ def loaded_by(module: str) -> set[str]:
 
 @pytest.mark.parametrize(
     "module",
-    ["idim_iv_ros.simulation", "idim_iv_ros.identification", "idim_iv_ros.simulated_robot"],
+    [
+        "idim_iv_ros.simulation",
+        "idim_iv_ros.identification.identify",
+        "idim_iv_ros.simulators.robot",
+    ],
 )
 def test_filters_statistics_and_drawings_are_loaded_when_they_are_used(module: str) -> None:
     assert loaded_by(module) & set(HEAVY) == set()

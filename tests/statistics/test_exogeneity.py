@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from linearmodels.iv import IV2SLS
 
-from idim_iv_ros.r_factor import r_factor
+from idim_iv_ros.estimation.r_factor import r_factor
 from idim_iv_ros.statistics.exogeneity import exogeneity_f_test, exogeneity_test
 from idim_iv_ros.statistics.joint_rows import JointRows
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import f as fisher
 
-from idim_iv_ros.r_factor import r_factor
+from idim_iv_ros.estimation.r_factor import r_factor
 from idim_iv_ros.statistics.exogeneity import exogeneity_f_test, exogeneity_test
-from idim_iv_ros.statistics.instrument_test import wald_test_of_instruments
-from tests.statistics.worlds import coloured_world, pendulums
+from idim_iv_ros.statistics.instruments import wald_test_of_instruments
+from tests.statistics.worlds import autocorrelated_world, pendulums
 
 AR1, AR1_SLOW, AR2 = [-0.8], [-0.95], [-1.5, 0.7]
 COLOURS = [([], []), (AR1, []), (AR1, AR1), (AR1_SLOW, AR1), (AR2, AR2)]
@@ -18,9 +18,11 @@ def rejections(test, worlds):
     return float(np.mean([test(rows, estimate) < 0.05 for rows, estimate in worlds]))
 
 
-def worlds(count, residual_colour, error_colour, **options):
+def worlds(count, residual_noise_model, error_colour, **options):
     for seed in range(count):
-        yield coloured_world(np.random.default_rng(seed), residual_colour, error_colour, **options)
+        yield autocorrelated_world(
+            np.random.default_rng(seed), residual_noise_model, error_colour, **options
+        )
 
 
 def wald(rows, estimate):

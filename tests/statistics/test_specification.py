@@ -5,8 +5,8 @@ import pytest
 import statsmodels.api as sm
 
 from idim_iv_ros.statistics import JointRows, specification_tests
-from idim_iv_ros.statistics.coloured_regression import regress_coloured_from_rest
-from tests.statistics.worlds import autoregressive, coloured_world
+from idim_iv_ros.statistics.gls import gls_regression_from_rest
+from tests.statistics.worlds import autocorrelated_world, autoregressive
 
 
 def slow_functions(rng, count, columns):
@@ -35,7 +35,7 @@ def test_statistic_is_the_f_of_nested_least_squares_when_the_noise_is_white():
     estimate = np.linalg.lstsq(z, torque, rcond=None)[0]
     rows = JointRows("joint", z, z, torque, np.arange(columns), (slice(0, count),))
     both = np.column_stack([z, functions])
-    assert regress_coloured_from_rest(torque - z @ estimate, both, rows.runs).errors.order == 0
+    assert gls_regression_from_rest(torque - z @ estimate, both, rows.runs).errors.order == 0
     test = specification_tests([rows], estimate, [{"position": functions}])[0]
     whole, nested = sm.OLS(torque, both).fit(), sm.OLS(torque, z).fit()
     statistic, p, df = whole.compare_f_test(nested)
@@ -50,7 +50,7 @@ def test_a_right_model_is_rarely_accused_whatever_the_colour(colour):
     low = 0
     for seed in range(150):
         rng = np.random.default_rng(seed)
-        rows, estimate = coloured_world(rng, colour, [-0.8], n_rows=600, n_columns=12)
+        rows, estimate = autocorrelated_world(rng, colour, [-0.8], n_rows=600, n_columns=12)
         low += p_value(rows, estimate, slow_functions(rng, len(rows.torque), 40)) < 0.1 * 0.05 / 18
     assert low <= 2
 
@@ -64,7 +64,7 @@ def test_size_at_the_nominal_five_percent(colour, rows_and_limit):
     found = []
     for seed in range(400):
         rng = np.random.default_rng(seed)
-        rows, estimate = coloured_world(rng, colour, [-0.8], n_rows=count, n_columns=12)
+        rows, estimate = autocorrelated_world(rng, colour, [-0.8], n_rows=count, n_columns=12)
         found.append(p_value(rows, estimate, slow_functions(rng, len(rows.torque), 40)) < 0.05)
     assert np.mean(found) <= limit
 
@@ -74,7 +74,7 @@ def test_size_at_the_nominal_five_percent(colour, rows_and_limit):
 def test_what_is_missing_is_found_even_where_it_drowns_the_noise(colour, share):
     """A missing slow term of half to three times the noise; the larger must not pass for noise."""
     rng = np.random.default_rng(11)
-    rows, _ = coloured_world(rng, colour, [-0.8], n_rows=600, n_columns=12)
+    rows, _ = autocorrelated_world(rng, colour, [-0.8], n_rows=600, n_columns=12)
     functions = slow_functions(rng, len(rows.torque), 10)
     missing = functions[:, 0] / functions[:, 0].std()
     noise = 0.1 * rows.torque.std()
@@ -90,7 +90,7 @@ def test_what_is_missing_is_found_even_where_it_drowns_the_noise(colour, share):
 
 def test_functions_that_the_model_holds_are_not_tested():
     rng = np.random.default_rng(2)
-    rows, estimate = coloured_world(rng, [], [], n_rows=300, n_columns=6)
+    rows, estimate = autocorrelated_world(rng, [], [], n_rows=300, n_columns=6)
     test = specification_tests([rows], estimate, [{"speed": rows.instruments[:, :3]}])[0]
     assert test.p_value is None
     assert "model holds" in test.reason

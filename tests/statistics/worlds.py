@@ -25,9 +25,9 @@ def autoregressive(rng, coefficients: Sequence[float], shape):
     return series / np.linalg.norm(impulse)
 
 
-def coloured_world(
+def autocorrelated_world(
     rng,
-    residual_colour,
+    residual_noise_model,
     error_colour,
     *,
     n_rows=500,
@@ -54,7 +54,7 @@ def coloured_world(
     regressor[:, 0] += deviation * instruments[:, 1]
     truth = rng.uniform(0.5, 2.0, n_columns) * rng.choice([-1.0, 1.0], n_columns)
     clean = regressor @ truth
-    residual = 0.1 * clean.std() * autoregressive(rng, residual_colour, (n_rows,))
+    residual = 0.1 * clean.std() * autoregressive(rng, residual_noise_model, (n_rows,))
     torque = clean + residual + endogeneity * (v @ truth)
     kept = np.sort(rng.permutation(n_rows)[: n_rows - n_rows // 400])
     instruments, regressor, torque = instruments[kept], regressor[kept], torque[kept]

@@ -30,7 +30,7 @@ class Effect:
     joints : tuple of int
         Joints at which the effect is seen; the calibration looks at the first.
     measure : "refit", "given" or "command"
-        Of which residual rho is defined: of the best rigid model, of the given model, of the
+        Of which residual rho is defined: of the best rigid model, of the nominal model, of the
         control law.
     whole_session : bool
         Repeats do not weigh alike, so that the calibration needs every recording.

@@ -1,8 +1,8 @@
 """Each accepted cause: what, how large, why it is believed, what it may be mistaken for."""
 
+from idim_iv_ros.diagnosis.parameter_words import parameter_words
+from idim_iv_ros.diagnosis.result import Cause, Gap, GapResult, Unexplained
 from idim_iv_ros.excitation.separation import separating_motion
-from idim_iv_ros.gap.parameter_words import parameter_words
-from idim_iv_ros.gap.result import Cause, Gap, GapResult, Unexplained
 from idim_iv_ros.report.gap_sections.parameters import parameter_table
 from idim_iv_ros.report.gap_words import effect_at, effect_words, small_unit, torque_unit
 from idim_iv_ros.report.markup import Html, bullets, join, section, sentence, tag
@@ -60,7 +60,7 @@ def _parameter_errors(result: GapResult) -> Html | None:
         )
     heads = (
         ("Joint", None),
-        ("Given model", "num"),
+        ("Nominal model", "num"),
         ("With the parametric causes", "num"),
         ("With new base parameters", "num"),
         ("Remaining parameter error", "num"),

@@ -4,7 +4,7 @@ from idim_iv_ros.report.markup import Html, section, tag
 
 _WORDS = (
     (
-        "Given model",
+        "Nominal model",
         "what the simulator holds now: inertials and friction of the URDF, drive inertia of the "
         "configuration",
     ),
@@ -20,7 +20,7 @@ _WORDS = (
         "what no model can explain: the spread between repeats of the same motion, or a lower "
         "bound from the unpredictable part of the residual where nothing was repeated",
     ),
-    ("Parametric cause", "the equations are right and a number in the given model is wrong"),
+    ("Parametric cause", "the equations are right and a number in the nominal model is wrong"),
     ("Structural cause", "physics is missing: no numbers in the refitted equations explain it"),
     (
         "Shrinkage",

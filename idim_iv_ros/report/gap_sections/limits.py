@@ -1,6 +1,6 @@
 """What this recording cannot show, and what it cannot tell apart."""
 
-from idim_iv_ros.gap.result import Confusability, GapResult
+from idim_iv_ros.diagnosis.result import Confusability, GapResult
 from idim_iv_ros.report.gap_words import effect_words, untestable
 from idim_iv_ros.report.markup import Html, section, sentence, tag
 from idim_iv_ros.report.numerals import fixed, known, percent
@@ -10,7 +10,7 @@ _NAMED = 4  # pairs in the heading of a matrix
 
 
 def limits_section(result: GapResult) -> Html:
-    """Return the effects that are not testable, and a matrix of look-alikes for each joint."""
+    """Return the effects that are not testable, and a matrix of look-pairs for each joint."""
     return section(
         "What this recording cannot tell",
         "limits",
@@ -58,7 +58,7 @@ def _matrices(result: GapResult) -> Html | None:
             "Largest canonical correlation of the torques that two effects would add, less what "
             "the refitted model absorbs, over all their shapes: 0 is easily told apart; from 0.95 "
             "(bold) there are shapes of both that this recording cannot tell apart. What was "
-            "found may still be told from its look-alikes by its own shape; its card above says "
+            "found may still be told from its look-pairs by its own shape; its card above says "
             "so. Absorbed: share of the effect that the refit takes for something else. "
             "Smallest: the size from which it would be seen.",
             css="explanation",

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from idim_iv_ros.gap.result import GapResult, GapSeries
+from idim_iv_ros.diagnosis.result import GapResult, GapSeries
 from idim_iv_ros.report.figures import BLUE, INK, ORANGE, Figure, axis, embed, figure, legend, typed
 from idim_iv_ros.report.gap_words import (
     drawable,
@@ -15,7 +15,8 @@ from idim_iv_ros.report.gap_words import (
 )
 from idim_iv_ros.report.markup import Html, section, tag
 from idim_iv_ros.report.numerals import number, round_number
-from idim_iv_ros.report.order_spectrum import FloatArray, OrderSpectrum, order_spectrum
+from idim_iv_ros.report.order_spectrum import OrderSpectrum, order_spectrum
+from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 230
 _STANDS_OUT = 6.0  # times the median

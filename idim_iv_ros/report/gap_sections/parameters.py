@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from idim_iv_ros.gap.result import EffectParameter
+from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.report.markup import Html, tag
 from idim_iv_ros.report.numerals import measured_cells
 

@@ -1,6 +1,6 @@
 """Notes, the extended model's parameters, and how to obtain the same numbers again."""
 
-from idim_iv_ros.gap.result import GapResult
+from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.report.gap_sections.parameters import parameter_table
 from idim_iv_ros.report.markup import Html, bullets, section, sentence, tag
 from idim_iv_ros.report.sections.provenance import facts, quoted, time_spent, yaml_text

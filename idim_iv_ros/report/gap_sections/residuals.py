@@ -1,6 +1,6 @@
 """What the residual follows: speed, position, load, reversals; before and after."""
 
-from idim_iv_ros.gap.result import GapResult, GapSeries
+from idim_iv_ros.diagnosis.result import GapResult, GapSeries
 from idim_iv_ros.report.figures import embed, legend
 from idim_iv_ros.report.gap_words import (
     drawable,
@@ -77,7 +77,7 @@ def _joint(result: GapResult, series: GapSeries, index: int, opened: bool) -> Ht
 
 def _rows(result: GapResult, series: GapSeries) -> list[Row]:
     rows = []
-    # A refit hides what only the numbers of the given model have wrong.
+    # A refit hides what only the numbers of the nominal model have wrong.
     parametric = any(each.kind == "parametric" for each in result.causes)
     if series.given is not None and (parametric or not result.causes):
         rows.append(Row("given", series.torque - series.given, "given"))

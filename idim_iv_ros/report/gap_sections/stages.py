@@ -1,6 +1,6 @@
-"""The waterfall: given model, refit, effect by effect, noise floor; each joint by itself."""
+"""The waterfall: nominal model, refit, effect by effect, noise floor; each joint by itself."""
 
-from idim_iv_ros.gap.result import GapResult, JointGap, Stage
+from idim_iv_ros.diagnosis.result import GapResult, JointGap, Stage
 from idim_iv_ros.report.gap_words import small_unit, stage_words, torque_unit
 from idim_iv_ros.report.markup import Html, bullets, join, section, tag
 from idim_iv_ros.report.numerals import cell, known, number

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idim_iv_ros.gap.result import GapResult, GapSeries
+from idim_iv_ros.diagnosis.result import GapResult, GapSeries
 from idim_iv_ros.report.figures import (
     BLUE,
     INK,
@@ -18,9 +18,10 @@ from idim_iv_ros.report.figures import (
 from idim_iv_ros.report.gap_words import drawable, extended_beyond_refit, rms, torque_unit
 from idim_iv_ros.report.markup import Html, section, tag
 from idim_iv_ros.report.numerals import number
-from idim_iv_ros.report.series import FloatArray, interrupted, peaks
+from idim_iv_ros.report.series import interrupted, peaks
 from idim_iv_ros.report.session_axis import SessionAxis, axis_of_diagnosis
 from idim_iv_ros.report.units import torque_word
+from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 320
 _BUCKETS = 260
@@ -37,7 +38,7 @@ def torque_section(result: GapResult) -> Html | None:
         return None
     given = any(each.given is not None for each in result.series)
     marks = [("line", PALE, "measured")]
-    marks += [("line", INK, "given model")] if given else []
+    marks += [("line", INK, "nominal model")] if given else []
     marks += [("line", ORANGE, "refit")]
     if any(extended_beyond_refit(each) for each in drawable(result)):
         marks += [("line", BLUE, "extended model")]

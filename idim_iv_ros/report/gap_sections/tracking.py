@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from idim_iv_ros.gap.result import GapResult, TrackingSeries
+from idim_iv_ros.diagnosis.result import GapResult, TrackingSeries
 from idim_iv_ros.report.figures import BLUE, INK, PALE, Figure, axis, embed, figure, legend, typed
 from idim_iv_ros.report.gap_words import small_unit, stage_words
 from idim_iv_ros.report.markup import Html, section, tag
-from idim_iv_ros.report.series import FloatArray, peaks
+from idim_iv_ros.report.series import peaks
+from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 320
 _BUCKETS = 220

@@ -1,6 +1,6 @@
 """What is the gap, in one paragraph: the first thing that a reader sees."""
 
-from idim_iv_ros.gap.result import GapResult, JointGap
+from idim_iv_ros.diagnosis.result import GapResult, JointGap
 from idim_iv_ros.report.gap_words import VERDICTS, duration, effect_at, torque_unit
 from idim_iv_ros.report.markup import Html, bullets, join, key_numbers, tag
 from idim_iv_ros.report.numerals import THIN, cell, known, number, percent, with_unit
@@ -64,7 +64,7 @@ def _reached(result: GapResult, worst: JointGap | None) -> tuple[str, str, str]:
     last = result.stages[-1].torque_rms.get(worst.joint)
     first = result.stages[0].torque_rms.get(worst.joint)
     unit = torque_unit(result, worst.joint)
-    before = "given model" if result.stages[0].name == "given" else "first model"
+    before = "nominal model" if result.stages[0].name == "given" else "first model"
     note = f"torque gap there; {before}: {with_unit(first, unit, 2)}"
     return (name, with_unit(last, unit, 2), note)
 
@@ -102,7 +102,7 @@ def _joints(result: GapResult) -> Html | None:
     )
     head = tag("tr", [tag("th", text, scope="col", css=css) for text, css in heads])
     table = tag("table", tag("thead", head), tag("tbody", rows), css="gap-joints")
-    model = "given model" if any(each.name == "given" for each in result.stages) else "refit"
+    model = "nominal model" if any(each.name == "given" for each in result.stages) else "refit"
     return join(
         tag(
             "h3",

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from idim_iv_ros.gap.result import GapResult, Regime
+from idim_iv_ros.diagnosis.result import GapResult, Regime
 from idim_iv_ros.report.gap_words import AXES, regime_range
 from idim_iv_ros.report.markup import Html, section, tag
 from idim_iv_ros.report.numerals import known, number, percent

@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from idim_iv_ros.identification.result import IdentificationResult, ParameterEstimate
 from idim_iv_ros.report.figures import BLUE, GREEN, GREY, INK, ORANGE, axis, embed, figure, legend
 from idim_iv_ros.report.markup import Html, tag
 from idim_iv_ros.report.numerals import INTERVAL, known
-from idim_iv_ros.result import IdentificationResult, ParameterEstimate
 
 _LARGEST_SPAN = 100.0  # percent; what lies further out is drawn at the edge
 _ROW = 19

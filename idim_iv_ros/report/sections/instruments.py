@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
+from idim_iv_ros.identification.result import IdentificationResult, InstrumentReport
 from idim_iv_ros.report.badges import outcome_badge
 from idim_iv_ros.report.markup import Html, bullets, section, sentence, tag
 from idim_iv_ros.report.numerals import cell, count, exact, number, p_value, percent
-from idim_iv_ros.result import IdentificationResult, InstrumentReport
 from idim_iv_ros.statistics import HypothesisTest
 
 _VALID = (

@@ -1,9 +1,15 @@
-"""The parameters: value, interval, and what least squares and the given model say."""
+"""The parameters: value, interval, and what least squares and the nominal model say."""
 
 import math
 import re
 from dataclasses import dataclass
 
+from idim_iv_ros.identification.result import (
+    IMPOSSIBLE,
+    IdentificationResult,
+    ParameterEstimate,
+    RefinedEstimate,
+)
 from idim_iv_ros.report.markup import Html, join, section, tag
 from idim_iv_ros.report.numerals import (
     beside,
@@ -15,12 +21,6 @@ from idim_iv_ros.report.numerals import (
     percent,
 )
 from idim_iv_ros.report.sections.forest import forest_plot
-from idim_iv_ros.result import (
-    IMPOSSIBLE,
-    IdentificationResult,
-    ParameterEstimate,
-    RefinedEstimate,
-)
 
 POORLY_KNOWN_PERCENT = 30.0
 _LONG_TABLE = 20

@@ -3,11 +3,11 @@
 from collections import Counter
 from collections.abc import Sequence
 
+from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.markup import Html, bullets, section, sentence, tag
 from idim_iv_ros.report.numerals import cell, count, exact, percent, with_unit
 from idim_iv_ros.report.sections.recordings import recording_block
 from idim_iv_ros.report.units import speed_unit
-from idim_iv_ros.result import IdentificationResult
 
 
 def processing_section(result: IdentificationResult) -> Html:

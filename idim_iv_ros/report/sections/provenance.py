@@ -5,10 +5,10 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
+from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.json_result import plain
 from idim_iv_ros.report.markup import Html, section, tag
 from idim_iv_ros.report.numerals import cell, with_unit
-from idim_iv_ros.result import IdentificationResult
 
 _PAPER = (
     "M. Brunot, A. Janot, F. Carrillo, H. Garnier, “A Pragmatic and Systematic Statistical "

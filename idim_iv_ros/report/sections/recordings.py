@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
+from idim_iv_ros.identification.result import BagSummary
 from idim_iv_ros.recording import ClockQuality
 from idim_iv_ros.report.markup import Html, bullets, join, tag
 from idim_iv_ros.report.numerals import cell, count, exact, with_unit
-from idim_iv_ros.result import BagSummary
 
 
 def recording_block(bag: BagSummary) -> Html:

@@ -3,12 +3,10 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.report.figures import BLUE, INK, ORANGE, SHADE, Figure, axis, figure, typed
 from idim_iv_ros.statistics import ResidualDiagnosis
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import FloatArray
 
 _BINS = 41
 _WIDEST = 5.0  # σ; further samples are counted in the outermost bins

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.figures import BLUE, INK, ORANGE, SHADE, embed, legend
 from idim_iv_ros.report.markup import Html, section, tag
 from idim_iv_ros.report.numerals import cell, number, p_value, percent, with_unit
@@ -9,7 +10,6 @@ from idim_iv_ros.report.sections.residual_plots import acf_figure, histogram_fig
 from idim_iv_ros.report.series import contiguous_runs
 from idim_iv_ros.report.session_axis import axis_of_identification
 from idim_iv_ros.report.units import torque_unit
-from idim_iv_ros.result import IdentificationResult
 from idim_iv_ros.statistics import HypothesisTest, ResidualDiagnosis
 
 _HEIGHT = 230

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.figures import (
     BLUE,
     GREY,
@@ -21,7 +22,6 @@ from idim_iv_ros.report.numerals import percent, with_unit
 from idim_iv_ros.report.series import PlotSeries, thin
 from idim_iv_ros.report.session_axis import SessionAxis, axis_of_identification
 from idim_iv_ros.report.units import torque_unit, torque_word
-from idim_iv_ros.result import IdentificationResult
 
 _HEIGHT = 300
 _FEW = 3

@@ -1,10 +1,10 @@
 """May the result be believed? The first thing that a reader sees."""
 
+from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.badges import verdict_badge, verdict_colour
 from idim_iv_ros.report.markup import Html, join, key_numbers, sentence, tag
 from idim_iv_ros.report.numerals import cell, count, exact, number, percent, with_unit
 from idim_iv_ros.report.units import torque_unit
-from idim_iv_ros.result import IdentificationResult
 
 
 def verdict_section(result: IdentificationResult) -> Html:

@@ -1,0 +1,177 @@
+"""Recorded less computed commands of one joint, regressed on what changes the control law."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, JointData, Regression
+from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
+from idim_iv_ros.signals import Motion
+from idim_iv_ros.simulation import ControlLaw
+from idim_iv_ros.types import FloatArray
+
+# Of the limit, above which a command counts as limited.
+_LIMITED = 0.98
+LEAST_ROWS = 50
+
+
+@dataclass(frozen=True)
+class CommandRegression:
+    """Decimated rows of one joint, without those at the torque limit; (r,) each.
+
+    Attributes
+    ----------
+    rest : N m (N)
+        Recorded less computed command.
+    constants : (r, recordings)
+        One column for each recording.
+    rate : N m/s (N/s)
+        Of the computed command.
+    acceleration : rad/s² (m/s²)
+    size : float
+        RMS of the recorded command, N m (N).
+    groups : dict
+        Torque of a unit of each group that may change.
+    noise : dict of str to float
+        Share of each group's energy that noise of the encoder makes.
+    runs : tuple of slice
+        Rows without a gap in time.
+    recording : (r,) int
+        Which recording each row belongs to.
+    time : s
+        From the start of the recording.
+    """
+
+    rest: FloatArray
+    constants: FloatArray
+    rate: FloatArray
+    acceleration: FloatArray
+    size: float
+    groups: dict[str, FloatArray]
+    noise: dict[str, float]
+    runs: tuple[slice, ...]
+    recording: NDArray[np.int64]
+    time: FloatArray
+
+    def usable(self, name: str) -> bool:
+        """Whether a group varies."""
+        return bool(np.std(self.groups[name]) > 1e-12)
+
+    def fit(self, names: Sequence[str], *, with_lag: bool) -> Fit:
+        """Fit constants, groups and, where it is asked for, a lag of the command."""
+        parts = [self.constants]
+        if with_lag:
+            parts.append(-self.rate[:, None])
+        matrix = np.column_stack([*parts, *(self.groups[name] for name in names)])
+        joint = JointData(self.rest, matrix, np.arange(matrix.shape[1]), self.runs)
+        return Regression((joint,), matrix.shape[1]).fit()
+
+    def changes(self, fit: Fit, names: Sequence[str]) -> dict[str, tuple[float, float]]:
+        """(value, std) of the lag and of each group, from a fit with both."""
+        constants = self.constants.shape[1]
+        deviations = np.sqrt(np.diag(fit.covariance))
+        values = zip(fit.values[constants:], deviations[constants:], strict=True)
+        return {
+            name: (float(value), float(std))
+            for name, (value, std) in zip((LAG, *names), values, strict=True)
+        }
+
+
+def rms(fit: Fit) -> float:
+    """Of the residual of a fit, N m (N)."""
+    return float(np.sqrt(np.mean(fit.residuals[0] ** 2)))
+
+
+def command_regression(
+    motions: Sequence[Motion], law: ControlLaw, joint: int, speed: LawSpeed
+) -> CommandRegression | None:
+    """Evaluate the law on the measured motion; None where too few rows are left."""
+    effect = ControllerMismatch()
+    tables, constants, runs, times, start = [], [], [], [], 0
+    noise_energy, energy = np.zeros(len(GROUPS)), np.zeros(len(GROUPS))
+    for number, motion in enumerate(motions):
+        signals = motion.signals
+        parts = effect.parts(signals, law, joint, speed.of(signals, joint))
+        rest = signals.torque[:, joint] - parts.command
+        groups = [parts.groups[name] for name in GROUPS]
+        recorded = signals.torque[:, joint]
+        table = np.column_stack([rest, parts.rate, parts.acceleration, recorded, *groups])
+        table = motion.decimation.whole(table[motion.span])
+        kept = comparable_rows(motion, law, joint)
+        tables.append(table[kept])
+        constants.append(np.full(int(kept.sum()), number))
+        times.append(motion.time[kept])
+        for first, last in _stretches(kept):
+            runs.append(slice(start + first, start + last))
+        start += int(kept.sum())
+        energy += np.sum(table[kept][:, 4:] ** 2, axis=0)
+        noise_energy += np.sum(_noise(motion, law, joint, speed)[kept] ** 2, axis=0)
+    if start < LEAST_ROWS:
+        return None
+    table = np.concatenate(tables)
+    which = np.concatenate(constants)
+    used = np.unique(which)
+    return CommandRegression(
+        rest=table[:, 0],
+        constants=(which[:, None] == used).astype(float),
+        rate=table[:, 1],
+        acceleration=table[:, 2],
+        size=float(np.sqrt(np.mean(table[:, 3] ** 2))),
+        groups={name: table[:, 4 + k] for k, name in enumerate(GROUPS)},
+        noise=dict(zip(GROUPS, noise_energy / np.maximum(energy, 1e-300), strict=True)),
+        runs=tuple(runs),
+        recording=which,
+        time=np.concatenate(times),
+    )
+
+
+def comparable_rows(motion: Motion, law: ControlLaw, joint: int) -> NDArray[np.bool_]:
+    """Decimated samples (m,) at which a command is measured and not at the torque limit."""
+    signals = motion.signals
+    limit = _LIMITED * float(law.torque_limit[joint])
+    bad = ~signals.valid[:, joint] | (np.abs(signals.torque[:, joint]) >= limit)
+    return _apart(bad[motion.span], motion)
+
+
+def _apart(bad: NDArray[np.bool_], motion: Motion) -> NDArray[np.bool_]:
+    """Decimated samples without a bad one near them, nor near the ends."""
+    factor = motion.decimation.factor
+    sums = np.concatenate([[0], np.cumsum(bad)])
+    first = np.maximum(motion.decimation.kept - factor, 0)
+    last = np.minimum(motion.decimation.kept + factor + 1, len(bad))
+    kept = sums[last] == sums[first]
+    kept[:2] = kept[-2:] = False
+    return np.asarray(kept)
+
+
+def _stretches(kept: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Places of contiguous rows among those that are kept."""
+    places = np.flatnonzero(kept)
+    if len(places) == 0:
+        return []
+    cuts = np.flatnonzero(np.diff(places) > 1) + 1
+    edges = [0, *cuts.tolist(), len(places)]
+    return list(pairwise(edges))
+
+
+def _noise(motion: Motion, law: ControlLaw, joint: int, speed: LawSpeed) -> FloatArray:
+    """What white noise of the encoder makes of each group, decimated (m, groups)."""
+    signals = motion.signals
+    span = motion.span
+    deviation = np.std(signals.position[span, joint] - motion.position[span, joint])
+    random = np.random.default_rng(0).normal(0.0, 1.0, signals.position.shape) * deviation
+    still = np.zeros_like(random)
+    alone = replace(
+        signals,
+        position=random,
+        velocity=None,
+        position_reference=still,
+        velocity_reference=still,
+    )
+    parts = ControllerMismatch().parts(alone, law, joint, speed.of(alone, joint))
+    table = np.column_stack([parts.groups[name] for name in GROUPS])[span]
+    return motion.decimation.whole(table)

@@ -1,0 +1,135 @@
+"""The smallest change of the control law that explains one joint's commands."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.controller.command_regression import CommandRegression, rms
+from idim_iv_ros.diagnosis.structural.likelihood import Fit
+from idim_iv_ros.effects.controller_mismatch import GROUPS
+from idim_iv_ros.simulation import ControlLaw
+
+# Logarithm of the likelihood that a change must bring beyond its penalty.
+LEAST_SUPPORT = 8.0
+# Share of the energy of what the law leaves that a change must take.
+LEAST_SHARE = 0.05
+# Periods of the control: a shorter lag is how the command was sampled and recorded.
+LONGEST_LAG = 2.0
+# A change of a gain must be this many times what noise of the encoder makes of it.
+_NOISE_MARGIN = 3.0
+
+
+@dataclass(frozen=True)
+class LawChange:
+    """Groups of the law that differ at one joint.
+
+    Attributes
+    ----------
+    rows : CommandRegression
+        With a speed that is as late as the recording says.
+    groups : tuple of str
+        Empty where nothing differs.
+    plain, fit : Fit
+        Without and with the groups; both with a lag.
+    """
+
+    rows: CommandRegression
+    groups: tuple[str, ...]
+    plain: Fit
+    fit: Fit
+
+    @property
+    def changes(self) -> dict[str, tuple[float, float]]:
+        """(value, std) of the lag and of each group."""
+        return self.rows.changes(self.fit, self.groups)
+
+
+def law_change(rows: CommandRegression, law: ControlLaw, joint: int, period: float) -> LawChange:
+    """Add the best group until none is worth it, and drop those that are not needed.
+
+    Parameters
+    ----------
+    period
+        Of the control, s.
+    """
+    longest = LONGEST_LAG * period
+    change = _chosen(_with_late_speed(rows, law, joint, longest, ()), law, joint, period)
+    if not change.groups:
+        return change
+    # How late the speed is shows only beside the group that differs most.
+    again = _with_late_speed(rows, law, joint, longest, change.groups[:1])
+    better = _chosen(again, law, joint, period)
+    return better if better.groups else change
+
+
+def _chosen(rows: CommandRegression, law: ControlLaw, joint: int, period: float) -> LawChange:
+    plain = fit = rows.fit((), with_lag=True)
+    chosen: tuple[str, ...] = ()
+    while True:
+        better = {}
+        for name in GROUPS:
+            if name in chosen or not rows.usable(name):
+                continue
+            names = (*chosen, name)
+            larger = rows.fit(names, with_lag=True)
+            certain = _certain(rows, law, joint, names, larger, period)
+            if certain and worth(rows, fit, larger):
+                better[name] = larger
+        if not better:
+            break
+        name = max(better, key=lambda each: better[each].log_likelihood)
+        chosen, fit = (*chosen, name), better[name]
+    for name in chosen:
+        rest = tuple(other for other in chosen if other != name)
+        smaller = rows.fit(rest, with_lag=True)
+        if not worth(rows, smaller, fit):
+            chosen, fit = rest, smaller
+    return LawChange(rows, chosen, plain, fit)
+
+
+def worth(rows: CommandRegression, smaller: Fit, larger: Fit) -> bool:
+    """Whether one number more is supported and takes enough of the energy."""
+    gain = larger.log_likelihood - smaller.log_likelihood - 0.5 * float(np.log(len(rows.rest)))
+    share = 1.0 - (rms(larger) / max(rms(smaller), 1e-300)) ** 2
+    return bool(gain >= LEAST_SUPPORT and share >= LEAST_SHARE)
+
+
+def _with_late_speed(
+    rows: CommandRegression, law: ControlLaw, joint: int, longest: float, groups: Sequence[str]
+) -> CommandRegression:
+    """Compute the command with a speed that is as late as the recording says, beside groups.
+
+    Speeds come from differences of positions: one to two periods late are no mismatch.
+    """
+    _, kd, _ = (float(gain[joint]) for gain in law.torque_gains)
+    late = kd * rows.acceleration
+    name = "late speed"
+    with_late = replace(rows, groups={**rows.groups, name: late})
+    if kd <= 0.0 or not with_late.usable(name):
+        return rows
+    names = (*groups, name)
+    lag, deviation = rows.changes(with_late.fit(names, with_lag=True), names)[name]
+    if not 0.0 < lag < longest + 3.0 * deviation:
+        return rows
+    return replace(rows, rest=rows.rest - lag * late)
+
+
+def _certain(
+    rows: CommandRegression,
+    law: ControlLaw,
+    joint: int,
+    names: Sequence[str],
+    fit: Fit,
+    period: float,
+) -> bool:
+    """Whether the last change is larger than what noise and sampling make of the law."""
+    name = names[-1]
+    change = abs(rows.changes(fit, names)[name][0])
+    kp, kd, _ = (float(gain[joint]) for gain in law.torque_gains)
+    floor: Mapping[str, float] = {
+        "kp": _NOISE_MARGIN * rows.noise["kp"] * kp,
+        # A speed that is one period old looks like this much less of its gain.
+        "kd": _NOISE_MARGIN * rows.noise["kd"] * kd + period * kp,
+    }
+    return change > floor.get(name, 0.0)

@@ -1,0 +1,1 @@
+"""Gaps on data that was not used to fit."""

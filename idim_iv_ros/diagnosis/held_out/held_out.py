@@ -1,0 +1,333 @@
+"""The torque gap of every stage on data that was not used to fit it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat
+from idim_iv_ros.diagnosis.result import Gap, Stage
+from idim_iv_ros.diagnosis.structural.likelihood import (
+    Fit,
+    NoiseModel,
+    Regression,
+    white_noise_models,
+)
+from idim_iv_ros.types import FloatArray, IntArray
+
+_LEAST_FOLD = 5.0  # s
+_FEWEST, _MOST = 4, 6
+_GUARD = 0.25  # s on either side of a border inside a recording
+# Folds of what changes with time: every so many seconds another of so many folds.
+_INTERLEAVED, _TURNS = 3.0, 4
+# Weight of the held-out rows in the fit that predicts them: what only they show stays finite.
+_LEAK = 1e-3
+_RIDGE = 1e-10
+GUARD_FOLD = -1
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Residuals of every stage at rows that its fit did not see.
+
+    Attributes
+    ----------
+    joints : tuple of str
+    names : tuple of str
+        Of the stages: ``given`` where there is one, ``refit``, then one for each effect.
+    folds : one (r_j,) int array for each joint
+        −1 for rows beside a border, which belong to none.
+    blocks : one (r_j,) int array for each joint
+        Blocks of time for the bootstrap.
+    residuals : for each stage one (r_j,) array for each joint
+        N m (N).
+    whitened : the same, whitened to unit variance
+        The stages without ``given``.
+    own_joints : for each effect the joints whose torque it moves
+    floors : tuple of NoiseFloor
+    note : str
+        How the data were divided.
+    """
+
+    joints: tuple[str, ...]
+    names: tuple[str, ...]
+    folds: tuple[IntArray, ...]
+    blocks: tuple[IntArray, ...]
+    residuals: tuple[tuple[FloatArray, ...], ...]
+    whitened: tuple[tuple[FloatArray, ...], ...]
+    own_joints: tuple[tuple[int, ...], ...]
+    floors: tuple[NoiseFloor, ...]
+    note: str
+
+    @property
+    def refit(self) -> int:
+        """Which stage is the refit."""
+        return self.names.index("refit")
+
+    @cached_property
+    def _energies(self) -> list[list[FloatArray]]:
+        """For each stage and joint, the sums of squares and of rows in each block, (b, 2)."""
+        made = []
+        for stage in self.residuals:
+            parts = []
+            for residual, fold, block in zip(stage, self.folds, self.blocks, strict=True):
+                used = fold != GUARD_FOLD
+                squares = block_sums(block[used], residual[used] ** 2)
+                rows = block_sums(block[used], np.ones(int(used.sum())))
+                parts.append(np.column_stack([squares, rows]))
+            made.append(parts)
+        return made
+
+    def rms(self, stage: int, joint: int) -> tuple[float, tuple[float, float]]:
+        """RMS of one joint and its 95 % interval, N m (N)."""
+        sums = self._energies[stage][joint]
+        draws = resampled(sums)
+        return _root(sums.sum(axis=0)), interval(np.sqrt(draws[:, 0] / draws[:, 1]))
+
+    def stage(self, number: int) -> Stage:
+        """One stage, its tracking not yet known."""
+        found = [self.rms(number, joint) for joint in range(len(self.joints))]
+        return Stage(
+            name=self.names[number],
+            torque_rms={n: value for n, (value, _) in zip(self.joints, found, strict=True)},
+            torque_ci95={n: limits for n, (_, limits) in zip(self.joints, found, strict=True)},
+            tracking_rms=None,
+            note="",
+        )
+
+    def stages(self) -> tuple[Stage, ...]:
+        """All stages."""
+        return tuple(self.stage(number) for number in range(len(self.names)))
+
+    def gap(self, before: int, after: int, joint: int | None) -> Gap:
+        """Gap of two stages at a joint; None: root of the sum of all joints' mean squares."""
+        which = list(range(len(self.joints))) if joint is None else [joint]
+        first = [self._energies[before][j] for j in which]
+        second = [self._energies[after][j] for j in which]
+        levels = [self.floors[j].sigma for j in which]
+        known = [level for level in levels if level is not None]
+        floor = float(np.sqrt(np.sum(np.square(known)))) if len(known) == len(levels) else None
+        one = _root(*(sums.sum(axis=0) for sums in first))
+        two = _root(*(sums.sum(axis=0) for sums in second))
+        share = float(shrinkage(np.array(one), np.array(two), floor))
+        draws = [
+            np.sqrt(sum(d[:, 0] / d[:, 1] for d in (resampled(s) for s in stage)))
+            for stage in (first, second)
+        ]
+        drawn = shrinkage(np.asarray(draws[0]), np.asarray(draws[1]), floor)
+        drawn = drawn[np.isfinite(drawn)]
+        if not np.isfinite(share):
+            return Gap(one, two, floor, None, None)
+        limits = interval(drawn) if len(drawn) > 20 else None
+        return Gap(one, two, floor, share, limits)
+
+    def gain(self, effect: int) -> tuple[float, int, int]:
+        """Share of the whitened residual's energy that an effect takes; folds it helps, of all.
+
+        Beside the effects before it, over the joints whose torque it moves.
+        """
+        joints = self.own_joints[effect]
+        before, after = self.whitened[effect], self.whitened[effect + 1]
+        count = 1 + max(int(self.folds[j].max()) for j in joints)
+        sums = np.zeros((count, 2))
+        for j in joints:
+            used = self.folds[j] != GUARD_FOLD
+            for k, stage in enumerate((before, after)):
+                sums[:, k] += np.bincount(
+                    self.folds[j][used], weights=stage[j][used] ** 2, minlength=count
+                )
+        present = sums[:, 0] > 0.0
+        total = sums.sum(axis=0)
+        positive = int(np.sum(sums[present, 1] < sums[present, 0]))
+        return float(1.0 - total[1] / total[0]), positive, int(present.sum())
+
+
+def shrinkage(before: FloatArray, after: FloatArray, floor: float | None) -> FloatArray:
+    """(before − after) / (before − floor); NaN where there was nothing above the floor."""
+    least = 0.0 if floor is None else floor
+    room = before - least
+    return np.asarray(
+        np.where(room > 1e-3 * before, (before - after) / np.where(room > 0, room, 1.0), np.nan)
+    )
+
+
+def held_out(
+    data: Baseline,
+    extended: Regression,
+    fit: Fit,
+    labels: Sequence[str],
+    floors: Sequence[NoiseFloor],
+    repeats: Sequence[Repeat] = (),
+    given: FloatArray | None = None,
+    *,
+    interleaved: bool = False,
+) -> HeldOut:
+    """Predict every fold from the others, for every stage.
+
+    All coefficients are refitted and the shapes of effects stay as found: for the torque gap with
+    the weights that make it least, for the whitened residual with the colours of the full fit.
+    The predicted fold counts a thousandth in the fit that predicts it, so that what only this
+    fold shows cannot blow up.
+
+    Parameters
+    ----------
+    extended
+        With one added block for each effect, in the order in which they were accepted.
+    labels
+        Names of the effects' stages, such as ``+stribeck[joint_1]``.
+    given
+        (b,) of the nominal model; None where there is none.
+    interleaved
+        Whether folds take turns over the whole session: what changes with time cannot be
+        predicted from another part of it.
+    """
+    folds, note = interleaved_folds(data) if interleaved else folds_of(data, repeats)
+    ends = extended.parameters + np.concatenate([[0], np.cumsum(extended.widths)]).astype(int)
+    coloured_fit = _solutions(extended, fit.noise_models, folds, [int(end) for end in ends])
+    plain_fit = _solutions(
+        extended, white_noise_models(fit.residuals), folds, [int(end) for end in ends]
+    )
+    stages: list[tuple[FloatArray, ...]] = []
+    whitened: list[tuple[FloatArray, ...]] = []
+    if given is not None:
+        stages.append(
+            tuple(rows.torque - rows.matrix @ given[rows.columns] for rows in extended.joints)
+        )
+    for number, end in enumerate(ends):
+        plain, white = [], []
+        for joint, rows in enumerate(extended.joints):
+            matrix, places = extended.wide(joint)
+            used = places < end
+            residual = rows.torque.copy()
+            coloured = fit.noise_models[joint].apply(
+                np.column_stack([matrix[:, used], rows.torque]), rows.runs
+            )
+            whole = coloured[:, -1].copy()
+            for fold in range(len(plain_fit[number])):
+                inside = folds[joint] == fold
+                own = plain_fit[number][fold][places[used]]
+                residual[inside] -= matrix[np.ix_(inside, used)] @ own
+                own = coloured_fit[number][fold][places[used]]
+                whole[inside] -= coloured[inside, :-1] @ own
+            plain.append(residual)
+            white.append(whole)
+        stages.append(tuple(plain))
+        whitened.append(tuple(white))
+    return HeldOut(
+        joints=data.joints,
+        names=(*([] if given is None else ["given"]), "refit", *labels),
+        folds=folds,
+        blocks=tuple(
+            time_blocks(recording, place, data.row_rate)
+            for recording, place in zip(data.recordings, data.places, strict=True)
+        ),
+        residuals=tuple(stages),
+        whitened=tuple(whitened),
+        own_joints=tuple(tuple(sorted(block)) for block in extended.added),
+        floors=tuple(floors),
+        note=note,
+    )
+
+
+def folds_of(data: Baseline, repeats: Sequence[Repeat]) -> tuple[tuple[IntArray, ...], str]:
+    """Fold of every row of every joint, and how they were made, in words.
+
+    Recordings where there are three with different motions (repeats share a fold), else blocks.
+    """
+    count = len(data.motions)
+    group = list(range(count))
+    for repeat in repeats:
+        old, new = group[repeat.second], group[repeat.first]
+        group = [new if each == old else each for each in group]
+    _, number = np.unique(group, return_inverse=True)
+    if number.max() + 1 >= 3:
+        return (
+            tuple(number[recording].astype(np.int64) for recording in data.recordings),
+            f"each of {number.max() + 1} recordings is predicted from the others",
+        )
+    seconds = sum(len(motion.kept) for motion in data.motions) / data.row_rate
+    blocks = int(np.clip(seconds / _LEAST_FOLD, _FEWEST, _MOST))
+    return (
+        _blocks_of(data, blocks),
+        f"each of {blocks} blocks of {seconds / blocks:.2g} s is predicted from the others",
+    )
+
+
+def interleaved_folds(data: Baseline) -> tuple[tuple[IntArray, ...], str]:
+    """Fold of every row of every joint where folds take turns, and how they were made, in words."""
+    seconds = sum(len(motion.kept) for motion in data.motions) / data.row_rate
+    blocks = max(int(seconds / _INTERLEAVED), _TURNS)
+    folds = tuple(
+        np.where(fold == GUARD_FOLD, GUARD_FOLD, fold % _TURNS) for fold in _blocks_of(data, blocks)
+    )
+    return folds, (
+        f"every {_TURNS}th block of {seconds / blocks:.2g} s is predicted from the others, as "
+        "what changes with time cannot be predicted from another part of the session"
+    )
+
+
+def _blocks_of(data: Baseline, blocks: int) -> tuple[IntArray, ...]:
+    """Block of every row of every joint."""
+    lengths = [len(motion.kept) for motion in data.motions]
+    starts = np.concatenate([[0], np.cumsum(lengths)])
+    return tuple(
+        _blocks(starts[recording] + place, starts, blocks, _GUARD * data.row_rate)
+        for recording, place in zip(data.recordings, data.places, strict=True)
+    )
+
+
+def _blocks(place: IntArray, starts: IntArray, blocks: int, guard: float) -> IntArray:
+    """Equal blocks over all recordings one after the other; none beside a border inside one."""
+    length = starts[-1] / blocks
+    folds: IntArray = np.minimum((place / length).astype(np.int64), blocks - 1)
+    for border in length * np.arange(1, blocks):
+        if np.min(np.abs(starts - border)) > guard:
+            folds[np.abs(place - border) < guard] = GUARD_FOLD
+    return folds
+
+
+def _solutions(
+    extended: Regression,
+    noise_models: Sequence[NoiseModel],
+    folds: Sequence[IntArray],
+    ends: Sequence[int],
+) -> list[list[FloatArray]]:
+    """For each stage and fold, all coefficients up to the stage's end, fitted without the fold."""
+    count = 1 + max(int(fold.max()) for fold in folds)
+    normal = np.zeros((count + 1, extended.total, extended.total))
+    right = np.zeros((count + 1, extended.total))
+    for joint, rows in enumerate(extended.joints):
+        matrix, places = extended.wide(joint)
+        white = noise_models[joint].apply(np.column_stack([matrix, rows.torque]), rows.runs)
+        for fold in range(GUARD_FOLD, count):
+            part = white[folds[joint] == fold]
+            normal[fold][np.ix_(places, places)] += part[:, :-1].T @ part[:, :-1]
+            right[fold][places] += part[:, :-1].T @ part[:, -1]
+    whole, target = normal[:count].sum(axis=0), right[:count].sum(axis=0)
+    return [
+        [
+            _solve(
+                (whole - (1.0 - _LEAK) * normal[fold])[:end, :end],
+                (target - (1.0 - _LEAK) * right[fold])[:end],
+            )
+            for fold in range(count)
+        ]
+        for end in ends
+    ]
+
+
+def _solve(normal: FloatArray, right: FloatArray) -> FloatArray:
+    diagonal = np.diag(normal)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    scaled = normal * np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] += np.where(diagonal > 0.0, _RIDGE, 1.0)
+    return np.asarray(scale * cho_solve(cho_factor(scaled), scale * right))
+
+
+def _root(*totals: FloatArray) -> float:
+    """Root of the sum of mean squares."""
+    return float(np.sqrt(sum(total[0] / max(total[1], 1.0) for total in totals)))

@@ -1,0 +1,201 @@
+"""The smallest size of each effect that a motion shows, and which effects look alike on it.
+
+Only columns and noise enter: the model's own parameters absorb a part of each column, and what is
+left must stand out of the noise.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.structural.likelihood import Columns, Scan
+from idim_iv_ros.effects.effect import Effect, JointScale, Place, Shape
+from idim_iv_ros.types import FloatArray
+
+# Noncentrality of a chi-square at which an effect is seen, and the share of the rows' energy below
+# which no effect is accepted.
+_NONCENTRALITY = 20.0
+_LEAST_SHARE = 0.01
+# Share of an effect that the model's own parameters absorb, above which it cannot be seen.
+ABSORBED = 0.995
+_MOST_SCALED = 1.5  # a shaft or a delay is scaled down, but no further up than this
+_TINY = 1e-12
+
+
+@dataclass(frozen=True)
+class ShapedEffect:
+    """One effect at one place, with the columns of a few shapes side by side."""
+
+    effect: Effect
+    place: Place
+    shapes: list[Shape]
+    columns: list[Columns]
+
+
+@dataclass(frozen=True)
+class Detectability:
+    """What the motion tells of one effect.
+
+    Attributes
+    ----------
+    absorbed, least_absorbed : float
+        Share of its energy that the model's own parameters absorb, 0 to 1: of the middle one of
+        its shapes, and of the one that is absorbed least.
+    smallest : str
+        Smallest size that would be seen, in words; empty where none would.
+    plausible : bool
+        Whether that is no larger than what is plausible (`Effect.plausible`).
+    """
+
+    absorbed: float
+    least_absorbed: float
+    smallest: str
+    plausible: bool
+
+
+@dataclass(frozen=True)
+class _Remainder:
+    """Columns of all effects at one joint, side by side, less what the model absorbs.
+
+    Attributes
+    ----------
+    energy : (k,)
+        Of the whitened columns.
+    left : (k, k)
+        Products of what the model does not absorb of them.
+    largest : (k,)
+        Absolute values of the joint's own columns, not whitened.
+    parts : for each effect, the columns of each of its shapes.
+    """
+
+    energy: FloatArray
+    left: FloatArray
+    largest: FloatArray
+    parts: list[list[slice]]
+
+
+def detectability(
+    scan: Scan, effects: Sequence[ShapedEffect], rows: int, scale: JointScale
+) -> tuple[list[Detectability], FloatArray]:
+    """Tell what the motion shows of all effects at one joint.
+
+    Parameters
+    ----------
+    scan
+        Of the refit; its colours are the noise.
+    rows
+        Of the joint.
+
+    Returns
+    -------
+    tuple
+        One for each effect, and their correlations (n, n): largest canonical correlation of what
+        the model does not absorb, over all shapes.
+    """
+    remainder = _remainder(scan, effects, scale.joint)
+    needed = max(_NONCENTRALITY, _LEAST_SHARE * rows)
+    measures = [
+        _measure(effect, parts, remainder, needed, scale)
+        for effect, parts in zip(effects, remainder.parts, strict=True)
+    ]
+    return measures, _correlations(remainder)
+
+
+def _remainder(scan: Scan, effects: Sequence[ShapedEffect], joint: int) -> _Remainder:
+    blocks = [columns for effect in effects for columns in effect.columns]
+    widths = [next(iter(columns.values())).shape[1] for columns in blocks]
+    touched = sorted({j for columns in blocks for j in columns})
+    lengths = {j: len(columns[j]) for columns in blocks for j in columns}
+    stacked = {
+        j: np.hstack(
+            [
+                columns[j] if j in columns else np.zeros((lengths[j], width))
+                for columns, width in zip(blocks, widths, strict=True)
+            ]
+        )
+        for j in touched
+    }
+    white = scan.whiten(stacked)
+    energy = np.maximum(scan.energy(white), _TINY)
+    left = scan.normal(white, white)
+    own = stacked.get(joint)
+    largest = np.zeros(len(energy)) if own is None else np.abs(own).max(axis=0)
+    ends = np.cumsum(widths)
+    slices = iter([slice(int(e) - w, int(e)) for e, w in zip(ends, widths, strict=True)])
+    parts = [[next(slices) for _ in effect.shapes] for effect in effects]
+    return _Remainder(energy, left, largest, parts)
+
+
+def _correlations(remainder: _Remainder) -> FloatArray:
+    left, energy = remainder.left, remainder.energy
+    bases = [
+        [(part, _basis(left[part, part], energy[part])) for part in parts]
+        for parts in remainder.parts
+    ]
+    correlation = np.eye(len(bases))
+    for a in range(len(bases)):
+        for b in range(a):
+            values = [
+                np.linalg.norm(one.T @ left[first, second] @ two, 2)
+                for first, one in bases[a]
+                for second, two in bases[b]
+                if one.size and two.size
+            ]
+            correlation[a, b] = correlation[b, a] = min(max(values, default=0.0), 1.0)
+    return correlation
+
+
+def _basis(left: FloatArray, energy: FloatArray) -> FloatArray:
+    """Combinations (k, m) whose unabsorbed rows are orthonormal; absorbed ones are left out."""
+    scale = 1.0 / np.sqrt(energy)
+    values, vectors = np.linalg.eigh(left * np.outer(scale, scale))
+    kept = values > max(1e-4, 1e-6 * float(values.max(initial=0.0)))
+    return np.asarray(scale[:, None] * vectors[:, kept] / np.sqrt(values[kept]))
+
+
+def _measure(
+    shaped: ShapedEffect,
+    parts: Sequence[slice],
+    remainder: _Remainder,
+    needed: float,
+    scale: JointScale,
+) -> Detectability:
+    """Of one effect; `needed`: energy beside the model at which it is seen."""
+    effect = shaped.effect
+    absorbed = []
+    options: list[tuple[bool, float, str]] = []
+    for shape, part in zip(shaped.shapes, parts, strict=True):
+        rest = np.clip(np.diag(remainder.left)[part], 0.0, None)
+        share = rest / remainder.energy[part]
+        largest = remainder.largest[part]
+        absorbed.append(1.0 - float(share.max()))
+        if effect.size_in == "shape":
+            if rest[0] >= needed and share[0] > 1.0 - ABSORBED:
+                words, plausible = _judged(effect, shape, np.ones(1), 0.0, scale)
+                options.append((plausible, float(shape[0]), words))
+            continue
+        size = np.sqrt(needed / np.maximum(rest, _TINY))
+        size[(share < 1.0 - ABSORBED) | (largest <= 0.0)] = np.inf
+        if effect.size_in == "scale":
+            size[size > _MOST_SCALED] = np.inf
+        k = int(np.argmin(size * np.maximum(largest, _TINY)))
+        if not np.isfinite(size[k]):
+            continue
+        coefficients = np.zeros(len(size))
+        coefficients[k] = size[k]
+        torque = float(size[k] * largest[k])
+        words, plausible = _judged(effect, shape, coefficients, torque, scale)
+        options.append((plausible, torque, words))
+    options.sort(key=lambda option: (not option[0], option[1]))
+    if not options:
+        return Detectability(float(np.median(absorbed)), min(absorbed), "", False)
+    return Detectability(float(np.median(absorbed)), min(absorbed), options[0][2], options[0][0])
+
+
+def _judged(
+    effect: Effect, shape: Shape, coefficients: FloatArray, torque: float, scale: JointScale
+) -> tuple[str, bool]:
+    """Size in words, and whether it is no larger than what is plausible."""
+    words = effect.size_in_words(shape, coefficients, torque)
+    return words, effect.plausible(shape, coefficients, torque, scale)

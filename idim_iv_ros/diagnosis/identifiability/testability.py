@@ -1,0 +1,139 @@
+"""Which effects a recording can show, from its motion alone: before torque is looked at."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.identifiability.detectability import (
+    ABSORBED,
+    Detectability,
+    ShapedEffect,
+    detectability,
+)
+from idim_iv_ros.diagnosis.identifiability.motion_limits import cannot_show
+from idim_iv_ros.diagnosis.joint_units import unit_at
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.result import Confusability, NotTestable
+from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range, rows_of, spread_shapes
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, NoiseModel, Regression, Scan
+from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place
+
+_LARGEST = 1e6  # N m: columns beyond come from a transmission that ran away
+
+
+def shown_by_motion(
+    data: Baseline,
+    regression: Regression,
+    catalogue: Sequence[Effect],
+    noise_models: Sequence[NoiseModel],
+    dry_friction: Sequence[float],
+) -> tuple[tuple[Confusability, ...], tuple[NotTestable, ...]]:
+    """Say what the motion can show and what it cannot.
+
+    Parameters
+    ----------
+    regression
+        Of the refit; only its regressor is used, not its torque.
+    colours
+        Noise of each joint, known beforehand or bounded from below (`floor_noise_models`).
+    dry_friction
+        N m (N), of each joint: the scale of what is plausible.
+    """
+    covered = operating_range(data)
+    scan = Scan(regression, _without_torque(regression, noise_models))
+    rows = [len(joint.torque) for joint in regression.joints]
+    tables, refused = [], []
+    for joint, name in enumerate(data.joints):
+        candidates: list[ShapedEffect] = []
+        for effect in catalogue:
+            for place in _places(effect, joint, len(data.joints)):
+                reason = cannot_show(effect, joint, covered)
+                made = None if reason else _shaped(data, effect, place, covered)
+                if made is None:
+                    reason = reason or "no shape of it is possible on this motion"
+                    reason = unit_at(data, joint, reason)
+                    refused.append(NotTestable(effect.name, name, reason, effect.excitation))
+                else:
+                    candidates.append(made)
+        if not candidates:
+            continue
+        scale = JointScale(covered, joint, dry_friction[joint])
+        measured, correlation = detectability(scan, candidates, rows[joint], scale)
+        for candidate, measure in zip(candidates, measured, strict=True):
+            refusal = _refusal(candidate, measure, name)
+            if refusal is not None:
+                refused.append(
+                    replace(
+                        refusal,
+                        reason=unit_at(data, joint, refusal.reason),
+                        smallest=unit_at(data, joint, refusal.smallest),
+                    )
+                )
+        tables.append(
+            Confusability(
+                joint=name,
+                effects=tuple(candidate.effect.name for candidate in candidates),
+                correlation=correlation,
+                absorbed=np.array([measure.absorbed for measure in measured]),
+                smallest=tuple(unit_at(data, joint, each.smallest) for each in measured),
+            )
+        )
+    return tuple(tables), tuple(refused)
+
+
+def floor_noise_models(fit: Fit, sigmas: Sequence[float | None]) -> tuple[NoiseModel, ...]:
+    """Colours of a fit with the standard deviations of the noise floor where it is smaller."""
+    return tuple(
+        NoiseModel(colour.model, colour.sigma if sigma is None else min(sigma, colour.sigma))
+        for colour, sigma in zip(fit.noise_models, sigmas, strict=True)
+    )
+
+
+def _without_torque(regression: Regression, noise_models: Sequence[NoiseModel]) -> Fit:
+    """Colours alone: nothing of the torque enters."""
+    return Fit(
+        values=np.zeros(regression.parameters),
+        coefficients=np.zeros(0),
+        covariance=np.zeros((0, 0)),
+        noise_models=tuple(noise_models),
+        residuals=tuple(np.zeros(len(rows.torque)) for rows in regression.joints),
+        log_likelihood=0.0,
+    )
+
+
+def _places(effect: Effect, joint: int, joints: int) -> list[Place]:
+    """Places at a joint; of pairs the one with the next joint."""
+    places = [place for place in effect.places(joints) if place.joint == joint]
+    return places[:1]
+
+
+def _shaped(
+    data: Baseline, effect: Effect, place: Place, covered: OperatingRange
+) -> ShapedEffect | None:
+    shapes = spread_shapes(effect, place, covered)
+    if not shapes:
+        return None
+    usable = [
+        (shape, columns)
+        for shape, columns in zip(shapes, rows_of(data, effect, place, shapes), strict=True)
+        if all(np.max(np.abs(rows), initial=0.0) < _LARGEST for rows in columns.values())
+    ]
+    if not usable:
+        return None
+    return ShapedEffect(effect, place, [s for s, _ in usable], [c for _, c in usable])
+
+
+def _refusal(candidate: ShapedEffect, measure: Detectability, joint: str) -> NotTestable | None:
+    effect = candidate.effect
+    if measure.least_absorbed > ABSORBED:
+        share = 100.0 * measure.least_absorbed
+        reason = f"the model's own parameters absorb {share:.1f} % of it on this motion"
+        return NotTestable(effect.name, joint, reason, effect.excitation)
+    if not measure.smallest:
+        reason = "its torque stays within the noise at every size that was tried"
+        return NotTestable(effect.name, joint, reason, effect.excitation)
+    if not measure.plausible:
+        reason = f"only sizes from {measure.smallest} would be seen, and smaller ones are common"
+        return NotTestable(effect.name, joint, reason, effect.excitation, measure.smallest)
+    return None

@@ -1,0 +1,163 @@
+"""Ways to split the samples of a joint, and the energy of its residual in each part."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.refit.motion_at_rows import MotionAtRows
+from idim_iv_ros.types import FloatArray, IntArray
+
+_BANDS = (0.0, 0.1, 0.3, 0.6, 1.0)  # of the band of the rows
+_SEGMENT = 1.0  # s
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A quantity by which the samples of a joint are split.
+
+    Attributes
+    ----------
+    name : str
+    values : (r,)
+        At each row.
+    edges : (k + 1,)
+    """
+
+    name: str
+    values: FloatArray
+    edges: FloatArray
+
+
+@dataclass(frozen=True)
+class Split:
+    """Energy of one joint's residual, split along one axis.
+
+    Attributes
+    ----------
+    name : str
+        Of the axis.
+    edges : (k + 1,)
+    bins : (b, k, 2)
+        Energy and weight (samples, or bandwidth) of each bin in each block of time.
+    """
+
+    name: str
+    edges: FloatArray
+    bins: FloatArray
+
+
+def axes_of(motion: MotionAtRows, starts: Sequence[float]) -> list[Axis]:
+    """Every quantity of a joint's motion by which its samples are split.
+
+    Parameters
+    ----------
+    starts
+        Of the recordings in the time of the session, s.
+    """
+    speed, load = np.abs(motion.velocity), np.abs(motion.load)
+    position, time, distance = motion.position, motion.time, motion.since_reversal
+    return [
+        Axis("speed", speed, _logarithmic(speed, 6)),
+        Axis("direction", np.sign(motion.velocity) * 0.5, np.array([-1.0, 0.0, 1.0])),
+        Axis("position", position, np.linspace(position.min(), position.max(), 9)),
+        Axis("load", load, np.quantile(load, np.linspace(0.0, 1.0, 6))),
+        Axis("time", time, _in_recordings(time, starts, 6)),
+        Axis("reversal", distance, _logarithmic(distance, 6)),
+    ]
+
+
+def _in_recordings(time: FloatArray, starts: Sequence[float], count: int) -> FloatArray:
+    """Edges of about `count` bins with as many samples each; none holds parts of two recordings.
+
+    Where there are as many recordings as bins, a bin holds whole ones.
+    """
+    recording = np.searchsorted(starts, time, side="right") - 1
+    samples = np.bincount(recording, minlength=len(starts))
+    used = np.flatnonzero(samples)
+    if len(used) >= count:
+        before = np.cumsum(samples[used]) - samples[used]
+        _, firsts = np.unique(before * count // len(time), return_index=True)
+        inner = [starts[int(used[first])] for first in firsts[1:]]
+        return np.array([time.min(), *inner, time.max()])
+    edges: list[float] = []
+    for which in used:
+        bins = max(1, round(count * samples[which] / len(time)))
+        own = np.quantile(time[recording == which], np.linspace(0.0, 1.0, bins + 1))
+        first = float(own[0]) if not edges else starts[int(which)]
+        edges += [first, *own[1:-1].tolist()]
+    return np.array([*edges, time.max()])
+
+
+def _logarithmic(values: FloatArray, count: int) -> FloatArray:
+    low, high = max(float(np.quantile(values, 0.01)), 1e-9), float(values.max())
+    if high <= 1.01 * low:
+        return np.array([0.0, max(high, 1e-9)])
+    edges = np.geomspace(low, high, count + 1)
+    edges[0] = min(float(values.min()), low)
+    return np.asarray(edges)
+
+
+def split(axis: Axis, residual: FloatArray, blocks: IntArray) -> Split:
+    """Energy and samples of each bin of an axis in each block of time.
+
+    Parameters
+    ----------
+    residual
+        (r,) N m (N).
+    blocks
+        (r,) block of each row (`time_blocks`).
+    """
+    count = len(axis.edges) - 1
+    bins = np.clip(np.searchsorted(axis.edges, axis.values, side="right") - 1, 0, count - 1)
+    _, block = np.unique(blocks, return_inverse=True)
+    place = block * count + bins
+    size = (int(block.max()) + 1) * count
+    energy = np.bincount(place, weights=residual**2, minlength=size)
+    samples = np.bincount(place, minlength=size).astype(float)
+    return Split(axis.name, axis.edges, np.stack([energy, samples], axis=1).reshape(-1, count, 2))
+
+
+def bands(
+    residual: FloatArray, runs: Sequence[slice], row_rate: float, edge: float
+) -> Split | None:
+    """Energy of a residual in bands of frequency, from stretches of a second; weight: bandwidth.
+
+    None where there are too few stretches.
+
+    Parameters
+    ----------
+    residual
+        (r,) N m (N).
+    runs
+        Rows without a gap in time.
+    row_rate
+        Hz.
+    edge
+        Share of the rows' Nyquist frequency that the decimation passes.
+    """
+    length = int(_SEGMENT * row_rate)
+    if length < 16:
+        return None
+    pieces = [
+        residual[start : start + length]
+        for run in runs
+        for start in range(run.start, run.stop - length + 1, length)
+    ]
+    if len(pieces) < 5:
+        return None
+    window = np.hanning(length)
+    power = np.abs(np.fft.rfft(np.array(pieces) * window, axis=1)) ** 2
+    frequency = np.fft.rfftfreq(length, 1.0 / row_rate)
+    edges = np.array(_BANDS) * 0.5 * edge * row_rate
+    # A line of the spectrum stands for half a line on either side of it.
+    line = frequency[1]
+    bins = np.zeros((len(pieces), len(edges) - 1, 2))
+    for k in range(len(edges) - 1):
+        low, high = frequency - 0.5 * line, frequency + 0.5 * line
+        inside = np.maximum(
+            np.minimum(high, edges[k + 1]) - np.maximum(np.maximum(low, 0.0), edges[k]), 0.0
+        )
+        bins[:, k, 0] = power @ (inside / line)
+        bins[:, k, 1] = inside.sum()
+    return Split("frequency", edges, bins)

@@ -1,0 +1,1 @@
+"""Parametric causes: parameter errors of the nominal model."""

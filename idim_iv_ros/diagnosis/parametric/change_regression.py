@@ -1,0 +1,296 @@
+"""The nominal model's residual, whitened, on all changes of its numbers that are searched."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.identifiability.motion_limits import too_little
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
+from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParameterSpace
+from idim_iv_ros.estimation.r_factor import r_factor
+from idim_iv_ros.model import RobotModel
+from idim_iv_ros.simulation import inverse_dynamics
+from idim_iv_ros.types import FloatArray
+
+# A direction of which, unit columns taken, less than this is left counts as not excited.
+_LEAST = 1e-5
+# Share of a column that accepted effects must leave, or the recording does not show it beside them.
+_LEAST_INDEPENDENT = 1e-2
+
+
+@dataclass(frozen=True)
+class Explained:
+    """What some changes explain together.
+
+    Attributes
+    ----------
+    statistic : float
+        Energy of the whitened residual that goes (chi-square if there is nothing to explain).
+    rank : int
+        How many independent directions the changes have on this recording.
+    found : tuple of Estimated
+        In the order of the changes.
+    contributions : (d, m)
+        Direction times estimate of each change, in the coordinates of the space.
+    """
+
+    statistic: float
+    rank: int
+    found: tuple[Estimated, ...]
+    contributions: FloatArray
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """Structural effects that were accepted, their a coefficients free beside any change.
+
+    Attributes
+    ----------
+    columns : tuple of (r_j, a)
+        Rows of unit coefficients, N m, not whitened.
+    of_residual : (a,)
+        Coefficients that fit the nominal model's residual best, whitened.
+    of_changes : (a, d)
+        How far a unit of each change moves them.
+    """
+
+    columns: tuple[FloatArray, ...]
+    of_residual: FloatArray
+    of_changes: FloatArray
+
+    def torques(self, contribution: FloatArray) -> list[FloatArray]:
+        """Their torque (r_j,) at each joint beside a change (d,), N m."""
+        coefficients = self.of_residual - self.of_changes @ contribution
+        return [columns @ coefficients for columns in self.columns]
+
+
+@dataclass(frozen=True)
+class ChangeRegression:
+    """Least squares of y − X β₀ on changes of the given numbers, whitened and compressed.
+
+    Accepted structural effects are taken out of both sides.
+
+    Attributes
+    ----------
+    space : ParameterSpace
+    triangle : (e, d)
+        Whitened rows of unit changes, compressed by an orthogonal matrix.
+    right : (e,)
+        The residual likewise; its energy is that of all rows.
+    columns : tuple of (r_j, d)
+        Rows of unit changes, N m, not whitened.
+    residuals : tuple of (r_j,)
+        y − X β₀ of each joint, N m.
+    torques : tuple of (r_j,)
+        y of each joint, N m.
+    accepted : Accepted
+    still : frozenset of int
+        Joints that move too little to tell anything of them.
+    """
+
+    space: ParameterSpace
+    triangle: FloatArray
+    right: FloatArray
+    columns: tuple[FloatArray, ...]
+    residuals: tuple[FloatArray, ...]
+    torques: tuple[FloatArray, ...]
+    accepted: Accepted
+    still: frozenset[int] = frozenset()
+
+    @property
+    def rows(self) -> int:
+        """Of all joints."""
+        return sum(len(residual) for residual in self.residuals)
+
+    @property
+    def sizes(self) -> FloatArray:
+        """RMS of the torque of each joint, (n_joints,) N m (N)."""
+        rms = [float(np.sqrt(np.mean(torque**2))) for torque in self.torques]
+        return np.maximum(rms, 1e-300)
+
+    @property
+    def energy(self) -> float:
+        """Of the whitened residual of the nominal model."""
+        return float(self.right @ self.right)
+
+    def refit(self) -> Explained:
+        """Everything that new base parameters explain."""
+        space = self.space
+        names, units = space.model.base.names, space.model.base.units
+        unit = np.eye(space.size)
+        return self.explain([Change(names[k], units[k], unit[k]) for k in range(len(space.given))])
+
+    def explain(self, changes: Sequence[Change]) -> Explained:
+        """Fit changes; those that the recording cannot tell apart get no deviation."""
+        if not changes:
+            return Explained(0.0, 0, (), np.zeros((self.space.size, 0)))
+        directions = np.column_stack([change.direction for change in changes])
+        white = self.triangle @ directions
+        norms = np.linalg.norm(white, axis=0)
+        scale = 1.0 / np.where(norms > 0.0, norms, 1.0)
+        left, singular, right = np.linalg.svd(white * scale, full_matrices=False)
+        rank = int(np.sum(singular > _LEAST))
+        seen = right[:rank].T  # (m, rank)
+        coordinates = left[:, :rank].T @ self.right
+        values = scale * (seen @ (coordinates / singular[:rank]))
+        deviations = scale * np.linalg.norm(seen / singular[:rank], axis=1)
+        determined = np.linalg.norm(seen, axis=1) > 1.0 - 1e-6
+        found = tuple(
+            Estimated(change, float(value), float(std) if sure else None)
+            for change, value, std, sure in zip(
+                changes, values, deviations, determined, strict=True
+            )
+        )
+        statistic = float(coordinates @ coordinates)
+        return Explained(statistic, rank, found, directions * values)
+
+    def rms(self, contribution: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """RMS of each joint's residual (n_joints,) N m, before and after a change (d,).
+
+        The accepted effects are in the model both times, their coefficients free.
+        """
+        effects = self.accepted.torques(contribution)
+        before = [np.sqrt(np.mean(rest**2)) for rest in self._without_changes]
+        after = [
+            np.sqrt(np.mean((residual - columns @ contribution - effect) ** 2))
+            for residual, columns, effect in zip(self.residuals, self.columns, effects, strict=True)
+        ]
+        return np.array(before), np.array(after)
+
+    @cached_property
+    def _without_changes(self) -> list[FloatArray]:
+        """Residual (r_j,) of the nominal model with the accepted effects alone."""
+        effects = self.accepted.torques(np.zeros(self.space.size))
+        return [residual - effect for residual, effect in zip(self.residuals, effects, strict=True)]
+
+    def share(self, contribution: FloatArray) -> float:
+        """Share of the gap's energy that a change (d,) takes away, joints by their torques."""
+        before, after = self.rms(contribution)
+        weights = np.array([1.0 / max(float(np.var(torque)), 1e-300) for torque in self.torques])
+        weights *= [len(torque) for torque in self.torques]
+        return float(1.0 - np.sum(weights * after**2) / np.sum(weights * before**2))
+
+
+def change_regression(data: Baseline, regression: Regression, fit: Fit) -> ChangeRegression:
+    """Regress what the nominal model leaves.
+
+    Parameters
+    ----------
+    regression
+        With the accepted structural effects as added columns.
+    fit
+        Of that regression; its colours whiten.
+    """
+    model = data.prepared.model
+    axes = level_axes(np.asarray(model.robot.pinocchio.gravity.linear))
+    covered = operating_range(data)
+    still = frozenset(joint for joint in range(len(data.joints)) if too_little(joint, covered))
+    moving = frozenset(range(len(data.joints))) - still
+    bare = moving if data.prepared.armature_missing else frozenset()
+    space = ParameterSpace(model, model.given, axes, bare)
+    gravity = _gravity_rows(data, axes)
+    b, joints = regression.parameters, len(regression.joints)
+    columns, effects, residuals, whitened = [], [], [], []
+    for joint, rows in enumerate(regression.joints):
+        unit = np.zeros((len(rows.torque), space.size))
+        unit[:, rows.columns] = rows.matrix
+        unit[:, b : b + 2] = gravity[joint]
+        given = rows.matrix @ space.given[rows.columns]
+        unit[:, b + 2 + joint] = given
+        wide, places = regression.wide(joint)
+        structural = np.zeros((len(rows.torque), regression.total - b))
+        structural[:, places[len(rows.columns) :] - b] = wide[:, len(rows.columns) :]
+        residual = rows.torque - given
+        whitened.append(
+            fit.noise_models[joint].apply(np.column_stack([structural, unit, residual]), rows.runs)
+        )
+        columns.append(unit)
+        effects.append(structural)
+        residuals.append(residual)
+    triangle, moved = _projected(np.vstack(whitened), regression.total - b)
+    return ChangeRegression(
+        space,
+        triangle[:, :-1],
+        triangle[:, -1],
+        tuple(columns),
+        tuple(residuals),
+        tuple(regression.joints[joint].torque for joint in range(joints)),
+        Accepted(tuple(effects), moved[:, -1], moved[:, :-1]),
+        still,
+    )
+
+
+def level_axes(gravity: FloatArray) -> FloatArray:
+    """Two unit vectors (2, 3) at right angles to gravity, as near to x, y, z as they can be."""
+    size = float(np.linalg.norm(gravity))
+    if size == 0.0:
+        return np.eye(3)[:2]
+    down = gravity / size
+    kept = sorted(range(3), key=lambda axis: abs(down[axis]))[:2]
+    first = np.eye(3)[min(kept)]
+    first = first - (first @ down) * down
+    first = first / np.linalg.norm(first)
+    second = np.cross(down, first)
+    return np.array([first, second if second[max(kept)] > 0.0 else -second])
+
+
+def _projected(rows: FloatArray, added: int) -> tuple[FloatArray, FloatArray]:
+    """R factor of the rows less what the first `added` columns explain, and their coefficients.
+
+    Returns
+    -------
+    (e, d + 1), (added, d + 1)
+    """
+    if not added:
+        return r_factor(rows), np.zeros((0, rows.shape[1]))
+    norms = np.linalg.norm(rows[:, :added], axis=0)
+    scale = 1.0 / np.where(norms > 0.0, norms, 1.0)
+    left, singular, right = np.linalg.svd(rows[:, :added] * scale, full_matrices=False)
+    seen = singular > 1e-6
+    coordinates = left[:, seen].T @ rows[:, added:]
+    coefficients = scale[:, None] * (right[seen].T @ (coordinates / singular[seen, None]))
+    rest = rows[:, added:] - left[:, seen] @ coordinates
+    # A free curve of the speed holds the joint's dry friction: what is left of that is rounding.
+    whole = np.linalg.norm(rows[:, added:], axis=0)
+    rest[:, np.linalg.norm(rest, axis=0) < _LEAST_INDEPENDENT * whole] = 0.0
+    return r_factor(rest), coefficients
+
+
+def _gravity_rows(data: Baseline, axes: FloatArray) -> list[FloatArray]:
+    """Torque per small rotation of gravity about each axis: (r_j, 2) for each joint, N m/rad."""
+    gravity = np.asarray(data.prepared.model.robot.pinocchio.gravity.linear)
+    return unit_gravity_rows(data, np.array([np.cross(axis, gravity) for axis in axes]))
+
+
+def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatArray]:
+    """Torque of the given links under each of k gravities (k, 3): (r_j, k) for each joint, N m."""
+    robot = data.prepared.model.robot
+    tilted = [_with_gravity(robot, acceleration) for acceleration in accelerations]
+    nothing = np.zeros(len(robot.joints))
+    bodies = replace(
+        robot.given,
+        drive_inertia=nothing,
+        viscous=nothing,
+        coulomb=nothing,
+        offset=nothing,
+        coupling_inertia=np.zeros_like(robot.given.coupling_inertia),
+        coupling_viscous=np.zeros_like(robot.given.coupling_viscous),
+        coupling_coulomb=np.zeros_like(robot.given.coupling_coulomb),
+    )
+    parts = []
+    for motion in data.motions:
+        still = np.zeros_like(motion.position)
+        torques = [inverse_dynamics(each, bodies, motion.position, still, still) for each in tilted]
+        parts.append(motion.rows(np.concatenate(torques, axis=1)))
+    n = len(robot.joints)
+    return [data.counting(joint, [part[:, joint::n] for part in parts]) for joint in range(n)]
+
+
+def _with_gravity(robot: RobotModel, gravity: FloatArray) -> RobotModel:
+    model = robot.pinocchio.copy()
+    model.gravity.linear = gravity
+    return replace(robot, pinocchio=model)

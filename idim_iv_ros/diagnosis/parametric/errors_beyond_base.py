@@ -1,0 +1,98 @@
+"""Wrong numbers that new base parameters cannot absorb: they show in the refit's residual.
+
+A wrong torque constant of one joint contradicts the rows of the others, and a tilted base moves
+gravity out of the parameters' span. They are looked for beside the effects, so that no effect is
+named for them; what they are is then told from the change of the parameters.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
+from idim_iv_ros.diagnosis.result import EffectParameter
+from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.simulation import inverse_dynamics
+from idim_iv_ros.types import FloatArray
+
+_SMALL = 1e-4  # rad
+
+
+class ErrorBeyondBase(Effect):
+    """One that belongs to the given numbers."""
+
+    family = "load"
+    excitation = ""
+
+    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+        """One."""
+        return [(1.0,)]
+
+    def free_numbers(self, shape: Shape) -> int:
+        """None."""
+        return 0
+
+    def neighbours(
+        self, shape: Shape, step: float, place: Place, covered: OperatingRange
+    ) -> list[Shape]:
+        """None."""
+        return []
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        """Small changes of either sign."""
+        return bool(np.all(np.abs(coefficients) < 0.6))
+
+    def parameters(
+        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+    ) -> dict[str, EffectParameter]:
+        """None: they are told from the change of the parameters."""
+        return {}
+
+
+class GainError(ErrorBeyondBase):
+    """The torque of one joint times a constant."""
+
+    name = "torque_gain"
+
+    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """The joint's own torque."""
+        return {place.joint: motion.torque[:, [place.joint]]}
+
+
+class GravityError(ErrorBeyondBase):
+    """A base that is tilted about its x or y axis."""
+
+    name = "gravity_direction"
+
+    def places(self, joints: int) -> list[Place]:
+        """One place: the base."""
+        return [Place(0)]
+
+    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """Torque of the links per small angle of gravity about two axes."""
+        model = motion.robot.pinocchio
+        gravity = np.asarray(model.gravity.linear)
+        parts = []
+        for axis in np.eye(3):
+            moved = np.cross(axis, gravity)
+            if np.linalg.norm(moved) < 1e-6:
+                continue
+            tilted = model.copy()
+            tilted.gravity.linear = gravity + _SMALL * moved
+            torque = inverse_dynamics(
+                replace(motion.robot, pinocchio=tilted),
+                motion.links,
+                motion.position,
+                motion.velocity,
+                motion.acceleration,
+            )
+            parts.append((torque - motion.load) / _SMALL)
+        if not parts:
+            parts = [np.zeros_like(motion.load)]
+        return {
+            joint: np.column_stack([part[:, joint] for part in parts])
+            for joint in range(motion.position.shape[1])
+        }
+
+
+ERRORS_BEYOND_BASE: tuple[ErrorBeyondBase, ...] = (GainError(), GravityError())

@@ -1,0 +1,230 @@
+"""What each wrong part of the given numbers explains, and what it cannot be told from."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+from scipy import stats
+
+from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression
+from idim_iv_ros.diagnosis.parametric.hypotheses import (
+    Hypothesis,
+    Trial,
+    changes_of,
+    hypotheses,
+    of_base_parameters,
+    trial_of,
+    trials,
+)
+from idim_iv_ros.diagnosis.parametric.other_errors import estimated_beside_other_errors
+from idim_iv_ros.diagnosis.result import EffectParameter, Indistinguishable
+from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParametricEffect
+from idim_iv_ros.types import FloatArray
+
+# Causes that bring this much less are not better or worse.
+ALIKE = 6.0
+LEAST_CORRELATION = 0.5
+
+
+@dataclass(frozen=True)
+class ParametricCause:
+    """One way in which the given numbers are wrong.
+
+    Attributes
+    ----------
+    effect : ParametricEffect
+    joint : str or None
+        None where it belongs to none.
+    changes : tuple of Change
+        Of the given numbers.
+    parameters : dict of str to EffectParameter
+        Those that the recording determines.
+    statistic : float
+        Wald statistic beside the other causes.
+    p_value : float
+        Of the statistic, with the choice among all causes paid for (Bonferroni).
+    share : float
+        Of the energy of the nominal model's gap that goes with it, each joint by its torque.
+    before, after : (n_joints,)
+        RMS of the residual with the causes before this one, and with it, N m (N).
+    sizes : (n_joints,)
+        RMS of the recorded torque, N m (N).
+    rivals : tuple of Indistinguishable
+        Other wrong numbers.
+    torque : (r_j,) or None
+        What it adds at its joint, N m (N); None where it belongs to none.
+    """
+
+    effect: ParametricEffect
+    joint: str | None
+    changes: tuple[Change, ...]
+    parameters: dict[str, EffectParameter]
+    statistic: float
+    p_value: float
+    share: float
+    before: FloatArray
+    after: FloatArray
+    sizes: FloatArray
+    indistinguishable_from: tuple[Indistinguishable, ...]
+    torque: FloatArray | None
+
+    @property
+    def share_of_torque(self) -> float:
+        """Largest gap that it takes at a joint, root of the energy, as a share of the torque."""
+        energy = np.maximum(self.before**2 - self.after**2, 0.0)
+        return float(np.max(np.sqrt(energy) / self.sizes))
+
+
+def causes_of(
+    joints: Sequence[str],
+    changes: ChangeRegression,
+    kept: Sequence[Hypothesis],
+    catalogue: Sequence[ParametricEffect],
+) -> tuple[ParametricCause, ...]:
+    """Tell what each hypothesis explains beside the others; strongest first.
+
+    What the configuration itself leaves out stands before all others; it has only those rivals
+    that no recording tells from it.
+
+    Parameters
+    ----------
+    joints
+        Names.
+    kept
+        The smallest set that explains the change.
+    """
+    count = len({each.key for each in hypotheses(changes, catalogue)})
+    sure, numbers = _sure(changes, kept)
+    if kept and not sure:
+        # Most numbers are in error, and no few of them stand out: joint by joint, then.
+        known = [each for each in kept if each.effect.known_to_be_left_out(changes.space)]
+        sure, numbers = _sure(changes, [*known, *of_base_parameters(changes, catalogue, known)])
+    kept = sure
+    causes: list[tuple[ParametricCause, Hypothesis]] = []
+    for hypothesis, own in zip(kept, numbers, strict=True):
+        rest = [other for other in kept if other is not hypothesis]
+        others = changes.explain(changes_of(rest))
+        this = trial_of(changes, rest, hypothesis)
+        if this is None:
+            continue
+        tried = [
+            trial
+            for trial in trials(changes, rest, catalogue)
+            if trial.hypothesis.key != hypothesis.key
+        ]
+        statistic = this.explained.statistic - others.statistic
+        degrees = max(this.explained.rank - others.rank, 1)
+        before, after = changes.rms(this.contribution)
+        cause = ParametricCause(
+            effect=hypothesis.effect,
+            joint=_name(joints, hypothesis),
+            changes=hypothesis.changes,
+            parameters=hypothesis.effect.parameters(changes.space, hypothesis.joint, own),
+            statistic=statistic,
+            p_value=min(1.0, count * float(stats.chi2.sf(statistic, degrees))),
+            share=changes.share(this.contribution),
+            before=before,
+            after=after,
+            sizes=changes.sizes,
+            indistinguishable_from=hypothesis.effect.inseparable_from(changes.space)
+            if hypothesis.effect.known_to_be_left_out(changes.space)
+            else _rivals(joints, changes, rest, this, tried),
+            torque=_torque(changes, hypothesis, this),
+        )
+        causes.append((cause, hypothesis))
+    return _one_after_the_other(changes, causes)
+
+
+def _sure(
+    changes: ChangeRegression, found: Sequence[Hypothesis]
+) -> tuple[list[Hypothesis], list[tuple[Estimated, ...]]]:
+    """Hypotheses with a number that differs from zero beside errors of all others, and estimates.
+
+    One that has none is dropped, the least sure first, and the rest is estimated again.
+    """
+    kept = list(found)
+    while kept:
+        estimates = iter(estimated_beside_other_errors(changes, changes_of(kept)))
+        numbers = [tuple(islice(estimates, len(each.changes))) for each in kept]
+        sure = [max((each.certainty for each in own), default=0.0) for own in numbers]
+        unsure = [place for place, own in enumerate(numbers) if not any(e.tells for e in own)]
+        if not unsure:
+            return kept, numbers
+        del kept[min(unsure, key=lambda place: sure[place])]
+    return [], []
+
+
+def _name(joints: Sequence[str], hypothesis: Hypothesis) -> str | None:
+    return None if hypothesis.joint is None else joints[hypothesis.joint]
+
+
+def _torque(changes: ChangeRegression, hypothesis: Hypothesis, this: Trial) -> FloatArray | None:
+    if hypothesis.joint is None:
+        return None
+    return np.asarray(changes.columns[hypothesis.joint] @ this.contribution)
+
+
+def _rivals(
+    joints: Sequence[str],
+    changes: ChangeRegression,
+    rest: Sequence[Hypothesis],
+    this: Trial,
+    tried: Sequence[Trial],
+) -> tuple[Indistinguishable, ...]:
+    """Hypotheses that would do as well in this one's place, with a torque alike."""
+    rivals = []
+    for trial in tried:
+        if trial.support < this.support - ALIKE:
+            continue
+        correlation = _correlation(changes, rest, this, trial)
+        if correlation >= LEAST_CORRELATION:
+            name = _name(joints, trial.hypothesis)
+            rivals.append(Indistinguishable(trial.hypothesis.effect.name, name, correlation))
+    return tuple(rivals)
+
+
+def _one_after_the_other(
+    changes: ChangeRegression, causes: Sequence[tuple[ParametricCause, Hypothesis]]
+) -> tuple[ParametricCause, ...]:
+    """Gap before and after each cause, beside those before it: always the one that takes most.
+
+    What the configuration leaves out comes first.
+    """
+    left = list(causes)
+    sorted_causes: list[ParametricCause] = []
+    together: list[Change] = []
+    before, _ = changes.rms(np.zeros(changes.space.size))
+    share = 0.0
+    while left:
+        contributions = [
+            changes.explain([*together, *hypothesis.changes]).contributions.sum(axis=1)
+            for _, hypothesis in left
+        ]
+        shares = [changes.share(contribution) for contribution in contributions]
+        known = [each[1].effect.known_to_be_left_out(changes.space) for each in left]
+        most = max(range(len(left)), key=lambda number: (known[number], shares[number]))
+        cause, hypothesis = left.pop(most)
+        together += hypothesis.changes
+        _, after = changes.rms(contributions[most])
+        taken = shares[most] - share
+        sorted_causes.append(replace(cause, before=before, after=after, share=taken))
+        before, share = after, shares[most]
+    return tuple(sorted_causes)
+
+
+def _correlation(
+    changes: ChangeRegression, rest: Sequence[Hypothesis], first: Trial, second: Trial
+) -> float:
+    """Of the torques that both add, whitened, less what the other causes absorb."""
+    one = changes.triangle @ first.contribution
+    two = changes.triangle @ second.contribution
+    directions = [change.direction for change in changes_of(rest)]
+    if directions:
+        left, singular, _ = np.linalg.svd(
+            changes.triangle @ np.column_stack(directions), full_matrices=False
+        )
+        basis = left[:, singular > 1e-9 * singular[0]]
+        one, two = one - basis @ (basis.T @ one), two - basis @ (basis.T @ two)
+    energy = float(np.linalg.norm(one) * np.linalg.norm(two))
+    return float(abs(one @ two) / energy) if energy > 0.0 else 0.0

@@ -1,0 +1,150 @@
+"""Causes that may lie behind a change of the given numbers, each tried beside those kept."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, Explained
+from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParametricEffect
+from idim_iv_ros.types import FloatArray
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One effect at one place, with one set of numbers that it may change.
+
+    Attributes
+    ----------
+    effect : ParametricEffect
+    joint : int or None
+        None where it belongs to none.
+    changes : tuple of Change
+    """
+
+    effect: ParametricEffect
+    joint: int | None
+    changes: tuple[Change, ...]
+
+    @property
+    def key(self) -> tuple[str, int | None]:
+        """Effect and place, whatever the variant."""
+        return self.effect.name, self.joint
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One hypothesis beside those that are kept.
+
+    Attributes
+    ----------
+    hypothesis : Hypothesis
+    explained : Explained
+        By those that are kept and, last, by this one.
+    support : float
+        Logarithm of the likelihood that it brings, less ½ ln(rows) for each number (Schwarz).
+    """
+
+    hypothesis: Hypothesis
+    explained: Explained
+    support: float
+
+    @property
+    def own(self) -> tuple[Estimated, ...]:
+        """Estimates of its changes."""
+        return self.explained.found[-len(self.hypothesis.changes) :]
+
+    @property
+    def tells(self) -> bool:
+        """Whether at least one of its numbers is known to differ from zero."""
+        return any(each.tells for each in self.own)
+
+    @property
+    def contribution(self) -> FloatArray:
+        """What its changes add together, (d,) in the coordinates of the space."""
+        own = self.explained.contributions[:, -len(self.hypothesis.changes) :]
+        return np.asarray(own.sum(axis=1))
+
+
+def changes_of(hypotheses: Sequence[Hypothesis]) -> list[Change]:
+    """All changes, in the order of the hypotheses."""
+    return [change for each in hypotheses for change in each.changes]
+
+
+def hypotheses(
+    changes: ChangeRegression, catalogue: Sequence[ParametricEffect]
+) -> list[Hypothesis]:
+    """Every variant of every effect at every place whose joint, or any joint, moves enough."""
+    space = changes.space
+    if len(changes.still) == space.joints:
+        return []
+    return [
+        Hypothesis(effect, joint, tuple(variant))
+        for effect in catalogue
+        for joint in effect.places(space)
+        if joint not in changes.still
+        for variant in effect.variants(space, joint)
+    ]
+
+
+def of_base_parameters(
+    changes: ChangeRegression,
+    catalogue: Sequence[ParametricEffect],
+    known: Sequence[Hypothesis] = (),
+) -> list[Hypothesis]:
+    """Every effect that owns base parameters, at every joint: together they are the refit.
+
+    Parameters
+    ----------
+    known
+        Causes that are in the model in any case; their effects are left out.
+    """
+    space = changes.space
+    named = {each.effect.name for each in known}
+    owned = [
+        Hypothesis(effect, joint, tuple(effect.base_parameters(space, joint)))
+        for effect in catalogue
+        if effect.name not in named
+        for joint in range(space.joints)
+        if joint not in changes.still
+    ]
+    return [each for each in owned if each.changes]
+
+
+def trial_of(
+    changes: ChangeRegression, kept: Sequence[Hypothesis], hypothesis: Hypothesis
+) -> Trial | None:
+    """One cause beside those that are kept; None where they leave nothing for it to say.
+
+    A cause of which no number is known to differ from zero is none, however much its numbers
+    explain together; nor is one that physics does not allow.
+    """
+    before = changes_of(kept)
+    base = changes.explain(before)
+    explained = changes.explain([*before, *hypothesis.changes])
+    gain = 0.5 * (explained.statistic - base.statistic)
+    numbers = explained.rank - base.rank
+    trial = Trial(hypothesis, explained, gain - 0.5 * numbers * float(np.log(changes.rows)))
+    allowed = hypothesis.effect.admissible(changes.space, hypothesis.joint, trial.own)
+    return trial if numbers > 0 and trial.tells and allowed else None
+
+
+def trials(
+    changes: ChangeRegression,
+    kept: Sequence[Hypothesis],
+    catalogue: Sequence[ParametricEffect],
+) -> list[Trial]:
+    """Each cause beside those that are kept, in its best variant; the best first."""
+    taken = {each.key for each in kept}
+    best: dict[tuple[str, int | None], Trial] = {}
+    for hypothesis in hypotheses(changes, catalogue):
+        if hypothesis.key in taken:
+            continue
+        trial = trial_of(changes, kept, hypothesis)
+        if trial is None:
+            continue
+        known = best.get(hypothesis.key)
+        # A difference of rounding is none: the first of the catalogue counts.
+        if known is None or trial.support > known.support + 1e-6:
+            best[hypothesis.key] = trial
+    return sorted(best.values(), key=lambda trial: -round(trial.support, 6))

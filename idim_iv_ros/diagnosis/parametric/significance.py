@@ -1,0 +1,31 @@
+"""Whether numbers of a cause are known to differ from zero."""
+
+import numpy as np
+from scipy.stats import chi2
+
+from idim_iv_ros.types import FloatArray
+
+# Half-width of the 95 % interval in standard deviations. The search has paid for its choices by
+# its p-value: here each number is judged as a reader judges it, by its own interval.
+NORMAL_95 = 1.96
+LEVEL = 0.05
+
+
+def differs(value: float, std: float) -> bool:
+    """Whether the 95 % interval of one number leaves out zero."""
+    return abs(value) >= NORMAL_95 * std
+
+
+def any_differs(values: FloatArray, covariance: FloatArray) -> bool:
+    """Whether numbers (k,) differ from zero: together by Wald's test, and at least one alone.
+
+    Collinear numbers may fit well together while each of them may be anything: they say nothing.
+    Of many, one alone may leave out zero by chance.
+    """
+    deviations = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    if not any(differs(value, std) for value, std in zip(values, deviations, strict=True)):
+        return False
+    standard = values / deviations
+    scaled = covariance / np.outer(deviations, deviations)
+    statistic = float(standard @ np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) @ standard)
+    return statistic >= float(chi2.isf(LEVEL, len(values)))

@@ -1,0 +1,1 @@
+"""The nominal model fitted anew: what every cause is tried beside."""

@@ -1,0 +1,209 @@
+"""The refit: the model that every candidate is added to, and the rows that it leaves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis.refit.bandwidth import widened
+from idim_iv_ros.diagnosis.refit.reversals import may_count, reason_for_margin, with_margin
+from idim_iv_ros.diagnosis.refit.slip import simulated_slips
+from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, smooth_motions
+from idim_iv_ros.estimation import (
+    IdimIvEstimate,
+    InstrumentSources,
+    ObservationRows,
+    idim_iv,
+    instrument_sources,
+    observation_rows,
+    triangles_of_rows,
+)
+from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
+from idim_iv_ros.model import DynamicParameters
+from idim_iv_ros.recording import Recording
+from idim_iv_ros.signals import REVERSAL_MARGIN
+from idim_iv_ros.types import FloatArray
+
+_LEAST_SPEED_SHARE = 0.005
+_FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The refit of the nominal model to the recordings, and what candidates are made from.
+
+    The model has torque offsets, whatever the configuration says: what is constant is a number of
+    the nominal model (zero there), and no physics that it lacks.
+
+    Attributes
+    ----------
+    prepared : PreparedRegression
+    rows : tuple of ObservationRows
+    estimate : IdimIvEstimate
+    sources : InstrumentSources
+    recordings : tuple of (r,) int, one for each joint
+        Which recording each row belongs to.
+    places : tuple of (r,) int, one for each joint
+        Which decimated sample of its recording each row is.
+    motions : tuple of SmoothMotion
+    sticking : bool
+        Whether it is known where joints stick: the closed loop of every recording is simulated.
+    """
+
+    prepared: PreparedRegression
+    rows: tuple[ObservationRows, ...]
+    estimate: IdimIvEstimate
+    sources: InstrumentSources
+    recordings: tuple[NDArray[np.int64], ...]
+    places: tuple[NDArray[np.int64], ...]
+    motions: tuple[SmoothMotion, ...]
+    sticking: bool
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names, in the order of the configuration."""
+        return tuple(self.prepared.configuration.robot.joints)
+
+    @property
+    def row_rate(self) -> float:
+        """Rows per second."""
+        return self.prepared.cutoffs.row_rate
+
+    @property
+    def torque_sizes(self) -> tuple[float, ...]:
+        """RMS of the recorded torque of each joint, N m (N)."""
+        return tuple(max(float(np.sqrt(np.mean(rows.torque**2))), 1e-300) for rows in self.rows)
+
+    @property
+    def slowest(self) -> FloatArray:
+        """Speeds (n_joints,) that count, rad/s (m/s); where rows of all do, a share of the peak."""
+        peaks = np.max([np.abs(m.velocity).max(axis=0) for m in self.motions], axis=0)
+        return np.asarray(np.maximum(self.prepared.minimum_speed, _LEAST_SPEED_SHARE * peaks))
+
+    def at(self, values: FloatArray) -> "Baseline":
+        """Return the same with the candidates' torques computed at other parameters (b,)."""
+        links, whole = _parameters(self.prepared, values)
+        motions = tuple(motion.with_parameters(links, whole) for motion in self.motions)
+        return replace(self, motions=motions)
+
+    def counting(self, joint: int, values: Sequence[FloatArray]) -> FloatArray:
+        """Rows of one joint (r, …) from decimated values (m, …) of each recording."""
+        return np.concatenate(
+            [part[motion.kept[:, joint]] for part, motion in zip(values, self.motions, strict=True)]
+        )
+
+
+def baseline(recordings: Sequence[Recording], configuration: Configuration) -> Baseline:
+    """Refit the model by IDIM-IV, with torque offsets.
+
+    Unless the user says how far rows keep from a reversal, they count there if, and only if, the
+    closed loop could be simulated: see `gap.reversals`.
+
+    Raises
+    ------
+    UsageError, DataError
+        As `identify`.
+    """
+    section = widened(recordings, with_offsets(configuration))
+    if may_count(section, recordings):
+        found = _refit(prepare(recordings, with_margin(section, 0.0)))
+        if found.sticking:
+            return _explained(found, configuration, 0.0)
+    found = _refit(prepare(recordings, section))
+    margin = section.processing.reversal_margin
+    return _explained(found, configuration, REVERSAL_MARGIN if margin is None else margin)
+
+
+def _refit(prepared: PreparedRegression) -> Baseline:
+    configuration = prepared.configuration
+    rows = observation_rows(prepared.model, prepared.motions)
+    require_excitation(prepared, triangles_of_rows(rows))
+    sources = instrument_sources(configuration, prepared.model, prepared.motions, prepared.cutoffs)
+    estimate = idim_iv(
+        rows,
+        sources.sources,
+        sources.starts,
+        tolerance=configuration.identification.tolerance,
+        max_iterations=configuration.identification.max_iterations,
+    )
+    links, whole = _parameters(prepared, estimate.linear.values)
+    slips = simulated_slips(prepared, estimate)
+    motions = smooth_motions(
+        prepared.model.robot,
+        links,
+        whole,
+        prepared.motions,
+        [part.start for part in prepared.session.parts],
+        estimate.instruments,
+        slips,
+        prepared.cutoffs.decimation,
+    )
+    joints = range(len(configuration.robot.joints))
+    return Baseline(
+        prepared,
+        rows,
+        estimate,
+        sources,
+        tuple(_recordings(prepared, joint) for joint in joints),
+        tuple(_places(prepared, joint) for joint in joints),
+        motions,
+        all(slip is not None for slip in slips),
+    )
+
+
+def _explained(found: Baseline, configuration: Configuration, margin: float) -> Baseline:
+    """Return the same with the reason for its rows beside reversals."""
+    reason = reason_for_margin(configuration, margin, found.estimate, sticking=found.sticking)
+    if not reason:
+        return found
+    prepared = replace(found.prepared, reasons=(*found.prepared.reasons, reason))
+    return replace(found, prepared=prepared)
+
+
+def with_offsets(configuration: Configuration) -> Configuration:
+    """Return the configuration with a model that has torque offsets, but those that it excludes."""
+    section = configuration.identification
+    if "offset" in section.friction:
+        return configuration
+    changed = section.model_copy(update={"friction": [*section.friction, "offset"]})
+    return configuration.model_copy(update={"identification": changed})
+
+
+def _parameters(
+    prepared: PreparedRegression, values: FloatArray
+) -> tuple[DynamicParameters, DynamicParameters]:
+    """Dynamics of the links alone and of everything.
+
+    Where the drive inertia is grouped into a link's, the given one is taken out of it, if its
+    unit is that of the estimates.
+    """
+    model = prepared.model
+    whole = model.dynamic_parameters(values)
+    drives = np.zeros(len(model.robot.joints))
+    named = {name for name in model.base.names if name.startswith("Ia")}
+    for joint in range(len(drives)):
+        if f"Ia{joint + 1}" not in named and prepared.configuration.signals.effort_unit == "N m":
+            drives[joint] = -model.robot.given.drive_inertia[joint]
+    nothing = np.zeros_like(drives)
+    links = replace(
+        whole,
+        drive_inertia=drives,
+        viscous=nothing,
+        coulomb=nothing,
+        offset=nothing,
+        coupling_inertia=np.zeros_like(whole.coupling_inertia),
+        coupling_viscous=np.zeros_like(whole.coupling_viscous),
+        coupling_coulomb=np.zeros_like(whole.coupling_coulomb),
+    )
+    return links, whole
+
+
+def _recordings(prepared: PreparedRegression, joint: int) -> NDArray[np.int64]:
+    counts = [int(motion.kept[:, joint].sum()) for motion in prepared.motions]
+    return np.repeat(np.arange(len(counts)), counts)
+
+
+def _places(prepared: PreparedRegression, joint: int) -> NDArray[np.int64]:
+    return np.concatenate([np.flatnonzero(m.kept[:, joint]) for m in prepared.motions])

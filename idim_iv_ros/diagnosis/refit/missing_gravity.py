@@ -1,0 +1,104 @@
+"""A nominal model without gravity of a robot that feels it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis.held_out.held_out import HeldOut
+from idim_iv_ros.diagnosis.parametric.change_regression import unit_gravity_rows
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.types import FloatArray
+
+STANDARD = 9.81
+# Half the Wald statistic beyond the penalty, and share of a joint's residual that must go.
+_LEAST_SUPPORT, _LEAST_SHARE = 8.0, 0.2
+# m/s²: the given masses are wrong by less than this, or it is not gravity.
+_SMALLEST, _LARGEST = 4.0, 25.0
+
+
+@dataclass(frozen=True)
+class MissingGravity:
+    """Gravity as the recordings show it.
+
+    Attributes
+    ----------
+    acceleration, deviation : (3,) m/s²
+        In the base frame, with the masses of the nominal model.
+    statistic, p_value : float
+        Wald, with the noise of the model that has gravity: without it a joint's residual is so
+        smooth that its colour takes it for noise, and the likelihood hardly tells them apart.
+    """
+
+    acceleration: FloatArray
+    deviation: FloatArray
+    statistic: float
+    p_value: float
+
+    def corrected(self, configuration: Configuration) -> Configuration:
+        """Return the configuration with gravity of the usual size in the found direction."""
+        vector = STANDARD * self.acceleration / np.linalg.norm(self.acceleration)
+        robot = configuration.robot.model_copy(update={"gravity": vector.tolist()})
+        return configuration.model_copy(update={"robot": robot})
+
+    def cause(self, without: HeldOut, with_gravity: HeldOut) -> Cause:
+        """Build the cause from the nominal models without and with gravity."""
+        joints = range(len(without.joints))
+        before, after = (
+            float(np.sqrt(sum(each.rms(0, joint)[0] ** 2 for joint in joints)))
+            for each in (without, with_gravity)
+        )
+        numbers = zip("xyz", self.acceleration, self.deviation, strict=True)
+        parameters = {
+            f"gravity_{axis}": EffectParameter(float(value), float(std), "m/s²")
+            for axis, value, std in numbers
+        }
+        found = ", ".join(f"{value:.2g}" for value in self.acceleration)
+        return Cause(
+            effect="gravity_direction",
+            kind="parametric",
+            joint=None,
+            other_joint=None,
+            parameters=parameters,
+            evidence=Evidence(self.statistic, self.p_value, None, ""),
+            indistinguishable_from=(),
+            torque_gap=Gap(before, after, None, 1.0 - after / before, None),
+            simulation_gap=None,
+            sentence=(
+                f"the nominal model has no gravity, but the recordings show it: ({found}) m/s² "
+                "with the given masses. Everything else was diagnosed with gravity in this "
+                "direction"
+            ),
+        )
+
+
+def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | None:
+    """Look for gravity where the configuration has none; None where it has, or none shows."""
+    robot = data.prepared.model.robot
+    if np.any(np.asarray(robot.pinocchio.gravity.linear)) or data.prepared.why_no_given:
+        return None
+    columns = unit_gravity_rows(data, np.eye(3))
+    plain = regression.fit()
+    heavy = regression.with_columns(dict(enumerate(columns))).fit()
+    wald = float(
+        heavy.coefficients @ np.linalg.solve(heavy.coefficient_covariance, heavy.coefficients)
+    )
+    rows = sum(len(joint.torque) for joint in regression.joints)
+    size = float(np.linalg.norm(heavy.coefficients))
+    less = max(
+        1.0 - float(after @ after) / max(float(before @ before), 1e-300)
+        for before, after in zip(plain.residuals, heavy.residuals, strict=True)
+    )
+    if 0.5 * wald - 1.5 * np.log(rows) < _LEAST_SUPPORT or less < _LEAST_SHARE:
+        return None
+    if not _SMALLEST <= size <= _LARGEST:
+        return None
+    return MissingGravity(
+        acceleration=heavy.coefficients,
+        deviation=np.sqrt(np.diag(heavy.coefficient_covariance)),
+        statistic=wald,
+        p_value=float(stats.chi2.sf(wald, 3)),
+    )

@@ -1,0 +1,244 @@
+"""What no model can explain: the noise between repeats of one motion, or a lower bound."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import fftconvolve
+
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
+from idim_iv_ros.types import FloatArray, IntArray
+
+REPEATS, LOWER_BOUND = "repeats", "lower bound"
+# A reference repeats another where they differ by less than this share of its spread (rms).
+_TOLERANCE = 0.01
+_COARSE = 5.0  # times the tolerance, before the shift is refined
+_LEAST_OVERLAP = 2.0  # s
+_LEAST_SHARE = 0.3  # of the shorter recording, between recordings
+_LEAST_ROWS = 50
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """Sample k of one recording's references is commanded again as sample k + lag of another.
+
+    Samples are those of the fastest recording.
+
+    `first` and `second` are the same where a recording repeats itself.
+    """
+
+    first: int
+    second: int
+    lag: int
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """Noise of one joint in the band of the rows.
+
+    Attributes
+    ----------
+    sigma : float or None
+        N m (N).
+    origin : str
+        ``repeats`` or ``lower bound``.
+    note : str
+        What the number is made of, in words.
+    """
+
+    sigma: float | None
+    origin: str
+    note: str
+
+
+def noise_floors(
+    data: Baseline, regression: Regression, fit: Fit, repeats: Sequence[Repeat]
+) -> tuple[NoiseFloor, ...]:
+    """Noise of every joint, from repeats where there are any.
+
+    Between repeats, residuals differ by √2 times the noise. What the model's own columns explain
+    of the difference is taken out first: friction or an offset that changed in between is drift,
+    and not noise. Rows that do not fall on the same instant are matched to half a row.
+
+    Parameters
+    ----------
+    fit
+        The best one there is: without repeats its innovations are the lower bound, as far as
+        no effect is left in them.
+    repeats
+        See `repeats_of`.
+    """
+    floors = []
+    for joint, rows in enumerate(regression.joints):
+        energy, degrees = 0.0, 0.0
+        for repeat in repeats:
+            one, two = _matching(data, joint, repeat)
+            if len(one) < _LEAST_ROWS + rows.matrix.shape[1]:
+                continue
+            more, count = difference_energy(
+                fit.residuals[joint][one] - fit.residuals[joint][two], rows.matrix[one]
+            )
+            energy, degrees = energy + more, degrees + count
+        if degrees > 0.0:
+            note = "difference of repeats, less what changed parameters of the model explain"
+            floors.append(NoiseFloor(float(np.sqrt(0.5 * energy / degrees)), REPEATS, note))
+        else:
+            sigma = float(fit.noise_models[joint].sigma)
+            note = (
+                "no recording repeats another or itself: innovations of the last residual, below "
+                "the noise if that residual is all noise, above it if an effect is left in it"
+            )
+            floors.append(NoiseFloor(sigma, LOWER_BOUND, note))
+    return tuple(floors)
+
+
+def difference_energy(difference: FloatArray, drifting: FloatArray) -> tuple[float, float]:
+    """Energy of a difference (n,) beyond columns (n, c), and its degrees of freedom."""
+    scale = np.linalg.norm(drifting, axis=0)
+    columns = drifting[:, scale > 0.0] / scale[scale > 0.0]
+    columns = np.column_stack([columns, np.ones(len(difference))])
+    solution, _, rank, _ = np.linalg.lstsq(columns, difference, rcond=1e-8)
+    rest = difference - columns @ solution
+    return float(rest @ rest), float(len(difference) - rank)
+
+
+def repeats_of(data: Baseline) -> tuple[Repeat, ...]:
+    """Repeats among the references of all recordings; none where references are missing."""
+    references = [motion.signals.position_reference for motion in data.prepared.motions]
+    present = [reference for reference in references if reference is not None]
+    if len(present) < len(references):
+        return ()
+    rates = [motion.signals.rate for motion in data.prepared.motions]
+    sampled = [
+        reference if rate == max(rates) else _resampled(reference, rate, max(rates))
+        for reference, rate in zip(present, rates, strict=True)
+    ]
+    return find_repeats(sampled, max(rates), data.row_rate)
+
+
+def _resampled(reference: FloatArray, rate: float, wanted: float) -> FloatArray:
+    """Return a reference (n_samples, n_joints) linearly between its samples at another rate."""
+    time = np.arange(int((len(reference) - 1) * wanted / rate) + 1) / wanted
+    own = np.arange(len(reference)) / rate
+    return np.column_stack([np.interp(time, own, joint) for joint in reference.T])
+
+
+def find_repeats(
+    references: Sequence[FloatArray], rate: float, coarse_rate: float
+) -> tuple[Repeat, ...]:
+    """Pairs of recordings, and periods inside one, with the same references.
+
+    Parameters
+    ----------
+    references
+        (n_samples, n_joints) of each recording, rad (m).
+    rate, coarse_rate
+        Hz, of the samples, and at which the shift is looked for first.
+    """
+    stride = max(1, round(rate / coarse_rate))
+    found = []
+    for first, one in enumerate(references):
+        period = _period(one, rate, stride)
+        if period is not None:
+            found.append(Repeat(first, first, period))
+        for second in range(first + 1, len(references)):
+            lag = _shift(one, references[second], rate, stride)
+            if lag is not None:
+                found.append(Repeat(first, second, lag))
+    return tuple(found)
+
+
+def _shift(one: FloatArray, two: FloatArray, rate: float, stride: int) -> int | None:
+    """Shift at which two references agree over the longest stretch, None where they do not."""
+    shorter = min(len(one), len(two))
+    least = max(_LEAST_OVERLAP * rate, _LEAST_SHARE * shorter)
+    lags, distance, overlap = _distances(one[::stride], two[::stride])
+    close = (distance < _COARSE * _TOLERANCE) & (overlap * stride >= least)
+    if not close.any():
+        return None
+    return _refined(one, two, int(lags[close][np.argmin(distance[close])]) * stride, stride)
+
+
+def _period(reference: FloatArray, rate: float, stride: int) -> int | None:
+    """Smallest shift, after the reference has left itself, at which it repeats itself."""
+    lags, distance, overlap = _distances(reference[::stride], reference[::stride])
+    ahead = lags > 0
+    lags, distance, overlap = lags[ahead], distance[ahead], overlap[ahead]
+    far = np.flatnonzero(distance > 0.3)
+    if len(far) == 0:
+        return None
+    usable = (lags > lags[far[0]]) & (overlap * stride >= _LEAST_OVERLAP * rate)
+    close = np.flatnonzero(usable & (distance < _COARSE * _TOLERANCE))
+    if len(close) == 0:
+        return None
+    end = close[0]
+    while end + 1 < len(lags) and end + 1 in close and distance[end + 1] < distance[end]:
+        end += 1
+    return _refined(reference, reference, int(lags[end]) * stride, stride)
+
+
+def _distances(one: FloatArray, two: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """For each shift, the rms difference as a share of the spread, and the samples it is over.
+
+    Infinite where the references hardly move in the overlap.
+    """
+    centre = one.mean(axis=0)
+    a, b = one - centre, two - centre
+    lags = np.arange(-(len(a) - 1), len(b))
+    cross = sum(fftconvolve(b[:, j], a[::-1, j]) for j in range(a.shape[1]))
+    low = np.maximum(0, -lags)
+    high = np.minimum(len(a), len(b) - lags)
+    overlap = (high - low).astype(float)
+    sums = [np.concatenate([[0.0], np.cumsum(np.sum(values**2, axis=1))]) for values in (a, b)]
+    energy_a = sums[0][high] - sums[0][low]
+    energy_b = sums[1][high + lags] - sums[1][low + lags]
+    plain = np.concatenate([np.zeros((1, a.shape[1])), np.cumsum(a, axis=0)])
+    mean = (plain[high] - plain[low]) / overlap[:, None]
+    spread = energy_a / overlap - np.sum(mean**2, axis=1)
+    whole = float(np.sum(np.var(one, axis=0)))
+    moving = spread > 0.1 * whole
+    squares = np.maximum(energy_a + energy_b - 2.0 * cross, 0.0) / overlap
+    ratio = squares / np.where(moving, spread, 1.0)
+    return lags, np.where(moving, np.sqrt(ratio), np.inf), overlap
+
+
+def _refined(one: FloatArray, two: FloatArray, lag: int, stride: int) -> int | None:
+    best, least = None, _TOLERANCE
+    for shift in range(lag - stride, lag + stride + 1):
+        low, high = max(0, -shift), min(len(one), len(two) - shift)
+        part = one[low:high]
+        difference = part - two[low + shift : high + shift]
+        distance = np.sqrt(np.sum(difference**2) / np.sum((part - part.mean(axis=0)) ** 2))
+        if distance < least:
+            best, least = shift, float(distance)
+    return best
+
+
+def _matching(data: Baseline, joint: int, repeat: Repeat) -> tuple[IntArray, IntArray]:
+    """Rows of a joint that the repeat makes equal, in pairs."""
+    motions = data.prepared.motions
+    fastest = max(motion.signals.rate for motion in motions)
+    numbers = []
+    for recording in (repeat.first, repeat.second):
+        motion = motions[recording]
+        rows = np.flatnonzero(data.recordings[joint] == recording)
+        kept = motion.decimation.kept[data.places[joint][rows]]
+        samples = fastest / motion.signals.rate
+        numbers.append(
+            (rows, samples * (motion.span.start + kept), samples * motion.decimation.factor)
+        )
+    (rows, samples, _), (other, others, factor) = numbers
+    if len(other) == 0:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    wanted = samples + repeat.lag
+    after = np.clip(np.searchsorted(others, wanted), 1, max(len(others) - 1, 1))
+    nearest = np.where(
+        np.abs(others[after - 1] - wanted)
+        <= np.abs(others[min(1, len(others) - 1) * after] - wanted),
+        after - 1,
+        after,
+    )
+    nearest = np.minimum(nearest, len(others) - 1)
+    close = 2 * np.abs(others[nearest] - wanted) <= factor
+    return rows[close], other[nearest[close]]

@@ -1,0 +1,184 @@
+"""How late the recorded effort acts: a property of the recording, the same for all joints.
+
+A law at period T computes its command from samples at t and the drive holds it until t + T: taken
+as a signal at t, the torque acts T/2 late, and later with every period of computing time. The
+drives of one robot share this, so that it is estimated once and taken out before causes are looked
+for. What a single joint has beyond it stays in the data, where `time_delay` finds it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.result import EffectParameter, SignalChain
+from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression
+from idim_iv_ros.estimation import torque_rows
+from idim_iv_ros.types import BoolArray, FloatArray
+
+# Joints agree if their shifts differ by less than this share of the control period, and their
+# uncertainty: clocks of one bus are no better.
+_AGREEMENT = 0.15
+_DEVIATIONS = 3.0
+# Control periods by which a chain with half a period of hold and one of computing may be late; a
+# shift beyond it is one of the recording only where most joints of several share it.
+_EARLIEST, _LATEST = -1.0, 2.0
+_STEPS = 2  # the shift enters the regression to first order
+_SPLINE = 5  # order of the interpolation that shifts the effort
+
+
+@dataclass(frozen=True)
+class EffortShift:
+    """Time from the recorded effort to the torque on the joints.
+
+    Attributes
+    ----------
+    shift, std : float
+        Common to the joints that agree, s; positive where the effort is recorded before it acts.
+        Zero, with `std` None, where no common shift can be said.
+    period : float
+        Of the control, s.
+    joint_shifts, joint_stds : (n_joints,) s
+        Each joint's own.
+    agreeing : (n_joints,) bool
+        Joints that share the common shift.
+    """
+
+    shift: float
+    std: float | None
+    period: float
+    joint_shifts: FloatArray
+    joint_stds: FloatArray
+    agreeing: BoolArray
+
+    def part_of_result(self, joints: Sequence[str], law_speed: str | None) -> SignalChain:
+        """Return it by the names of the joints, with the speed of the law in words."""
+        stds = [float(std) if np.isfinite(std) else None for std in self.joint_stds]
+        shifts = zip(joints, self.joint_shifts, stds, strict=True)
+        return SignalChain(
+            effort_shift=EffectParameter(self.shift, self.std, "s"),
+            periods=self.shift / self.period,
+            joint_shifts={
+                name: EffectParameter(float(shift), std, "s") for name, shift, std in shifts
+            },
+            differing=tuple(
+                name for name, same in zip(joints, self.agreeing, strict=True) if not same
+            ),
+            law_speed=law_speed,
+        )
+
+    def sentence(self, joints: Sequence[str]) -> str:
+        """Say it with its size in periods of the control."""
+        if self.std is None:
+            return "the effort's common shift in time cannot be determined on this recording"
+        when = "before it acts" if self.shift >= 0.0 else "after it acts"
+        text = (
+            f"the effort is recorded {1e3 * abs(self.shift):.3f} ± {1.96e3 * self.std:.2g} ms "
+            f"{when} ({abs(self.shift) / self.period:.2f} control periods), and aligned by that: a "
+            "command that is held over its period acts half a period late"
+        )
+        others = [name for name, same in zip(joints, self.agreeing, strict=True) if not same]
+        if others:
+            text += f"; {', '.join(others)} differ{'s' if len(others) == 1 else ''} from the others"
+        return text
+
+
+def aligned(data: Baseline, regression: Regression) -> tuple[Baseline, Regression, EffortShift]:
+    """Estimate the common shift of the effort and take it out of the rows.
+
+    Each joint's shift is the coefficient of dτ/dt in the regression of its torque on the smooth
+    motion, fitted together with the base parameters and the noise model.
+
+    Parameters
+    ----------
+    data
+    regression
+        Of the refit on the smooth motion; see `smooth_regression`.
+
+    Returns
+    -------
+    Baseline, Regression
+        With the torque of their rows at the instants at which it acts.
+    EffortShift
+    """
+    period = data.prepared.configuration.controller.period
+    period = period or max(1.0 / motion.signals.rate for motion in data.prepared.motions)
+    chain = _chain(np.zeros(len(data.joints)), np.full(len(data.joints), np.inf), period)
+    rates = [_rate_of_torque(data, joint) for joint in range(len(data.joints))]
+    shifted = data
+    for _ in range(_STEPS):
+        shifts, deviations = _joint_shifts(_with_torque_of(shifted, regression), rates)
+        chain = _chain(chain.shift + shifts, deviations, period)
+        shifted = _shifted(data, chain.shift)
+    return shifted, _with_torque_of(shifted, regression), chain
+
+
+def _joint_shifts(
+    regression: Regression, rates: Sequence[Columns]
+) -> tuple[FloatArray, FloatArray]:
+    """Shift of each joint's effort and its standard deviation, (n_joints,) s each."""
+    for rate in rates:
+        regression = regression.with_columns(rate)
+    fit = regression.fit()
+    variances = np.diag(fit.coefficient_covariance)
+    return fit.coefficients, np.sqrt(np.maximum(variances, 0.0))
+
+
+def _with_torque_of(data: Baseline, regression: Regression) -> Regression:
+    joints = tuple(
+        replace(rows, torque=measured.torque)
+        for rows, measured in zip(regression.joints, data.rows, strict=True)
+    )
+    return replace(regression, joints=joints)
+
+
+def _rate_of_torque(data: Baseline, joint: int) -> Columns:
+    """Rows of dτ/dt of one joint, N m/s."""
+    rates = [
+        motion.rows(np.gradient(motion.torque[:, joint], 1.0 / motion.rate)[:, None])
+        for motion in data.motions
+    ]
+    return {joint: data.counting(joint, rates)}
+
+
+def _chain(shifts: FloatArray, deviations: FloatArray, period: float) -> EffortShift:
+    """Shift that most joints share; of as many, the smallest."""
+    usable = np.isfinite(deviations) & (deviations > 0.0) & (deviations < period)
+    likely = (shifts >= _EARLIEST * period) & (shifts <= _LATEST * period)
+    best = np.zeros(len(shifts), dtype=bool)
+    preference = (0, -np.inf)
+    for joint in np.flatnonzero(usable):
+        room = _AGREEMENT * period + _DEVIATIONS * np.hypot(deviations, deviations[joint])
+        agreeing = usable & (np.abs(shifts - shifts[joint]) <= room)
+        count = int(agreeing.sum())
+        shared = count >= 2 and 2 * count > usable.sum()
+        rank = (count, -abs(float(shifts[joint])))
+        if (shared or likely[joint]) and rank > preference:
+            best, preference = agreeing, rank
+    shift, std = 0.0, None
+    if best.any():
+        weights = 1.0 / deviations[best] ** 2
+        shift = float(np.sum(weights * shifts[best]) / weights.sum())
+        spread = float(np.sum(weights * (shifts[best] - shift) ** 2) / max(best.sum() - 1, 1))
+        std = float(np.sqrt(max(1.0, spread) / weights.sum()))
+    return EffortShift(shift, std, period, shifts, deviations, best)
+
+
+def _shifted(data: Baseline, shift: float) -> Baseline:
+    """Return the baseline with the effort of its rows `shift` seconds later."""
+    if shift == 0.0:
+        return data
+    torques = []
+    for motion in data.prepared.motions:
+        signals = motion.signals
+        later = scipy.ndimage.shift(
+            signals.torque, (shift * signals.rate, 0.0), order=_SPLINE, mode="nearest"
+        )
+        torques.append(torque_rows(replace(motion, signals=replace(signals, torque=later))))
+    rows = tuple(
+        replace(row, torque=np.concatenate([torque[joint] for torque in torques]))
+        for joint, row in enumerate(data.rows)
+    )
+    return replace(data, rows=rows)

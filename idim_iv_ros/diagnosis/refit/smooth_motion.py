@@ -1,0 +1,197 @@
+"""The motion on which candidate torques are computed: little noise, and close to the robot's.
+
+The simulated motion has no noise but misses what the model lacks; the measured motion has both.
+Here the measured one counts below a few hertz and the simulated one above: derivatives up to the
+fourth then carry almost no noise of the encoders, and friction changes sign when the robot turned.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from idim_iv_ros.estimation import Instruments
+from idim_iv_ros.model import DynamicParameters, RobotModel
+from idim_iv_ros.signals import Motion, ParallelDecimation, zero_phase_butterworth
+from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
+from idim_iv_ros.types import FloatArray
+
+# Of the decimation cut-off: below this share the measured motion counts.
+_MEASURED_BELOW = 0.9
+_ORDER = 2
+_SMALL = 1e-5  # rad (m), of a numerical derivative
+# Samples for each decimated row at which candidates are computed, at least.
+SAMPLES_PER_ROW = 5
+
+
+@dataclass(frozen=True)
+class SmoothMotion:
+    """One recording's motion on a grid between that of the samples and that of the rows.
+
+    Attributes
+    ----------
+    robot : RobotModel
+    links, whole : DynamicParameters
+        Of the refit: the rigid bodies alone, and with drives and friction.
+    rate : float
+        Hz, of this grid.
+    time : (s,) s
+        Of the session (`recording.session`).
+    position, velocity, acceleration : (s, n_joints)
+        rad, rad/s, rad/s² (m …).
+    slip : (s, n_joints)
+        Dry friction as a share of its level, −1 to 1: the sign of the speed, and between while
+        the simulated joint sticks.
+    decimation : ParallelDecimation
+        From this grid to the rows of the regression.
+    kept : (m, n_joints) bool
+        Rows that count.
+    """
+
+    robot: RobotModel
+    links: DynamicParameters
+    whole: DynamicParameters
+    rate: float
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    slip: FloatArray
+    decimation: ParallelDecimation
+    kept: NDArray[np.bool_]
+
+    @cached_property
+    def load(self) -> FloatArray:
+        """(s, n_joints) N m: torque of the links alone, without drives and friction."""
+        return self._torque(self.links)
+
+    @cached_property
+    def torque(self) -> FloatArray:
+        """(s, n_joints) N m: torque of the refit, its dry friction as it sticks and slips."""
+        slippery = replace(self.whole, coulomb=np.zeros_like(self.whole.coulomb))
+        return self._torque(slippery) + self.whole.coulomb * self.slip
+
+    @cached_property
+    def inertia(self) -> FloatArray:
+        """(s, n_joints, n_joints) kg m²: mass matrix of the links alone."""
+        return mass_matrix(self.robot, self.links, self.position)
+
+    def slope(self, joint: int) -> FloatArray:
+        """(s, n_joints) N m/rad: change of the links' torques as a joint's position moves."""
+        if joint not in self._slopes:
+            position = self.position.copy()
+            position[:, joint] += _SMALL
+            moved = inverse_dynamics(
+                self.robot, self.links, position, self.velocity, self.acceleration
+            )
+            self._slopes[joint] = (moved - self.load) / _SMALL
+        return self._slopes[joint]
+
+    @cached_property
+    def _slopes(self) -> dict[int, FloatArray]:
+        return {}
+
+    def moved(self, joint: int, shift: FloatArray, *, links: bool) -> FloatArray:
+        """Change of all torques (s, n_joints) when a joint moves by a small `shift` (s,) rad.
+
+        `links`: of the links alone (what is behind the shaft), else of everything.
+        """
+        position = self.position.copy()
+        velocity = self.velocity.copy()
+        acceleration = self.acceleration.copy()
+        rate = np.gradient(shift, 1.0 / self.rate)
+        position[:, joint] += shift
+        velocity[:, joint] += rate
+        acceleration[:, joint] += np.gradient(rate, 1.0 / self.rate)
+        parameters = self.links if links else self.whole
+        moved = inverse_dynamics(self.robot, parameters, position, velocity, acceleration)
+        return moved - self._torque(parameters)
+
+    def rows(self, values: FloatArray) -> FloatArray:
+        """Decimate values (s, …) of this grid to all rows (m, …), counting or not."""
+        return self.decimation.whole(values)
+
+    def with_parameters(self, links: DynamicParameters, whole: DynamicParameters) -> "SmoothMotion":
+        """Return the same motion with other parameters."""
+        return replace(self, links=links, whole=whole)
+
+    def _torque(self, parameters: DynamicParameters) -> FloatArray:
+        return inverse_dynamics(
+            self.robot, parameters, self.position, self.velocity, self.acceleration
+        )
+
+
+def smooth_motions(
+    robot: RobotModel,
+    links: DynamicParameters,
+    whole: DynamicParameters,
+    motions: Sequence[Motion],
+    starts: Sequence[float],
+    instruments: Instruments,
+    slips: Sequence[FloatArray | None],
+    cutoff: float,
+) -> tuple[SmoothMotion, ...]:
+    """Join measured and simulated motion, one for each recording.
+
+    Parameters
+    ----------
+    motions
+        Filtered measurements.
+    starts
+        Of each recording in the time of the session, s.
+    instruments
+        Simulated motion.
+    slips
+        Simulated dry friction of the span, (n_samples, n_joints); None where there is none.
+    cutoff
+        Of the decimation, Hz.
+    """
+    made = []
+    for motion, start, states, slip in zip(motions, starts, instruments.states, slips, strict=True):
+        samples = motion.span.stop - motion.span.start
+        measured = motion.derivatives(0, samples)
+        simulated = states(0, samples)
+        rate = motion.signals.rate
+        below = [
+            zero_phase_butterworth(m - s, rate=rate, cutoff=_MEASURED_BELOW * cutoff, order=_ORDER)
+            for m, s in zip(measured, simulated, strict=True)
+        ]
+        joined = [s + d for s, d in zip(simulated, below, strict=True)]
+        kept = motion.decimation.kept
+        stride = _stride(motion.decimation.factor)
+        grid = slice(int(kept[0]), int(kept[-1]) + 1 + motion.decimation.factor // 2, stride)
+        time = start + (motion.span.start + np.arange(samples)[grid]) / rate
+        made.append(
+            SmoothMotion(
+                robot=robot,
+                links=links,
+                whole=whole,
+                rate=rate / stride,
+                time=time,
+                position=joined[0][grid],
+                velocity=joined[1][grid],
+                acceleration=joined[2][grid],
+                slip=_averaged(np.sign(joined[1]) if slip is None else slip, stride)[grid],
+                decimation=ParallelDecimation(
+                    motion.decimation.factor // stride, len(time), motion.decimation.edge
+                ),
+                kept=motion.kept,
+            )
+        )
+    return tuple(made)
+
+
+def _averaged(slip: FloatArray, stride: int) -> FloatArray:
+    """Mean over the samples of the coarser grid: it keeps when a joint turned."""
+    return np.asarray(uniform_filter1d(slip, stride, axis=0, mode="nearest"))
+
+
+def _stride(factor: int) -> int:
+    """Largest divisor of the decimation factor that leaves enough samples for each row."""
+    for stride in range(max(factor // SAMPLES_PER_ROW, 1), 0, -1):
+        if factor % stride == 0:
+            return stride
+    return 1

@@ -1,0 +1,449 @@
+"""What a diagnosis found: plain values that are saved, reported and published."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from idim_iv_ros.formats import GAP_FORMAT
+from idim_iv_ros.recording import SessionPart
+from idim_iv_ros.types import FloatArray
+
+FORMAT = GAP_FORMAT
+
+Verdict = Literal["none", "parametric", "structural", "both", "unknown"]
+Kind = Literal["parametric", "structural"]
+Family = Literal["velocity", "position", "load", "time", "frequency", "event"]
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One number of an effect; `std` is None where it cannot be told."""
+
+    value: float
+    std: float | None
+    unit: str
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Why an effect is believed.
+
+    Attributes
+    ----------
+    statistic : float
+        Twice the logarithm of the likelihood ratio, of whitened residuals, with and without
+        (structural); Wald statistic of the change of the parameters (parametric).
+    p_value : float
+        With the choice among all candidates paid for (Bonferroni).
+    held_out_gain : float or None
+        Share of the energy of the whitened residual that goes, on blocks not used to fit; None
+        where it cannot be told.
+    folds_positive : str
+        On how many of the held-out blocks the effect helps: ``5 of 6``.
+    """
+
+    statistic: float
+    p_value: float
+    held_out_gain: float | None
+    folds_positive: str
+
+
+@dataclass(frozen=True)
+class Indistinguishable:
+    """An effect that explains the recording as well as the accepted one.
+
+    `correlation`: of the torques that both would add, less what the model absorbs, 0 to 1.
+    """
+
+    effect: str
+    joint: str | None
+    correlation: float
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A gap before and after one step, on data not used to fit.
+
+    Attributes
+    ----------
+    before, after : float
+        RMS, N m or rad (N, m for a prismatic joint).
+    noise_floor : float or None
+        RMS that no model can pass; None where it is unknown.
+    shrinkage : float or None
+        Share of the part above the noise floor that goes: (before − after) / (before − floor);
+        where the floor is unknown, 1 − after / before.
+    ci95 : (low, high) or None
+        Of the shrinkage, by a bootstrap over blocks of time.
+    """
+
+    before: float
+    after: float
+    noise_floor: float | None
+    shrinkage: float | None
+    ci95: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class JointChange:
+    """What one cause takes of the torque gap at one joint.
+
+    Attributes
+    ----------
+    joint : str
+    before, after : float
+        RMS of the torque gap, beside the causes before it, N m (N).
+    share_of_torque : float
+        Root of before² − after², as a share of the joint's torque (rms); negative where the gap
+        grows.
+    """
+
+    joint: str
+    before: float
+    after: float
+    share_of_torque: float
+
+
+@dataclass(frozen=True)
+class ParameterError:
+    """What parameter errors make of the nominal model's torque gap at one joint, rms, N m (N).
+
+    Attributes
+    ----------
+    joint : str
+    given : float
+        Of the nominal model.
+    named : float
+        With the parametric causes that are listed.
+    refit : float
+        With new base parameters.
+    remaining : float
+        Root of named² − refit²: the parameter error that no listed cause accounts for.
+    share_of_torque : float
+        Of that, as a share of the joint's torque (rms).
+    """
+
+    joint: str
+    given: float
+    named: float
+    refit: float
+    remaining: float
+    share_of_torque: float
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One accepted cause of the gap.
+
+    Attributes
+    ----------
+    effect : str
+        Name in the catalogue.
+    kind : str
+    joint : str or None
+        None where the cause belongs to no joint.
+    other_joint : str or None
+        The second joint of a coupling.
+    parameters : dict of str to EffectParameter
+    evidence : Evidence
+    indistinguishable_from : tuple of Indistinguishable
+    torque_gap : Gap
+        At the joint; over all joints where it belongs to none.
+    simulation_gap : Gap or None
+        Tracking error of the simulated closed loop against the recorded one; None where the
+        loop cannot be simulated.
+    sentence : str
+        What a robot engineer should read: where, what, how large, how far the gap shrinks.
+    joint_gaps : tuple of JointChange
+        Joints whose torque gap it changes noticeably, its own first.
+    """
+
+    effect: str
+    kind: Kind
+    joint: str | None
+    other_joint: str | None
+    parameters: dict[str, EffectParameter]
+    evidence: Evidence
+    indistinguishable_from: tuple[Indistinguishable, ...]
+    torque_gap: Gap
+    simulation_gap: Gap | None
+    sentence: str
+    joint_gaps: tuple[JointChange, ...] = ()
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What no effect of the catalogue explains.
+
+    `share`: of the energy of the whitened residual at that joint, 0 to 1: what a function without
+    a name takes off that of the refit; of events, what the largest hundredth of the samples hold.
+    """
+
+    joint: str
+    family: Family
+    share: float
+    where: str
+
+
+@dataclass(frozen=True)
+class JointGap:
+    """The gap of the nominal model at one joint.
+
+    Attributes
+    ----------
+    joint : str
+    rms : float
+        N m (N), of the nominal model (of the refit where no model is given).
+    relative_percent : float or None
+        100 ‖y − X β₀‖ / ‖y‖.
+    share : float
+        Of the whole gap, each joint's energy divided by that of its torque, 0 to 1.
+    noise_floor : float or None
+        N m (N).
+    floor_origin : str
+        ``repeats`` or ``lower bound``, in words for the report.
+    """
+
+    joint: str
+    rms: float
+    relative_percent: float | None
+    share: float
+    noise_floor: float | None
+    floor_origin: str
+
+
+@dataclass(frozen=True)
+class Regime:
+    """Part of one joint's samples.
+
+    Attributes
+    ----------
+    joint : str
+    axis : str
+        ``speed``, ``direction``, ``position``, ``load``, ``time``, ``reversal`` (distance since
+        the last one) or ``frequency``.
+    low, high : float
+        Of the axis, in `unit`.
+    unit : str
+    energy_share, occupancy : float
+        Share of the joint's gap energy, and of its samples, 0 to 1.
+    lift : float
+        energy_share / occupancy.
+    ci95 : (low, high) or None
+        Of the lift, by a bootstrap over blocks of time.
+    """
+
+    joint: str
+    axis: str
+    low: float
+    high: float
+    unit: str
+    energy_share: float
+    occupancy: float
+    lift: float
+    ci95: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class NotTestable:
+    """An effect that this recording cannot show.
+
+    `smallest` says, in words with its unit, the smallest size that would be seen; empty where no
+    size would.
+    """
+
+    effect: str
+    joint: str | None
+    reason: str
+    excitation_needed: str
+    smallest: str = ""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One model on the way from the given to the extended one.
+
+    Attributes
+    ----------
+    name : str
+        ``given``, ``refit``, ``+stribeck[joint_1]`` …
+    torque_rms : dict of joint to float
+        On data not used to fit, N m (N).
+    torque_ci95 : dict of joint to (low, high)
+    tracking_rms : dict of joint to float, or None
+        Difference between the simulated and the recorded motion, rad (m); None where the loop
+        cannot be simulated or diverges.
+    note : str
+        Why something is missing; empty otherwise.
+    """
+
+    name: str
+    torque_rms: dict[str, float]
+    torque_ci95: dict[str, tuple[float, float]]
+    tracking_rms: dict[str, float] | None
+    note: str
+
+
+@dataclass(frozen=True)
+class Confusability:
+    """How alike candidates are on this recording, from the motion alone.
+
+    Attributes
+    ----------
+    joint : str
+    effects : tuple of str
+    correlation : (n, n)
+        Largest canonical correlation of what the model does not absorb.
+    absorbed : (n,)
+        Share of each candidate's energy that the model absorbs.
+    smallest : tuple of str
+        Smallest size that would be seen, in words with its unit.
+    """
+
+    joint: str
+    effects: tuple[str, ...]
+    correlation: FloatArray
+    absorbed: FloatArray
+    smallest: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class GapSeries:
+    """Rows of one joint over all recordings, for the figures; (r,) each.
+
+    Attributes
+    ----------
+    joint : str
+    time : s
+        Of the session (`recording.session`): it increases.
+    torque, given, refit, extended : N m (N)
+        Measured, and of three models; `given` is None without a nominal model.
+    position, speed : rad, rad/s
+    load : N m
+        Torque of the rigid bodies alone.
+    since_reversal : rad
+        Distance since the last reversal.
+    step : s
+        Between two rows.
+    """
+
+    joint: str
+    time: FloatArray
+    torque: FloatArray
+    given: FloatArray | None
+    refit: FloatArray
+    extended: FloatArray
+    position: FloatArray
+    speed: FloatArray
+    load: FloatArray
+    since_reversal: FloatArray
+    step: float
+
+
+@dataclass(frozen=True)
+class SignalChain:
+    """What lies between the law and the torque: a property of the recording, and no cause.
+
+    Attributes
+    ----------
+    effort_shift : EffectParameter
+        Time from the recorded effort to the torque on the joints, s; it was taken out before causes
+        were looked for. Zero with `std` None where none can be said.
+    periods : float
+        The same in periods of the control.
+    joint_shifts : dict of joint to EffectParameter
+        Each joint's own, s.
+    differing : tuple of str
+        Joints that do not share the common shift.
+    law_speed : str or None
+        The speed with which the configured law explains the commands best, in words; None where
+        the commands cannot be compared with a law.
+    """
+
+    effort_shift: EffectParameter
+    periods: float
+    joint_shifts: dict[str, EffectParameter]
+    differing: tuple[str, ...]
+    law_speed: str | None
+
+
+@dataclass(frozen=True)
+class TrackingSeries:
+    """Tracking error of one joint in one recording, thinned for the figures; (s,) each, rad."""
+
+    joint: str
+    bag: str
+    time: FloatArray
+    measured: FloatArray
+    before: FloatArray | None
+    after: FloatArray | None
+
+
+@dataclass(frozen=True)
+class GapResult:
+    """Outcome of a diagnosis; see the classes above.
+
+    Attributes
+    ----------
+    robot : str
+    joints, joint_types : tuple of str
+    bags : tuple of str
+    software, configuration : dict
+    without : tuple of str
+        Effects that were left out of the catalogue.
+    verdict : str
+    summary : str
+        One paragraph that a robot engineer can act on.
+    causes : tuple of Cause
+        Strongest first.
+    unexplained : Unexplained or None
+    joint_gaps : tuple of JointGap
+    regimes : tuple of Regime
+        Largest lift first.
+    findings : tuple of str
+        The top regimes in words.
+    not_testable : tuple of NotTestable
+    stages : tuple of Stage
+    confusability : tuple of Confusability
+    series : tuple of GapSeries
+    tracking : tuple of TrackingSeries
+    notes : tuple of str
+        What could not be done and why.
+    extended_parameters : dict of str to EffectParameter
+        Base parameters of the extended model.
+    timing : dict of str to float
+        Seconds by stage.
+    recorded : float or None
+        Length of all recordings together, without the pauses between them, s.
+    session : tuple of SessionPart
+        Where each recording lies in the time of the session, in the order of `bags`.
+    parameter_errors : tuple of ParameterError
+        One for each joint; empty without a nominal model.
+    signal_chain : SignalChain or None
+    """
+
+    robot: str
+    joints: tuple[str, ...]
+    joint_types: tuple[str, ...]
+    bags: tuple[str, ...]
+    software: dict[str, str]
+    configuration: dict[str, object]
+    without: tuple[str, ...]
+    verdict: Verdict
+    summary: str
+    causes: tuple[Cause, ...]
+    unexplained: Unexplained | None
+    joint_gaps: tuple[JointGap, ...]
+    regimes: tuple[Regime, ...]
+    findings: tuple[str, ...]
+    not_testable: tuple[NotTestable, ...]
+    stages: tuple[Stage, ...]
+    confusability: tuple[Confusability, ...]
+    series: tuple[GapSeries, ...]
+    tracking: tuple[TrackingSeries, ...]
+    notes: tuple[str, ...]
+    extended_parameters: dict[str, EffectParameter]
+    timing: dict[str, float] = field(default_factory=dict)
+    recorded: float | None = None
+    session: tuple[SessionPart, ...] = ()
+    parameter_errors: tuple[ParameterError, ...] = ()
+    signal_chain: SignalChain | None = None

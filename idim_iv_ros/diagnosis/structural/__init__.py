@@ -1,0 +1,1 @@
+"""Structural causes: effects that the nominal model does not have."""

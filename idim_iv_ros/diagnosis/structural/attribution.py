@@ -1,0 +1,271 @@
+"""Which effects explain what the refit leaves, found one after the other."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.identifiability.motion_limits import cannot_show
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.structural.candidate import Candidate
+from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression, Scan
+from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
+from idim_iv_ros.diagnosis.structural.search import Grids, Search
+from idim_iv_ros.effects.effect import Effect, Place
+from idim_iv_ros.types import FloatArray
+
+MOST_EFFECTS = 4
+# Share of the whitened residual's energy that it must explain.
+LEAST_SHARE = 0.01
+# Of the gap that the candidate with the widest reach closes, what the one to be named must close.
+LEAST_REACH = 0.67
+# Candidates that bring this much less are not better or worse.
+ALIKE = 6.0
+LEAST_CORRELATION = 0.5
+# Of the support of a flexible function, what an effect of the catalogue must reach to be named.
+FIT_OF_THE_NAMED = 0.75
+# Of the support of a named effect at the same joint, what such a function must bring beside it.
+LEAST_BESIDE_A_NAME = 0.33
+
+
+@dataclass(frozen=True)
+class Found:
+    """An accepted effect and what cannot be told from it."""
+
+    candidate: Candidate
+    indistinguishable_from: tuple[tuple[Candidate, float], ...]
+
+
+@dataclass(frozen=True)
+class Attribution:
+    """Outcome of the search.
+
+    Attributes
+    ----------
+    regression : Regression
+        Of the refit.
+    refit : Fit
+        Without effects.
+    found : tuple of Found
+        In the order in which they were accepted.
+    extended : Regression
+    fit : Fit
+        With all accepted effects.
+    tried : int
+        Shapes that were tried at first, over all effects and places.
+    """
+
+    regression: Regression
+    refit: Fit
+    found: tuple[Found, ...]
+    extended: Regression
+    fit: Fit
+    tried: int
+
+
+def attribute(
+    data: Baseline,
+    regression: Regression,
+    catalogue: Sequence[Effect],
+    progress: Callable[[str, float], None] | None = None,
+) -> Attribution:
+    """Accept the best effect beside those accepted before, until none is worth it."""
+    refit = regression.fit()
+    covered = operating_range(data)
+    found: list[Found] = []
+    current, fit = regression, refit
+    grids: Grids = {}
+    tried = 0
+    known: dict[tuple[Effect, Place], Candidate | None] = {}
+    for _ in range(MOST_EFFECTS + len(data.joints)):
+        if len(found) >= MOST_EFFECTS:
+            break
+        search = Search(data, covered, current, fit, grids)
+        candidates = _all(search, catalogue, found, known, progress)
+        tried = tried or sum(each.tried for each in candidates)
+        candidates = [each for each in candidates if _not_a_patch(each, found)]
+        best = named_first(with_reach(candidates))
+        best = None if best is None else search.again(best)
+        if best is None or not worth(best):
+            break
+        found.append(Found(best, alike(search, best, candidates)))
+        current, fit = current.with_columns(best.columns), best.fit
+        if len(found) > 1:
+            found, current, fit = _revised(search, regression, refit, found, catalogue)
+        _forget(known, set(best.columns))
+    return Attribution(regression, refit, tuple(found), current, fit, tried)
+
+
+def named_first(candidates: Sequence[Candidate]) -> Candidate | None:
+    """Return the best effect of the catalogue, unless a competitor without a name is far better.
+
+    The true shape is seldom that of the catalogue: a flexible function then fits a little better
+    than the right effect. It fits much better than every wrong one.
+    """
+    named = [each for each in candidates if not isinstance(each.effect, Nonparametric)]
+    nameless = [each for each in candidates if isinstance(each.effect, Nonparametric)]
+    best = max(named, key=lambda each: each.support, default=None)
+    rival = max(nameless, key=lambda each: each.support, default=None)
+    if best is None or rival is None:
+        return best or rival
+    least = FIT_OF_THE_NAMED * rival.support - ALIKE
+    return best if best.support >= least else rival
+
+
+def with_reach(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return the candidates that close most of the gap.
+
+    The likelihood alone prefers what is fast and small, where there is little noise, to what is
+    slow and large. That is found too, once the large is in the model.
+    """
+    able = [each for each in candidates if worth(each)]
+    widest = max((each.closed for each in able), default=0.0)
+    return [each for each in able if each.closed >= LEAST_REACH * widest]
+
+
+def worth(candidate: Candidate) -> bool:
+    """Whether a candidate is supported and large enough to matter."""
+    rows = sum(len(candidate.fit.residuals[joint]) for joint in candidate.own_joints)
+    share = 1.0 - np.exp(-2.0 * candidate.gain / rows)
+    return bool(
+        candidate.support >= candidate.effect.least_support
+        and share >= LEAST_SHARE
+        and candidate.closed >= LEAST_SHARE
+    )
+
+
+def alike(
+    search: Search, best: Candidate, candidates: Sequence[Candidate]
+) -> tuple[tuple[Candidate, float], ...]:
+    """Candidates as good as the best whose torque is much the same: (candidate, correlation)."""
+    least = best.support - ALIKE
+    close = []
+    for other in candidates:
+        if other.key == best.key or other.support < least:
+            continue
+        correlation = _correlation(search.scan, best, other)
+        if correlation >= LEAST_CORRELATION:
+            close.append((other, correlation))
+    return tuple(close)
+
+
+def _correlation(scan: Scan, first: Candidate, second: Candidate) -> float:
+    """Of the torques that both add, whitened, less what the model absorbs."""
+    one = scan.whiten(_torque(first))
+    two = scan.whiten(_torque(second))
+    energy = float(scan.normal(one, one)[0, 0] * scan.normal(two, two)[0, 0])
+    if energy <= 0.0 or not set(one) & set(two):
+        return 0.0
+    return float(abs(scan.normal(one, two)[0, 0]) / np.sqrt(energy))
+
+
+def _torque(candidate: Candidate) -> dict[int, FloatArray]:
+    return {
+        joint: (rows @ candidate.coefficients)[:, None] for joint, rows in candidate.columns.items()
+    }
+
+
+def _all(
+    search: Search,
+    catalogue: Sequence[Effect],
+    found: Sequence[Found],
+    known: dict[tuple[Effect, Place], Candidate | None],
+    progress: Callable[[str, float], None] | None,
+) -> list[Candidate]:
+    taken = {each.candidate.key for each in found}
+    jobs: list[tuple[Effect, Place]] = [
+        (effect, place)
+        for effect in catalogue
+        for place in effect.places(len(search.data.joints))
+        if (effect.name, place.joint, place.other) not in taken
+        and not cannot_show(effect, place.joint, search.covered)
+    ]
+    for number, (effect, place) in enumerate(jobs):
+        if (effect, place) in known:
+            continue
+        if progress is not None:
+            joint = search.data.joints[place.joint]
+            progress(f"trying {effect.name} at {joint}", number / len(jobs))
+        known[(effect, place)] = search.best(effect, place)
+    candidates = [known[job] for job in jobs]
+    return [candidate for candidate in candidates if candidate is not None]
+
+
+def _not_a_patch(candidate: Candidate, found: Sequence[Found]) -> bool:
+    """Whether a function without a name is more than the misfit of a named effect.
+
+    The shape of an effect is never exactly that of the catalogue: what a flexible function of the
+    same family explains beside it, or a little beside it at the same joint, is no other cause.
+    """
+    if not isinstance(candidate.effect, Nonparametric):
+        return True
+    for other in (each.candidate for each in found):
+        if isinstance(other.effect, Nonparametric) or not set(other.columns) & set(
+            candidate.columns
+        ):
+            continue
+        same = other.effect.family == candidate.effect.family
+        least = LEAST_BESIDE_A_NAME * other.support
+        if same or candidate.support < least:
+            return False
+    return True
+
+
+def _forget(known: dict[tuple[Effect, Place], Candidate | None], joints: set[int]) -> None:
+    """Drop what was found at joints whose residual has changed since."""
+    for effect, place in list(known):
+        if place.joint in joints or place.other in joints:
+            del known[(effect, place)]
+
+
+def _revised(
+    before: Search,
+    regression: Regression,
+    refit: Fit,
+    found: list[Found],
+    catalogue: Sequence[Effect],
+) -> tuple[list[Found], Regression, Fit]:
+    """Look at each effect again beside the others: its shape, its rivals, whether it is needed."""
+    data, covered, grids = before.data, before.covered, before.grids
+    newest = found[-1]
+    by_name = {effect.name: effect for effect in catalogue}
+    kept = list(found)
+    for number in range(len(found)):
+        this = kept[number] if number < len(kept) else None
+        if this is None:
+            break
+        if this is not newest and not set(this.candidate.columns) & set(newest.candidate.columns):
+            continue
+        others = regression
+        for other in kept:
+            if other is not this:
+                others = others.with_columns(other.candidate.columns)
+        fit = others.fit(refit.noise_models)
+        search = Search(data, covered, others, fit, grids)
+        options = {this.candidate.key: (this.candidate.effect, this.candidate.place)}
+        joint = this.candidate.place.joint
+        for name in by_name:
+            for place in by_name[name].places(len(data.joints)):
+                if name in this.candidate.effect.confounders and place.joint == joint:
+                    options[(name, place.joint, place.other)] = (by_name[name], place)
+        for rival, _ in this.indistinguishable_from:
+            options[rival.key] = (rival.effect, rival.place)
+        taken = {other.candidate.key for other in kept if other is not this}
+        again = [
+            search.best(effect, place)
+            for key, (effect, place) in options.items()
+            if key not in taken
+        ]
+        usable = [candidate for candidate in again if candidate is not None]
+        best = named_first(with_reach(usable))
+        if best is None or not worth(best):
+            kept.remove(this)
+        else:
+            kept[number] = replace(
+                this, candidate=best, indistinguishable_from=alike(search, best, usable)
+            )
+    current = regression
+    for each in kept:
+        current = current.with_columns(each.candidate.columns)
+    return kept, current, current.fit(refit.noise_models)

@@ -1,0 +1,254 @@
+"""From accepted effects to causes with numbers, evidence and a sentence."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from idim_iv_ros.diagnosis.held_out.held_out import HeldOut
+from idim_iv_ros.diagnosis.joint_units import in_units_of, unit_at
+from idim_iv_ros.diagnosis.localisation.joint_gaps import signed_share
+from idim_iv_ros.diagnosis.parametric.errors_beyond_base import ErrorBeyondBase
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.result import (
+    Cause,
+    EffectParameter,
+    Evidence,
+    Gap,
+    Indistinguishable,
+    JointChange,
+)
+from idim_iv_ros.diagnosis.structural.attribution import Attribution, Found
+from idim_iv_ros.diagnosis.structural.deviations import parameters_of
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
+from idim_iv_ros.effects.effect import Place
+from idim_iv_ros.simulation import SimulatedEffect
+
+# Of the residual's energy that the stronger effect at a joint closes.
+LEAST_BESIDE = 0.03
+# Share of a joint's torque (rms) below which what has no name is no reason to doubt the simulator.
+LEAST_NONPARAMETRIC = 0.01
+
+
+@dataclass(frozen=True)
+class NamedModel:
+    """The refit with the effects that have a name.
+
+    Attributes
+    ----------
+    found : tuple of Found
+        In the order in which they were accepted.
+    nameless : tuple of Found
+        Functions without a name that explain more than any effect does.
+    regression : Regression
+        With one block for each of `found`.
+    fits : tuple of Fit
+        Of the refit, and with the first, the first two … effects.
+    """
+
+    found: tuple[Found, ...]
+    nameless: tuple[Found, ...]
+    regression: Regression
+    fits: tuple[Fit, ...]
+
+    def with_nonparametric(self, sizes: Sequence[float]) -> Regression:
+        """With what has no name where it matters, and the constants of the effects' laws.
+
+        Parameters
+        ----------
+        sizes
+            RMS of the torque of each joint, N m (N).
+        """
+        regression = self.regression
+        for each in self.nameless:
+            if each.candidate.share_of_torque(sizes) >= LEAST_NONPARAMETRIC:
+                regression = regression.with_columns(each.candidate.columns)
+        for each in self.found:
+            if each.candidate.effect.with_constant:
+                constants = {
+                    joint: np.ones((len(rows), 1)) for joint, rows in each.candidate.columns.items()
+                }
+                regression = regression.with_columns(constants)
+        return regression
+
+    @property
+    def fit(self) -> Fit:
+        """With all effects."""
+        return self.fits[-1]
+
+
+def named_model(attribution: Attribution) -> NamedModel:
+    """Keep the effects with a name, except those that patch what has none at the same joint."""
+    kept: list[Found] = []
+    nameless: list[Found] = []
+    for each in attribution.found:
+        if isinstance(each.candidate.effect, ErrorBeyondBase):
+            continue
+        if isinstance(each.candidate.effect, Nonparametric):
+            nameless.append(each)
+        elif not any(
+            set(other.candidate.columns) & set(each.candidate.columns) for other in nameless
+        ):
+            kept.append(each)
+    model = built_model(attribution, kept, nameless)
+    small = _corrections(model)
+    if small:
+        model = built_model(attribution, [each for each in kept if each not in small], nameless)
+    return model
+
+
+def built_model(
+    attribution: Attribution, found: Sequence[Found], nameless: Sequence[Found]
+) -> NamedModel:
+    """Add effects one after the other to the refit."""
+    regression = attribution.regression
+    fits = [attribution.refit]
+    for each in found:
+        regression = regression.with_columns(each.candidate.columns)
+        fits.append(regression.fit(fits[-1].noise_models, steps=2))
+    return NamedModel(tuple(found), tuple(nameless), regression, tuple(fits))
+
+
+def _corrections(model: NamedModel) -> list[Found]:
+    """Effects that close almost nothing beside a stronger one at the same joint.
+
+    They correct the shape that the catalogue gives the stronger one.
+    """
+    closed = []
+    for each, before, after in zip(model.found, model.fits[:-1], model.fits[1:], strict=True):
+        joint = each.candidate.place.joint
+        energy = [float(fit.residuals[joint] @ fit.residuals[joint]) for fit in (before, after)]
+        closed.append((joint, energy[0] - energy[1], each.candidate.gain))
+    return [
+        each
+        for each, (joint, energy, gain) in zip(model.found, closed, strict=True)
+        if any(
+            other == joint and larger > gain and energy < LEAST_BESIDE * best
+            for other, best, larger in closed
+        )
+    ]
+
+
+def effect_parameters(model: NamedModel, number: int) -> dict[str, EffectParameter]:
+    """Parameters of one effect in the model with all of them, its shape held."""
+    candidate = model.found[number].candidate
+    start = sum(model.regression.widths[:number])
+    part = slice(start, start + candidate.width)
+    deviations = np.sqrt(np.maximum(np.diag(model.fit.coefficient_covariance)[part], 0.0))
+    return candidate.effect.parameters(candidate.shape, model.fit.coefficients[part], deviations)
+
+
+def simulated_effects(
+    data: Baseline, causes: Sequence[tuple[str, Place, dict[str, EffectParameter]]]
+) -> list[SimulatedEffect]:
+    """Effects as the simulator takes them."""
+    return [
+        SimulatedEffect(
+            name,
+            data.joints[place.joint],
+            {key: parameter.value for key, parameter in parameters.items()},
+            None if place.other is None else data.joints[place.other],
+        )
+        for name, place, parameters in causes
+    ]
+
+
+def label(data: Baseline, found: Found) -> str:
+    """Name of the stage that an effect adds."""
+    return f"+{found.candidate.effect.name}[{data.joints[found.candidate.place.joint]}]"
+
+
+def structural_causes(
+    data: Baseline,
+    model: NamedModel,
+    tested: HeldOut,
+    simulations: Sequence[Gap | None],
+    tried: int,
+) -> list[Cause]:
+    """One cause for each named effect.
+
+    Parameters
+    ----------
+    tested
+        Held-out residuals of the stages of `model`.
+    simulations
+        Gap of the simulated motion that each effect closes.
+    tried
+        Shapes that were tried in all; every p-value pays for them.
+    """
+    causes = []
+    for number, (found, simulation) in enumerate(zip(model.found, simulations, strict=True)):
+        candidate = found.candidate
+        joint = data.joints[candidate.place.joint]
+        other = candidate.place.other
+        stage = tested.refit + number
+        gap = tested.gap(stage, stage + 1, candidate.place.joint)
+        gain, helped, folds = tested.gain(number)
+        numbers = parameters_of(
+            data, model.regression, model.fit, candidate, sum(model.regression.widths[:number])
+        )
+        parameters = in_units_of(data, candidate.place.joint, numbers)
+        statistic = max(2.0 * candidate.gain, 0.0)
+        causes.append(
+            Cause(
+                effect=candidate.effect.name,
+                kind="structural",
+                joint=joint,
+                other_joint=None if other is None else data.joints[other],
+                parameters=parameters,
+                evidence=Evidence(
+                    statistic=statistic,
+                    p_value=min(1.0, tried * float(chi2.sf(statistic, candidate.numbers))),
+                    held_out_gain=gain,
+                    folds_positive=f"{helped} of {folds}",
+                ),
+                indistinguishable_from=tuple(
+                    Indistinguishable(
+                        rival.effect.name, data.joints[rival.place.joint], correlation
+                    )
+                    for rival, correlation in found.indistinguishable_from
+                    if not isinstance(rival.effect, Nonparametric)
+                ),
+                torque_gap=gap,
+                simulation_gap=simulation,
+                sentence=_sentence(data, found, gap, gain),
+                joint_gaps=(_joint_change(data, candidate.place.joint, gap),),
+            )
+        )
+    return causes
+
+
+def _joint_change(data: Baseline, joint: int, gap: Gap) -> JointChange:
+    share = signed_share(gap.before, gap.after, data.torque_sizes[joint])
+    return JointChange(data.joints[joint], gap.before, gap.after, share)
+
+
+def _sentence(data: Baseline, found: Found, gap: Gap, gain: float) -> str:
+    candidate = found.candidate
+    joint = data.joints[candidate.place.joint]
+    unit = unit_at(data, candidate.place.joint, "N m")
+    words = candidate.effect.name.replace("_", " ")
+    where = joint
+    if candidate.place.other is not None:
+        where = f"{joint} and {data.joints[candidate.place.other]}"
+    text = (
+        f"{words} at {where}: the torque gap at {joint} falls from {gap.before:.3g} to "
+        f"{gap.after:.3g} {unit} on data not used to fit"
+    )
+    if gap.noise_floor is not None:
+        text += f" (noise {gap.noise_floor:.3g} {unit})"
+    rivals = [
+        f"{rival.effect.name.replace('_', ' ')} at {data.joints[rival.place.joint]}"
+        for rival, _ in found.indistinguishable_from
+        if not isinstance(rival.effect, Nonparametric)
+    ]
+    if rivals:
+        text += f"; this recording cannot tell it from {', '.join(rivals)}"
+    if gain <= 0.0:
+        text += "; on held-out data it does not help, so do not rely on it"
+    elif gap.ci95 is not None and gap.ci95[0] <= 0.0:
+        low, high = (100.0 * limit for limit in gap.ci95)
+        text += f"; {low:.0f} to {high:.0f} % less, so that this may be chance"
+    return text

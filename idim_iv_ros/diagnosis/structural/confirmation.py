@@ -1,0 +1,114 @@
+"""Effects that also hold on data not used to fit them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.held_out.held_out import HeldOut, held_out
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat
+from idim_iv_ros.diagnosis.structural.attribution import Attribution, Found
+from idim_iv_ros.diagnosis.structural.causes import NamedModel, built_model, label, named_model
+from idim_iv_ros.diagnosis.structural.deviations import differs_from_nothing
+from idim_iv_ros.types import FloatArray
+
+# Share of the whitened residual's energy that an effect must take on data not used to fit, and of
+# the folds on which it must help.
+_LEAST_GAIN, _LEAST_FOLDS = 0.02, 0.75
+# Of the folds where the effect changes with time: much of a drift may lie in a part of the session.
+_LEAST_FOLDS_OF_DRIFT = 0.5
+
+
+def confirmed(
+    data: Baseline,
+    attribution: Attribution,
+    model: NamedModel,
+    floors: Sequence[NoiseFloor],
+    repeats: Sequence[Repeat],
+    given: FloatArray | None,
+) -> tuple[NamedModel, HeldOut]:
+    """Drop effects that do not help on data not used to fit, and test again without them.
+
+    Effects whose size may be zero at 95 % go, too: `effect_deviations.differs_from_nothing`.
+
+    Parameters
+    ----------
+    model
+        With all effects that have a name.
+    floors
+        Of the noise of each joint.
+    repeats
+        Recordings that repeat one another are held out together.
+    given
+        (b,) base parameters of the nominal model, None where there is none.
+
+    Returns
+    -------
+    NamedModel, HeldOut
+        The model without them, and the held-out residuals of its stages.
+    """
+
+    def tested(model: NamedModel) -> HeldOut:
+        labels = [label(data, found) for found in model.found]
+        return held_out(
+            data,
+            model.regression,
+            model.fit,
+            labels,
+            floors,
+            repeats,
+            given,
+            interleaved=any(each.candidate.effect.family == "time" for each in model.found),
+        )
+
+    left_out: list[Found] = []
+    while True:
+        result = tested(model)
+        helpful = _helpful(model, result)
+        if len(helpful) < len(model.found):
+            model = built_model(attribution, helpful, model.nameless)
+            result = tested(model)
+        known = sized(data, model)
+        unknown = [each for each in model.found if not any(each is other for other in known)]
+        if not unknown:
+            return model, result
+        # One at a time, the last accepted first: beside it another may be unknown, and not alone.
+        # What only corrected its shape has another chance without it.
+        left_out.append(unknown[-1])
+        rest = [each for each in attribution.found if not any(each is one for one in left_out)]
+        model = named_model(replace(attribution, found=tuple(rest)))
+
+
+def _helpful(model: NamedModel, tested: HeldOut) -> list[Found]:
+    """Effects that help on held-out data."""
+    helpful: list[Found] = []
+    doubtful: set[int] = set()  # joints where what came later may patch what did not hold
+    for number, each in enumerate(model.found):
+        joint = each.candidate.place.joint
+        if joint not in doubtful and _helps(tested, number, each):
+            helpful.append(each)
+        else:
+            doubtful.add(joint)
+    return helpful
+
+
+def sized(data: Baseline, model: NamedModel) -> list[Found]:
+    """Effects whose size is known to differ from zero beside the others."""
+    starts = np.concatenate([[0], np.cumsum(model.regression.widths)]).astype(int)
+    return [
+        each
+        for each, start in zip(model.found, starts[:-1], strict=True)
+        if differs_from_nothing(data, model.regression, model.fit, each.candidate, int(start))
+    ]
+
+
+def _helps(tested: HeldOut, number: int, found: Found) -> bool:
+    """Whether the whitened residual and the torque gap shrink on held-out data, not by chance."""
+    stage = tested.refit + number
+    gap = tested.gap(stage, stage + 1, found.candidate.place.joint)
+    gain, helped, folds = tested.gain(number)
+    sure = gap.after < gap.before if gap.ci95 is None else gap.ci95[0] > 0.0
+    drifts = found.candidate.effect.family == "time"
+    least = _LEAST_FOLDS_OF_DRIFT if drifts else _LEAST_FOLDS
+    return gain >= _LEAST_GAIN and helped >= least * folds and sure

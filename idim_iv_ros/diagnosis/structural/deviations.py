@@ -1,0 +1,157 @@
+"""Numbers of an effect with standard deviations that hold what its shape leaves open.
+
+With its shape held, an excess of friction is known to a percent; a Stribeck speed that is a little
+higher with less excess fits as well. The shape is moved a little in every direction that the search
+may take, the change of the torque is fitted beside everything else, and the covariance of all is
+carried over to the numbers that an engineer reads. The search ends on a grid: how far the fit
+would still move a number counts as its error, too.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.parametric.significance import any_differs
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.result import EffectParameter
+from idim_iv_ros.diagnosis.structural.candidate import Candidate
+from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range, rows_of
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
+from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.types import FloatArray
+
+_STEP = 0.01  # of a number of the shape
+_SMALL = 1e-4  # of a coefficient
+
+
+def parameters_of(
+    data: Baseline, regression: Regression, fit: Fit, candidate: Candidate, start: int
+) -> dict[str, EffectParameter]:
+    """Parameters of one effect among all that were added.
+
+    Parameters
+    ----------
+    regression, fit
+        With all effects.
+    candidate
+        The effect.
+    start
+        Place of its first column among the added ones.
+    """
+    effect, shape = candidate.effect, candidate.shape
+    free = _with_free_shape(data, regression, fit, candidate, start)
+    coefficients = fit.coefficients[start : start + candidate.width]
+    found = effect.parameters(shape, coefficients, free.held)
+    if not free.near:
+        return found
+    slopes = _slopes(effect, shape, coefficients, free.held, free.near)
+    variances = np.einsum("pi,ij,pj->p", slopes, free.covariance, slopes)
+    variances += (slopes @ free.further) ** 2
+    return {
+        name: EffectParameter(
+            each.value, float(np.sqrt(max(variance, 0.0))) if slope.any() else None, each.unit
+        )
+        for (name, each), slope, variance in zip(found.items(), slopes, variances, strict=True)
+    }
+
+
+def differs_from_nothing(
+    data: Baseline, regression: Regression, fit: Fit, candidate: Candidate, start: int
+) -> bool:
+    """Whether the size of an effect is known to differ from zero at 95 %, its shape being free.
+
+    See `significance.any_differs`; of its coefficients, which scale its torque. Where a coefficient
+    only scales a shape, of the numbers that an engineer reads: both together are one number.
+    """
+    free = _with_free_shape(data, regression, fit, candidate, start)
+    width = candidate.width
+    values = fit.coefficients[start : start + width]
+    covariance = free.covariance[:width, :width] + np.diag(free.further[:width] ** 2)
+    if candidate.effect.size_in == "scale":
+        effect, shape = candidate.effect, candidate.shape
+        slopes = _slopes(effect, shape, values, free.held, free.near)
+        read = [each.value for each in effect.parameters(shape, values, free.held).values()]
+        sizes = np.any(slopes[:, :width] != 0.0, axis=1)
+        values, slopes = np.array(read)[sizes], slopes[sizes]
+        covariance = slopes @ free.covariance @ slopes.T + np.diag((slopes @ free.further) ** 2)
+    return any_differs(values, covariance)
+
+
+@dataclass(frozen=True)
+class _FreeShape:
+    """Coefficients of an effect (k,) beside moves of its shape (m,).
+
+    Attributes
+    ----------
+    near : list of Shape
+        One for each move.
+    held : (k,)
+        Deviations with the shape held.
+    covariance : (k + m, k + m)
+    further : (k + m,)
+        How far the fit would still move each.
+    """
+
+    near: list[Shape]
+    held: FloatArray
+    covariance: FloatArray
+    further: FloatArray
+
+
+def _with_free_shape(
+    data: Baseline, regression: Regression, fit: Fit, candidate: Candidate, start: int
+) -> _FreeShape:
+    effect, shape = candidate.effect, candidate.shape
+    own = np.arange(start, start + candidate.width)
+    coefficients = fit.coefficients[own]
+    inner = fit.coefficient_covariance[np.ix_(own, own)]
+    held = np.sqrt(np.maximum(np.diag(inner), 0.0))
+    near = _near(effect, shape, candidate.place, operating_range(data)) if effect.free_shape else []
+    if not near:
+        return _FreeShape([], held, inner, np.zeros(len(own)))
+    here, *moved = rows_of(data, effect, candidate.place, [shape, *near])
+    changes = {
+        joint: np.column_stack([(rows[joint] - here[joint]) @ coefficients for rows in moved])
+        for joint in here
+    }
+    wider = regression.with_columns(changes).fit(fit.noise_models, steps=0)
+    places = np.concatenate([own, len(wider.coefficients) - len(near) + np.arange(len(near))])
+    further = wider.coefficients[places]
+    further[: len(own)] -= coefficients
+    covariance = wider.coefficient_covariance[np.ix_(places, places)]
+    return _FreeShape(near, held, covariance, further)
+
+
+def _near(effect: Effect, shape: Shape, place: Place, covered: OperatingRange) -> list[Shape]:
+    """One neighbour for each number, or numbers that move together, of the shape."""
+    kept: dict[tuple[int, ...], Shape] = {}
+    for near in effect.neighbours(shape, _STEP, place, covered):
+        moved = tuple(k for k, (a, b) in enumerate(zip(near, shape, strict=True)) if a != b)
+        if moved:
+            kept.setdefault(moved, near)
+    return list(kept.values())
+
+
+def _slopes(
+    effect: Effect,
+    shape: Shape,
+    coefficients: FloatArray,
+    held: FloatArray,
+    near: Sequence[Shape],
+) -> FloatArray:
+    """Change of each parameter (p, k + m) with each coefficient and with each move of the shape."""
+
+    def values(shape: Shape, coefficients: FloatArray) -> FloatArray:
+        found = effect.parameters(shape, coefficients, np.zeros(len(coefficients)))
+        return np.array([each.value for each in found.values()])
+
+    here = values(shape, coefficients)
+    slopes = []
+    for k, size in enumerate(np.maximum(np.abs(coefficients), held)):
+        step = _SMALL * max(float(size), 1e-12)
+        changed = coefficients.copy()
+        changed[k] += step
+        slopes.append((values(shape, changed) - here) / step)
+    slopes += [values(other, coefficients) - here for other in near]
+    return np.column_stack(slopes)

@@ -1,0 +1,232 @@
+"""Competitors without a name: flexible functions of one family each.
+
+Where one of them explains the residual better than any effect of the catalogue, in spite of its
+many coefficients, the cause is not in the catalogue: it is described instead of misnamed.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
+from idim_iv_ros.diagnosis.result import EffectParameter, Family
+from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.types import FloatArray
+
+_END = 0.4  # of the range, from either end: where a stop is looked for
+
+
+class Nonparametric(Effect):
+    """A family of functions; its coefficients mean nothing to an engineer."""
+
+    excitation = ""
+    words: str
+
+    def neighbours(
+        self, shape: Shape, step: float, place: Place, covered: OperatingRange
+    ) -> list[Shape]:
+        """None."""
+        return []
+
+    def free_numbers(self, shape: Shape) -> int:
+        """None: knots are fixed."""
+        return 0
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        """Any."""
+        return True
+
+    def parameters(
+        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+    ) -> dict[str, EffectParameter]:
+        """None."""
+        return {}
+
+
+class Curve(Nonparametric):
+    """Σ of hat functions of a variable, times the direction or not; shape: the knots."""
+
+    def __init__(
+        self,
+        name: str,
+        family: Family,
+        words: str,
+        variable: Callable[[SmoothMotion, int], FloatArray],
+        weight: Callable[[SmoothMotion, int], FloatArray],
+        knots: Callable[[OperatingRange, int], FloatArray],
+    ) -> None:
+        self.name = name  # type: ignore[misc]
+        self.family = family  # type: ignore[misc]
+        self.words = words
+        self._variable = variable
+        self._weight = weight
+        self._knots = knots
+
+    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+        """One set of knots."""
+        knots = self._knots(covered, place.joint)
+        return [tuple(float(k) for k in knots)] if np.all(np.diff(knots) > 0.0) else []
+
+    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """See the class."""
+        values = self._variable(motion, place.joint)
+        hats = np.column_stack([np.interp(values, shape, row) for row in np.eye(len(shape))])
+        return {place.joint: hats * self._weight(motion, place.joint)[:, None]}
+
+
+class Stop(Nonparametric):
+    """Torque that sets in beyond a position, elastic and damped; shape: side, position."""
+
+    name = "contact beyond a position"
+    family = "position"
+    words = "sets in beyond one position and resists further motion"
+
+    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+        """Positions near either end of the range."""
+        low, high = (
+            float(covered.low[place.joint]),
+            float(covered.high[place.joint]),
+        )
+        reach = _END * (high - low)
+        if high <= low:
+            return []
+        upper: list[Shape] = [
+            (1.0, float(p)) for p in np.linspace(high - reach, high - 0.02 * reach, 25)
+        ]
+        return upper + [(-1.0, float(p)) for p in np.linspace(low + 0.02 * reach, low + reach, 25)]
+
+    def neighbours(
+        self, shape: Shape, step: float, place: Place, covered: OperatingRange
+    ) -> list[Shape]:
+        """Nearby positions."""
+        move = 0.05 * step * covered.span(place.joint)
+        return [(shape[0], shape[1] + move), (shape[0], shape[1] - move)]
+
+    def free_numbers(self, shape: Shape) -> int:
+        """Side and position."""
+        return 2
+
+    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """Spring and damper beyond the position."""
+        side, start = shape
+        beyond = np.maximum(side * (motion.position[:, place.joint] - start), 0.0)
+        inside = beyond > 0.0
+        v = motion.velocity[:, place.joint]
+        return {place.joint: np.column_stack([side * beyond, inside * v, beyond * v])}
+
+
+class Lags(Nonparametric):
+    """First three derivatives of the joint's torque: any linear dynamics, to third order."""
+
+    name = "dynamics of the torque"
+    family = "frequency"
+    words = "follows the torque's rate of change"
+    least_support = 25.0
+
+    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+        """One."""
+        return [(1.0,)]
+
+    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """See the class."""
+        rows = [motion.torque[:, place.joint]]
+        for _ in range(3):
+            rows.append(np.gradient(rows[-1], 1.0 / motion.rate))
+        return {place.joint: np.column_stack(rows[1:])}
+
+
+def _speed(motion: SmoothMotion, joint: int) -> FloatArray:
+    return np.abs(motion.velocity[:, joint])
+
+
+def _position(motion: SmoothMotion, joint: int) -> FloatArray:
+    return np.asarray(motion.position[:, joint])
+
+
+def _load(motion: SmoothMotion, joint: int) -> FloatArray:
+    return np.abs(motion.load[:, joint])
+
+
+def _torque(motion: SmoothMotion, joint: int) -> FloatArray:
+    return np.abs(motion.torque[:, joint])
+
+
+def _time(motion: SmoothMotion, joint: int) -> FloatArray:
+    return motion.time
+
+
+def _one(motion: SmoothMotion, joint: int) -> FloatArray:
+    return np.ones(len(motion.time))
+
+
+def _slip(motion: SmoothMotion, joint: int) -> FloatArray:
+    return np.asarray(motion.slip[:, joint])
+
+
+def _sign_of_torque(motion: SmoothMotion, joint: int) -> FloatArray:
+    return np.sign(motion.torque[:, joint])
+
+
+def _velocity(motion: SmoothMotion, joint: int) -> FloatArray:
+    return np.asarray(motion.velocity[:, joint])
+
+
+def _speeds(covered: OperatingRange, joint: int) -> FloatArray:
+    fastest = covered.fastest[joint]
+    return np.concatenate(
+        [[0.0], np.geomspace(max(covered.slowest[joint], 1e-3 * fastest), fastest, 7)]
+    )
+
+
+def _positions(covered: OperatingRange, joint: int) -> FloatArray:
+    return np.linspace(covered.low[joint], covered.high[joint], 9)
+
+
+def _loads(covered: OperatingRange, joint: int) -> FloatArray:
+    return np.linspace(0.0, covered.load[joint], 6)
+
+
+def _torques(covered: OperatingRange, joint: int) -> FloatArray:
+    return np.linspace(0.0, covered.torque[joint], 7)
+
+
+def _times(covered: OperatingRange, joint: int) -> FloatArray:
+    return np.linspace(0.0, covered.duration, 6)
+
+
+NONPARAMETRIC: tuple[Nonparametric, ...] = (
+    Curve(
+        "friction over speed", "velocity", "is a friction that depends on the speed",
+        _speed, _slip, _speeds,
+    ),
+    Curve(
+        "difference of directions over speed", "velocity",
+        "differs between the directions and depends on the speed", _speed, _one, _speeds,
+    ),
+    Curve(
+        "torque over position", "position", "depends on the position, alike in both directions",
+        _position, _one, _positions,
+    ),
+    Curve(
+        "friction over position", "position", "is a friction that depends on the position",
+        _position, _slip, _positions,
+    ),
+    Curve(
+        "friction over load", "load", "is a friction that depends on the load",
+        _load, _slip, _loads,
+    ),
+    Curve(
+        "torque over torque", "load", "depends on the motor's torque",
+        _torque, _sign_of_torque, _torques,
+    ),
+    Curve(
+        "dry friction over time", "time", "is a dry friction that changes during the session",
+        _time, _slip, _times,
+    ),
+    Curve(
+        "viscous friction over time", "time",
+        "is a viscous friction that changes during the session", _time, _velocity, _times,
+    ),
+    Stop(),
+    Lags(),
+)  # fmt: skip

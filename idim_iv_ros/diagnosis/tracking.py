@@ -1,0 +1,197 @@
+"""How far the simulated closed loop is from the recorded motion."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.result import Gap, Stage, TrackingSeries
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.estimation import SimulatedLoop
+from idim_iv_ros.signals import Motion, central_differences
+from idim_iv_ros.simulation import ControlLaw, SimulatedEffect, simulate_closed_loop
+from idim_iv_ros.types import FloatArray
+
+MOST_POINTS = 1500
+# A loop further from the recorded motion than this many times its spread has not followed it.
+_LOST = 1.0
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """Simulated motion of one stage.
+
+    Attributes
+    ----------
+    joints : tuple of str
+    positions : one (n_samples, n_joints) array for each recording
+        On its span, rad (m), through the filter of the measurement; empty where it failed.
+    errors : the same
+        Simulated less measured.
+    rates : tuple of float
+        Of the recordings, Hz: an error counts for the time that its sample lasts.
+    note : str
+        Why there is none; empty otherwise.
+    caveat : str
+        What is missing in it; empty otherwise.
+    """
+
+    joints: tuple[str, ...]
+    positions: tuple[FloatArray, ...]
+    errors: tuple[FloatArray, ...]
+    rates: tuple[float, ...]
+    note: str
+    caveat: str = ""
+
+    @property
+    def rms(self) -> dict[str, float] | None:
+        """Of each joint, rad (m)."""
+        if self.note:
+            return None
+        energy = sum(
+            np.sum(error**2, axis=0) / rate
+            for error, rate in zip(self.errors, self.rates, strict=True)
+        )
+        square = np.asarray(energy) / self._seconds
+        return {name: float(np.sqrt(square[j])) for j, name in enumerate(self.joints)}
+
+    @property
+    def _seconds(self) -> float:
+        return sum(len(error) / rate for error, rate in zip(self.errors, self.rates, strict=True))
+
+    def block_energies(self, joints: Sequence[int]) -> tuple[FloatArray, float]:
+        """Squared errors of the joints over time (b,) in blocks of time, and all seconds."""
+        sums = []
+        for error, rate in zip(self.errors, self.rates, strict=True):
+            places = np.arange(len(error))
+            blocks = time_blocks(np.zeros_like(places), places, rate)
+            squares = np.sum(error[:, list(joints)] ** 2, axis=1)
+            sums.append(block_sums(blocks, squares) / rate)
+        return np.concatenate(sums), self._seconds
+
+
+def simulated_tracking(
+    data: Baseline, values: FloatArray, effects: Sequence[SimulatedEffect] = ()
+) -> Tracking:
+    """Simulate the references of every recording and compare with the measured positions.
+
+    Parameters
+    ----------
+    values
+        (b,) base parameters of the stage.
+    effects
+        Of the stage, with the parameters of the catalogue.
+    """
+    source = data.sources.sources[0]
+    rates = tuple(motion.signals.rate for motion in data.prepared.motions)
+    if not isinstance(source, SimulatedLoop):
+        reason = " ".join(data.sources.controller) or "the closed loop is not known"
+        return Tracking(data.joints, (), (), rates, f"not simulated: {reason}")
+    positions, errors = [], []
+    parts = data.prepared.session.parts
+    for motion, law, part in zip(source.motions, source.laws, parts, strict=True):
+        position, problem = _simulated(data, values, effects, motion, law, part.start)
+        if position is None:
+            return Tracking(data.joints, (), (), rates, problem)
+        measured = motion.position[motion.span]
+        error = position[motion.span] - measured
+        positions.append(position[motion.span])
+        errors.append(error)
+        spread = np.ptp(measured, axis=0)
+        lost = np.flatnonzero(np.abs(error).max(axis=0) > _LOST * np.maximum(spread, 1e-3))
+        if len(lost):
+            problem = f"{motion.signals.name}: simulated {data.joints[lost[0]]} leaves the motion"
+            return Tracking(data.joints, (), (), rates, problem)
+    return Tracking(data.joints, tuple(positions), tuple(errors), rates, "")
+
+
+def _simulated(
+    data: Baseline,
+    values: FloatArray,
+    effects: Sequence[SimulatedEffect],
+    motion: Motion,
+    law: ControlLaw,
+    start_time: float,
+) -> tuple[FloatArray | None, str]:
+    """Positions (n_samples, n_joints) of the whole record, or why there are none."""
+    model, signals = data.prepared.model, motion.signals
+    if signals.position_reference is None:
+        return None, f"not simulated: {signals.name} has no reference"
+    velocity, _ = central_differences(motion.position, rate=signals.rate, start=0, stop=1)
+    try:
+        result = simulate_closed_loop(
+            model.robot,
+            model.dynamic_parameters(values),
+            law,
+            rate=signals.rate,
+            position_reference=signals.position_reference,
+            velocity_reference=signals.velocity_reference,
+            initial_position=motion.position[0],
+            initial_velocity=velocity[0],
+            effects=list(effects),
+            start_time=start_time,
+        )
+    except UsageError as error:
+        return None, f"not simulated: {error}"
+    if result.diverged is not None:
+        return None, f"the simulation diverges: {signals.name}: {result.diverged}"
+    return motion.filtered(result.position), ""
+
+
+def with_tracking(stages: Sequence[Stage], tracked: Sequence[Tracking]) -> tuple[Stage, ...]:
+    """Put the tracking errors into the stages."""
+    return tuple(
+        replace(stage, tracking_rms=each.rms, note=each.note or each.caveat)
+        for stage, each in zip(stages, tracked, strict=True)
+    )
+
+
+def simulation_gap(before: Tracking, after: Tracking, joint: int | None) -> Gap | None:
+    """Tracking error before and after, at a joint or (root of the sum of squares) at all."""
+    if before.note or after.note:
+        return None
+    which = list(range(len(before.joints))) if joint is None else [joint]
+    sums, seconds = [], 1.0
+    for each in (before, after):
+        energy, seconds = each.block_energies(which)
+        sums.append(energy)
+    pair = np.column_stack(sums)
+    one, two = (float(np.sqrt(total / seconds)) for total in pair.sum(axis=0))
+    if one <= 0.0:
+        return Gap(one, two, None, None, None)
+    draws = resampled(pair)
+    ratio = 1.0 - np.sqrt(draws[:, 1] / np.maximum(draws[:, 0], 1e-300))
+    return Gap(one, two, None, 1.0 - two / one, interval(ratio))
+
+
+def tracking_series(
+    data: Baseline, before: Tracking | None, after: Tracking | None
+) -> tuple[TrackingSeries, ...]:
+    """Tracking errors, reference less position, of every joint and recording."""
+    made = []
+    for number, motion in enumerate(data.prepared.motions):
+        reference = motion.signals.position_reference
+        if reference is None:
+            continue
+        wanted = reference[motion.span]
+        thin = slice(None, None, -(-len(wanted) // MOST_POINTS))
+        simulated = [
+            None if each is None or each.note else wanted - each.positions[number]
+            for each in (before, after)
+        ]
+        time = (motion.span.start + np.arange(len(wanted))) / motion.signals.rate
+        measured = wanted - motion.position[motion.span]
+        for joint, name in enumerate(data.joints):
+            made.append(
+                TrackingSeries(
+                    joint=name,
+                    bag=motion.signals.name,
+                    time=time[thin],
+                    measured=measured[thin, joint],
+                    before=None if simulated[0] is None else simulated[0][thin, joint],
+                    after=None if simulated[1] is None else simulated[1][thin, joint],
+                )
+            )
+    return tuple(made)

@@ -1,0 +1,99 @@
+"""A robot that is controlled otherwise than its configuration says."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.result import EffectParameter
+from idim_iv_ros.signals import JointSignals
+from idim_iv_ros.simulation import ControlLaw
+from idim_iv_ros.types import FloatArray
+
+GROUPS = ("kp", "kd", "ki", "feedforward_acceleration", "feedforward_velocity")
+LAG = "lag"
+_UNITS = {
+    "kp": "N m/rad",
+    "kd": "N m s/rad",
+    "ki": "N m/(rad s)",
+    "feedforward_acceleration": "kg m²",
+    "feedforward_velocity": "N m s/rad",
+    LAG: "s",
+}
+
+
+@dataclass(frozen=True)
+class CommandParts:
+    """What one joint's command may be made of, (n_samples,) each, at the rate of the recording.
+
+    Attributes
+    ----------
+    command : N m (N)
+        Of the configured law without limit, on the measured position.
+    rate : N m/s
+        Of the command.
+    acceleration : rad/s² (m/s²)
+        Measured.
+    groups : dict
+        Torque of a unit of each of GROUPS.
+    """
+
+    command: FloatArray
+    rate: FloatArray
+    acceleration: FloatArray
+    groups: dict[str, FloatArray]
+
+
+class ControllerMismatch:
+    """Recorded command = law + changes of gains + feedforward − lag · d(command)/dt.
+
+    Simulated by `simulation.effect_signals.mismatched` and `simulation.effect_signals.lags`.
+    """
+
+    name = "controller_mismatch"
+    kind = "structural"
+    confounders = ("time_delay",)
+    excitation = "references that change quickly enough to leave a tracking error"
+
+    def parts(
+        self, signals: JointSignals, law: ControlLaw, joint: int, speed: FloatArray
+    ) -> CommandParts:
+        """Evaluate the law with a speed (n_samples,); the recording must have references."""
+        reference = signals.position_reference
+        assert reference is not None
+        wanted = reference[:, joint]
+        step = 1.0 / signals.rate
+        if signals.velocity_reference is not None:
+            wanted_speed = signals.velocity_reference[:, joint]
+        else:
+            wanted_speed = np.gradient(wanted, step)
+        error = wanted - signals.position[:, joint]
+        slip = wanted_speed - speed if law.uses_velocity_reference else -speed
+        integral = np.cumsum(error) * step
+        kp, kd, ki = (float(gain[joint]) for gain in law.torque_gains)
+        command = kp * error + kd * slip + ki * integral
+        if law.feedforward is not None:
+            command = command + law.feedforward[:, joint]
+        groups = {
+            "kp": error,
+            "kd": slip,
+            "ki": integral,
+            "feedforward_acceleration": np.gradient(wanted_speed, step),
+            "feedforward_velocity": wanted_speed,
+        }
+        acceleration = np.gradient(np.gradient(signals.position[:, joint], step), step)
+        return CommandParts(command, np.gradient(command, step), acceleration, groups)
+
+    def parameters(
+        self, law: ControlLaw, joint: int, changes: Mapping[str, tuple[float, float]]
+    ) -> dict[str, EffectParameter]:
+        """Return what the robot really uses, from (change, std) by group.
+
+        The gains of a cascade are given as those from errors to torque.
+        """
+        kp, kd, ki = (float(gain[joint]) for gain in law.torque_gains)
+        given = {"kp": kp, "kd": kd, "ki": ki}
+        return {
+            name: EffectParameter(given.get(name, 0.0) + change, std, _UNITS[name])
+            for name, (change, std) in changes.items()
+        }

@@ -1,0 +1,236 @@
+"""What every effect of the catalogue tells about itself."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
+from idim_iv_ros.diagnosis.result import EffectParameter, Family
+from idim_iv_ros.types import FloatArray
+
+Shape = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Place:
+    """The joint of an effect, from 0, and the second one of a coupling."""
+
+    joint: int
+    other: int | None = None
+
+
+@dataclass(frozen=True)
+class OperatingRange:
+    """What the recordings cover, (n_joints,) each unless said otherwise.
+
+    Attributes
+    ----------
+    low, high : rad (m)
+        Positions.
+    slowest, fastest : rad/s (m/s)
+        Speed below which rows do not count, and the highest.
+    load, torque : N m (N)
+        Largest torque of the links, and of the joint.
+    inertia : kg m² (kg)
+        Mean of the links' about the joint.
+    duration : float
+        s, from the start of the first to the end of the last recording.
+    row_rate : float
+        Hz.
+    lever : (n_joints,)
+        1 for revolute joints, 0.1 for prismatic ones: metres that count as a radian.
+    sticking : bool
+        Whether the closed loop is simulated, and so is known where joints stick.
+    """
+
+    low: FloatArray
+    high: FloatArray
+    slowest: FloatArray
+    fastest: FloatArray
+    load: FloatArray
+    torque: FloatArray
+    inertia: FloatArray
+    duration: float
+    row_rate: float
+    lever: FloatArray
+    sticking: bool = True
+
+    def span(self, joint: int) -> float:
+        """Range of the positions of a joint, rad (m)."""
+        return float(self.high[joint] - self.low[joint])
+
+    def length(self, joint: int) -> str:
+        """Unit of the positions of a joint."""
+        return "rad" if float(self.lever[joint]) == 1.0 else "m"
+
+
+@dataclass(frozen=True)
+class JointScale:
+    """What is small and large at one joint.
+
+    Attributes
+    ----------
+    covered : OperatingRange
+        By the recordings, of all joints.
+    joint : int
+    dry_friction : float
+        N m (N).
+    """
+
+    covered: OperatingRange
+    joint: int
+    dry_friction: float
+
+    @property
+    def peak(self) -> float:
+        """Largest torque, N m (N)."""
+        return float(self.covered.torque[self.joint])
+
+
+@dataclass(frozen=True)
+class ShareOf:
+    """A torque as a share of the joint's dry friction or of its largest torque."""
+
+    of: Literal["dry friction", "peak"]
+    share: float
+
+    def torque(self, scale: JointScale) -> float:
+        """N m (N), at one joint."""
+        return self.share * (scale.dry_friction if self.of == "dry friction" else scale.peak)
+
+
+class Effect(ABC):
+    """One effect that a simulator may lack.
+
+    Its torque is linear in its coefficients for a given *shape*, a tuple of numbers that enter
+    otherwise (a speed, a wave number, a delay); shapes are searched on a grid and refined.
+    """
+
+    name: ClassVar[str]
+    # Place in the catalogue: where two explain alike, the lower one counts.
+    order: ClassVar[int]
+    family: ClassVar[Family]
+    confounders: ClassVar[tuple[str, ...]] = ()
+    excitation: ClassVar[str]
+    # Whether its law has a constant part, which is no torque offset then.
+    with_constant: ClassVar[bool] = False
+    # Logarithm of the likelihood that the effect must bring beyond its penalty. More where its
+    # torque is made of high derivatives: noise of the encoders is then in both sides.
+    least_support: ClassVar[float] = 8.0
+    # Whether the shape may vary beside the coefficients; not where one stands for its change.
+    free_shape: ClassVar[bool] = True
+    # Where its size sits: in the coefficients, in one coefficient that scales a shape (which holds
+    # for factors about one only), or in the shape alone, the coefficient being one.
+    size_in: ClassVar[Literal["coefficients", "scale", "shape"]] = "coefficients"
+    # Middle (geometric) of the largest torques that are typical of arms; see `plausible`.
+    typical: ClassVar[ShareOf | None] = None
+
+    def places(self, joints: int) -> list[Place]:
+        """Where it may sit: at each joint."""
+        return [Place(joint) for joint in range(joints)]
+
+    @abstractmethod
+    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+        """Shapes to try first."""
+
+    def branches(self, grid: list[Shape]) -> list[list[Shape]]:
+        """Parts of the grid that are searched apart, for shapes of different kinds."""
+        return [grid]
+
+    @abstractmethod
+    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """Torque of unit coefficients, (s, k) by joint: what the motor must bring up more."""
+
+    @abstractmethod
+    def parameters(
+        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+    ) -> dict[str, EffectParameter]:
+        """Numbers that mean something to an engineer; deviations are those of the coefficients."""
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        """Whether physics allows these coefficients: by default the first is not negative."""
+        return bool(coefficients[0] >= 0.0)
+
+    def free_numbers(self, shape: Shape) -> int:
+        """How many numbers of the shape the search may choose."""
+        return len(shape)
+
+    def neighbours(
+        self, shape: Shape, step: float, place: Place, covered: OperatingRange
+    ) -> list[Shape]:
+        """Shapes near one: each number larger and smaller by the factor 1 + step."""
+        near = []
+        for k, number in enumerate(shape):
+            for factor in (1.0 + step, 1.0 / (1.0 + step)):
+                near.append((*shape[:k], number * factor, *shape[k + 1 :]))
+        return near
+
+    def settled(self, shape: Shape, coefficients: FloatArray) -> Shape:
+        """Shape with about the same torque for coefficients that physics allows; itself by default.
+
+        Asked where the search ends at coefficients that it does not allow.
+        """
+        return shape
+
+    def cannot_show(self, joint: int, covered: OperatingRange) -> str:
+        """Why a joint's motion cannot show it whatever its size; empty where it may.
+
+        What holds for every effect is in `gap.motion_limits`.
+        """
+        return ""
+
+    def plausible(
+        self, shape: Shape, coefficients: FloatArray, torque: float, scale: JointScale
+    ) -> bool:
+        """Whether arms may well have it in this size: any, unless `typical` bounds the torque.
+
+        An effect of which only larger sizes would be seen may be there without a trace.
+
+        Parameters
+        ----------
+        torque
+            The largest that it adds, N m (N).
+        """
+        return self.typical is None or torque <= self.typical.torque(scale)
+
+    def size_in_words(self, shape: Shape, coefficients: FloatArray, torque: float) -> str:
+        """First number that is fitted and not zero, with its unit and the largest torque."""
+        found = self.parameters(shape, coefficients, np.zeros(len(coefficients)))
+        return in_words(found, torque)
+
+    def longer(self, shape: Shape, place: Place, covered: OperatingRange) -> list[Shape]:
+        """Shapes with one more term; none by default."""
+        return []
+
+
+def direction(speed: FloatArray) -> FloatArray:
+    """Sign of the speed."""
+    return np.asarray(np.sign(speed))
+
+
+def column(joint: int, values: FloatArray) -> dict[int, FloatArray]:
+    """Return one column at one joint."""
+    return {joint: values[:, None]}
+
+
+def logarithmic(low: float, high: float, count: int) -> FloatArray:
+    """Count numbers from low to high, evenly spaced in their logarithm."""
+    return np.asarray(np.geomspace(low, max(high, 1.01 * low), count))
+
+
+def number(value: float, std: float | None, unit: str) -> EffectParameter:
+    """One parameter, as plain floats."""
+    return EffectParameter(float(value), None if std is None else float(std), unit)
+
+
+def in_words(found: dict[str, EffectParameter], torque: float) -> str:
+    """First number that has a deviation and is not zero; the torque where there is none."""
+    for name, each in found.items():
+        if each.std is not None and each.value != 0.0:
+            unit = f" {each.unit}" if each.unit else ""
+            plain = each.unit == "N m" or torque <= 0.0
+            more = "" if plain else f" (up to {torque:.2g} N m)"
+            return f"{name.replace('_', ' ')} = {each.value:.2g}{unit}{more}"
+    return f"{torque:.2g} N m"

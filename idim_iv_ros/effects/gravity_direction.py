@@ -1,0 +1,46 @@
+"""A robot that is mounted at another angle than the nominal model says."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from idim_iv_ros.effects.parametric_effect import (
+    Change,
+    Estimated,
+    ParameterSpace,
+    ParametricEffect,
+)
+
+_LARGEST = 0.6  # rad: beyond it the small rotation that is assumed is none
+
+
+class GravityDirection(ParametricEffect):
+    """Small rotation of gravity about two axes of the base frame that are level.
+
+    Simulated with the base parameters, which hold it.
+    """
+
+    name = "gravity_direction"
+    order = 20
+    confounders = ("payload", "link_inertia", "spring")
+    excitation = "slow motion through the whole range of all joints"
+
+    def places(self, space: ParameterSpace) -> list[int | None]:
+        """At no joint."""
+        return [None]
+
+    def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
+        """Two angles."""
+        names = [_name(axis) for axis in space.axes]
+        return [[Change(name, "rad", space.tilt(place)) for place, name in enumerate(names)]]
+
+    def admissible(
+        self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
+    ) -> bool:
+        """No large angles."""
+        return all(abs(each.value) <= _LARGEST for each in found)
+
+
+def _name(axis: np.ndarray) -> str:
+    place = int(np.argmax(np.abs(axis)))
+    return f"rotation_about_{'xyz'[place]}"

@@ -1,0 +1,61 @@
+"""A link whose mass, centre of mass or inertia is not as given."""
+
+from collections.abc import Sequence
+
+from idim_iv_ros.effects.parametric_effect import (
+    Change,
+    Estimated,
+    ParameterSpace,
+    ParametricEffect,
+    estimated,
+)
+from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER
+
+_POSITIVE = ("M", "XX", "YY", "ZZ")
+
+
+class LinkInertia(ParametricEffect):
+    """Changes of the inertial parameters of one link, those that the motion shows.
+
+    The standard ones; where most links are wrong, the base parameters that have its name, with
+    what is grouped into them of the links that it carries: no torque tells then which of them a
+    mass belongs to.
+
+    Simulated with the base parameters, which hold it.
+    """
+
+    name = "link_inertia"
+    order = 60
+    confounders = ("payload", "drive_inertia", "torque_gain")
+    excitation = "all joints, fast and in many poses"
+
+    def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
+        """All ten."""
+        assert joint is not None
+        changes = [
+            change
+            for kind in INERTIAL
+            for change in space.change(kind, joint, f"change_of_{kind}{joint + 1}")
+        ]
+        return [changes] if changes else []
+
+    def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
+        """Those that are grouped at the link."""
+        return [
+            change
+            for kind in INERTIAL
+            for change in space.base(kind, joint, f"change_of_base_{kind}{joint + 1}")
+        ]
+
+    def admissible(
+        self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
+    ) -> bool:
+        """Mass and moments of inertia stay positive where the URDF gives them."""
+        assert joint is not None
+        given = space.model.robot.given.inertial[joint]
+        for kind in _POSITIVE:
+            value = float(given[REGRESSOR_ORDER[INERTIAL.index(kind)]])
+            each = estimated(found, f"change_of_{kind}{joint + 1}")
+            if each is not None and value > 0.0 and each.above(-value) is False:
+                return False
+        return True

@@ -1,0 +1,194 @@
+"""What every parametric effect tells about itself: a change of numbers the nominal model has."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.parametric.significance import differs
+from idim_iv_ros.diagnosis.result import EffectParameter, Indistinguishable
+from idim_iv_ros.model import InverseModel, StandardParameter
+from idim_iv_ros.types import FloatArray
+
+# A negative value counts as such when it lies this many standard deviations below zero.
+CLEARLY = 3.0
+
+
+@dataclass(frozen=True)
+class Change:
+    """One number that a hypothesis may change.
+
+    Attributes
+    ----------
+    name : str
+    unit : str
+    direction : (d,)
+        How the torque answers, in the coordinates of a `ParameterSpace`.
+    """
+
+    name: str
+    unit: str
+    direction: FloatArray
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """Estimate of a change; std is None where the recording does not determine it alone."""
+
+    change: Change
+    value: float
+    std: float | None
+
+    @property
+    def determined(self) -> bool:
+        """Whether the recording tells this number from the others."""
+        return self.std is not None
+
+    @property
+    def clearly_negative(self) -> bool:
+        """Whether noise cannot explain that it lies below zero."""
+        return self.above(0.0) is False
+
+    @property
+    def certainty(self) -> float:
+        """Distance from zero in standard deviations; 0 where the recording does not tell."""
+        return abs(self.value) / self.std if self.std else 0.0
+
+    @property
+    def tells(self) -> bool:
+        """Whether it is known to differ from zero, at 95 %."""
+        return self.std is not None and differs(self.value, self.std)
+
+    def above(self, least: float) -> bool | None:
+        """Whether it may lie above `least`; None where it is not determined."""
+        if self.std is None:
+            return None
+        return self.value + CLEARLY * self.std >= least
+
+
+@dataclass(frozen=True)
+class ParameterSpace:
+    """Coordinates of all changes: b base parameters, two tilts of gravity, a gain for each joint.
+
+    Attributes
+    ----------
+    model : InverseModel
+    given : (b,)
+        Base parameters of the nominal model.
+    axes : (2, 3)
+        Unit vectors of the base frame about which gravity may be tilted.
+    bare_drives : frozenset of int
+        Joints whose drives have no inertia in the nominal model because none was given, and that
+        move enough to show it.
+    """
+
+    model: InverseModel
+    given: FloatArray
+    axes: FloatArray
+    bare_drives: frozenset[int] = frozenset()
+
+    @property
+    def joints(self) -> int:
+        """How many."""
+        return len(self.model.robot.joints)
+
+    @property
+    def size(self) -> int:
+        """Length of a direction: d = b + 2 + n_joints."""
+        return len(self.given) + 2 + self.joints
+
+    def standard(self, kind: str, joint: int) -> tuple[StandardParameter, FloatArray] | None:
+        """A standard parameter and its direction (d,); None where the model lacks it."""
+        layout = self.model.regressor.layout
+        for column, parameter in enumerate(layout.parameters):
+            if parameter.kind == kind and parameter.joint == joint:
+                direction = np.zeros(self.size)
+                direction[: len(self.given)] = self.model.base.grouping[:, column]
+                return (parameter, direction) if direction.any() else None
+        return None
+
+    def change(self, kind: str, joint: int, name: str) -> list[Change]:
+        """Return the change of a standard parameter, empty where the torque does not show it."""
+        found = self.standard(kind, joint)
+        return [] if found is None else [Change(name, found[0].unit, found[1])]
+
+    def base(self, kind: str, joint: int, name: str) -> list[Change]:
+        """Return the change of a base parameter, empty where the model has none of that kind."""
+        names = list(self.model.base.names)
+        if f"{kind}{joint + 1}" not in names:
+            return []
+        place = names.index(f"{kind}{joint + 1}")
+        return [Change(name, self.model.base.units[place], self._unit(place))]
+
+    def tilt(self, axis: int) -> FloatArray:
+        """Direction (d,) of a rotation of gravity about one of the axes, rad."""
+        return self._unit(len(self.given) + axis)
+
+    def gain(self, joint: int) -> FloatArray:
+        """Direction (d,) of a relative change of the torque that a joint needs."""
+        return self._unit(len(self.given) + 2 + joint)
+
+    def _unit(self, place: int) -> FloatArray:
+        direction = np.zeros(self.size)
+        direction[place] = 1.0
+        return direction
+
+
+class ParametricEffect(ABC):
+    """One way in which the given numbers may be wrong."""
+
+    name: ClassVar[str]
+    # Place in the catalogue: where two explain alike, the lower one counts.
+    order: ClassVar[int]
+    kind: ClassVar[str] = "parametric"
+    confounders: ClassVar[tuple[str, ...]] = ()
+    # Structural effects that no recording separates from it: part of their torque is the same.
+    same_as: ClassVar[tuple[str, ...]] = ()
+    excitation: ClassVar[str]
+
+    def places(self, space: ParameterSpace) -> list[int | None]:
+        """Where it may sit: at each joint; None: at no joint in particular."""
+        return list(range(space.joints))
+
+    @abstractmethod
+    def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
+        """Sets of numbers that may change together, the smallest first."""
+
+    def known_to_be_left_out(self, space: ParameterSpace) -> bool:
+        """Whether the configuration itself says that the nominal model lacks these numbers."""
+        return False
+
+    def inseparable_from(self, space: ParameterSpace) -> tuple[Indistinguishable, ...]:
+        """What shares base parameters with these numbers, where it was known to be left out."""
+        return ()
+
+    def subject(self, place: str) -> str:
+        """What is not as given, in words, before the numbers; `place` is empty for none."""
+        return f"{self.name.replace('_', ' ')}{f' of {place}' if place else ''} is not as given"
+
+    def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
+        """Base parameters of a joint that belong to it and to no other effect; none by default."""
+        return []
+
+    def admissible(
+        self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
+    ) -> bool:
+        """Whether physics allows the estimate: by default anything."""
+        return True
+
+    def parameters(
+        self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
+    ) -> dict[str, EffectParameter]:
+        """Return the numbers that the recording determines."""
+        return {
+            each.change.name: EffectParameter(float(each.value), each.std, each.change.unit)
+            for each in found
+            if each.determined
+        }
+
+
+def estimated(found: Sequence[Estimated], name: str) -> Estimated | None:
+    """Return the estimate of that name, None where there is none."""
+    return next((each for each in found if each.change.name == name), None)

@@ -1,0 +1,27 @@
+"""A constant torque that the nominal model does not have: of the sensor, the drive or a cable."""
+
+from idim_iv_ros.effects.parametric_effect import Change, ParameterSpace, ParametricEffect
+
+
+class TorqueOffset(ParametricEffect):
+    """Recorded torque of one joint = that of the nominal model + offset.
+
+    Simulated with the base parameters, which hold it.
+    """
+
+    name = "torque_offset"
+    order = 35
+    confounders = ("payload", "gravity_direction")
+    # Dry friction of Fc + d one way and Fc - d the other is Fc, and a constant torque d.
+    same_as = ("asymmetric_friction",)
+    excitation = "the whole range of the joint, slowly, in both directions"
+
+    def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
+        """One number."""
+        assert joint is not None
+        changes = space.change("off", joint, "offset")
+        return [changes] if changes else []
+
+    def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
+        """Its own."""
+        return space.base("off", joint, "offset")

@@ -1,0 +1,1 @@
+"""Identification of a robot from its recordings."""

@@ -1,0 +1,114 @@
+"""From recordings to validated parameters: the whole of `idim-iv identify` without its files."""
+
+from collections.abc import Sequence
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.estimation import (
+    idim_iv,
+    instrument_sources,
+    observation_rows,
+    refined_idim_iv,
+    solve_weighted_least_squares,
+    triangles_of_rows,
+)
+from idim_iv_ros.file_paths import FilePaths
+from idim_iv_ros.identification.assembly import assemble_result
+from idim_iv_ros.identification.estimates import Estimates, Estimator
+from idim_iv_ros.identification.prepare import prepare, read_configured, require_excitation
+from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.identification.validate import validate
+from idim_iv_ros.one_thread import one_thread
+from idim_iv_ros.progress import Progress, Stopwatch, part_of
+from idim_iv_ros.recording import Recording
+from idim_iv_ros.types import FloatArray
+
+
+def identify(
+    bags: FilePaths,
+    configuration: Configuration,
+    *,
+    estimator: Estimator = "idim-iv",
+    progress: Progress | None = None,
+) -> IdentificationResult:
+    """Identify a robot from its bags and test whether the answer may be believed.
+
+    Parameters
+    ----------
+    bags
+        One recording or several of one robot, used together: text or paths.
+    configuration
+        See `load_configuration`.
+    estimator
+        ``idim-iv``, or ``idim-ls`` for least squares (joint-weighted).
+    progress
+        Called with a stage in words and the share that is done, 0 to 1.
+
+    Raises
+    ------
+    UsageError
+        The configuration or the URDF is wrong.
+    DataError
+        The recordings cannot support the answer.
+    """
+    with one_thread(), Stopwatch(progress) as watch:
+        watch.stage("reading", 0.0)
+        recordings = read_configured(bags, configuration, progress)
+        result = _identify(recordings, configuration, estimator, watch)
+    result.timing.update(watch.timing)
+    return result
+
+
+def identify_recordings(
+    recordings: Recording | Sequence[Recording],
+    configuration: Configuration,
+    *,
+    estimator: Estimator = "idim-iv",
+    progress: Progress | None = None,
+) -> IdentificationResult:
+    """Identify from recordings that were read before; otherwise as `identify`."""
+    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    with one_thread(), Stopwatch(progress) as watch:
+        result = _identify(given, configuration, estimator, watch)
+    result.timing.update(watch.timing)
+    return result
+
+
+def _identify(
+    recordings: Sequence[Recording],
+    configuration: Configuration,
+    estimator: Estimator,
+    watch: Stopwatch,
+) -> IdentificationResult:
+    watch.stage("filtering", 0.3)
+    prepared = prepare(recordings, configuration)
+    watch.stage("regressor", 0.4)
+    rows = observation_rows(prepared.model, prepared.motions)
+    require_excitation(prepared, triangles_of_rows(rows))
+    watch.stage("estimation", 0.5)
+    parameters = len(prepared.model.base.columns)
+    weighted = solve_weighted_least_squares(rows, parameters)
+    estimate, sources = None, None
+    linear = weighted
+    matrices: tuple[FloatArray, ...] = tuple(joint.matrix for joint in rows)
+    if estimator == "idim-iv":
+        sources = instrument_sources(
+            configuration, prepared.model, prepared.motions, prepared.cutoffs
+        )
+        estimate = idim_iv(
+            rows,
+            sources.sources,
+            sources.starts,
+            tolerance=configuration.identification.tolerance,
+            max_iterations=configuration.identification.max_iterations,
+            progress=part_of(watch.progress, 0.5, 0.85),
+        )
+        linear, matrices = estimate.linear, estimate.instruments.matrices
+    watch.stage("validation", 0.85)
+    validation = validate(prepared, rows, linear, matrices, estimate)
+    watch.stage("refinement", 0.95)
+    refined = refined_idim_iv(rows, matrices, validation.models, parameters)
+    return assemble_result(
+        prepared,
+        Estimates(estimator, rows, linear, matrices, weighted, estimate, sources, refined),
+        validation,
+    )

@@ -1,0 +1,217 @@
+"""From bags to filtered motion and a model: what precedes every estimate and every check."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.estimation import JointTriangle, unseen_parameters
+from idim_iv_ros.file_paths import FilePaths
+from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
+from idim_iv_ros.progress import Progress
+from idim_iv_ros.recording import (
+    Recording,
+    Session,
+    prismatic_joints,
+    read_recordings,
+    session_of,
+)
+from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
+from idim_iv_ros.types import FloatArray
+
+ARMATURE_MISSING = (
+    "no simulator.armature is given: the drives of the nominal model have no inertia; give it in "
+    "kg m² on the joint side, zeros for direct drives"
+)
+
+
+@dataclass(frozen=True)
+class PreparedRegression:
+    """Everything that the rows of the regression are made from.
+
+    Attributes
+    ----------
+    configuration : Configuration
+    session : Session
+        The recordings in their order, and the time that they share.
+    model : InverseModel
+    cutoffs : Cutoffs
+    minimum_speed : (n_joints,) rad/s
+    motions : tuple of Motion
+    reasons : tuple of str
+        What was proposed or decided while filtering, and why.
+    advice : tuple of str
+        What to add to the configuration, because the recordings hold more than it names.
+    """
+
+    configuration: Configuration
+    session: Session
+    model: InverseModel
+    cutoffs: Cutoffs
+    minimum_speed: FloatArray
+    motions: tuple[Motion, ...]
+    reasons: tuple[str, ...]
+    advice: tuple[str, ...] = ()
+
+    @property
+    def recordings(self) -> tuple[Recording, ...]:
+        """In the order of the session, as `motions`."""
+        return self.session.recordings
+
+    @property
+    def why_no_given(self) -> str:
+        """Why there is no nominal model to compare with; empty where there is one."""
+        if not self.model.robot.has_inertials:
+            return "the URDF gives no inertia: there is no nominal model to compare with"
+        unit = self.configuration.signals.effort_unit
+        if unit != "N m":
+            return (
+                f"efforts are in {unit} and the nominal model is in N m, so that they are not "
+                "compared; to compare them, give torque constant times gear ratio as "
+                "signals.effort_scale, and effort_unit N m"
+            )
+        return ""
+
+    @property
+    def given(self) -> FloatArray | None:
+        """Base parameters (b,) of the nominal model; None where `why_no_given` says so."""
+        return None if self.why_no_given else self.model.given
+
+    @property
+    def armature_missing(self) -> bool:
+        """Whether the nominal model has drives without inertia because nothing was said of it."""
+        configuration = self.configuration
+        return (
+            self.given is not None
+            and configuration.identification.drive_inertia
+            and configuration.simulator.armature is None
+        )
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What makes the nominal model hard to believe, a sentence each."""
+        missing = (ARMATURE_MISSING,) if self.armature_missing else ()
+        return (*self.model.robot.doubts, *missing)
+
+
+def prepare(recordings: Sequence[Recording], configuration: Configuration) -> PreparedRegression:
+    """Build the model and filter the motion: everything that precedes an estimate.
+
+    Recordings are put in the order of their session first (`session_of`): the order in which they
+    are given changes nothing.
+
+    Raises
+    ------
+    UsageError, DataError
+        See `build_inverse_model`, `choose_cutoffs`, `filter_motion`.
+    """
+    session = session_of(recordings)
+    recordings = session.recordings
+    urdf, source = _urdf(configuration, recordings)
+    model = build_inverse_model(configuration, urdf, source)
+    records = [joint_side(recording, configuration) for recording in recordings]
+    source = str(configuration.source or "the configuration")
+    cutoffs = choose_cutoffs(configuration.processing, records, source)
+    couplings = model.regressor.layout.coupling_joints
+    motions, minimum_speed, reasons = filter_motion(
+        records, configuration.processing, cutoffs, configuration.robot.joints, couplings
+    )
+    return PreparedRegression(
+        configuration=configuration,
+        session=session,
+        model=model,
+        cutoffs=cutoffs,
+        minimum_speed=minimum_speed,
+        motions=motions,
+        reasons=session.sentences + cutoffs.reasons + reasons + loss_sentences(recordings),
+        advice=_advice(recordings, configuration),
+    )
+
+
+def _advice(recordings: Sequence[Recording], configuration: Configuration) -> tuple[str, ...]:
+    """Say which line makes an unused topic the reference, where every recording has one."""
+    first, *others = (recording.unused_references for recording in recordings)
+    common = [topic for topic in first if all(topic in other for other in others)]
+    if not common:
+        return ()
+    source = configuration.source.name if configuration.source else "the configuration"
+    either = "" if len(common) == 1 else f" (or {', '.join(common[1:])})"
+    return (
+        f"{recordings[0].path.name} holds positions of all joints on {common[0]}{either} and "
+        f"nothing uses them; if that is the reference of the control, write "
+        f"`reference: {common[0]}` under `signals:` in {source}",
+    )
+
+
+def loss_sentences(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Say what measurements of each recording were lost, or left out because a channel froze."""
+    return tuple(
+        f"{recording.path.name}: {sentence}"
+        for recording in recordings
+        for sentence in (
+            *(note.sentence for note in recording.notes if note.limits),
+            *(each.sentence for each in recording.frozen),
+        )
+    )
+
+
+def read_configured(
+    bags: FilePaths, configuration: Configuration, progress: Progress | None = None
+) -> tuple[Recording, ...]:
+    """Read the topics and joints of a configuration; see `read_recordings`."""
+    signals = configuration.signals
+    urdf = configuration.robot.urdf
+    prismatic: frozenset[str] = frozenset()
+    # Behind a transmission the positions are angles of motors, whatever the joints are.
+    if urdf is not None and configuration.robot.motor_to_joint is None:
+        prismatic = prismatic_joints(_urdf(configuration, ())[0])
+    return read_recordings(
+        bags,
+        joints=configuration.robot.joints,
+        joint_states=signals.joint_states,
+        effort=signals.effort,
+        reference=signals.reference,
+        prismatic=prismatic,
+        progress=progress,
+    )
+
+
+def require_excitation(prepared: PreparedRegression, triangles: Sequence[JointTriangle]) -> None:
+    """Refuse rows that cannot determine the base parameters, and list those they cannot.
+
+    Raises
+    ------
+    DataError
+        A joint without rows, or parameters that the motion does not show.
+    """
+    names = prepared.model.base.names
+    where = ", ".join(recording.path.name for recording in prepared.recordings)
+    for joint, triangle in enumerate(triangles):
+        if triangle.rows == 0:
+            name = prepared.configuration.robot.joints[joint]
+            raise DataError(
+                f"{where}: {name} has no usable sample (it never exceeds "
+                f"{prepared.minimum_speed[joint]:.3g} rad/s, or nothing was measured); "
+                "record a motion of this joint or leave it out of robot.joints"
+            )
+    unseen = unseen_parameters(triangles, len(names))
+    if unseen:
+        listed = ", ".join(names[column] for column in unseen)
+        still = [reason for reason in prepared.reasons if "stands still" in reason]
+        because = f" ({still[0].split(':')[0]})" if still else ""
+        raise DataError(
+            f"{where}: the excitation is rank deficient{because}: {listed} cannot be told from the "
+            "other parameters; record a richer motion of all joints"
+        )
+
+
+def _urdf(configuration: Configuration, recordings: Sequence[Recording]) -> tuple[str, str]:
+    path = configuration.robot.urdf
+    if path is not None:
+        return read_urdf_file(path), str(path)
+    for recording in recordings:
+        if recording.robot_description is not None:
+            return recording.robot_description, f"{recording.path.name} /robot_description"
+    raise UsageError(
+        f"{configuration.source}: robot.urdf is not given and no bag has /robot_description"
+    )

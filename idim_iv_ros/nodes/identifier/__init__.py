@@ -1,0 +1,1 @@
+"""The node that identifies and diagnoses on request."""

@@ -1,0 +1,177 @@
+"""Jobs one after the other, each in a process of its own."""
+
+import queue
+import shutil
+import signal
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.nodes.identifier.job import WAITING, Job
+from idim_iv_ros.nodes.identifier.settings import REFUSE, IdentifierSettings
+from idim_iv_ros.nodes.identifier.worker import Event, Worker
+
+
+class JobQueue:
+    """At most one worker at a time; everything but `wake` happens in the thread of `poll`.
+
+    Parameters
+    ----------
+    settings : callable
+        The parameters as they are now.
+    wake : callable
+        Called in any thread when `poll` has something to do.
+    ended : callable
+        Takes each job when all is over.
+    """
+
+    def __init__(
+        self,
+        settings: Callable[[], IdentifierSettings],
+        wake: Callable[[], None],
+        ended: Callable[[Job], None],
+    ) -> None:
+        self._settings, self._wake, self._ended = settings, wake, ended
+        self._waiting: deque[Job] = deque()
+        self._over: deque[Job] = deque()
+        self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
+        self._worker: Worker | None = None
+        self._deadline = 0.0
+        self.running: Job | None = None
+
+    @property
+    def waiting(self) -> int:
+        """Jobs that are not worked on yet."""
+        return len(self._waiting)
+
+    @property
+    def process_id(self) -> int | None:
+        """Of the worker."""
+        return None if self._worker is None else self._worker.process_id
+
+    def submit(self, job: Job) -> None:
+        """Work on a job now or later.
+
+        Raises
+        ------
+        UsageError
+            Another is worked on and `when_busy` says refuse, or too many wait.
+        """
+        settings = self._settings()
+        if self.running is not None or self._waiting:
+            if settings.when_busy == REFUSE:
+                raise UsageError("busy with another job; when_busy is refuse")
+            if len(self._waiting) >= settings.queue_limit:
+                raise UsageError(f"busy: {len(self._waiting)} jobs wait already")
+        self._waiting.append(job)
+        job.listener.progress(WAITING, 0.0)
+        self._wake()
+
+    def cancel(self, job: Job) -> None:
+        """End a job; the next `poll` says so."""
+        self._abandon(job, "cancelled")
+        job.cancelled = True
+
+    def poll(self) -> None:
+        """Hear the worker, end what takes too long, begin the next."""
+        while True:
+            try:
+                self._hear(self._events.get_nowait())
+            except queue.Empty:
+                break
+        if self.running is not None and time.monotonic() > self._deadline:
+            self._abandon(self.running, f"ended after {self.running.timeout:g} s without a result")
+        while self.running is None and self._waiting:
+            self._begin(self._waiting.popleft())
+        while self._over:
+            self._ended(self._over.popleft())
+
+    def close(self) -> None:
+        """End all jobs."""
+        for job in (*self._waiting, *([self.running] if self.running else [])):
+            self._abandon(job, "the identifier was shut down")
+        if self._worker is not None:
+            self._worker.join()
+        self.poll()
+
+    def _abandon(self, job: Job, why: str) -> None:
+        if job is self.running and self._worker is not None:
+            job.message = job.message or why
+            self._worker.kill()
+        elif job in self._waiting:
+            self._waiting.remove(job)
+            job.message = why
+            self._over.append(job)
+            self._wake()
+
+    def _begin(self, job: Job) -> None:
+        settings = self._settings()
+        source = job.configuration.source
+        try:
+            folder = _new_folder(Path(settings.output_directory), job.task)
+            request = {
+                "task": job.task,
+                "bags": [str(bag) for bag in job.bags],
+                "configuration": job.configuration.model_dump(mode="json", exclude_unset=True),
+                "source": None if source is None else str(source),
+                "estimator": job.estimator,
+                "without": job.without,
+                "out": str(folder),
+                "memory_limit": settings.memory_limit,
+                "file_limit": settings.max_bag_size,
+            }
+            job.folder = folder
+            self._worker = Worker(request, folder, self._put)
+        except OSError as error:
+            job.message = f"cannot be begun: {error.strerror or error}"
+            self._finish(job)
+            return
+        self.running, job.stage = job, "starting"
+        self._deadline = time.monotonic() + job.timeout
+        job.listener.started()
+
+    def _put(self, event: Event) -> None:
+        self._events.put(event)
+        self._wake()
+
+    def _hear(self, event: Event) -> None:
+        job = self.running
+        assert job is not None
+        if "stage" in event:
+            job.stage = str(event["stage"])
+            job.listener.progress(job.stage, float(event["progress"]))
+        elif "ended" in event:
+            job.message = job.message or _untimely(int(event["ended"]))
+            self.running = self._worker = None
+            self._finish(job)
+        elif not job.message:  # neither cancelled nor too late
+            job.success = "message" in event
+            job.message = str(event["message" if job.success else "error"])
+
+    def _finish(self, job: Job) -> None:
+        if not job.success and job.folder is not None:
+            shutil.rmtree(job.folder, ignore_errors=True)
+            job.folder = None
+        self._over.append(job)
+
+
+def _untimely(status: int) -> str:
+    if status < 0:
+        return f"the worker was ended by {signal.Signals(-status).name}"
+    return f"the worker ended with status {status}"
+
+
+def _new_folder(directory: Path, task: str) -> Path:
+    """Make a folder that is named by task and time."""
+    directory.mkdir(parents=True, exist_ok=True)
+    stamp = time.strftime(f"{task}_%Y_%m_%d-%H_%M_%S")
+    for number in range(1, 1000):
+        folder = directory.resolve() / (stamp if number == 1 else f"{stamp}_{number}")
+        try:
+            folder.mkdir()
+            return folder
+        except FileExistsError:
+            continue
+    raise FileExistsError(f"{stamp}: too many folders")

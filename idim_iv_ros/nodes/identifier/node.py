@@ -1,0 +1,192 @@
+"""The node `identifier`: parameters of a robot from its bags, on request or from every new bag."""
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import fields
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from idim_iv_interfaces import action, srv
+from idim_iv_interfaces.msg import BagClosed
+from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.errors import IdimError
+from idim_iv_ros.nodes.entry import run_node
+from idim_iv_ros.nodes.identifier.gap_publisher import GapPublisher
+from idim_iv_ros.nodes.identifier.job import Job, JobListener
+from idim_iv_ros.nodes.identifier.job_queue import JobQueue
+from idim_iv_ros.nodes.identifier.job_request import (
+    RequestedJob,
+    requested_diagnosis,
+    requested_identification,
+)
+from idim_iv_ros.nodes.identifier.report import work_diagnosis
+from idim_iv_ros.nodes.identifier.request_server import RequestServer
+from idim_iv_ros.nodes.identifier.result_publisher import ResultPublisher
+from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
+from idim_iv_ros.nodes.parameters import changed, checked, declare
+
+_LOOK = 0.1  # s between two looks whether a job takes too long
+_TURNS = 10  # of the executor, in which the last results are sent
+
+ABOUT = """identifier: identify the dynamic parameters of a robot from its bags.
+
+  ros2 run idim_iv_ros identifier --ros-args -p configuration:=ROBOT.yaml -p bag_directory:=DIR
+  ros2 service call /identifier/identify idim_iv_interfaces/srv/Identify "{bags: [BAG]}"
+  ros2 action send_goal --feedback /identifier/identify idim_iv_interfaces/action/Identify \\
+    "{bags: [BAG]}"
+
+With -p auto:=true every bag that the recorder closes is identified. Topics: ~/estimates,
+~/result and ~/gap (latched), /diagnostics. Parameters: ros2 param describe /identifier NAME."""
+
+
+class Identifier:
+    """Parameters, services, actions and topics around the queue of jobs.
+
+    Raises
+    ------
+    UsageError
+        A parameter has a value that is not allowed.
+    DataError
+        The history in the output directory cannot be read.
+    """
+
+    def __init__(self) -> None:
+        self.node = node = Node("identifier")
+        self._settings = declare(node, IdentifierSettings)
+        self._configuration = self._loaded()
+        self._failure = ""
+        self._publisher = ResultPublisher(node, Path(self._settings.output_directory))
+        self._gaps = GapPublisher(node, Path(self._settings.output_directory))
+        self._guard = node.create_guard_condition(self._poll)
+        self._jobs = JobQueue(lambda: self._settings, self._guard.trigger, self._ended)
+        self._servers = (
+            RequestServer(
+                node,
+                "~/identify",
+                srv.Identify,
+                action.Identify,
+                partial(self._submit, requested_identification),
+                self._jobs.cancel,
+                lambda: self._publisher.last,
+            ),
+            RequestServer(
+                node,
+                "~/diagnose",
+                srv.Diagnose,
+                action.Diagnose,
+                partial(self._submit, requested_diagnosis),
+                self._jobs.cancel,
+                lambda: self._gaps.last,
+            ),
+        )
+        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        node.create_subscription(BagClosed, "recorder/bag_closed", self._bag_closed, 10)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(_LOOK, self._poll, clock=steady)
+        node.create_timer(self._settings.status_period, self._report, clock=steady)
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._apply)
+        self._publisher.publish_last(self._settings.drift_significance)
+        self._gaps.publish_last()
+
+    def close(self) -> None:
+        """End the job that is worked on, and answer all requests."""
+        self._jobs.close()
+        executor = self.node.executor
+        if executor is not None:
+            for _ in range(_TURNS):
+                executor.spin_once(timeout_sec=0.0)
+        for server in self._servers:
+            server.destroy()
+        self.node.destroy_node()
+
+    def _loaded(self) -> Configuration | None:
+        path = self._settings.configuration
+        return load_configuration(Path(path)) if path else None
+
+    def _bag_closed(self, message: BagClosed) -> None:
+        if self._settings.auto:
+
+            def ended(success: bool, why: str) -> None:
+                if not success:  # nobody asked: the diagnostics are the only answer
+                    self._failure = f"{message.bag}: {why}"
+
+            listener = JobListener(lambda: None, lambda stage, share: None, ended)
+            request = srv.Identify.Request(bags=[message.bag])
+            self._submit(requested_identification, request, listener)
+
+    def _submit(self, requested: RequestedJob, request: Any, listener: JobListener) -> Job | None:
+        """Queue a job; None if it was refused, and the listener was told why."""
+        try:
+            job = requested(request, self._settings, self._configuration, listener)
+            self._jobs.submit(job)
+            return job
+        except IdimError as error:
+            self.node.get_logger().warning(f"refused: {error}")
+            listener.ended(False, str(error))
+            return None
+
+    def _ended(self, job: Job) -> None:
+        if job.success:
+            try:
+                self._publish(job)
+                self._failure = ""
+                self.node.get_logger().info(f"{', '.join(job.names)}: {job.message}")
+            except IdimError as error:
+                job.success, job.message = False, str(error)
+        if job.cancelled and not job.success:
+            self.node.get_logger().info(f"{', '.join(job.names)}: cancelled")
+        elif not job.success:
+            self._failure = f"{', '.join(job.names)}: {job.message}"
+            self.node.get_logger().error(self._failure)
+        job.listener.ended(job.success, job.message)
+        self._report()
+
+    def _publish(self, job: Job) -> None:
+        """Publish and keep what a job has found."""
+        if job.task == "identification":
+            self._publisher.add(job, self._settings)
+        else:
+            assert job.folder is not None
+            stamp = self.node.get_clock().now().nanoseconds or time.time_ns()
+            self._gaps.add(stamp, job.names, job.folder.name)
+
+    def _poll(self) -> None:
+        self._jobs.poll()
+
+    def _report(self) -> None:
+        name = self.node.get_name()
+        message = DiagnosticArray()
+        message.header.stamp = self.node.get_clock().now().to_msg()
+        message.status = [work_diagnosis(name, self._jobs, self._failure)]
+        message.status += self._publisher.diagnoses(name)
+        self._diagnostics.publish(message)
+
+    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        return checked(self._settings, parameters)
+
+    def _apply(self, parameters: Sequence[Parameter]) -> None:
+        names = {parameter.name for parameter in parameters}
+        if names & {field.name for field in fields(IdentifierSettings)}:
+            self._settings = changed(self._settings, parameters)
+        if "configuration" in names:
+            self._configuration = self._loaded()
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the node until a signal and return the exit status; `arguments` begin with a name."""
+    return run_node("identifier", Identifier, ABOUT, arguments)
+
+
+def main() -> None:
+    """Run the node with the arguments of the command line."""
+    sys.exit(run(sys.argv))

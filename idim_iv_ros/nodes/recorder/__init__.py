@@ -1,0 +1,1 @@
+"""The node that writes the topics of a robot into bags."""

@@ -1,0 +1,219 @@
+"""The node `recorder`: writes the topics of a robot into MCAP bags."""
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ROSClock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+
+from idim_iv_interfaces.msg import BagClosed, RecorderStatus
+from idim_iv_ros.errors import IdimError, UsageError
+from idim_iv_ros.nodes.entry import run_node
+from idim_iv_ros.nodes.parameters import changed, declare
+from idim_iv_ros.nodes.recorder.intake import Intake
+from idim_iv_ros.nodes.recorder.report import (
+    bag_closed,
+    recorder_diagnosis,
+    recorder_status,
+    topic_diagnosis,
+    topic_status,
+)
+from idim_iv_ros.nodes.recorder.session import RecordingSession
+from idim_iv_ros.nodes.recorder.settings import RecorderSettings
+from idim_iv_ros.nodes.recorder.topics import recorder_topics
+from idim_iv_ros.nodes.recorder.writer_thread import WriterThread
+from idim_iv_ros.recording.writing.growing_bag import ClosedBag
+
+_LOOK = 0.1  # s between two looks for publishers
+
+ABOUT = """recorder: record the topics of a robot into MCAP bags.
+
+  ros2 run idim_iv_ros recorder --ros-args -p configuration:=ROBOT.yaml -p bag_directory:=DIR
+  ros2 service call /recorder/start std_srvs/srv/Trigger
+
+Services: ~/start ~/stop ~/pause ~/resume ~/split. Topics: ~/status ~/bag_closed /diagnostics.
+Parameters: ros2 param describe /recorder NAME."""
+
+
+class Recorder:
+    """Parameters, services and topics of the recorder around its two threads.
+
+    Raises
+    ------
+    UsageError
+        A parameter has a value that is not allowed.
+    """
+
+    def __init__(self) -> None:
+        self.node = node = Node("recorder")
+        self._settings = declare(node, RecorderSettings)
+        self._session = RecordingSession(self._settings, self._now, self._announce)
+        self._writer = WriterThread(self._session)
+        self._intake = Intake(self._writer, lambda: self._settings.max_message_size, self._log_time)
+        self._topics = recorder_topics(node, self._settings)
+        self._intake.topics = self._topics
+        self._status = node.create_publisher(RecorderStatus, "~/status", 10)
+        self._bags = node.create_publisher(BagClosed, "~/bag_closed", 10)
+        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._counted: dict[str, int] = {}
+        self._counted_at = time.monotonic()
+        self._fault = ""
+        for name in ("start", "stop", "pause", "resume", "split"):
+            node.create_service(Trigger, f"~/{name}", self._service(getattr(self, f"_{name}")))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(_LOOK, self._look, clock=steady)
+        node.create_timer(self._settings.status_period, self._report, clock=steady)
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._apply)
+        self._writer.start()
+        self._intake.start()
+        self._look()
+        if self._settings.autostart:
+            node.get_logger().info(self._start())
+
+    def close(self) -> None:
+        """Close the bag, if one is open."""
+        self._intake.end()
+        try:
+            if self._session.bag is not None:
+                self.node.get_logger().info(self._stop())
+        finally:
+            self._writer.end()
+            for topic in self._topics:
+                topic.close()
+            self.node.destroy_node()
+
+    def _now(self) -> int:
+        return int(self.node.get_clock().now().nanoseconds)
+
+    def _log_time(self) -> int | None:
+        """Simulated time where it is used, as rosbag2 does; else the time of receipt."""
+        clock = self.node.get_clock()
+        simulated = isinstance(clock, ROSClock) and clock.ros_time_is_active
+        return self._now() if simulated else None
+
+    def _start(self) -> str:
+        self._intake.drain()
+
+        def start() -> str:
+            folder = self._session.start()
+            for topic in self._topics:
+                topic.monitor.reset()
+                topic.too_large = 0
+            self._writer.overrun = 0
+            return f"recording into {folder}"
+
+        return self._writer.call(start)
+
+    def _stop(self) -> str:
+        self._intake.drain()
+        closed = self._writer.call(self._session.stop)
+        count = sum(file.messages for file in closed.files)
+        if closed.lost:
+            raise UsageError(self._session.fault)
+        return f"{closed.folder}: {count} messages in {closed.duration * 1e-9:.1f} s"
+
+    def _pause(self) -> str:
+        self._intake.drain()
+        self._writer.call(self._session.pause)
+        return "paused"
+
+    def _resume(self) -> str:
+        self._intake.drain()
+        self._writer.call(self._session.resume)
+        return "recording"
+
+    def _split(self) -> str:
+        self._intake.drain()
+        return f"closed {self._writer.call(self._session.split)}"
+
+    def _service(
+        self, action: Callable[[], str]
+    ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
+        def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            try:
+                response.success, response.message = True, action()
+            except IdimError as error:
+                response.success, response.message = False, str(error)
+            except TimeoutError:
+                response.success, response.message = False, "the disk did not answer for 10 s"
+            log = self.node.get_logger()
+            if response.success:
+                log.info(response.message)
+            else:
+                log.error(response.message)
+            return response
+
+        return answer
+
+    def _look(self) -> None:
+        for topic in self._topics:
+            topic.look()
+
+    def _report(self) -> None:
+        name = self.node.get_name()
+        now = time.monotonic()
+        seconds, self._counted_at = now - self._counted_at, now
+        statuses = []
+        for topic in self._topics:
+            received = topic.monitor.received
+            new = received - self._counted.get(topic.name, 0)
+            self._counted[topic.name] = received
+            rate = (new if new >= 0 else received) / seconds
+            statuses.append(topic_status(topic, self._session, rate))
+        failure = self._writer.failure or self._intake.failure
+        status = recorder_status(self._writer, statuses, failure)
+        status.header.stamp = self.node.get_clock().now().to_msg()
+        self._status.publish(status)
+        diagnoses = [recorder_diagnosis(name, status)]
+        diagnoses += [
+            topic_diagnosis(name, topic, each)
+            for topic, each in zip(self._topics, statuses, strict=True)
+        ]
+        self._diagnostics.publish(DiagnosticArray(header=status.header, status=diagnoses))
+        if status.fault != self._fault:
+            self._fault = status.fault
+            self.node.get_logger().error(status.fault or "the fault is over")
+
+    def _announce(self, closed: ClosedBag, faulty: bool) -> None:
+        message = bag_closed(closed, faulty, sum(topic.monitor.lost for topic in self._topics))
+        message.header.stamp = self.node.get_clock().now().to_msg()
+        self._bags.publish(message)
+
+    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        try:
+            new = changed(self._settings, parameters)
+            if self._session.bag is not None and new.configuration != self._settings.configuration:
+                raise UsageError("configuration: a bag is open; call stop first")
+        except IdimError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply(self, parameters: Sequence[Parameter]) -> None:
+        own = {field.name for field in fields(RecorderSettings)}
+        if not own & {parameter.name for parameter in parameters}:
+            return
+        self._settings = changed(self._settings, parameters)
+        self._session.settings = self._settings
+        if any(parameter.name == "configuration" for parameter in parameters):
+            old, self._topics = self._topics, recorder_topics(self.node, self._settings)
+            self._intake.topics = self._topics
+            for topic in old:
+                topic.close()
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the node until a signal and return the exit status; `arguments` begin with a name."""
+    return run_node("recorder", Recorder, ABOUT, arguments)
+
+
+def main() -> None:
+    """Run the node with the arguments of the command line."""
+    sys.exit(run(sys.argv))

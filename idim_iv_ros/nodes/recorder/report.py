@@ -1,0 +1,147 @@
+"""What the recorder says of itself: RecorderStatus and diagnostics, from counts to sentences."""
+
+from collections.abc import Sequence
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from idim_iv_interfaces.msg import BagClosed, RecorderStatus, TopicStatus
+from idim_iv_ros.nodes.diagnostic_status import diagnostic_status
+from idim_iv_ros.nodes.recorder.session import RecordingSession, State
+from idim_iv_ros.nodes.recorder.watched_topic import WatchedTopic
+from idim_iv_ros.nodes.recorder.writer_thread import WriterThread
+from idim_iv_ros.recording.writing.growing_bag import ClosedBag
+
+_SILENT = 1.0  # s, at least
+_SILENT_PERIODS = 20.0
+
+
+def topic_status(topic: WatchedTopic, session: RecordingSession, rate: float) -> TopicStatus:
+    """Counts of one topic; `rate` in Hz."""
+    monitor, content = topic.monitor, topic.monitor.content
+    return TopicStatus(
+        name=topic.name,
+        type=topic.channel.message_type if topic.channel else "",
+        publishers=topic.publishers,
+        rate=rate,
+        received=monitor.received,
+        recorded=session.recorded(topic.name),
+        lost=monitor.lost,
+        late=monitor.late,
+        gaps=monitor.gaps,
+        longest_gap=monitor.longest_gap,
+        malformed=topic.too_large + (content.malformed if content else 0),
+        backward=monitor.backward,
+        bytes=monitor.bytes,
+    )
+
+
+def recorder_status(
+    writer: WriterThread, topics: Sequence[TopicStatus], failure: str
+) -> RecorderStatus:
+    """Return the state of the recording, or why it fails; the header is left to the caller."""
+    session = writer.session
+    bag = session.bag
+    return RecorderStatus(
+        state=int(session.state),
+        bag=str(bag.folder) if bag else "",
+        file=bag.file.path.name if bag else "",
+        splits=len(bag.closed) if bag else 0,
+        duration=session.duration,
+        bytes=bag.size if bag else 0,
+        free_disk=session.free_disk(),
+        waiting=bag.file.waiting if bag else 0,
+        dropped=session.dropped + writer.overrun,
+        fault=session.fault or failure,
+        topics=list(topics),
+    )
+
+
+def bag_closed(closed: ClosedBag, faulty: bool, lost: int) -> BagClosed:
+    """Return the announcement of a bag; `lost` messages of it never arrived."""
+    return BagClosed(
+        bag=str(closed.folder),
+        files=[file.name for file in closed.files],
+        duration=closed.duration * 1e-9,
+        messages=sum(file.messages for file in closed.files),
+        lost=lost,
+        bytes=sum(file.size for file in closed.files),
+        complete=not faulty,
+    )
+
+
+def recorder_diagnosis(name: str, status: RecorderStatus) -> DiagnosticStatus:
+    """Return the diagnosis of the recorder as a whole."""
+    level, sentence = DiagnosticStatus.OK, State(status.state).name.lower()
+    if status.fault:
+        level, sentence = DiagnosticStatus.ERROR, status.fault
+    elif status.dropped:
+        level = DiagnosticStatus.ERROR
+        sentence = f"{status.dropped} messages could not be kept: memory_limit was reached"
+    values = {
+        "bag": status.bag,
+        "file": status.file,
+        "duration (s)": f"{status.duration:.1f}",
+        "bytes": status.bytes,
+        "free disk (B)": status.free_disk,
+        "waiting": status.waiting,
+        "dropped": status.dropped,
+    }
+    return diagnostic_status(level, f"{name}: recording", name, sentence, values)
+
+
+def topic_diagnosis(name: str, topic: WatchedTopic, status: TopicStatus) -> DiagnosticStatus:
+    """Return the diagnosis of one topic."""
+    errors, warnings = _errors(topic), _warnings(topic, status)
+    level = DiagnosticStatus.OK
+    if errors or warnings:
+        level = DiagnosticStatus.ERROR if errors else DiagnosticStatus.WARN
+    sentence = "; ".join(errors + warnings) or f"{status.rate:.1f} Hz"
+    values = {
+        "rate (Hz)": f"{status.rate:.1f}",
+        "publishers": status.publishers,
+        "received": status.received,
+        "recorded": status.recorded,
+        "lost": status.lost,
+        "late": status.late,
+        "gaps": status.gaps,
+        "longest gap (s)": f"{status.longest_gap:.4f}",
+        "malformed": status.malformed,
+        "backward stamps": status.backward,
+        "bytes": status.bytes,
+    }
+    return diagnostic_status(level, f"{name}: {topic.name}", topic.name, sentence, values)
+
+
+def _errors(topic: WatchedTopic) -> list[str]:
+    errors = [topic.problem] if topic.problem else []
+    if not topic.had_publishers:
+        return errors
+    if topic.publishers == 0:
+        errors.append(f"its publisher is gone; last message {topic.monitor.silence:.1f} s ago")
+    elif topic.channel is not None and not topic.channel.latched:
+        period = topic.monitor.period or 0.0
+        if topic.monitor.silence > max(_SILENT, _SILENT_PERIODS * period):
+            errors.append(f"no message for {topic.monitor.silence:.1f} s")
+    return errors
+
+
+def _warnings(topic: WatchedTopic, status: TopicStatus) -> list[str]:
+    warnings = []
+    if not topic.had_publishers and not topic.problem:
+        warnings.append("nobody publishes it")
+    if topic.note:
+        warnings.append(topic.note)
+    if topic.publishers > 1:
+        warnings.append(f"{topic.publishers} publishers: lost messages cannot be counted")
+    if topic.monitor.content is not None:
+        warnings += topic.monitor.content.problems
+    counts = {
+        "lost": status.lost,
+        "late": status.late,
+        "malformed or too large": status.malformed,
+        "stamped before the one before": status.backward,
+    }
+    warnings += [f"{count} messages {what}" for what, count in counts.items() if count]
+    if status.gaps:
+        warnings.append(f"{status.gaps} gaps, the longest {status.longest_gap:.3f} s")
+    return warnings

@@ -1,0 +1,237 @@
+"""Recording as a state machine: start, stop, pause, resume, split; what happens on a full disk."""
+
+import os
+import time
+from collections.abc import Callable
+from datetime import datetime
+from enum import IntEnum
+from operator import itemgetter
+from pathlib import Path
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.nodes.recorder.settings import RecorderSettings
+from idim_iv_ros.recording.bags.channel import TopicChannel
+from idim_iv_ros.recording.bags.metadata import FileSummary
+from idim_iv_ros.recording.writing.growing_bag import ClosedBag, GrowingBag, SplitLimits
+from idim_iv_ros.recording.writing.growing_mcap import Message
+
+
+class State(IntEnum):
+    """As in RecorderStatus."""
+
+    IDLE = 0
+    RECORDING = 1
+    PAUSED = 2
+    STOPPED_BY_FAULT = 3
+
+
+class RecordingSession:
+    """One recorder's bags, one after the other. Not for several threads.
+
+    Parameters
+    ----------
+    settings : RecorderSettings
+    clock : callable
+        Log time now, ns.
+    closed : callable
+        Told of every bag that is complete on disk, and whether it was stopped by a fault.
+
+    Attributes
+    ----------
+    state : State
+    fault : str
+        What is wrong, in one line that says what to do; empty if nothing is.
+    dropped : int
+        Messages that arrived and were not written since the start.
+    """
+
+    def __init__(
+        self,
+        settings: RecorderSettings,
+        clock: Callable[[], int],
+        closed: Callable[[ClosedBag, bool], None],
+    ) -> None:
+        self.settings = settings
+        self.state = State.IDLE
+        self.fault = ""
+        self.dropped = 0
+        self.bag: GrowingBag | None = None
+        self._clock = clock
+        self._closed = closed
+        self._latched: dict[str, tuple[TopicChannel, Message]] = {}
+        self._last: tuple[FileSummary, ...] = ()
+        self._started = self._committed = 0.0
+
+    @property
+    def duration(self) -> float:
+        """Seconds since the recording was started; zero when there is none."""
+        return time.monotonic() - self._started if self.bag is not None else 0.0
+
+    def recorded(self, topic: str) -> int:
+        """Messages of a topic in the present bag, or in the last one."""
+        bag = self.bag
+        if bag is not None:
+            return bag.count(topic)
+        return sum(file.counts.get(topic, 0) for file in self._last)
+
+    def free_disk(self) -> int:
+        """Free bytes where the bags lie; zero if that cannot be told."""
+        try:
+            disk = os.statvfs(self.settings.bag_directory)
+        except OSError:
+            return 0
+        return disk.f_bavail * disk.f_frsize
+
+    def start(self) -> Path:
+        """Open a new bag and return its folder.
+
+        Raises
+        ------
+        UsageError
+            A recording is going on, or the bag cannot be made.
+        """
+        if self.bag is not None:
+            raise UsageError(f"already recording into {self.bag.folder}; call stop first")
+        folder = self._new_folder()
+        limits = SplitLimits(self.settings.max_file_size, self.settings.max_file_duration)
+        latched = {name: message for name, (_, message) in self._latched.items()}
+        channels = [channel for channel, _ in self._latched.values()]
+        try:
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            self._require_space()
+            self.bag = GrowingBag(folder, limits, self._clock, latched, channels)
+        except OSError as error:
+            raise UsageError(f"{folder}: cannot be made: {error.strerror or error}") from error
+        self.state, self.fault, self.dropped = State.RECORDING, "", 0
+        self._started = self._committed = time.monotonic()
+        return folder
+
+    def stop(self) -> ClosedBag:
+        """Close the bag.
+
+        Raises
+        ------
+        UsageError
+            Nothing is being recorded.
+        """
+        bag = self._open_bag()
+        try:
+            closed = bag.close()
+        except OSError as error:
+            closed = bag.abandon()
+            self.dropped += closed.lost
+            self.fault = (
+                f"{bag.folder}: {error.strerror or error}: closed without the last "
+                f"{closed.lost} messages; free space before the next recording"
+            )
+        self._end(closed, faulty=bool(closed.lost))
+        return closed
+
+    def pause(self) -> None:
+        """Leave out what arrives from now on."""
+        self._open_bag()
+        self.state = State.PAUSED
+
+    def resume(self) -> None:
+        """Record again."""
+        self._open_bag()
+        self.state = State.RECORDING
+
+    def split(self) -> Path:
+        """Go on in a new file and return the one that was closed.
+
+        Raises
+        ------
+        UsageError
+            Nothing is being recorded, or the new file cannot be made.
+        """
+        bag = self._open_bag()
+        path = bag.file.path
+        try:
+            bag.split()
+        except OSError as error:
+            raise UsageError(f"{bag.folder}: {error.strerror or error}; not split") from error
+        return path
+
+    def write(self, channels: list[TopicChannel], messages: list[Message]) -> None:
+        """Take messages of the topics `channels`, in any order."""
+        for channel in channels:
+            if channel.latched:
+                last = next(each for each in reversed(messages) if each[1] == channel.name)
+                self._latched[channel.name] = (channel, last)
+        if self.state == State.STOPPED_BY_FAULT:
+            self.dropped += len(messages)
+        if self.bag is None or self.state != State.RECORDING:
+            return
+        for channel in channels:
+            if self.bag.topics.get(channel.name) != channel:
+                self.bag.describe(channel)
+        self.bag.add(sorted(messages, key=itemgetter(0)))
+        if self.bag.file.waiting_bytes > self.settings.memory_limit:
+            self._give_up()
+
+    def tick(self) -> None:
+        """Put on disk what is due; call several times a second."""
+        now = time.monotonic()
+        if self.bag is None or now - self._committed < self.settings.chunk_duration:
+            return
+        self._committed = now
+        try:
+            self.bag.commit()
+        except OSError as error:
+            self.fault = (
+                f"{self.bag.folder}: {error.strerror or error}: messages wait in memory; "
+                "free space or call stop"
+            )
+            return
+        self.fault = ""
+        free = self.free_disk()
+        if free < self.settings.minimum_free_disk:
+            folder = self.bag.folder
+            self._end(self.bag.close(), faulty=True)
+            self.fault = (
+                f"{folder}: stopped with {free / 1e6:.0f} MB of free disk left "
+                f"(minimum_free_disk is {self.settings.minimum_free_disk / 1e6:.0f} MB); "
+                "what arrived is in the bag; free space, then call start"
+            )
+
+    def _give_up(self) -> None:
+        """Memory is full of messages that cannot be written."""
+        assert self.bag is not None
+        closed = self.bag.abandon()
+        self.dropped += closed.lost
+        fault = (
+            f"{closed.folder}: {closed.lost} messages could not be written and memory_limit is "
+            "reached; what is on disk is whole; free space, then call start"
+        )
+        self._end(closed, faulty=True)
+        self.fault = fault
+
+    def _end(self, closed: ClosedBag, faulty: bool) -> None:
+        self._last = closed.files
+        self.bag = None
+        self.state = State.STOPPED_BY_FAULT if faulty else State.IDLE
+        self._closed(closed, faulty)
+
+    def _open_bag(self) -> GrowingBag:
+        if self.bag is None:
+            raise UsageError("nothing is being recorded; call start first")
+        return self.bag
+
+    def _require_space(self) -> None:
+        free = self.free_disk()
+        if free < self.settings.minimum_free_disk:
+            raise UsageError(
+                f"{self.settings.bag_directory}: {free / 1e6:.0f} MB of free disk, "
+                f"minimum_free_disk is {self.settings.minimum_free_disk / 1e6:.0f} MB"
+            )
+
+    def _new_folder(self) -> Path:
+        stamp = datetime.now().strftime("%Y_%m_%d-%H_%M_%S")
+        directory = Path(self.settings.bag_directory).resolve()
+        folder = directory / f"{self.settings.bag_prefix}_{stamp}"
+        number = 1
+        while folder.exists():
+            number += 1
+            folder = directory / f"{self.settings.bag_prefix}_{stamp}_{number}"
+        return folder

@@ -1,0 +1,1 @@
+"""The node that simulates a robot in real time."""

@@ -1,0 +1,209 @@
+"""The node `robot_simulator`: a robot in real time whose true parameters are known."""
+
+import contextlib
+import json
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.errors import IdimError, UsageError, one_line
+from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
+from idim_iv_ros.model import read_urdf_file
+from idim_iv_ros.nodes.entry import run_node
+from idim_iv_ros.nodes.parameters import changed, checked, declare
+from idim_iv_ros.nodes.simulator.motion_plan import REST, commanded, published
+from idim_iv_ros.nodes.simulator.playback import Playback
+from idim_iv_ros.nodes.simulator.settings import SimulatorSettings
+from idim_iv_ros.recording.read import DESCRIPTION
+from idim_iv_ros.simulators.robot import simulated_robot
+
+ABOUT = """robot_simulator: a simulated robot that publishes its joint states in real time.
+
+  ros2 run idim_iv_ros robot_simulator --ros-args -p configuration:=ROBOT.yaml
+  ros2 service call /robot_simulator/move std_srvs/srv/Trigger
+
+~/move plays the CSV file of the parameter `trajectory`, or a random exciting motion; a
+trajectory_msgs/JointTrajectory on ~/joint_trajectory is played too. ~/truth tells the true base
+parameters as JSON, ~/moving whether a motion is planned or under way."""
+
+_FASTEST = 1000.0  # Hz
+_QUEUE = 1000
+
+
+class RobotSimulator:
+    """Parameters, topics and services around a thread that publishes and one that plans.
+
+    Raises
+    ------
+    UsageError
+        No configuration, or one that cannot be simulated.
+    """
+
+    def __init__(self) -> None:
+        self.node = node = Node("robot_simulator")
+        self._settings = declare(node, SimulatorSettings)
+        configuration, urdf, self._rate = _loaded(Path(self._settings.configuration))
+        text = read_urdf_file(urdf)
+        self._configuration = configuration
+        self._robot = simulated_robot(configuration, text, urdf.name)
+        limits = self._robot.robot.limits
+        middle = 0.5 * (limits.lower + limits.upper)
+        self._reference = np.where(np.isfinite(middle), middle, 0.0)
+        self._compile()
+        topics, _ = published(
+            configuration, self._robot, self._rate, self._reference, None, self._settings.seed
+        )
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        node.create_publisher(String, DESCRIPTION, latched).publish(String(data=text))
+        truth = json.dumps(self._robot.truth)
+        node.create_publisher(String, "~/truth", latched).publish(String(data=truth))
+        publishers = {
+            topic.name: node.create_publisher(JointState, topic.name, _QUEUE) for topic in topics
+        }
+        self._playback = Playback(
+            topics,
+            {name: publisher.publish for name, publisher in publishers.items()},
+            self._now,
+            REST,
+        )
+        self._planning = threading.Lock()
+        self._problem = ""
+        self._said: bool | None = None
+        self._moving = node.create_publisher(Bool, "~/moving", latched)
+        node.create_subscription(JointTrajectory, "~/joint_trajectory", self._command, 1)
+        node.create_service(Trigger, "~/move", self._move)
+        node.create_timer(0.1, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._apply)
+        self._playback.start()
+
+    def close(self) -> None:
+        """Stop publishing."""
+        self._playback.end()
+        self.node.destroy_node()
+
+    def _compile(self) -> None:
+        """Plan a short motion, so that what is compiled at first use does not delay ~/move."""
+        with contextlib.suppress(IdimError):  # without joint limits there are no random motions
+            random_motion(self._configuration, duration=1.0, rate=self._rate, seed=1)
+
+    def _now(self) -> int:
+        return int(self.node.get_clock().now().nanoseconds)
+
+    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        return checked(self._settings, parameters)
+
+    def _apply(self, parameters: Sequence[Parameter]) -> None:
+        self._settings = changed(self._settings, parameters)
+
+    def _command(self, message: JointTrajectory) -> None:
+        def trajectory() -> Trajectory:
+            points = message.points
+            counts = {len(point.positions) for point in points} - {len(message.joint_names)}
+            if counts:
+                raise UsageError(
+                    f"joint_trajectory: {counts.pop()} positions for "
+                    f"{len(message.joint_names)} joints"
+                )
+            times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points]
+            smooth = all(len(point.velocities) == len(point.positions) for point in points)
+            return commanded(
+                message.joint_names,
+                np.array(times, dtype=float),
+                np.array([point.positions for point in points], dtype=float),
+                np.array([p.velocities for p in points], dtype=float) if smooth else None,
+                self._rate,
+            )
+
+        refusal = self._plan(trajectory)
+        if refusal:
+            self.node.get_logger().error(refusal)
+
+    def _move(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        def trajectory() -> Trajectory:
+            if self._settings.trajectory:
+                return read_trajectory(Path(self._settings.trajectory))
+            return random_motion(
+                self._configuration,
+                duration=self._settings.motion_duration,
+                rate=self._rate,
+                seed=self._settings.motion_seed,
+            )
+
+        response.message = self._plan(trajectory) or "planning, then moving"
+        response.success = not response.message.startswith("busy")
+        return response
+
+    def _plan(self, trajectory: Callable[[], Trajectory]) -> str:
+        """Plan in a thread; return why not, or nothing."""
+        if self._playback.moving or not self._planning.acquire(blocking=False):
+            return "busy: the robot is moving; wait until it rests"
+
+        def plan() -> None:
+            try:
+                topics, self._reference = published(
+                    self._configuration,
+                    self._robot,
+                    self._rate,
+                    self._reference,
+                    trajectory(),
+                    self._settings.seed,
+                )
+                self._playback.play(topics)
+            except IdimError as error:
+                self._problem = str(error)
+            except Exception as error:  # the next motion may be one that can be planned
+                self._problem = f"defect in idim_iv_ros ({one_line(error)})"
+            finally:
+                self._planning.release()
+
+        threading.Thread(target=plan, name="planning", daemon=True).start()
+        return ""
+
+    def _report(self) -> None:
+        moving = self._playback.moving or self._planning.locked()
+        if moving != self._said:
+            self._said = moving
+            self._moving.publish(Bool(data=moving))
+        problem, self._problem = self._problem or self._playback.failure, ""
+        if problem:
+            self.node.get_logger().error(problem)
+
+
+def _loaded(path: Path) -> tuple[Configuration, Path, float]:
+    """Configuration, its URDF, and the rate of the references in Hz."""
+    configuration = load_configuration(path)
+    urdf = configuration.robot.urdf
+    if urdf is None:
+        raise UsageError(f"{path}: robot.urdf is needed to simulate")
+    period = configuration.controller.period
+    rate = configuration.simulated_robot.rate or (1.0 / period if period else _FASTEST)
+    if rate > _FASTEST + 1e-6:
+        raise UsageError(
+            f"{path}: simulated_robot.rate: {rate:g} Hz; at most {_FASTEST:g} Hz in real time"
+        )
+    return configuration, urdf, float(rate)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the node until a signal and return the exit status; `arguments` begin with a name."""
+    return run_node("robot_simulator", RobotSimulator, ABOUT, arguments)
+
+
+def main() -> None:
+    """Run the node with the arguments of the command line."""
+    sys.exit(run(sys.argv))

@@ -1,0 +1,1 @@
+"""Bags: MCAP files, SQLite files and folders of either, read without objects per message."""

@@ -1,0 +1,193 @@
+"""A bag is an MCAP file, a lone .db3 or a rosbag2 folder with any number of either."""
+
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import zstandard
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.interruption import undone_if_interrupted
+from idim_iv_ros.recording.bags.mcap_file import McapFile
+from idim_iv_ros.recording.bags.message_batch import MessageBatch
+from idim_iv_ros.recording.bags.sqlite_file import SqliteFile
+from idim_iv_ros.recording.paths import is_file, is_there
+
+_LONGEST_METADATA = 1 << 24  # bytes
+
+
+@dataclass
+class Bag:
+    """One recording on disk.
+
+    Attributes
+    ----------
+    path : Path
+        As the user named it.
+    topics : dict
+        Type of each topic; complete once the bag was read.
+    damages : list of str
+        What is wrong with which file.
+    found, missing : Counter
+        Messages of each wanted topic that were found, and that are known to be lost.
+    counted : bool
+        Whether `missing` is all that is lost.
+    """
+
+    path: Path
+    topics: dict[str, str] = field(default_factory=dict)
+    damages: list[str] = field(default_factory=list)
+    found: Counter[str] = field(default_factory=Counter)
+    missing: Counter[str] = field(default_factory=Counter)
+    counted: bool = True
+    _passed: Counter[str] = field(default_factory=Counter)
+    _steps: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def intervals(self) -> dict[str, float]:
+        """Mean time between two messages of each wanted topic, s; zero for a single one."""
+        return {t: 1e-9 * self._passed[t] / max(steps, 1) for t, steps in self._steps.items()}
+
+    def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
+        """Raw messages of the wanted topics, file by file.
+
+        Raises
+        ------
+        UsageError
+            No such file or folder.
+        DataError
+            Not a bag.
+        """
+        files = bag_files(self.path)
+        with ExitStack() as stack:
+            for path in files:
+                whole = _decompressed(path, stack) if path.suffix == ".zstd" else path
+                file = McapFile(whole) if whole.suffix == ".mcap" else SqliteFile(whole)
+                for topic, batch in file.batches(wanted):
+                    self.topics[topic] = file.topics[topic]
+                    self._meet(topic, batch)
+                    yield topic, batch
+                self.topics.update(file.topics)
+                self.missing.update(file.missing)
+                self.counted &= file.counted
+                named = "the file" if path == self.path else path.name
+                self.damages += _damages(named, file)
+        if not self.counted:
+            self._compare(wanted)
+
+    def _meet(self, topic: str, batch: MessageBatch) -> None:
+        self.found[topic] += len(batch)
+        # Batch by batch: what is lost between two of them has no part in it.
+        self._passed[topic] += int(batch.arrival.max()) - int(batch.arrival.min())
+        self._steps[topic] += len(batch) - 1
+
+    def _compare(self, wanted: set[str]) -> None:
+        """Count what is missing against metadata.yaml, where it says how much there was."""
+        counts = _counts(self.path)
+        if any(counts.get(topic, 0) < self.found[topic] for topic in self.found):
+            return
+        known = {topic: count for topic, count in counts.items() if topic in wanted}
+        if known:
+            self.missing = Counter({t: count - self.found[t] for t, count in known.items()})
+            self.counted = True
+
+
+def _damages(name: str, file: McapFile | SqliteFile) -> list[str]:
+    damages = []
+    if file.truncated:
+        damages.append(f"{name} ends in the middle")
+    if file.damaged:
+        places = "1 place" if file.damaged == 1 else f"{file.damaged} places"
+        damages.append(f"{name} is damaged in {places}")
+    return damages
+
+
+def bag_files(path: Path) -> list[Path]:
+    """Files of a bag in the order in which they were recorded.
+
+    Raises
+    ------
+    UsageError
+        No such file or folder, or one that cannot be read.
+    DataError
+        Not a bag.
+    """
+    if not is_there(path):
+        raise UsageError(f"{path}: no such file or folder")
+    if path.is_file():
+        if not path.name.endswith((".mcap", ".db3", ".mcap.zstd", ".db3.zstd")):
+            raise DataError(
+                f"{path}: not a bag (an .mcap or .db3 file, or a rosbag2 folder); tables come in "
+                "through idim-iv import"
+            )
+        return [path]
+    listed = _listed(path)
+    files = listed or sorted(
+        file
+        for pattern in ("*.mcap", "*.db3", "*.mcap.zstd", "*.db3.zstd")
+        for file in path.glob(pattern)
+    )
+    if not files:
+        raise DataError(f"{path}: no .mcap or .db3 file in this folder")
+    return files
+
+
+def _listed(folder: Path) -> list[Path]:
+    """Files that metadata.yaml lists and that exist, in its order."""
+    information = _information(folder)
+    if str(information.get("compression_mode", "")).lower() == "message":
+        raise DataError(
+            f"{folder}: every message is compressed by itself; convert it with ros2 bag convert "
+            "(compression_mode: file or none)"
+        )
+    names = information.get("relative_file_paths")
+    if not isinstance(names, list):
+        return []
+    files = [folder / Path(name).name for name in names if isinstance(name, str)]
+    return [file for file in files if is_file(file)]
+
+
+def _counts(folder: Path) -> dict[str, int]:
+    """Messages of each topic of a bag, as far as its metadata.yaml says."""
+    counts: dict[str, int] = {}
+    topics = _information(folder).get("topics_with_message_count")
+    for topic in topics if isinstance(topics, list) else []:
+        try:
+            name, count = topic["topic_metadata"]["name"], topic["message_count"]
+        except (KeyError, TypeError):
+            continue
+        if isinstance(name, str) and isinstance(count, int):
+            counts[name] = count
+    return counts
+
+
+def _information(folder: Path) -> dict[str, Any]:
+    """Content of metadata.yaml; empty where there is none that can be read."""
+    metadata = folder / "metadata.yaml"
+    try:
+        if not metadata.is_file() or metadata.stat().st_size > _LONGEST_METADATA:
+            return {}
+        document = YAML(typ="safe", pure=True).load(metadata.read_text(encoding="utf-8"))
+        information = document["rosbag2_bagfile_information"]
+    except (OSError, ValueError, YAMLError, KeyError, TypeError, RecursionError):
+        return {}
+    return information if isinstance(information, dict) else {}
+
+
+def _decompressed(path: Path, stack: ExitStack) -> Path:
+    folder = tempfile.TemporaryDirectory(prefix="idim_iv_")
+    stack.enter_context(folder)
+    stack.enter_context(undone_if_interrupted(folder.cleanup))
+    out = Path(folder.name) / path.with_suffix("").name
+    try:
+        with path.open("rb") as source, out.open("wb") as target:
+            zstandard.ZstdDecompressor().copy_stream(source, target)
+    except (zstandard.ZstdError, OSError) as error:
+        raise DataError(f"{path}: cannot be decompressed ({error})") from error
+    return out

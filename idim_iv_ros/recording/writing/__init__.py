@@ -1,0 +1,1 @@
+"""Writing bags, at once or while a robot runs."""

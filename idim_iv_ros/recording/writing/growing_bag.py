@@ -1,0 +1,164 @@
+"""A rosbag2 folder while it is recorded: files that follow each other, metadata as it goes."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from idim_iv_ros.recording.bags.channel import TopicChannel
+from idim_iv_ros.recording.bags.metadata import FileSummary, time_span, write_metadata
+from idim_iv_ros.recording.writing.growing_mcap import GrowingMcap, Message
+
+
+@dataclass(frozen=True)
+class SplitLimits:
+    """When a new file begins; zero means never. Looked at once a commit.
+
+    Attributes
+    ----------
+    size : int
+        Bytes of a file.
+    duration : float
+        Seconds for which a file was written.
+    """
+
+    size: int = 0
+    duration: float = 0.0
+
+
+@dataclass(frozen=True)
+class ClosedBag:
+    """A bag that is complete on disk; `lost` messages of it never got there."""
+
+    folder: Path
+    files: tuple[FileSummary, ...]
+    lost: int = 0
+
+    @property
+    def duration(self) -> int:
+        """From the first to the last message, ns."""
+        return time_span(self.files)[1]
+
+
+class GrowingBag:
+    """One bag while it is recorded.
+
+    Parameters
+    ----------
+    folder : Path
+        Made here; must not exist.
+    limits : SplitLimits
+    clock : callable
+        Log time now, ns: what messages that are repeated at the start of a file are stamped with.
+    latched : mapping
+        Last message of latched topics that arrived before the bag was opened.
+
+    Raises
+    ------
+    OSError
+        The folder or its first file cannot be made.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        limits: SplitLimits,
+        clock: Callable[[], int] = time.time_ns,
+        latched: Mapping[str, Message] | None = None,
+        topics: Sequence[TopicChannel] = (),
+    ) -> None:
+        self.folder = folder
+        self.limits = limits
+        self.closed: list[FileSummary] = []
+        self.topics: dict[str, TopicChannel] = {topic.name: topic for topic in topics}
+        self._clock = clock
+        self._latched: dict[str, Message] = dict(latched or {})
+        folder.mkdir(parents=True)
+        self.file = self._next_file()
+
+    @property
+    def size(self) -> int:
+        """Bytes on disk."""
+        return sum(file.size for file in self.closed) + self.file.summary.size
+
+    def count(self, topic: str) -> int:
+        """Messages of a topic that were added."""
+        closed = sum(file.counts.get(topic, 0) for file in self.closed)
+        return closed + self.file.counts.get(topic, 0)
+
+    def describe(self, topic: TopicChannel) -> None:
+        """Make a topic known; its messages may follow."""
+        self.topics[topic.name] = topic
+        if not self.file.knows(topic.name):
+            self.file.describe(topic)
+
+    def add(self, messages: Sequence[Message]) -> None:
+        """Take messages of described topics."""
+        self.file.add(messages)
+        latched = {name for name, topic in self.topics.items() if topic.latched}
+        if latched:
+            for message in messages:
+                if message[1] in latched:
+                    self._latched[message[1]] = message
+
+    def commit(self) -> None:
+        """Put everything on disk, and begin a new file if the present one is full.
+
+        Raises
+        ------
+        OSError
+            Something could not be written; nothing that was added is lost, commit again.
+        """
+        self.file.commit()
+        self._write_metadata()
+        size, duration = self.limits.size, self.limits.duration
+        full = size and self.file.summary.size >= size
+        if full or (duration and time.monotonic() - self._opened >= duration):
+            self.split()
+
+    def split(self) -> None:
+        """Close the present file and begin the next; latched messages are repeated in it.
+
+        Raises
+        ------
+        OSError
+            The next file cannot be made or the present one not be written; it goes on.
+        """
+        self.file.commit()
+        following = self._next_file()
+        self.file.close()
+        self.closed.append(self.file.summary)
+        self.file = following
+        self._write_metadata()
+
+    def close(self) -> ClosedBag:
+        """Write what is left and close.
+
+        Raises
+        ------
+        OSError
+            It cannot be written; the bag stays open, so that it can be tried again.
+        """
+        self.file.commit()
+        self._write_metadata()
+        self.file.close()
+        return ClosedBag(self.folder, (*self.closed, self.file.summary))
+
+    def abandon(self) -> ClosedBag:
+        """Close without what could not be written; the files are whole all the same."""
+        self.file.close()
+        return ClosedBag(self.folder, (*self.closed, self.file.summary), self.file.waiting)
+
+    def _next_file(self) -> GrowingMcap:
+        number = len(self.closed) + (1 if hasattr(self, "file") else 0)
+        file = GrowingMcap(self.folder / f"{self.folder.name}_{number}.mcap")
+        for topic in self.topics.values():
+            file.describe(topic)
+        now = self._clock()
+        file.add((now, *message[1:]) for message in self._latched.values())
+        self._opened = time.monotonic()
+        return file
+
+    def _write_metadata(self) -> None:
+        files = [*self.closed, self.file.summary]
+        write_metadata(self.folder, files, list(self.topics.values()))

@@ -1,0 +1,166 @@
+"""Writing recordings as MCAP bags that ROS 2 tools open."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from mcap.writer import Writer
+from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_typestore
+
+from idim_iv_ros.atomic_files import temporary_file
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.file_paths import FilePath
+from idim_iv_ros.formats import PROGRAM
+from idim_iv_ros.interruption import undone_if_interrupted
+from idim_iv_ros.own_files import require_replaceable
+from idim_iv_ros.recording.bags.cdr_layout import JOINT_STATE, read_layout
+from idim_iv_ros.recording.bags.channel import OfferedQos, TopicChannel
+from idim_iv_ros.recording.writing.short_chunks import ShortChunkWriter
+from idim_iv_ros.types import FloatArray, IntArray
+
+_STRING = "std_msgs/msg/String"
+_LATCHED = OfferedQos(durability="transient_local")
+
+
+@dataclass(frozen=True)
+class JointTopic:
+    """One JointState topic to be written.
+
+    Attributes
+    ----------
+    name : str
+    joints : sequence of str
+    time : (n,) s
+    position, velocity, effort : (n, n_joints) or None
+    """
+
+    name: str
+    joints: Sequence[str]
+    time: FloatArray
+    position: FloatArray | None = None
+    velocity: FloatArray | None = None
+    effort: FloatArray | None = None
+
+
+def write_bag(
+    out: FilePath,
+    topics: Sequence[JointTopic],
+    *,
+    robot_description: str | None = None,
+    force: bool = False,
+) -> None:
+    """Write JointState topics, and the URDF, into an MCAP bag.
+
+    The file appears under its name only when it is whole.
+
+    Parameters
+    ----------
+    out : str or Path
+    topics : sequence of JointTopic
+    robot_description : str or None
+        Text of the URDF, for /robot_description.
+    force : bool
+        Replace a file that this program did not write.
+
+    Raises
+    ------
+    UsageError
+        The file cannot be written, or one of somebody else is in its place.
+    """
+    out = Path(out)
+    require_replaceable([out], force=force)
+    with _whole_file(out) as temporary, temporary.open("wb") as stream:
+        writer = ShortChunkWriter(stream, library=PROGRAM)
+        if robot_description is not None:
+            channel = TopicChannel("/robot_description", _STRING, (_LATCHED,)).register(writer)
+            start = min(_nanoseconds(topic.time)[0] for topic in topics)
+            writer.add_message(
+                channel, int(start), _string(robot_description), int(start), sequence=0
+            )
+            # By itself: it is long, and a byte of it shall not cost the first second.
+            writer.flush()
+        _write_topics(writer, topics)
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
+def _write_topics(writer: Writer, topics: Sequence[JointTopic]) -> None:
+    """Messages of all topics in the order of their stamps."""
+    channels = [TopicChannel(topic.name, JOINT_STATE).register(writer) for topic in topics]
+    stamps = [_nanoseconds(topic.time) for topic in topics]
+    payloads = [serialised(topic, stamp) for topic, stamp in zip(topics, stamps, strict=True)]
+    owner = np.concatenate([np.full(len(s), k) for k, s in enumerate(stamps)])
+    number = np.concatenate([np.arange(len(s)) for s in stamps])
+    order = np.argsort(np.concatenate(stamps), kind="stable")
+    for place in order:
+        topic, message = int(owner[place]), int(number[place])
+        stamp = int(stamps[topic][message])
+        writer.add_message(
+            channels[topic], stamp, payloads[topic][message].tobytes(), stamp, sequence=message
+        )
+
+
+def serialised(topic: JointTopic, stamps: IntArray) -> NDArray[np.uint8]:
+    """Serialised messages (n, size): one template, its numbers filled in for all at once."""
+    template = _template(topic)
+    layout = read_layout(template, JOINT_STATE)
+    messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
+    seconds, nanoseconds = np.divmod(stamps, 1_000_000_000)
+    assert layout.stamp is not None
+    place = layout.stamp
+    messages[:, place : place + 4] = seconds.astype("<i4")[:, None].view(np.uint8)
+    messages[:, place + 4 : place + 8] = nanoseconds.astype("<u4")[:, None].view(np.uint8)
+    for name, values in _fields(topic).items():
+        offset, count = layout.fields[name]
+        numbers = np.ascontiguousarray(values, dtype="<f8")
+        messages[:, offset : offset + 8 * count] = numbers.view(np.uint8)
+    return messages
+
+
+def _fields(topic: JointTopic) -> dict[str, FloatArray]:
+    fields = {"position": topic.position, "velocity": topic.velocity, "effort": topic.effort}
+    return {name: values for name, values in fields.items() if values is not None}
+
+
+def _template(topic: JointTopic) -> bytes:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types = store.types
+    empty = np.zeros(0)
+    filled = {name: np.zeros(len(topic.joints)) for name in _fields(topic)}
+    message = types[JOINT_STATE](
+        header=types["std_msgs/msg/Header"](
+            stamp=types["builtin_interfaces/msg/Time"](sec=0, nanosec=0), frame_id=""
+        ),
+        name=list(topic.joints),
+        position=filled.get("position", empty),
+        velocity=filled.get("velocity", empty),
+        effort=filled.get("effort", empty),
+    )
+    return bytes(store.serialize_cdr(message, JOINT_STATE))
+
+
+def _string(text: str) -> bytes:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    return bytes(store.serialize_cdr(store.types[_STRING](data=text), _STRING))
+
+
+def _nanoseconds(time: FloatArray) -> IntArray:
+    return np.round(np.asarray(time, dtype=float) * 1e9).astype(np.int64)
+
+
+@contextmanager
+def _whole_file(out: Path) -> Iterator[Path]:
+    """A temporary file beside `out` that takes its name when all went well."""
+    temporary = temporary_file(out)
+    try:
+        try:
+            with undone_if_interrupted(partial(temporary.unlink, missing_ok=True)):
+                yield temporary
+                temporary.replace(out)
+        except OSError as error:
+            raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
+    finally:
+        temporary.unlink(missing_ok=True)

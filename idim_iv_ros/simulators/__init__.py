@@ -1,0 +1,1 @@
+"""Simulated robots that that are recorded like real ones."""

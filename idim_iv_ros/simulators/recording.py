@@ -1,0 +1,227 @@
+"""Bags of a simulated robot: what a recorder on it would have written."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from idim_iv_ros.atomic_files import require_file_place, write_together
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.excitation import Trajectory
+from idim_iv_ros.file_paths import FilePath, as_file
+from idim_iv_ros.formats import SIMULATION_FORMAT, TRUTH_FORMAT
+from idim_iv_ros.model import read_urdf_file
+from idim_iv_ros.progress import Progress, Stopwatch
+from idim_iv_ros.recording import JointTopic, write_bag
+from idim_iv_ros.simulation import SimulatedRecording
+from idim_iv_ros.simulators.extended_model import read_extended_model
+from idim_iv_ros.simulators.robot import SimulatedRobot, simulated_robot
+from idim_iv_ros.types import FloatArray
+
+TRUTH = ".truth.json"
+
+
+@dataclass(frozen=True)
+class SimulatedBag:
+    """One bag that was written.
+
+    Attributes
+    ----------
+    path : Path
+    seed : int
+    samples : int
+    rate, duration : float
+        Hz, s.
+    joint_types : tuple of str
+        ``revolute`` or ``prismatic``.
+    peak_torque : (n_joints,) N m (N)
+        Largest recorded effort, on the joint side.
+    peak_error : (n_joints,) rad (m)
+        Largest distance between reference and true position.
+    """
+
+    path: Path
+    seed: int
+    samples: int
+    rate: float
+    duration: float
+    joint_types: tuple[str, ...]
+    peak_torque: FloatArray
+    peak_error: FloatArray
+
+
+def simulate(
+    configuration: Configuration,
+    out: FilePath,
+    trajectory: Trajectory,
+    *,
+    seeds: Sequence[int] = (1,),
+    effects: FilePath | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> tuple[list[SimulatedBag], Path]:
+    """Write one bag for each seed, and the true base parameters beside them.
+
+    Topics: the joint states and the reference of the configuration (``/joint_reference`` where
+    it names none), and ``/robot_description`` with the URDF of the nominal model.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        With a URDF and a control law; `simulated_robot` says how the robot differs from both.
+    out : str or Path
+        The bag; with several seeds ``-SEED`` is put before its suffix.
+    trajectory : Trajectory
+        References; the robot starts on its first sample.
+    effects : str, Path or None
+        A diagnosis (`gap.json`): the robot is its extended model, with its causes.
+    force : bool
+        Replace files that this program did not write.
+
+    Returns
+    -------
+    list of SimulatedBag, Path
+        The bags, and the JSON file ``{name: value}`` of the true base parameters, with the key
+        ``format``, and with effects also ``{"effects": […]}``.
+
+    Raises
+    ------
+    UsageError
+        The configuration cannot be simulated, or a file cannot be written.
+    DataError
+        The closed loop diverged.
+    """
+    urdf = configuration.robot.urdf
+    if urdf is None:
+        raise UsageError(f"{configuration.source}: robot.urdf is needed to simulate")
+    if len(set(seeds)) != len(seeds):
+        raise UsageError("--seed: a seed is given twice")
+    require_simulation_place(out, seeds, force=force)
+    bag_paths, truth = _bag_paths(Path(out), seeds), _truth_path(Path(out))
+    text = read_urdf_file(urdf)
+    extended = None if effects is None else read_extended_model(Path(effects))
+    robot = simulated_robot(configuration, text, urdf.name, extended)
+    bags = []
+    with Stopwatch(progress) as watch:
+        for count, seed in enumerate(seeds):
+            watch.stage(f"simulating seed {seed}", count / len(seeds))
+            record = robot.record(trajectory, seed)
+            path = bag_paths[seed]
+            watch.stage(f"writing {path.name}", (count + 0.7) / len(seeds))
+            topics = recorded_topics(configuration, robot, record)
+            write_bag(path, topics, robot_description=text, force=force)
+            bags.append(_summary(path, seed, record, robot.robot.joint_types))
+    content: dict[str, object] = {"format": TRUTH_FORMAT, **robot.truth}
+    if effects is not None:
+        content["effects"] = [
+            {
+                "effect": effect.effect,
+                "joint": effect.joint,
+                "other_joint": effect.other_joint,
+                "parameters": dict(effect.parameters),
+            }
+            for effect in robot.effects
+        ]
+    try:
+        write_together({truth: json.dumps(content, indent=1) + "\n"})
+    except OSError as error:
+        raise UsageError(f"{truth}: cannot be written: {error.strerror or error}") from error
+    return bags, truth
+
+
+def simulation_document(bags: Sequence[SimulatedBag], truth: Path) -> dict[str, object]:
+    """Plain values of the bags that were written, for programs."""
+    return {
+        "format": SIMULATION_FORMAT,
+        "bags": [
+            {
+                "path": str(bag.path),
+                "seed": bag.seed,
+                "samples": bag.samples,
+                "rate": bag.rate,
+                "duration": bag.duration,
+                "peak_torque": bag.peak_torque.tolist(),
+                "peak_error": bag.peak_error.tolist(),
+            }
+            for bag in bags
+        ],
+        "truth": str(truth),
+    }
+
+
+def require_simulation_place(out: FilePath, seeds: Sequence[int], *, force: bool = False) -> None:
+    """Refuse, before long work, bags that could not be written; see `require_file_place`."""
+    bag = as_file(out)
+    files = [*_bag_paths(bag, seeds).values(), _truth_path(bag)]
+    require_file_place(files, force=force)
+
+
+def _truth_path(out: Path) -> Path:
+    return out.with_name(out.stem + TRUTH)
+
+
+def _bag_paths(out: Path, seeds: Sequence[int]) -> dict[int, Path]:
+    """Return the bag of each seed."""
+    if len(seeds) == 1:
+        return {seeds[0]: out}
+    return {seed: out.with_name(f"{out.stem}-{seed}{out.suffix}") for seed in seeds}
+
+
+def recorded_topics(
+    configuration: Configuration, robot: SimulatedRobot, record: SimulatedRecording
+) -> list[JointTopic]:
+    """Messages on the recorder's side of transmission, offsets and effort scale."""
+    section, signals = configuration.robot, configuration.signals
+    joints = section.joints
+    to_motor = np.eye(len(joints))
+    if section.motor_to_joint is not None:
+        to_motor = np.array(section.motor_to_joint)
+    to_torque = to_motor.T
+    if section.motor_to_joint_torque is not None:
+        to_torque = np.array(section.motor_to_joint_torque)
+    offset = np.array(section.position_offset or [0.0] * len(joints))
+    scale = np.array(signals.effort_scale or [1.0] * len(joints))
+    effort = record.effort @ np.linalg.inv(to_torque * scale).T
+    reference_velocity = record.velocity_reference
+    if reference_velocity is not None:
+        reference_velocity = reference_velocity @ to_motor.T
+    states = signals.joint_states
+    separate = signals.effort not in (None, states)
+    topics = [
+        JointTopic(
+            states,
+            joints,
+            record.time,
+            (record.position - offset) @ to_motor.T,
+            effort=None if separate else effort,
+        ),
+        JointTopic(
+            signals.reference or "/joint_reference",
+            joints,
+            np.arange(len(record.time)) / record.rate,
+            (record.position_reference - offset) @ to_motor.T,
+            reference_velocity,
+        ),
+    ]
+    if separate and signals.effort is not None:
+        topics.append(JointTopic(signals.effort, joints, record.time, effort=effort))
+    return topics
+
+
+def _summary(
+    path: Path, seed: int, record: SimulatedRecording, joint_types: tuple[str, ...]
+) -> SimulatedBag:
+    truth = record.truth.position[:: record.control_ratio][: len(record.position_reference)]
+    return SimulatedBag(
+        path=path,
+        seed=seed,
+        samples=len(record.time),
+        rate=record.rate,
+        duration=(len(record.time) - 1) / record.rate,
+        joint_types=joint_types,
+        peak_torque=np.abs(record.effort).max(axis=0),
+        peak_error=np.abs(truth - record.position_reference).max(axis=0),
+    )

@@ -1,0 +1,48 @@
+"""A smooth motion of the two-joint arm that is a sum of sines: every derivative is known."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
+from idim_iv_ros.signals import ParallelDecimation
+from tests.simulated_arms import SimulatedArm, arm2
+
+RATE = 500.0
+
+
+@cache
+def arm() -> SimulatedArm:
+    return arm2(seconds=3.0)
+
+
+def synthetic(seconds: float = 6.0, rate: float = RATE, still: int | None = None) -> SmoothMotion:
+    """Each joint on two sines; joint `still` stands."""
+    time = np.arange(round(seconds * rate)) / rate
+    pulsation = np.array([[1.7, 2.9], [2.3, 3.7]])
+    size = np.array([[0.5, 0.2], [0.4, 0.25]])
+    phase = np.array([[0.3, 1.1], [2.0, 0.4]])
+    angle = pulsation * time[:, None, None] + phase
+    position = 0.3 + np.sum(size * np.sin(angle), axis=2)
+    velocity = np.sum(size * pulsation * np.cos(angle), axis=2)
+    acceleration = -np.sum(size * pulsation**2 * np.sin(angle), axis=2)
+    if still is not None:
+        position[:, still] = 0.3
+        velocity[:, still] = acceleration[:, still] = 0.0
+    truth = arm().truth
+    nothing = np.zeros(2)
+    links = replace(truth, drive_inertia=nothing, viscous=nothing, coulomb=nothing, offset=nothing)
+    return SmoothMotion(
+        robot=arm().robot,
+        links=links,
+        whole=truth,
+        rate=rate,
+        time=time,
+        position=position,
+        velocity=velocity,
+        acceleration=acceleration,
+        slip=np.sign(velocity),
+        decimation=ParallelDecimation(5, len(time), 0.95),
+        kept=np.ones((len(time) // 5, 2), bool),
+    )

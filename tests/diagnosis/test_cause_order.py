@@ -1,0 +1,84 @@
+"""In which order causes are told, and which of them in the summary."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.diagnosis.cause_order import leading, strongest_first
+from idim_iv_ros.diagnosis.result import Cause, Evidence, Gap, JointChange
+from idim_iv_ros.diagnosis.verdict import summary_of
+from tests.diagnosis.test_verdict import GAPS, cause
+
+# Torques of 10 and 1 N m rms.
+DATA = SimpleNamespace(
+    joints=("joint_1", "joint_2"),
+    rows=(SimpleNamespace(torque=np.full(4, 10.0)), SimpleNamespace(torque=np.full(4, 1.0))),
+)
+
+
+def closing(effect: str, kind: str, joint: str, before: float, after: float, size: float) -> Cause:
+    made = replace(
+        cause(effect, kind), joint=joint, torque_gap=Gap(before, after, None, None, None)
+    )
+    return replace(made, evidence=Evidence(size, 1e-9, None, ""))
+
+
+FIRST = closing("stribeck", "structural", "joint_1", 2.0, 1.0, 50.0)
+SECOND = closing("elasticity", "structural", "joint_1", 1.0, 0.9, 900.0)
+LAW = closing("controller_mismatch", "structural", "joint_1", 0.5, 0.1, 100.0)
+SMALL = closing("friction_level", "parametric", "joint_1", 0.6, 0.5, 1e4)
+LARGE = closing("payload", "parametric", "joint_2", 0.9, 0.1, 1e3)
+
+
+def names(causes: list[Cause]) -> list[str]:
+    return [each.effect for each in causes]
+
+
+def test_structural_causes_stay_in_the_order_of_their_stages() -> None:
+    assert names(strongest_first([FIRST, SECOND], DATA)) == ["stribeck", "elasticity"]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("evidence", "place"), [(800.0, 2), (1000.0, 0)])
+def test_another_law_is_placed_by_its_evidence(evidence: float, place: int) -> None:
+    law = replace(LAW, evidence=replace(LAW.evidence, statistic=evidence))
+    found = names(strongest_first([FIRST, SECOND, law], DATA))  # type: ignore[arg-type]
+    assert found.index("controller_mismatch") == place
+
+
+def test_causes_of_both_kinds_go_by_the_share_of_their_joints_torque() -> None:
+    found = strongest_first([SMALL, FIRST, LARGE], DATA)  # type: ignore[arg-type]
+    assert names(found) == ["payload", "stribeck", "friction_level"]
+
+
+def test_what_a_cause_takes_at_other_joints_counts() -> None:
+    """0.1 N m at its own joint, 6 of 10 N m at another."""
+    wide = replace(
+        SMALL,
+        joint_gaps=(
+            JointChange("joint_1", 0.6, 0.5, 0.03),
+            JointChange("joint_2", 8.0, 5.3, 0.6),
+            JointChange("joint_2", 0.1, 0.2, -0.01),
+        ),
+    )
+    found = strongest_first([FIRST, wide], DATA)  # type: ignore[arg-type]
+    assert names(found) == ["friction_level", "stribeck"]
+
+
+def test_summary_tells_the_widest_and_counts_the_others() -> None:
+    causes = [LARGE, SMALL, FIRST, SECOND]
+    told = leading(causes, DATA, most=2)  # type: ignore[arg-type]
+    assert names(told) == ["payload", "stribeck"]
+    text = summary_of("both", told, None, GAPS, (), more=2)
+    assert "2 smaller causes are listed beside these." in text
+    assert "elasticity" not in text
+    assert "smaller" not in summary_of("both", told, None, GAPS, ())
+    assert "1 smaller cause is listed" in summary_of("both", told, None, GAPS, (), more=1)
+
+
+def test_drive_inertia_that_the_configuration_leaves_out_stands_before_all() -> None:
+    left_out = replace(closing("drive_inertia", "parametric", "", 0.1, 0.09, 1e2), joint=None)
+    of_a_joint = closing("drive_inertia", "parametric", "joint_2", 0.1, 0.09, 1e2)
+    assert names(strongest_first([FIRST, LARGE, left_out], DATA))[0] == "drive_inertia"  # type: ignore[arg-type]
+    assert names(strongest_first([FIRST, LARGE, of_a_joint], DATA))[0] != "drive_inertia"  # type: ignore[arg-type]

@@ -1,0 +1,71 @@
+"""Whether another control law than the configured one is seen in the commands, and only then.
+
+The closed-loop simulator records the robot; the check sees positions, references and efforts.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.diagnosis.controller.check import (
+    ControllerFinding,
+    check_law,
+    why_not_checked,
+)
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from tests.estimation.test_simulated_arms import recorded
+from tests.simulated_arms import SimulatedArm, arm2
+
+
+@pytest.fixture(scope="module")
+def arm() -> SimulatedArm:
+    return arm2(seconds=12.0)
+
+
+def diagnosed(arm: SimulatedArm, seed: int, **gains: np.ndarray) -> Baseline:
+    """Data of a robot with other gains than those that are configured."""
+    robot = replace(arm, law=replace(arm.law, **gains))  # type: ignore[arg-type]
+    return baseline([recorded(robot, seed)], arm.configuration)
+
+
+def found(arm: SimulatedArm, seed: int, **gains: np.ndarray) -> list[ControllerFinding]:
+    return list(check_law(diagnosed(arm, seed, **gains)).findings)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_configured_law_is_no_mismatch(arm: SimulatedArm, seed: int) -> None:
+    assert found(arm, seed) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "joint", "factor"),
+    [("kp", 1, 1.3), ("kp", 0, 0.8), ("kd", 1, 1.4), ("kd", 0, 0.7)],
+)
+def test_another_gain_is_found_at_its_joint_with_its_size(
+    arm: SimulatedArm, name: str, joint: int, factor: float
+) -> None:
+    gains = getattr(arm.law, name).copy()
+    gains[joint] *= factor
+    (finding,) = found(arm, 1, **{name: gains})
+    assert finding.joint == arm.configuration.robot.joints[joint]
+    assert finding.p_value < 1e-6
+    assert finding.after < finding.before
+    assert set(finding.parameters) == {name}
+    assert finding.parameters[name].value == pytest.approx(gains[joint], rel=0.03)
+
+
+def test_an_integral_that_is_not_configured_is_found(arm: SimulatedArm) -> None:
+    (finding,) = found(arm, 1, ki=np.array([0.0, 400.0]))
+    assert finding.joint == "joint_2"
+    assert finding.parameters["ki"].value == pytest.approx(400.0, rel=0.1)
+
+
+def test_what_cannot_be_compared_is_said(arm: SimulatedArm) -> None:
+    data = diagnosed(arm, 1)
+    assert why_not_checked(data) == ""
+    controller = arm.configuration.controller.model_copy(update={"type": "unknown"})
+    lawless = arm.configuration.model_copy(update={"controller": controller})
+    blind = replace(data, prepared=replace(data.prepared, configuration=lawless))
+    assert why_not_checked(blind) == "the configuration names no control law"
+    assert check_law(blind).findings == ()

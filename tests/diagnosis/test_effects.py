@@ -1,0 +1,440 @@
+"""Every effect of the catalogue: its torque by a formula of its own, its shapes, names, signs."""
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from idim_iv_ros import effects
+from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
+from idim_iv_ros.diagnosis.structural.nonparametric import Stop
+from idim_iv_ros.effects import catalogue
+from idim_iv_ros.effects.catalogue import EFFECTS, PARAMETRIC, STRUCTURAL
+from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place
+from idim_iv_ros.effects.waves import waves
+from idim_iv_ros.simulation import inverse_dynamics
+from tests.diagnosis.motions import synthetic
+
+BY_NAME: dict[str, Effect] = {effect.name: effect for effect in STRUCTURAL}
+FloatArray = np.ndarray
+
+
+def operating_range_of(motion: SmoothMotion) -> OperatingRange:
+    return OperatingRange(
+        low=motion.position.min(axis=0),
+        high=motion.position.max(axis=0),
+        slowest=np.full(2, 0.02),
+        fastest=np.abs(motion.velocity).max(axis=0),
+        load=np.abs(motion.load).max(axis=0),
+        torque=np.abs(motion.torque).max(axis=0),
+        inertia=np.mean(np.einsum("sii->si", motion.inertia), axis=0),
+        duration=float(motion.time[-1]),
+        row_rate=50.0,
+        lever=np.ones(2),
+    )
+
+
+def total(
+    motion: SmoothMotion, name: str, shape: tuple[float, ...], values: list[float], joint: int = 1
+) -> dict[int, FloatArray]:
+    place = Place(0, 1) if name == "joint_coupling" else Place(joint)
+    columns = BY_NAME[name].columns(motion, place, shape)
+    return {j: rows @ np.asarray(values) for j, rows in columns.items()}
+
+
+Formula = Callable[[SmoothMotion, FloatArray, FloatArray], FloatArray]
+# Name, shape, coefficients, torque at joint 2 from motion, position and velocity.
+FORMULAS: list[tuple[str, tuple[float, ...], list[float], Formula]] = [
+    ("stribeck", (0.2, 1.5), [0.7],
+     lambda m, q, v: 0.7 * np.sign(v) / np.exp((abs(v) / 0.2) ** 1.5)),
+    ("nonlinear_viscous", (0.6,), [1.3], lambda m, q, v: 1.3 * v / abs(v) ** 0.4),
+    ("asymmetric_friction", (), [0.2], lambda m, q, v: np.where(v > 0, 0.2 * v, -0.2 * v)),
+    ("load_dependent_friction", (1.0, 5.0, 0.0, 0.0), [0.1],
+     lambda m, q, v: 0.1 * abs(m.load[:, 1]) * np.sign(v)),
+    ("load_dependent_friction", (1.3, 5.0, 1.0, 0.0), [0.1, 0.2],
+     lambda m, q, v: np.where(m.load[:, 1] * v > 0, 0.1, 0.2) * np.sign(v)
+     * 5.0 * (abs(m.load[:, 1]) / 5.0) ** 1.3),
+    ("load_dependent_friction", (0.8, 5.0, 1.0, 1.0), [0.1, 0.2],
+     lambda m, q, v: np.where(m.torque[:, 1] * v > 0, 0.1, 0.2) * np.sign(v)
+     * 5.0 * (abs(m.torque[:, 1]) / 5.0) ** 0.8),
+    ("position_dependent_friction", (7.0,), [0.3, 0.4],
+     lambda m, q, v: np.sign(v) * 0.5 * np.cos(7.0 * q - np.arctan2(0.3, 0.4))),
+    ("position_dependent_friction", (-1.0, 0.2, 0.1), [0.6],
+     lambda m, q, v: np.sign(v) * 0.6 * np.exp(-100.0 * (q - 0.2) ** 2)),
+    ("friction_drift", (30.0,), [0.5, 0.2],
+     lambda m, q, v: (0.5 * np.sign(v) + 0.2 * v) * np.exp(-m.time / 30.0)),
+    ("torque_saturation", (3.0,), [0.4],
+     lambda m, q, v: 0.4 * (m.torque[:, 1] - np.clip(m.torque[:, 1], -3.0, 3.0))),
+    ("position_ripple", (9.0, 31.0), [0.1, 0.2, 0.3, -0.4],
+     lambda m, q, v: 0.1 * np.sin(9 * q) + 0.2 * np.cos(9 * q)
+     + 0.3 * np.sin(31 * q) - 0.4 * np.cos(31 * q)),
+    ("spring", (0.0, -0.2, 0.6, 0.0, 1.0), [2.0, -3.0, 4.0],
+     lambda m, q, v: np.polyval([4.0, -3.0, 2.0, 0.0], np.minimum(np.maximum(q, -0.2), 0.6))),
+    ("spring", (1.0, -2.0, 2.0, 0.1, 0.3), [2.0, 0.5],
+     lambda m, q, v: 2.0 * q + 0.25 * (np.exp((q - 0.1) / 0.3) - np.exp((0.1 - q) / 0.3))),
+    ("spring", (2.0, -2.0, 2.0, 0.1, 0.3), [2.0, 0.5],
+     lambda m, q, v: 2.0 * q + 0.5 * np.arctan2(q - 0.1, 0.3)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "shape", "values", "formula"), FORMULAS)
+def test_torque_is_that_of_the_formula(name, shape, values, formula) -> None:
+    motion = synthetic()
+    found = total(motion, name, shape, values)
+    assert list(found) == [1]
+    expected = formula(motion, motion.position[:, 1], motion.velocity[:, 1])
+    np.testing.assert_allclose(found[1], expected, rtol=1e-9, atol=1e-9)
+
+
+def test_bristles_carry_less_until_they_slip() -> None:
+    """After a reversal a bristle of span s has −1 + |Δq| / s, as long as that is below 1."""
+    motion = synthetic()
+    span, level = 0.05, 0.8
+    found = total(motion, "presliding", (span,), [level])[1]
+    q, v = motion.position[:, 1], motion.velocity[:, 1]
+    turns = np.flatnonzero(np.diff(np.sign(v))) + 1
+    checked = 0
+    for before, first, last in zip(turns[:-2], turns[1:-1], turns[2:], strict=True):
+        if abs(q[first] - q[before]) < 2.1 * span:  # it had not slipped the other way
+            continue
+        moved = abs(q[first : last - 1] - q[first])
+        sign = np.sign(v[first])
+        expected = level * sign * (np.minimum(-1.0 + moved / span, 1.0) - 1.0)
+        np.testing.assert_allclose(found[first : last - 1], expected, atol=level * 2e-3 / span)
+        checked += 1
+    assert checked >= 3
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_coupled_joints_share_the_friction_of_their_common_part(sign: float) -> None:
+    """Its power is never negative, and it acts on both with its lever arms 1 and ±1."""
+    motion = synthetic()
+    found = total(motion, "joint_coupling", (sign, 1.3), [0.3, 0.2])
+    w = motion.velocity @ np.array([1.0, sign])
+    power = found[0] * motion.velocity[:, 0] + found[1] * motion.velocity[:, 1]
+    np.testing.assert_allclose(power, 0.3 * abs(w) + 0.2 * abs(w) ** 2.3, atol=1e-12)
+    np.testing.assert_allclose(found[1], sign * found[0])
+
+
+def test_a_late_torque_is_the_torque_of_later() -> None:
+    motion = synthetic()
+    without_jumps = replace(motion.whole, coulomb=np.zeros(2))
+    motion = replace(motion, whole=without_jumps)
+    delay = 0.006
+    found = total(motion, "time_delay", (delay,), [1.0])[1]
+    torque = motion.torque[:, 1]
+    expected = np.interp(motion.time + delay, motion.time, torque) - torque
+    inner = slice(10, -10)
+    assert np.abs(found - expected)[inner].max() < 5e-3 * np.abs(expected).max()
+
+
+def test_a_disc_off_its_centre_moves_the_torques_of_a_wrong_motion() -> None:
+    """The robot stands at q − e(q) where the encoder says q."""
+    motion = synthetic()
+    size = 1e-3
+    found = total(motion, "encoder_eccentricity", (2.0,), [0.0, 0.0, size, 0.0])
+    q, v, a = (x.copy() for x in (motion.position, motion.velocity, motion.acceleration))
+    angle, speed, change = q[:, 1].copy(), v[:, 1].copy(), a[:, 1].copy()
+    q[:, 1] -= size * np.sin(2 * angle)
+    v[:, 1] -= size * 2 * speed * np.cos(2 * angle)
+    a[:, 1] -= size * (2 * change * np.cos(2 * angle) - 4 * speed**2 * np.sin(2 * angle))
+    expected = inverse_dynamics(motion.robot, motion.whole, q, v, a) - inverse_dynamics(
+        motion.robot, motion.whole, motion.position, motion.velocity, motion.acceleration
+    )
+    # Not where the friction changes its sign.
+    calm = np.abs(motion.velocity[:, 1]) > 0.02
+    calm[:3] = calm[-3:] = False
+    for joint in (0, 1):
+        largest = np.abs(expected[:, joint]).max()
+        assert np.abs(found[joint] - expected[:, joint])[calm].max() < 0.02 * largest
+
+
+@pytest.mark.parametrize("name", ["elasticity", "backlash"])
+def test_a_transmission_moves_all_joints_and_vanishes_when_stiff(name: str) -> None:
+    motion = synthetic()
+    inertia = float(motion.inertia[:, 1, 1].mean())
+    stiffness = inertia * (2 * np.pi * 8.0) ** 2
+    damping = 0.4 * np.sqrt(stiffness * inertia)
+    shape = (stiffness, damping) if name == "elasticity" else (5e-3, stiffness, damping, 1.0)
+    found = BY_NAME[name].columns(motion, Place(1), shape)
+    assert sorted(found) == [0, 1]
+    assert min(np.abs(found[j]).max() for j in (0, 1)) > 1e-3
+    stiff = (400 * stiffness, 20 * damping)
+    harder = stiff if name == "elasticity" else (1e-7, *stiff, 1.0)
+    rigid = BY_NAME[name].columns(motion, Place(1), harder)
+    for joint in (0, 1):
+        assert np.std(rigid[joint][100:]) < 0.02 * np.std(found[joint][100:])
+
+
+@pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda each: each.name)
+def test_shapes_of_a_moving_joint_give_finite_torques_of_one_width(effect: Effect) -> None:
+    motion = synthetic(3.0)
+    covered = operating_range_of(motion)
+    for place in effect.places(2):
+        grid = effect.grid(place, covered)
+        assert 0 < len(grid) <= 700
+        assert len(set(grid)) == len(grid)
+        assert sorted(each for part in effect.branches(grid) for each in part) == sorted(grid)
+        for shape in grid[:: max(1, len(grid) // 8)]:
+            columns = effect.columns(motion, place, shape)
+            widths = {rows.shape for rows in columns.values()}
+            assert len(widths) == 1
+            assert all(np.isfinite(rows).all() for rows in columns.values())
+            width = next(iter(widths))[1]
+            found = effect.parameters(shape, np.full(width, 0.7), np.full(width, 0.1))
+            assert all(np.isfinite(parameter.value) for parameter in found.values())
+            for step in (0.3, 0.07):
+                for near in effect.neighbours(shape, step, place, covered):
+                    assert len(near) == len(shape)
+                    assert np.isfinite(near).all()
+
+
+@pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda each: each.name)
+@pytest.mark.filterwarnings("error")
+def test_a_joint_that_stands_still_does_no_harm(effect: Effect) -> None:
+    """No shape, or finite torques (columns of zeros count for nothing, see the likelihood)."""
+    motion = synthetic(2.0, still=1)
+    covered = operating_range_of(motion)
+    place = effect.places(2)[-1]
+    for shape in effect.grid(place, covered):
+        columns = effect.columns(motion, place, shape)
+        assert all(np.isfinite(rows).all() for rows in columns.values())
+
+
+UNITS = {
+    "stribeck": {"excess": "N m", "speed": "rad/s", "exponent": ""},
+    "nonlinear_viscous": {"coefficient": "N m at 1 rad/s", "power": ""},
+    "asymmetric_friction": {"viscous": "N m s/rad"},
+    "load_dependent_friction": {
+        "driving": "", "driven": "", "exponent": "", "scale": "N m", "motor_torque": "",
+    },
+    "position_dependent_friction": {"wave_number_1": "1/rad", "sine_1": "N m", "cosine_1": "N m"},
+    "friction_drift": {"time_constant": "s", "coulomb": "N m", "viscous": "N m s/rad"},
+    "presliding": {"span_1": "rad", "level_1": "N m"},
+    "backlash": {"gap": "rad", "stiffness": "N m/rad", "damping": "N m s/rad"},
+    "elasticity": {"stiffness": "N m/rad", "damping": "N m s/rad"},
+    "time_delay": {"delay": "s"},
+    "torque_saturation": {"knee": "N m", "slope": ""},
+    "position_ripple": {"wave_number_1": "1/rad", "sine_1": "N m", "cosine_1": "N m"},
+    "spring": {
+        "linear": "N m/rad", "quadratic": "N m/rad²", "cubic": "N m/rad³",
+        "lowest": "rad", "highest": "rad",
+    },
+    "encoder_eccentricity": dict.fromkeys(("sine", "cosine", "sine_2", "cosine_2"), "rad"),
+    "joint_coupling": {"direction": "", "coulomb": "N m", "viscous": "N m at 1 rad/s", "power": ""},
+}  # fmt: skip
+# Of the parameters above; the first shape of the grid elsewhere.
+SHAPES = {"encoder_eccentricity": (2.0,)}
+
+
+@pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda each: each.name)
+def test_parameters_have_their_names_and_units(effect: Effect) -> None:
+    motion = synthetic(1.0)
+    place = effect.places(2)[0]
+    shape = SHAPES.get(effect.name) or effect.grid(place, operating_range_of(motion))[0]
+    width = effect.columns(motion, place, shape)[place.joint].shape[1]
+    found = effect.parameters(shape, np.full(width, 0.5), np.full(width, 0.1))
+    assert {name: parameter.unit for name, parameter in found.items()} == UNITS[effect.name]
+    assert any(parameter.std for parameter in found.values())
+
+
+def test_a_joint_that_slides_has_screws_plays_and_bristles_of_its_own_size() -> None:
+    turning = replace(
+        operating_range_of(synthetic()), low=np.array([-1.0, -0.1]), high=np.array([1.0, 0.1])
+    )
+    sliding = replace(turning, slowest=np.full(2, 0.002), lever=np.array([1.0, 0.1]))
+    place = Place(1)
+    pitch = 0.01  # m, of a ball screw
+    ripple = [n for (n,) in BY_NAME["position_ripple"].grid(place, sliding)]
+    assert min(ripple) < 2.0 * np.pi / pitch < max(ripple)
+    assert max(n for (n,) in BY_NAME["position_ripple"].grid(place, turning)) <= 250.0
+    gaps = [shape[0] for shape in BY_NAME["backlash"].grid(place, sliding)]
+    assert max(gaps) == pytest.approx(0.004)
+    spans = [span for (span,) in BY_NAME["presliding"].grid(place, sliding)]
+    assert min(spans) == pytest.approx(1e-5)
+    play = BY_NAME["backlash"]
+    for gap, common in ((0.9e-4, True), (0.5e-3, False)):  # m
+        shape = (gap, 1e5, 10.0, 1.0)
+        scale = JointScale(sliding, 1, 1.0)
+        assert play.plausible(shape, np.ones(1), 1.0, scale) == common
+
+
+def test_shapes_are_refined_in_the_range_of_their_own_joint() -> None:
+    """3 rad beside 0.2 m: a wave is told from another by a period more or less in its range."""
+    covered = replace(
+        operating_range_of(synthetic()),
+        low=np.array([-1.0, 0.3]),
+        high=np.array([2.0, 0.5]),
+        slowest=np.array([0.02, 0.002]),
+        lever=np.array([1.0, 0.1]),
+    )
+    pitch = 2.0 * np.pi / 0.02  # 1/m, of a screw
+    for joint, span, wave in ((0, 3.0, 10.0), (1, 0.2, pitch)):
+        resolution = 2.0 * np.pi / span
+        for name in ("position_ripple", "position_dependent_friction"):
+            effect = BY_NAME[name]
+            grid = np.array([s[0] for s in effect.grid(Place(joint), covered) if len(s) == 1])
+            coarse = np.diff(grid).max()
+            moves = [
+                [abs(n - wave) for (n,) in effect.neighbours((wave,), step, Place(joint), covered)]
+                for step in (0.3, 0.15, 0.07)
+            ]
+            np.testing.assert_allclose(moves, np.outer([0.3, 0.15, 0.07], 2 * [resolution]))
+            # Steps of a search together pass half of the grid's, and end a tenth of a period off.
+            assert 4 * sum(each[0] for each in moves) > 0.5 * coarse
+            assert moves[-1][0] < 0.1 * resolution
+    position = np.linspace(0.3, 0.5, 2000)
+    ripple = BY_NAME["position_ripple"]
+
+    def left(shape: tuple[float, ...]) -> float:
+        rows = waves(position, shape)
+        torque = np.sin(pitch * position + 0.7)
+        return float(np.var(torque - rows @ np.linalg.lstsq(rows, torque, rcond=None)[0]))
+
+    best = min(ripple.grid(Place(1), covered), key=left)
+    for step in 4 * [0.3] + 4 * [0.15] + 4 * [0.07]:
+        best = min([best, *ripple.neighbours(best, step, Place(1), covered)], key=left)
+    assert best[0] == pytest.approx(pitch, abs=0.05 * 2.0 * np.pi / 0.2)
+    assert left(best) < 0.01 * 0.5
+    stops = [s for _, s in Stop().neighbours((1.0, 0.48), 0.3, Place(1), covered)]
+    np.testing.assert_allclose(stops, [0.483, 0.477])
+    spot = BY_NAME["position_dependent_friction"]
+    for _, centre, width in spot.neighbours((-1.0, 0.525, 0.03), 0.3, Place(1), covered):
+        assert 0.3 - width < centre < 0.5 + width
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "common", "large"),
+    [
+        ("load_dependent_friction", (1.0, 5.0, 1.0, 0.0), [0.05, 0.09], [0.05, 0.11]),
+        ("time_delay", (0.002,), [0.9], [1.1]),
+        ("encoder_eccentricity", (1.0,), [0.001, -0.0019], [0.001, -0.0021]),
+        ("elasticity", (0.1 * (2 * np.pi * 11.0) ** 2, 1.0), [0.9], [1.1]),
+    ],
+)
+def test_sizes_that_are_no_torque_have_a_bound_of_their_own(name, shape, common, large) -> None:
+    """Of a joint with 0.1 kg m²; no torque is too large."""
+    effect = BY_NAME[name]
+    scale = JointScale(
+        replace(operating_range_of(synthetic()), inertia=np.array([9.0, 0.1])), 1, 1.0
+    )
+    assert effect.plausible(shape, np.array(common), 1e3, scale)
+    assert not effect.plausible(shape, np.array(large), 0.0, scale)
+
+
+def test_sizes_that_are_torques_are_shares_of_friction_or_of_the_largest() -> None:
+    covered = replace(operating_range_of(synthetic()), torque=np.array([1.0, 40.0]))
+    scale = JointScale(covered, 1, 2.0)
+    for name, bound in (("stribeck", 0.4), ("spring", 4.0)):
+        for share in (0.9, 1.1):
+            sized = BY_NAME[name].plausible((), np.ones(1), share * bound, scale)
+            assert sized == (share < 1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "poor", "reason"),
+    [
+        ("stribeck", {"fastest": [2.0, 0.2]}, "too slow"),
+        ("nonlinear_viscous", {"fastest": [2.0, 0.2]}, "too slow"),
+        ("friction_drift", {"duration": 15.0}, "no warm-up"),
+        ("presliding", {"sticking": False}, "where joints stick is not known"),
+        ("encoder_eccentricity", {"low": [0.0, 0.0], "high": [1.0, 0.4]}, "looks constant"),
+        ("encoder_eccentricity", {"lever": [1.0, 0.1]}, "looks constant"),
+    ],
+)
+def test_motion_that_cannot_show_an_effect(name, poor, reason) -> None:
+    rich = replace(
+        operating_range_of(synthetic()), fastest=np.full(2, 2.0), low=np.zeros(2), high=np.ones(2)
+    )
+    rich = replace(rich, duration=60.0)
+    arrays = {k: np.array(v) if isinstance(v, list) else v for k, v in poor.items()}
+    for effect in STRUCTURAL:
+        assert effect.cannot_show(1, rich) == ""
+    assert reason in BY_NAME[name].cannot_show(1, replace(rich, **arrays))
+
+
+IN_ORDER = (
+    "payload", "gravity_direction", "torque_gain", "torque_offset", "friction_level",
+    "drive_inertia", "link_inertia",
+    "stribeck", "nonlinear_viscous", "asymmetric_friction", "load_dependent_friction",
+    "position_dependent_friction", "friction_drift", "presliding", "backlash", "elasticity",
+    "time_delay", "torque_saturation", "position_ripple", "spring", "encoder_eccentricity",
+    "joint_coupling",
+)  # fmt: skip
+
+
+def test_the_catalogue_has_every_file_in_the_order_that_they_give() -> None:
+    """Where two explain alike the first counts: the order is a part of the result."""
+    names = [effect.name for effect in (*PARAMETRIC, *STRUCTURAL)]
+    assert [name for name in names if name in IN_ORDER] == list(IN_ORDER)
+    for kind in (PARAMETRIC, STRUCTURAL):
+        assert len({effect.order for effect in kind}) == len(kind)
+        for effect in kind:
+            assert type(effect).__module__ == f"idim_iv_ros.effects.{effect.name}"
+
+
+def test_an_effect_is_added_by_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (Path(effects.__path__[0]) / "spring.py").read_text()
+    text = text.replace('name = "spring"', 'name = "rope"').replace("order = 130", "order = 5")
+    (tmp_path / "rope.py").write_text(text)
+    monkeypatch.setattr(effects, "__path__", [*effects.__path__, str(tmp_path)])
+    assert catalogue._one_of_each()[0].name == "rope"
+    del sys.modules["idim_iv_ros.effects.rope"]
+
+
+def test_every_effect_has_a_name_of_its_own_and_known_look_alikes() -> None:
+    names = [effect.name for effect in (*PARAMETRIC, *STRUCTURAL)] + ["controller_mismatch"]
+    assert sorted(names) == sorted(EFFECTS)
+    assert len(set(names)) == len(names)
+    for effect in (*PARAMETRIC, *STRUCTURAL):
+        assert set(effect.confounders) <= set(names) - {effect.name}
+        assert effect.excitation
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "good", "bad"),
+    [
+        ("stribeck", (0.1, 1.0), [0.3], [-0.3]),
+        ("nonlinear_viscous", (2.0,), [0.3], [-0.3]),
+        ("load_dependent_friction", (1.0, 5.0, 1.0, 0.0), [0.1, 0.2], [0.1, -0.2]),
+        ("presliding", (0.01, 0.1), [0.1, 0.2], [0.1, -0.2]),
+        ("backlash", (0.01, 1e3, 1.0, 1.0), [1.0], [-1.0]),
+        ("elasticity", (1e3, 1.0), [1.0], [-1.0]),
+        ("time_delay", (0.002,), [1.0], [-1.0]),
+        ("torque_saturation", (3.0,), [0.2], [-0.2]),
+        ("encoder_eccentricity", (1.0,), [0.01, -0.01], [0.2, 0.0]),
+        ("joint_coupling", (1.0, 1.0), [0.2, 0.1], [-0.2, 0.1]),
+    ],
+)
+def test_physics_forbids_signs_and_sizes(name, shape, good, bad) -> None:
+    effect = BY_NAME[name]
+    assert effect.admissible(shape, np.array(good))
+    assert not effect.admissible(shape, np.array(bad))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["asymmetric_friction", "friction_drift", "spring", "position_ripple"],
+)
+def test_effects_of_either_sign(name: str) -> None:
+    effect = BY_NAME[name]
+    for sign in (1.0, -1.0):
+        assert effect.admissible((0.0, -1.0, 1.0, 0.0, 1.0), sign * np.ones(4))
+
+
+def test_numbers_of_an_engineer() -> None:
+    """Slope beyond the knee, stiffness and delay from coefficients, with their deviations."""
+    one, small = np.array([0.25]), np.array([0.05])
+    slope = BY_NAME["torque_saturation"].parameters((3.0,), one, small)["slope"]
+    assert slope.value == pytest.approx(0.8)  # command τ + 0.25 (τ − knee): 1 / 1.25
+    assert slope.std == pytest.approx(0.05 / 1.25**2)
+    shaft = BY_NAME["elasticity"].parameters((500.0, 2.0), np.array([1.25]), small)["stiffness"]
+    assert shaft.value == pytest.approx(400.0)
+    assert shaft.std == pytest.approx(400.0 * 0.05 / 1.25)
+    late = BY_NAME["time_delay"].parameters((0.004,), np.array([1.5]), small)["delay"]
+    assert (late.value, late.std) == (pytest.approx(0.006), pytest.approx(0.0002))
+    play = BY_NAME["backlash"].parameters((0.01, 1e3, 3.0, 1.0), np.ones(1), small)["gap"]
+    assert (play.value, play.std) == (pytest.approx(0.01), pytest.approx(0.0005))

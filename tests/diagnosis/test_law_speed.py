@@ -1,0 +1,107 @@
+"""A law that differentiates and filters its positions is the configured law.
+
+The commands are computed here, sample by sample, as a drive would: nothing of the check is used.
+"""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.diagnosis.controller.check import check_law
+from idim_iv_ros.diagnosis.controller.law_speed_choice import law_speed
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.signals import JointSignals
+from tests.estimation.test_simulated_arms import recorded
+from tests.simulated_arms import SimulatedArm, arm2
+
+
+@pytest.fixture(scope="module")
+def arm() -> SimulatedArm:
+    return arm2(seconds=12.0)
+
+
+@pytest.fixture(scope="module")
+def data(arm: SimulatedArm) -> Baseline:
+    return baseline([recorded(arm, 1)], arm.configuration)
+
+
+def commanded(data: Baseline, effort: np.ndarray, velocity: np.ndarray | None = None) -> Baseline:
+    (motion,) = data.prepared.motions
+    signals = replace(motion.signals, torque=effort, velocity=velocity)
+    motions = (replace(motion, signals=signals),)
+    return replace(data, prepared=replace(data.prepared, motions=motions))
+
+
+def commands(
+    arm: SimulatedArm, signals: JointSignals, factor: float, *, scale: float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Commands of a PD law whose speed is a filtered backward difference, and that speed."""
+    position, speeds, efforts = signals.position, [], []
+    speed = np.zeros(position.shape[1])
+    for k in range(len(position)):
+        difference = (position[k] - position[max(k - 1, 0)]) * signals.rate
+        speed = speed + factor * (difference - speed)
+        error = signals.position_reference[k] - position[k]
+        slip = signals.velocity_reference[k] - speed
+        efforts.append(arm.law.kp * error + scale * arm.law.kd * slip)
+        speeds.append(speed)
+    return np.array(efforts), np.array(speeds)
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.45, 0.12])
+def test_a_filtered_speed_is_no_mismatch(arm: SimulatedArm, data: Baseline, factor: float) -> None:
+    effort, _ = commands(arm, data.prepared.motions[0].signals, factor)
+    changed = commanded(data, effort)
+    chosen = law_speed(changed.prepared.motions, arm.law)
+    assert chosen.kind == "filtered"
+    assert chosen.factor == pytest.approx(factor, rel=0.05)
+    assert check_law(changed).findings == ()
+
+
+def test_the_recorded_velocity_is_tried(arm: SimulatedArm, data: Baseline) -> None:
+    signals = data.prepared.motions[0].signals
+    effort, speed = commands(arm, signals, 0.3)
+    # An observer that no first-order filter imitates: the mean of a fast and a slow filter.
+    _, slow = commands(arm, signals, 0.05)
+    observed = 0.5 * (speed + slow)
+    effort = effort + arm.law.kd * (speed - observed)
+    changed = commanded(data, effort, observed)
+    assert law_speed(changed.prepared.motions, arm.law).kind == "recorded"
+    assert check_law(changed).findings == ()
+
+
+def test_another_gain_beside_a_filtered_speed_is_found(arm: SimulatedArm, data: Baseline) -> None:
+    effort, _ = commands(arm, data.prepared.motions[0].signals, 0.3, scale=1.4)
+    findings = check_law(commanded(data, effort)).findings
+    assert {finding.joint for finding in findings} == set(data.joints)
+    for finding in findings:
+        joint = data.joints.index(finding.joint)
+        assert finding.parameters["kd"].value == pytest.approx(1.4 * arm.law.kd[joint], rel=0.05)
+
+
+def test_pulses_beside_the_law_are_said_with_their_size_and_times(
+    arm: SimulatedArm, data: Baseline
+) -> None:
+    signals = data.prepared.motions[0].signals
+    effort, _ = commands(arm, signals, 0.3)
+    time = np.arange(len(effort)) / signals.rate
+    pulse = (np.abs(time - 4.0) < 0.2) | (np.abs(time - 8.5) < 0.2)
+    size = np.sqrt(np.mean(effort[:, 1] ** 2))
+    effort[:, 1] += 3.0 * size * pulse
+    check = check_law(commanded(data, effort))
+    (sentence,) = check.beyond
+    assert "joint_2" in sentence
+    found = re.findall(r"from (\S+) to (\S+) s of", sentence)
+    assert sorted((float(first), float(last)) for first, last in found) == [
+        (pytest.approx(3.8, abs=0.05), pytest.approx(4.2, abs=0.05)),
+        (pytest.approx(8.3, abs=0.05), pytest.approx(8.7, abs=0.05)),
+    ]
+
+
+def test_a_law_that_explains_its_commands_leaves_nothing_to_say(
+    arm: SimulatedArm, data: Baseline
+) -> None:
+    effort, _ = commands(arm, data.prepared.motions[0].signals, 0.3)
+    assert check_law(commanded(data, effort)).beyond == ()

@@ -1,0 +1,181 @@
+"""Generalised least squares against dense algebra with the covariance written out."""
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag, toeplitz
+from scipy.signal import lfilter
+
+from idim_iv_ros.diagnosis.structural.likelihood import JointData, NoiseModel, Regression
+from idim_iv_ros.signals import AutoregressiveModel
+
+WHITE = AutoregressiveModel(np.zeros(0), 1.0)
+VALUES = np.array([1.5, -0.7, 0.4])
+
+
+def autoregressive(pole: float) -> AutoregressiveModel:
+    """x_t = pole · x_{t−1} + e_t."""
+    return AutoregressiveModel(np.array([-pole]), 1.0)
+
+
+def world(
+    seed: int, rows: int = 400, pole: float = 0.0, sigma: float = 0.3, joints: int = 2
+) -> Regression:
+    """Two joints that share a parameter: joint 0 has columns 0 and 1, joint 1 has 1 and 2."""
+    random = np.random.default_rng(seed)
+    made = []
+    for joint in range(joints):
+        matrix = random.standard_normal((rows, 2))
+        noise = lfilter([1.0], [1.0, -pole], sigma * random.standard_normal(rows))
+        columns = np.array([0, 1]) + joint
+        runs = (slice(0, rows // 3), slice(rows // 3, rows))
+        made.append(JointData(matrix @ VALUES[columns] + noise, matrix, columns, runs))
+    return Regression(tuple(made), 3 if joints == 2 else 2)
+
+
+def test_estimate_and_covariance_are_those_of_the_dense_solution() -> None:
+    poles, sigmas = (0.8, -0.5), (0.2, 0.7)
+    extra = np.random.default_rng(9).standard_normal((400, 2))
+    regression = world(1, pole=0.8).with_columns({1: extra})
+    noise_models = [
+        NoiseModel(autoregressive(pole), sigma) for pole, sigma in zip(poles, sigmas, strict=True)
+    ]
+    fit = regression.fit(noise_models, steps=0)
+    wide, inverses, torque = [], [], []
+    for joint, (pole, sigma) in enumerate(zip(poles, sigmas, strict=True)):
+        data = regression.joints[joint]
+        matrix = np.zeros((400, 5))
+        matrix[:, data.columns] = data.matrix
+        if joint == 1:
+            matrix[:, 3:] = extra
+        wide.append(matrix)
+        torque.append(data.torque)
+        lengths = [run.stop - run.start for run in data.runs]
+        blocks = [toeplitz(sigma**2 * pole ** np.arange(n) / (1.0 - pole**2)) for n in lengths]
+        inverses.append(np.linalg.inv(block_diag(*blocks)))
+    x, y, weight = np.vstack(wide), np.concatenate(torque), block_diag(*inverses)
+    covariance = np.linalg.inv(x.T @ weight @ x)
+    expected = covariance @ x.T @ weight @ y
+    np.testing.assert_allclose(np.r_[fit.values, fit.coefficients], expected, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(fit.covariance, covariance, rtol=1e-6, atol=1e-11)
+    np.testing.assert_array_equal(fit.coefficient_covariance, fit.covariance[3:, 3:])
+    np.testing.assert_allclose(np.concatenate(fit.residuals), y - x @ expected, atol=1e-7)
+
+
+def test_standard_deviations_are_those_of_repeated_experiments() -> None:
+    found = [world(seed, pole=0.7).fit() for seed in range(120)]
+    off = np.array(
+        [(fit.values - VALUES) / np.sqrt(np.diag(fit.covariance)) for fit in found]
+    ).ravel()
+    assert abs(off.mean()) < 4.0 / np.sqrt(len(off))
+    assert off.std() == pytest.approx(1.0, abs=0.12)
+
+
+def test_colour_of_the_noise_is_found() -> None:
+    fit = world(3, rows=4000, pole=0.9, sigma=0.25).fit()
+    for colour in fit.noise_models:
+        assert colour.model.coefficients[0] == pytest.approx(-0.9, abs=0.06)
+        assert colour.sigma == pytest.approx(0.25, rel=0.05)
+
+
+def test_log_likelihood_of_white_noise_is_that_of_its_variance() -> None:
+    regression = world(4, joints=1)
+    fit = regression.fit([NoiseModel(WHITE, 0.3)], steps=0)
+    residual = fit.residuals[0]
+    expected = -0.5 * len(residual) * np.log(residual @ residual / len(residual))
+    assert fit.log_likelihood == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_colour_pays_one_for_each_of_its_coefficients() -> None:
+    regression = world(4, joints=1)
+    plain = regression.fit([NoiseModel(WHITE, 0.3)], steps=0)
+    zeros = AutoregressiveModel(np.zeros(3), 1.0)
+    paid = regression.fit([NoiseModel(zeros, 0.3)], steps=0)
+    assert plain.log_likelihood - paid.log_likelihood == pytest.approx(3.0)
+
+
+def test_a_true_column_gains_what_it_explains_and_noise_gains_half_on_average() -> None:
+    """Gain −n/2 ln(1 − R²) for the one, E[χ²₁]/2 for the other."""
+    random = np.random.default_rng(5)
+    gains = []
+    for seed in range(150):
+        regression = world(seed, joints=1)
+        start = [NoiseModel(WHITE, 0.3)]
+        fit = regression.fit(start, steps=0)
+        noise = regression.with_columns({0: random.standard_normal((400, 1))})
+        gains.append(noise.fit(start, steps=0).log_likelihood - fit.log_likelihood)
+    assert np.mean(gains) == pytest.approx(0.5, abs=0.2)
+    column = random.standard_normal((400, 1))
+    data = regression.joints[0]
+    data = JointData(data.torque + 0.3 * column[:, 0], data.matrix, data.columns, data.runs)
+    moved = Regression((data,), 2)
+    before = moved.fit(start, steps=0)
+    after = moved.with_columns({0: column}).fit(start, steps=0)
+    gain = after.log_likelihood - before.log_likelihood
+    assert gain == pytest.approx(200.0 * np.log(2.0), rel=0.15)  # half of the energy goes
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.8])
+def test_score_is_the_energy_that_a_fit_with_the_same_colours_takes_off(pole: float) -> None:
+    """For known noise it is twice the gain of the likelihood."""
+    regression = world(6, pole=pole)
+    noise_models = [NoiseModel(autoregressive(pole), 0.3)] * 2
+    fit = regression.fit(noise_models, steps=0)
+    both = {j: np.random.default_rng(7 + j).standard_normal((400, 2)) for j in (0, 1)}
+    score, coefficients = regression.scan(fit).score(both)
+    wider = regression.with_columns(both).fit(noise_models, steps=0)
+
+    def energy(residuals: tuple[np.ndarray, ...]) -> float:
+        return sum(
+            float(np.sum(colour.apply(residual, data.runs) ** 2))
+            for residual, colour, data in zip(
+                residuals, noise_models, regression.joints, strict=True
+            )
+        )
+
+    assert score == pytest.approx(energy(fit.residuals) - energy(wider.residuals), rel=1e-4)
+    np.testing.assert_allclose(coefficients, wider.coefficients, rtol=1e-4)
+
+
+def test_score_is_twice_the_gain_where_the_noise_is_known_to_be_white() -> None:
+    regression = world(8, rows=4000, joints=1)
+    column = {0: np.random.default_rng(11).standard_normal((4000, 1))}
+    data = regression.joints[0]
+    torque = data.torque + 0.03 * column[0][:, 0]
+    regression = Regression((JointData(torque, data.matrix, data.columns, data.runs),), 2)
+    sigma = float(np.std(regression.fit([NoiseModel(WHITE, 1.0)], steps=0).residuals[0]))
+    start = [NoiseModel(WHITE, sigma)]
+    fit = regression.fit(start, steps=0)
+    score, _ = regression.scan(fit).score(column)
+    gain = regression.with_columns(column).fit(start, steps=0).log_likelihood - fit.log_likelihood
+    assert score == pytest.approx(40.0, rel=0.5)  # n (0.03 / 0.3)²
+    assert score == pytest.approx(2.0 * gain, rel=0.02)
+
+
+def test_columns_that_the_model_absorbs_count_for_nothing() -> None:
+    regression = world(10)
+    scan = regression.scan(regression.fit())
+    random = np.random.default_rng(12)
+    inside = regression.joints[0].matrix @ np.array([[2.0], [-1.0]])
+    # Joint 1 has a column of its own for parameter 2, but parameter 0 moves joint 0 alone.
+    own = regression.joints[0].matrix[:, [0]]
+    assert scan.score({0: own})[0] == 0.0
+    score, coefficients = scan.score({0: np.hstack([own, random.standard_normal((400, 1))])})
+    assert coefficients[0] == 0.0
+    assert score < 15.0
+    # Both joints' matrices share parameter 1: the same column at joint 0 alone is not absorbed.
+    assert scan.score({0: inside})[1][0] != 0.0
+
+
+def test_columns_that_are_not_finite_and_empty_ones_are_harmless() -> None:
+    regression = world(13)
+    scan = regression.scan(regression.fit())
+    column = np.random.default_rng(14).standard_normal((400, 1))
+    for bad in (np.nan, np.inf):
+        broken = column.copy()
+        broken[17] = bad
+        score, coefficients = scan.score({0: broken})
+        assert score == 0.0
+        np.testing.assert_array_equal(coefficients, 0.0)
+    assert scan.score({0: np.zeros((400, 1))})[0] == 0.0
+    twice = scan.score({0: np.hstack([column, column])})[0]
+    assert twice == pytest.approx(scan.score({0: column})[0], rel=1e-3)

@@ -1,0 +1,167 @@
+"""Testability, tracking and noise floor on a simulated two-joint arm."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.diagnosis.identifiability.testability import floor_noise_models, shown_by_motion
+from idim_iv_ros.diagnosis.localisation.unexplained_joints import unexplained_joints
+from idim_iv_ros.diagnosis.localisation.where import where
+from idim_iv_ros.diagnosis.parametric.causes import parametric_causes
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.dry_friction import dry_friction
+from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
+from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
+from idim_iv_ros.diagnosis.result import Stage
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.diagnosis.tracking import simulated_tracking, simulation_gap, tracking_series
+from idim_iv_ros.effects.catalogue import STRUCTURAL
+from idim_iv_ros.simulation import SimulatedEffect
+from tests.estimation.test_simulated_arms import recorded
+from tests.simulated_arms import arm2
+
+
+@pytest.fixture(scope="module")
+def data() -> Baseline:
+    arm = arm2(seconds=10.0)
+    return baseline([recorded(arm, seed) for seed in (1, 2)], arm.configuration)
+
+
+@pytest.fixture(scope="module")
+def regression(data: Baseline) -> Regression:
+    return smooth_regression(data)
+
+
+def test_repeats_tell_the_noise_that_was_put_in(data: Baseline, regression: Regression) -> None:
+    repeats = repeats_of(data)
+    assert [(r.first, r.second, r.lag) for r in repeats] == [(0, 1, 0)]
+    fit = regression.fit()
+    limits = np.asarray(data.prepared.configuration.controller.torque_limit)
+    rate, edge = data.prepared.motions[0].signals.rate, data.motions[0].decimation.edge
+    # White noise of 0.5 % of the limit, through a filter that passes this share of the band.
+    expected = 0.005 * limits * np.sqrt(edge * data.row_rate / rate)
+    for floor, value in zip(noise_floors(data, regression, fit, repeats), expected, strict=True):
+        assert floor.origin == "repeats"
+        assert floor.sigma == pytest.approx(value, rel=0.15)
+    for floor, colour in zip(
+        noise_floors(data, regression, fit, ()), fit.noise_models, strict=True
+    ):
+        assert floor.origin == "lower bound"
+        assert floor.sigma == colour.sigma
+
+
+def test_gap_of_the_given_model_is_reported(data: Baseline, regression: Regression) -> None:
+    fit = regression.fit()
+    found = where(data, regression, fit, noise_floors(data, regression, fit, ()))
+    assert sum(gap.share for gap in found.joint_gaps) == pytest.approx(1.0)
+    assert found.joint_gaps[0].rms > 3.0 * float(np.std(fit.residuals[0]))
+    assert found.findings
+    for regime in found.regimes:
+        assert regime.ci95 is not None
+        assert not regime.ci95[0] <= 1.0 <= regime.ci95[1]
+
+
+def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(
+    data: Baseline, regression: Regression
+) -> None:
+    configuration = data.prepared.configuration
+    signals = configuration.signals.model_copy(update={"effort_unit": "A"})
+    current = replace(
+        data.prepared, configuration=configuration.model_copy(update={"signals": signals})
+    )
+    ampere = replace(data, prepared=current)
+    assert current.given is None
+    assert "efforts are in A" in current.why_no_given
+    fit = regression.fit()
+    outcome = parametric_causes(ampere, regression, fit)
+    assert not outcome.causes
+    assert outcome.reason == current.why_no_given
+    assert parametric_causes(data, regression, fit).causes
+    found = where(ampere, regression, fit, noise_floors(data, regression, fit, ()))
+    assert found.joint_gaps[0].rms == pytest.approx(np.sqrt(np.mean(fit.residuals[0] ** 2)))
+    units = {regime.unit for regime in found.regimes if regime.axis == "load"}
+    assert units <= {"A"}
+
+
+def test_testability_does_not_look_at_the_torque(data: Baseline, regression: Regression) -> None:
+    fit = regression.fit()
+    noise_models = floor_noise_models(fit, [None, None])
+    blind = Regression(
+        tuple(replace(joint, torque=np.zeros_like(joint.torque)) for joint in regression.joints),
+        regression.parameters,
+    )
+    seen, refused = shown_by_motion(data, regression, STRUCTURAL, noise_models, dry_friction(data))
+    unseen, same = shown_by_motion(data, blind, STRUCTURAL, noise_models, dry_friction(data))
+    assert refused == same
+    for one, other in zip(seen, unseen, strict=True):
+        assert one.smallest == other.smallest
+        np.testing.assert_allclose(one.correlation, one.correlation.T)
+        np.testing.assert_allclose(np.diag(one.correlation), 1.0)
+        assert np.all((one.correlation >= 0.0) & (one.correlation <= 1.0))
+        # Ripple is alike in both directions and friction is not; waves of the model there are none.
+        ripple = one.effects.index("position_ripple")
+        assert one.absorbed[ripple] < 0.1
+        assert one.absorbed[one.effects.index("nonlinear_viscous")] > 0.5
+
+
+def test_more_noise_hides_more(data: Baseline, regression: Regression) -> None:
+    fit = regression.fit()
+    loud = tuple(replace(colour, sigma=30.0 * colour.sigma) for colour in fit.noise_models)
+    few = shown_by_motion(data, regression, STRUCTURAL, fit.noise_models, dry_friction(data))[1]
+    many = shown_by_motion(data, regression, STRUCTURAL, loud, dry_friction(data))[1]
+    assert len(many) > len(few) + 5
+    assert {(n.effect, n.joint) for n in few} <= {(n.effect, n.joint) for n in many}
+    assert all(refusal.reason and refusal.excitation_needed for refusal in many)
+
+
+def test_a_gap_that_stays_is_said_also_where_it_is_a_small_share_of_the_torque(
+    data: Baseline,
+) -> None:
+    torque = float(np.sqrt(np.mean(data.rows[0].torque ** 2)))
+
+    def stage(share: float) -> Stage:
+        return Stage("refit", {"joint_1": share * torque, "joint_2": 0.001}, {}, None, "")
+
+    floors = [NoiseFloor(0.01 * torque, "repeats", ""), NoiseFloor(0.001, "repeats", "")]
+    assert "at joint_1 (5 % of its torque" in unexplained_joints(
+        data, [stage(0.06), stage(0.05)], floors
+    )
+    assert unexplained_joints(data, [stage(0.5), stage(0.05)], floors) == ""
+    assert "at joint_1 (15 %" in unexplained_joints(data, [stage(0.5), stage(0.15)], floors)
+    assert unexplained_joints(data, [stage(0.025), stage(0.025)], floors) == ""  # noise may be that
+
+
+def test_the_refit_tracks_better_than_the_given_model(data: Baseline) -> None:
+    given = data.prepared.given
+    assert given is not None
+    before = simulated_tracking(data, given)
+    after = simulated_tracking(data, data.estimate.linear.values)
+    assert before.rms is not None
+    assert after.rms is not None
+    gap = simulation_gap(before, after, None)
+    assert gap is not None
+    assert gap.before == pytest.approx(np.sqrt(sum(v**2 for v in before.rms.values())))
+    assert gap.shrinkage is not None
+    assert gap.shrinkage > 0.3
+    series = tracking_series(data, before, after)
+    assert len(series) == 4
+    assert max(len(one.time) for one in series) <= 1500
+    assert series[0].after is not None
+    # Reference less simulated, less reference less measured: what the simulation misses.
+    missed = np.sqrt(np.mean([(s.after - s.measured) ** 2 for s in series[::2]]))
+    assert missed == pytest.approx(after.rms["joint_1"], rel=0.1)
+
+
+def test_effects_are_simulated_and_what_cannot_be_says_so(data: Baseline) -> None:
+    values = data.estimate.linear.values
+    spring = SimulatedEffect("spring", "joint_1", {"linear": 40.0})
+    bent = simulated_tracking(data, values, [spring])
+    assert bent.rms is not None
+    assert bent.rms["joint_1"] > 2e-3
+    unknown = simulated_tracking(data, values, [SimulatedEffect("magic", "joint_1", {})])
+    assert unknown.rms is None
+    assert "magic" in unknown.note
+    assert simulation_gap(bent, unknown, 0) is None
+    open_loop = replace(data, sources=replace(data.sources, sources=data.sources.sources[1:]))
+    assert simulated_tracking(open_loop, values).note.startswith("not simulated")

@@ -1,0 +1,102 @@
+"""The same recordings in another order, with whatever stamps, give the same diagnosis."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from idim_iv_ros import identify
+from idim_iv_ros.diagnosis.diagnose import diagnose
+from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.effects.catalogue import EFFECTS
+from idim_iv_ros.recording import JointTopic, write_bag
+from idim_iv_ros.report import gap_document, gap_report_html
+from idim_iv_ros.report.json_result import result_document
+from tests.simulated_arms import SimulatedArm, arm2, record
+
+SECONDS = 6.0
+JOINTS = ["joint_1", "joint_2"]
+# What depends on the time of the session stays in; the others would only take longer.
+WITHOUT = tuple(name for name in EFFECTS if name not in ("friction_drift", "spring"))
+Bags = Callable[[Sequence[float]], list[Path]]
+
+
+@pytest.fixture(scope="module")
+def arm() -> SimulatedArm:
+    return arm2(seconds=SECONDS)
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory: pytest.TempPathFactory) -> Bags:
+    """Three runs of the arm whose first stamps are given."""
+    records = [record(arm2(seconds=SECONDS, seed=seed), seed) for seed in (1, 2, 3)]
+
+    def write(starts: Sequence[float]) -> list[Path]:
+        folder = tmp_path_factory.mktemp("bags")
+        paths = []
+        for number, (start, one) in enumerate(zip(starts, records, strict=True)):
+            time = one.time - one.time[0] + start
+            path = folder / f"run{number}.mcap"
+            topics = [
+                JointTopic("/joint_states", JOINTS, time, one.position, None, one.effort),
+                JointTopic("/joint_reference", JOINTS, time, one.position_reference),
+            ]
+            write_bag(path, topics)
+            paths.append(path)
+        return paths
+
+    return write
+
+
+def without_timing(document: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in document.items() if key != "timing"}
+
+
+def is_increasing(result: GapResult) -> bool:
+    return all(bool(np.all(np.diff(series.time) > 0.0)) for series in result.series)
+
+
+@pytest.mark.parametrize("starts", [(0.0, 100.0, 40.0), (3.0, 0.0, 5.0)], ids=["apart", "overlap"])
+def test_any_order_of_bags_gives_the_same_gap(bags: Bags, arm: SimulatedArm, starts) -> None:
+    paths = bags(starts)
+    in_time = [paths[k].name for k in np.argsort(starts)]
+    orders = [paths, [paths[1], paths[2], paths[0]]]
+    results = [diagnose(order, arm.configuration, without=WITHOUT) for order in orders]
+    for result in results:
+        assert list(result.bags) == in_time
+        assert is_increasing(result)
+        assert "Measured and modelled torque" in gap_report_html(result)
+    first, second = (without_timing(gap_document(result)) for result in results)
+    assert first == second
+
+
+def test_bags_that_start_at_the_same_stamp_give_the_same_causes_in_any_order(
+    bags: Bags, arm: SimulatedArm
+) -> None:
+    """Simulated bags: stamps say nothing of their order, and no row is lost or counted twice."""
+    paths = bags((0.0, 0.0, 0.0))
+    orders = [paths, paths[::-1]]
+    one, two = (diagnose(order, arm.configuration, without=WITHOUT) for order in orders)
+    for result, order in ((one, orders[0]), (two, orders[1])):
+        assert list(result.bags) == [path.name for path in order]
+        assert is_increasing(result)
+        assert "Measured and modelled torque" in gap_report_html(result)
+    assert one.verdict == two.verdict
+    assert [(c.effect, c.joint) for c in one.causes] == [(c.effect, c.joint) for c in two.causes]
+    for a, b in zip(one.stages, two.stages, strict=True):
+        assert a.torque_rms == pytest.approx(b.torque_rms, rel=1e-6)
+
+
+@pytest.mark.parametrize("starts", [(0.0, 100.0, 40.0), (3.0, 0.0, 5.0)], ids=["apart", "overlap"])
+def test_any_order_of_bags_gives_the_same_identification(
+    bags: Bags, arm: SimulatedArm, starts
+) -> None:
+    paths = bags(starts)
+    documents = []
+    for order in (paths, [paths[1], paths[2], paths[0]], paths[::-1]):
+        result = identify(order, arm.configuration)
+        assert np.all(np.diff(result.series[0].time) > 0.0)
+        documents.append(without_timing(result_document(result)))
+    assert all(document == documents[0] for document in documents[1:])

@@ -1,0 +1,50 @@
+"""Every number of every effect says in words what it is."""
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.diagnosis.parameter_words import parameter_words
+from idim_iv_ros.effects.catalogue import PARAMETRIC
+from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG
+from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParameterSpace
+from idim_iv_ros.effects.torque_gain import TorqueGain
+from tests.diagnosis.test_effects import UNITS
+
+
+@pytest.mark.parametrize("effect", [*UNITS, "controller_mismatch"])
+def test_numbers_of_structural_effects_have_words(effect: str) -> None:
+    names = [*GROUPS, LAG] if effect == "controller_mismatch" else list(UNITS[effect])
+    words = [parameter_words(effect, name) for name in names]
+    assert len(set(words)) == len(names)  # in a table each has its own row
+    for name, word in zip(names, words, strict=True):
+        assert "_" not in word
+        assert word != name.replace("_", " ") or name in ("time_constant", "wave_number_1")
+
+
+def test_a_gain_of_1_25_is_a_factor_of_1_25() -> None:
+    """Recorded torque 0.8 of the actual one: the actual is 1.25 times the recorded."""
+    nothing: ParameterSpace = None  # type: ignore[assignment]
+    found = [Estimated(Change("recorded_more", "", np.zeros(1)), 0.8 - 1.0, 0.01)]
+    (each,) = TorqueGain().parameters(nothing, 0, found).items()
+    name, number = each
+    assert parameter_words("torque_gain", name) == "actual torque over recorded torque"
+    assert number.value == pytest.approx(1.25)
+    assert number.std == pytest.approx(0.01 / 0.8**2)
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "words"),
+    [
+        ("link_inertia", "change_of_MX3", "MX3 less the given one"),
+        ("link_inertia", "change_of_base_MX3", "MX3 (grouped) less the given one"),
+        ("payload", "inertia_xy", "moment of inertia xy about the link's frame"),
+        ("position_ripple", "sine_12", "torque with the sine 12"),
+    ],
+)
+def test_names_that_are_made_have_words(effect: str, name: str, words: str) -> None:
+    assert parameter_words(effect, name) == words
+
+
+def test_effects_of_the_catalogue_are_known() -> None:
+    named = {"payload", "gravity_direction", "torque_gain", "torque_offset", "friction_level"}
+    assert named | {"drive_inertia", "link_inertia"} == {each.name for each in PARAMETRIC}

@@ -1,0 +1,105 @@
+"""The common shift of the effort: half a period for a held command, none for a measured torque.
+
+The truth is that of a zero-order hold: the torque of sample k acts from k to k + 1, so that it is
+late by half a period. Nothing of the estimate is used to make the recordings.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
+from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
+from idim_iv_ros.recording import Recording
+from tests import simulated_arms
+from tests.estimation.test_simulated_arms import recorded
+from tests.simulated_arms import SimulatedArm, arm2
+
+PERIOD = 1e-3
+
+
+@pytest.fixture(scope="module")
+def arm() -> SimulatedArm:
+    return arm2(seconds=12.0)
+
+
+@pytest.fixture(scope="module")
+def data(arm: SimulatedArm) -> Baseline:
+    return baseline([recorded(arm, 1)], arm.configuration)
+
+
+def with_effort(data: Baseline, effort: np.ndarray) -> Baseline:
+    """Return the same recording with other efforts (n_samples, n_joints)."""
+    (motion,) = data.prepared.motions
+    changed = replace(motion, signals=replace(motion.signals, torque=effort))
+    prepared = replace(data.prepared, motions=(changed,))
+    rows = tuple(
+        replace(row, torque=changed.decimation.whole(changed.torque[:, j])[changed.kept[:, j]])
+        for j, row in enumerate(data.rows)
+    )
+    return replace(data, prepared=prepared, rows=rows)
+
+
+def later(effort: np.ndarray, delays: list[float], rate: float) -> np.ndarray:
+    """Efforts that are recorded `delays` (s, by joint) before they act."""
+    time = np.arange(len(effort)) / rate
+    parts = [
+        CubicSpline(time, values)(time + s) for values, s in zip(effort.T, delays, strict=True)
+    ]
+    return np.column_stack(parts)
+
+
+def chain_of(data: Baseline) -> tuple[Baseline, EffortShift]:
+    shifted, _, chain = aligned(data, smooth_regression(data))
+    return shifted, chain
+
+
+def effort_of(recording: Recording) -> np.ndarray:
+    return np.asarray(recording.effort.values)
+
+
+def test_a_measured_torque_is_not_shifted(data: Baseline) -> None:
+    _, chain = chain_of(data)
+    assert chain.std is not None
+    assert abs(chain.shift) < 3.0 * chain.std
+    assert chain.agreeing.all()
+
+
+def test_a_held_command_is_half_a_period_later_than_its_mean(
+    arm: SimulatedArm, data: Baseline
+) -> None:
+    held = simulated_arms.record(arm, 1).truth.torque
+    mean = 0.5 * (held + np.vstack([held[:1], held[:-1]]))  # what acts around each sample
+    chains = [chain_of(with_effort(data, effort))[1] for effort in (held, mean)]
+    assert all(chain.agreeing.all() for chain in chains)
+    assert chains[0].shift - chains[1].shift == pytest.approx(0.5 * PERIOD, rel=0.02)
+    assert abs(chains[1].shift) < 3.0 * chains[1].std
+
+
+@pytest.mark.parametrize("delay", [-0.8e-3, 1.3e-3, 6e-3])
+def test_a_shift_of_all_joints_is_estimated_and_taken_out(
+    arm: SimulatedArm, data: Baseline, delay: float
+) -> None:
+    effort = effort_of(recorded(arm, 1))
+    _, plain = chain_of(data)
+    shifted, chain = chain_of(with_effort(data, later(effort, [delay, delay], arm.rate)))
+    assert chain.shift - plain.shift == pytest.approx(delay, abs=0.03 * PERIOD)
+    rows = [row.torque for row in shifted.rows]
+    for restored, original in zip(rows, chain_of(data)[0].rows, strict=True):
+        inner = slice(20, -20)
+        error = np.std(restored[inner] - original.torque[inner])
+        assert error < 0.01 * np.std(original.torque)
+
+
+def test_a_joint_that_is_later_than_the_other_keeps_its_delay(
+    arm: SimulatedArm, data: Baseline
+) -> None:
+    effort = effort_of(recorded(arm, 1))
+    _, chain = chain_of(with_effort(data, later(effort, [0.0, 4e-3], arm.rate)))
+    assert chain.std is not None
+    assert abs(chain.shift) < 3.0 * chain.std
+    assert chain.agreeing.tolist() == [True, False]
+    assert "joint_2 differs" in chain.sentence(data.joints)

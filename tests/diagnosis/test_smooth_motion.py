@@ -1,0 +1,264 @@
+"""The motion of the candidates and the friction while a joint sticks, on a simulated arm."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis.refit.bandwidth import widened
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
+from idim_iv_ros.diagnosis.refit.slip import simulated_slips
+from idim_iv_ros.recording import Recording
+from idim_iv_ros.simulation import inverse_dynamics
+from tests.diagnosis.motions import synthetic
+from tests.estimation.test_simulated_arms import recorded
+from tests.simulated_arms import SimulatedArm, arm2, record
+
+SECONDS = 10.0
+
+
+@pytest.fixture(scope="module")
+def data() -> Baseline:
+    arm = arm2(seconds=SECONDS)
+    return baseline([recorded(arm, 1)], arm.configuration)
+
+
+def test_velocity_and_acceleration_are_derivatives_of_the_position(data: Baseline) -> None:
+    motion = data.motions[0]
+    step = 1.0 / motion.rate
+    np.testing.assert_allclose(np.diff(motion.time), step, rtol=1e-9)
+    inner = slice(5, -5)
+    for upper, lower, share in (
+        (motion.velocity, motion.position, 0.01),
+        (motion.acceleration, motion.velocity, 0.05),
+    ):
+        slope = np.gradient(lower, step, axis=0)
+        error = np.sqrt(np.mean((slope - upper)[inner] ** 2, axis=0))
+        assert np.all(error < share * np.std(upper, axis=0))
+
+
+def test_it_is_closer_to_the_true_motion_than_what_was_measured(data: Baseline) -> None:
+    """Against the position and its central differences of a recording without noise."""
+    motion = data.motions[0]
+    arm = arm2(seconds=SECONDS)
+    true = record(arm, 1, position_noise=0.0, torque_noise=[0.0, 0.0])
+    noisy = record(arm, 1)
+    for joint in (0, 1):
+
+        def at(values: np.ndarray, joint: int = joint) -> np.ndarray:
+            return np.interp(motion.time, true.time - true.time[0], values[:, joint])
+
+        error = motion.position[:, joint] - at(true.position)
+        raw = noisy.position[:, joint] - true.position[:, joint]
+        assert np.std(error) < np.std(raw)
+        speed = np.gradient(true.position, 1e-3, axis=0)
+        error = motion.velocity[:, joint] - at(speed)
+        raw = np.gradient(noisy.position - true.position, 1e-3, axis=0)
+        assert np.std(error) < 0.3 * np.std(raw[:, joint])
+
+
+def test_friction_is_a_share_of_its_level_and_the_sign_of_the_speed_elsewhere(
+    data: Baseline,
+) -> None:
+    (slip,) = simulated_slips(data.prepared, data.estimate)
+    assert slip is not None
+    assert np.abs(slip).max() <= 1.0
+    measured = data.prepared.motions[0]
+    speed = measured.derivatives(0, measured.span.stop - measured.span.start)[1]
+    fast = np.abs(speed) > 0.05
+    np.testing.assert_array_equal(slip[fast], np.sign(speed)[fast])
+    between = np.abs(slip) < 0.99
+    assert 10 < np.sum(between) < 0.05 * slip.size  # it sticks, and not for long
+    # While it sticks the friction crosses from one level to the other, it does not jump.
+    for joint in (0, 1):
+        stuck = between[1:, joint] & between[:-1, joint]
+        assert np.median(np.abs(np.diff(slip[:, joint]))[stuck]) < 0.3
+    assert np.all(np.abs(data.motions[0].slip) <= 1.0 + 1e-12)
+
+
+def test_load_is_that_of_the_links_without_drives_and_friction(data: Baseline) -> None:
+    """The drive of joint 2 has a parameter of its own; that of joint 1 is grouped with YY1."""
+    motion = data.motions[0]
+    names, values = data.prepared.model.base.names, data.estimate.linear.values
+    drive = values[names.index("Ia2")]
+    friction = {k: values[names.index(f"{k}2")] for k in ("Fv", "Fc")}
+    expected = (
+        motion.torque[:, 1]
+        - drive * motion.acceleration[:, 1]
+        - friction["Fv"] * motion.velocity[:, 1]
+        - friction["Fc"] * motion.slip[:, 1]
+        - values[names.index("off2")]
+    )
+    np.testing.assert_allclose(motion.load[:, 1], expected, atol=1e-9)
+    given = data.prepared.model.robot.given.drive_inertia[0]
+    whole = motion.torque[:, 0] - (
+        values[names.index("Fv1")] * motion.velocity[:, 0]
+        + values[names.index("Fc1")] * motion.slip[:, 0]
+        + values[names.index("off1")]
+    )
+    expected = whole - given * motion.acceleration[:, 0]
+    np.testing.assert_allclose(motion.load[:, 0], expected, atol=1e-9)
+
+
+def test_rows_of_the_refit_use_the_friction_that_sticks(data: Baseline) -> None:
+    regression = smooth_regression(data)
+    motion = data.motions[0]
+    names = data.prepared.model.base.names
+    for joint in (0, 1):
+        matrix, places = regression.wide(joint)
+        column = list(places).index(names.index(f"Fc{joint + 1}"))
+        expected = motion.rows(motion.slip[:, [joint]])[motion.kept[:, joint], 0]
+        np.testing.assert_allclose(matrix[:, column], expected)
+        values = data.estimate.linear.values[places]
+        torque = motion.rows(motion.torque)[motion.kept[:, joint], joint]
+        np.testing.assert_allclose(matrix @ values, torque, atol=1e-6)
+
+
+def test_band_ends_where_noise_of_the_encoders_reaches_half_of_the_torques() -> None:
+    """(2πf)² = √5 · 0.5 σ_τ / (J σ_q), J the largest inertia along the motion."""
+    arm = arm2(seconds=SECONDS)
+    cutoffs = []
+    for noise in (4e-4, 1.6e-3):
+        changed = widened([recorded(arm, 1, position_noise=noise)], arm.configuration)
+        found = changed.processing.decimation_cutoff
+        assert found is not None
+        inertia = np.array([0.75, 0.15])  # of the links and drives, roughly
+        limit = np.sqrt(np.sqrt(5.0) * 0.5 * np.array([0.45, 0.175]) / (inertia * noise))
+        cutoffs.append((found, float(limit.min()) / (2 * np.pi)))
+    (quiet, expected), (loud, _) = cutoffs
+    assert quiet == pytest.approx(expected, rel=0.4)
+    assert loud < quiet
+    named = arm.configuration.processing.model_copy(update={"decimation_cutoff": 7.0})
+    own = arm.configuration.model_copy(update={"processing": named})
+    assert widened([recorded(arm, 1)], own) is own
+
+
+def beside_reversals(data: Baseline) -> int:
+    """Rows of joint 1 that have a slow sample within one decimated sample."""
+    count = 0
+    for motion in data.prepared.motions:
+        speed = motion.derivatives(0, motion.span.stop - motion.span.start)[1][:, 0]
+        slow = np.flatnonzero(np.abs(speed) < data.prepared.minimum_speed[0])
+        rows = motion.decimation.kept[motion.kept[:, 0]]
+        after = np.minimum(np.searchsorted(slow, rows), len(slow) - 1)
+        near = np.minimum(np.abs(slow[after] - rows), np.abs(slow[after - 1] - rows))
+        count += int(np.sum(near < motion.decimation.factor - 1))
+    return count
+
+
+def margin_reason(data: Baseline) -> str:
+    return "".join(reason for reason in data.prepared.reasons if "a reversal" in reason)
+
+
+def changed_processing(arm: SimulatedArm, **values: float) -> Configuration:
+    processing = arm.configuration.processing.model_copy(update=values)
+    return arm.configuration.model_copy(update={"processing": processing})
+
+
+@pytest.fixture(scope="module")
+def arm() -> SimulatedArm:
+    return arm2(seconds=SECONDS)
+
+
+@pytest.mark.parametrize("others", [{}, {"decimation_cutoff": 8.0}, {"position_cutoff": 30.0}])
+def test_rows_beside_a_reversal_count_where_the_loop_is_simulated(
+    arm: SimulatedArm, others: dict[str, float]
+) -> None:
+    """Whatever else the user configures."""
+    data = baseline([recorded(arm, 1)], changed_processing(arm, **others))
+    assert data.sticking
+    assert beside_reversals(data) > 0
+    assert margin_reason(data).startswith("rows beside a reversal count")
+
+
+def unreferenced(arm: SimulatedArm) -> tuple[Recording, Configuration]:
+    blind = replace(recorded(arm, 1), position_reference=None, velocity_reference=None)
+    return blind, arm.configuration
+
+
+def lawless(arm: SimulatedArm) -> tuple[Recording, Configuration]:
+    nobody = {"type": "unknown", "kp": None, "kd": None}
+    section = arm.configuration.controller.model_copy(update=nobody)
+    return recorded(arm, 1), arm.configuration.model_copy(update={"controller": section})
+
+
+def unstable(arm: SimulatedArm) -> tuple[Recording, Configuration]:
+    """A law with which the simulated loop runs away, as only its simulation shows."""
+    wrong = {"kp": [-1200.0, -250.0], "kd": [0.0, 0.0], "torque_limit": None}
+    section = arm.configuration.controller.model_copy(update=wrong)
+    return recorded(arm, 1), arm.configuration.model_copy(update={"controller": section})
+
+
+@pytest.mark.parametrize(
+    ("world", "why"),
+    [
+        (unreferenced, "not simulated"),
+        (lawless, "control law is not configured"),
+        (unstable, "cannot be simulated"),
+    ],
+)
+def test_without_a_simulated_loop_no_row_at_a_reversal_has_the_sign_of_the_speed(
+    arm: SimulatedArm, world: Callable[[SimulatedArm], tuple[Recording, Configuration]], why: str
+) -> None:
+    recording, configuration = world(arm)
+    data = baseline([recording], configuration)
+    assert beside_reversals(data) == 0
+    reason = margin_reason(data)
+    assert reason.startswith("rows beside a reversal do not count")
+    assert why in reason
+
+
+@pytest.mark.parametrize("margin", [0.0, 3.0])
+@pytest.mark.parametrize("world", [None, unreferenced])
+def test_what_the_user_says_of_reversals_holds(arm: SimulatedArm, margin: float, world) -> None:
+    configuration = changed_processing(arm, reversal_margin=margin)
+    recording = recorded(arm, 1) if world is None else world(arm)[0]
+    data = baseline([recording], configuration)
+    assert data.prepared.configuration.processing.reversal_margin == margin
+    assert (beside_reversals(data) > 0) == (margin == 0.0)
+    warned = "count with the sign of the speed" in margin_reason(data)
+    assert warned == (margin == 0.0 and world is not None)
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_moved_torques_are_those_of_the_moved_motion(links: bool) -> None:
+    motion = synthetic()
+    motion = replace(motion, whole=replace(motion.whole, coulomb=np.zeros(2)))
+    w = 3.1
+    shift = 1e-3 * np.sin(w * motion.time)
+    found = motion.moved(1, shift, links=links)
+    q, v, a = (x.copy() for x in (motion.position, motion.velocity, motion.acceleration))
+    q[:, 1] += shift
+    v[:, 1] += 1e-3 * w * np.cos(w * motion.time)
+    a[:, 1] -= 1e-3 * w**2 * np.sin(w * motion.time)
+    parameters = motion.links if links else motion.whole
+    before = inverse_dynamics(
+        motion.robot, parameters, motion.position, motion.velocity, motion.acceleration
+    )
+    expected = inverse_dynamics(motion.robot, parameters, q, v, a) - before
+    inner = slice(3, -3)
+    for joint in (0, 1):
+        largest = np.abs(expected[:, joint]).max()
+        assert np.abs(found - expected)[inner, joint].max() < 2e-3 * largest
+
+
+def test_slope_of_a_load_at_rest_is_that_of_gravity() -> None:
+    """A link with first moments (mx, mz) about a level axis: central difference of its torque."""
+    motion = synthetic(1.0)
+    still = replace(
+        motion,
+        velocity=np.zeros_like(motion.velocity),
+        acceleration=np.zeros_like(motion.acceleration),
+    )
+    step = 1e-3
+    ends = []
+    for side in (step, -step):
+        q = still.position.copy()
+        q[:, 1] += side
+        ends.append(inverse_dynamics(still.robot, still.links, q, still.velocity, still.velocity))
+    np.testing.assert_allclose(
+        still.slope(1), (ends[0] - ends[1]) / (2 * step), atol=1e-3 * np.abs(ends[0]).max()
+    )

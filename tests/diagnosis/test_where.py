@@ -1,0 +1,159 @@
+"""Where the gap lies, on residuals whose answer is known by construction."""
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
+from idim_iv_ros.diagnosis.localisation.regimes import in_words, joined, lifts, regimes_of
+from idim_iv_ros.diagnosis.localisation.residual_split import Axis, axes_of, bands, split
+from idim_iv_ros.diagnosis.refit.motion_at_rows import MotionAtRows
+from idim_iv_ros.diagnosis.refit.noise_floor import difference_energy, find_repeats
+from idim_iv_ros.diagnosis.refit.since_reversal import since_reversal
+from idim_iv_ros.diagnosis.result import Regime
+from idim_iv_ros.recording import SessionPart
+
+
+def test_blocks_last_a_second_and_do_not_reach_into_the_next_recording() -> None:
+    recordings = np.repeat([0, 1], [500, 5000])
+    places = np.concatenate([np.arange(500), np.arange(5000)])
+    blocks = time_blocks(recordings, places, 100.0)
+    assert len(np.unique(blocks[:500])) == 5  # 5 s
+    assert len(np.unique(blocks[500:])) == 20  # 50 s, at most 20
+    assert not set(blocks[:500]) & set(blocks[500:])
+
+
+def test_interval_of_a_mean_square_covers_the_truth() -> None:
+    random = np.random.default_rng(1)
+    blocks = np.repeat(np.arange(40), 50)
+    hits = 0
+    for _ in range(200):
+        sums = block_sums(blocks, random.standard_normal(2000) ** 2)
+        low, high = interval(resampled(sums) / 2000.0)
+        hits += low < 1.0 < high
+    assert 0.88 <= hits / 200 <= 0.99
+
+
+def test_displacement_of_a_sine_since_it_turned() -> None:
+    time = np.arange(0.0, 10.0, 1e-3)
+    position = np.sin(time)
+    noise = 1e-4 * np.random.default_rng(2).standard_normal(len(time))
+    distance = since_reversal(position, np.cos(time) + noise, 0.01)
+    after = (time > np.pi / 2 + 0.1) & (time < 3 * np.pi / 2 - 0.1)
+    np.testing.assert_allclose(distance[after], 1.0 - position[after], atol=1e-3)
+
+
+def test_energy_in_one_bin_is_found_there() -> None:
+    random = np.random.default_rng(3)
+    speed = random.permutation((np.arange(4000) + 0.5) / 4000)
+    residual = random.standard_normal(4000) * np.where(speed < 0.1, 3.0, 1.0)
+    axis = Axis("speed", speed, np.linspace(0.0, 1.0, 11))
+    parts = split(axis, residual, np.arange(4000) // 100)
+    energy, occupancy, _, limits = lifts(parts)
+    # 9 · 0.1 of 9 · 0.1 + 0.9
+    assert energy[0] == pytest.approx(0.5, abs=0.04)
+    assert occupancy[0] == pytest.approx(0.1, abs=1e-9)
+    assert limits[0, 0] < 5.0 < limits[0, 1]
+    found = regimes_of("joint_2", parts, "rad/s")
+    assert found[0].low == 0.0
+    best = joined(found)
+    assert best is not None
+    sentence = in_words(best, parts.edges, ())
+    assert sentence.startswith("joint_2, below 0.1 rad/s: ")
+    assert " % of the gap in 10 % of the samples" in sentence
+    assert energy.sum() == pytest.approx(1.0)
+
+
+def test_lift_of_noise_excludes_one_about_as_often_as_it_says() -> None:
+    random = np.random.default_rng(4)
+    outside = 0
+    for _ in range(100):
+        values, residual = random.uniform(0.0, 1.0, 2000), random.standard_normal(2000)
+        axis = Axis("load", values, np.linspace(0.0, 1.0, 5))
+        limits = lifts(split(axis, residual, np.arange(2000) // 50))[3]
+        outside += int(np.sum((limits[:, 0] > 1.0) | (limits[:, 1] < 1.0)))
+    assert outside / 400 < 0.12
+
+
+def test_adjacent_high_bins_are_joined() -> None:
+    def bin_of(low: float, energy: float) -> Regime:
+        return Regime("a", "position", low, low + 1.0, "rad", energy, 0.1, energy / 0.1, None)
+
+    best = joined([bin_of(0.0, 0.05), bin_of(1.0, 0.3), bin_of(2.0, 0.2), bin_of(4.0, 0.3)])
+    assert best is not None
+    assert (best.low, best.high) == (1.0, 3.0)
+    assert best.energy_share == pytest.approx(0.5)
+    assert best.lift == pytest.approx(2.5)
+
+
+def test_a_tone_is_found_in_its_band_and_white_noise_in_none() -> None:
+    rate = 100.0
+    time = np.arange(4000) / rate
+    noise = np.random.default_rng(5).standard_normal(4000)
+    runs = (slice(0, 2500), slice(2500, 4000))
+    white = bands(noise, runs, rate, 0.8)
+    assert white is not None
+    np.testing.assert_allclose(lifts(white)[2], 1.0, atol=0.2)
+    tone = bands(0.1 * noise + np.sin(2 * np.pi * 8.0 * time), runs, rate, 0.8)
+    assert tone is not None  # bands end at 4, 12, 24 and 40 Hz
+    assert int(np.argmax(lifts(tone)[0])) == 1
+
+
+def _reference(seed: int, seconds: float) -> np.ndarray:
+    time = np.arange(0.0, seconds, 1e-3)[:, None]
+    phase = np.random.default_rng(seed).uniform(0.0, 6.0, (1, 2, 6))
+    waves = 2 * np.pi * np.array([0.13, 0.29, 0.41, 0.67, 0.9, 1.3]) * time[:, :, None]
+    return np.sin(waves[:, None, 0, :] + phase).sum(axis=2)
+
+
+def test_repeats_are_found_with_their_shift_and_others_are_not() -> None:
+    one, other = _reference(1, 12.0), _reference(2, 12.0)
+    later = one[1234:]
+    found = find_repeats([one, other, later], 1000.0, 50.0)
+    assert [(r.first, r.second) for r in found] == [(0, 2)]
+    assert found[0].lag == -1234
+
+
+def test_periods_inside_a_recording_are_found() -> None:
+    one = _reference(3, 4.0) * np.sin(np.pi * np.arange(4000) / 4000)[:, None]
+    found = find_repeats([np.concatenate([one, one, one])], 1000.0, 50.0)
+    assert [(r.first, r.second) for r in found] == [(0, 0)]
+    assert found[0].lag == 4000
+
+
+def test_drift_between_repeats_is_not_noise() -> None:
+    random = np.random.default_rng(6)
+    direction = np.sign(np.sin(np.arange(3000) / 50.0))
+    noise = 0.2 * random.standard_normal((2, 3000))
+    difference = noise[0] - noise[1] + 0.5 * direction + 0.3
+    energy, degrees = difference_energy(difference, direction[:, None])
+    assert degrees == 2998
+    assert np.sqrt(0.5 * energy / degrees) == pytest.approx(0.2, rel=0.04)
+
+
+@pytest.mark.parametrize("recordings", [1, 2, 3, 9])
+def test_a_stretch_of_time_lies_in_recordings_that_are_named(recordings: int) -> None:
+    """Ten seconds each; the residual is three times as large in the last 40 % of the last one."""
+    random = np.random.default_rng(7)
+    rows = 1000
+    parts = [SessionPart(f"run{k}.mcap", 20.0 * k, 10.0) for k in range(recordings)]
+    starts = [part.start for part in parts]
+    time = np.concatenate([start + np.arange(rows) / 100.0 for start in starts])
+    which = np.repeat(np.arange(recordings), rows)
+    loud = time >= starts[-1] + 6.0
+    residual = random.standard_normal(len(time)) * np.where(loud, 3.0, 1.0)
+    other = random.uniform(0.1, 1.0, len(time))
+    axes = axes_of(MotionAtRows(time, other, other, other, other), starts)
+    axis = next(each for each in axes if each.name == "time")
+    if 1 < recordings < 6:  # no bin holds rows of two recordings
+        place = np.searchsorted(axis.edges, time, side="right")
+        assert all(len(set(which[place == k])) == 1 for k in set(place[:-1]))
+    parted = split(axis, residual, time_blocks(which, np.tile(np.arange(rows), recordings), 100.0))
+    best = joined(regimes_of("joint_2", parted, "s"))
+    assert best is not None
+    sentence = in_words(best, parted.edges, parts)
+    assert f"s of run{recordings - 1}.mcap: " in sentence
+    assert "session" not in sentence
+    if recordings < 4:
+        start, end = sentence.split("from ")[1].split(" s of ")[0].split(" to ")
+        assert 4.0 < float(start) < 7.0
+        assert 9.9 < float(end) <= 10.0

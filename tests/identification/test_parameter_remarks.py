@@ -1,0 +1,122 @@
+"""Parameters that physics forbids, or that may be zero, are marked wherever they are listed."""
+
+import io
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from idim_iv_ros.cli.identify import print_next, print_parameters, print_remarks, print_verdict
+from idim_iv_ros.identification.result import IMPOSSIBLE, NOT_SIGNIFICANT, IdentificationResult
+from idim_iv_ros.model import build_inverse_model
+from idim_iv_ros.report.html import report_html
+from idim_iv_ros.report.json_result import result_document
+from idim_iv_ros.statistics import OverallVerdict
+from tests.report.sample_result import sample_result
+from tests.simulated_arms import arm6
+
+
+def with_value(value: float, std: float, non_negative: bool) -> IdentificationResult:
+    """Return a result whose first parameter, essential, has this value."""
+    result = sample_result()
+    first, *others = result.parameters
+    changed = replace(
+        first,
+        name="FvX",
+        value=value,
+        std=std,
+        essential=True,
+        essential_value=value,
+        essential_std=std,
+        non_negative=non_negative,
+    )
+    return replace(result, parameters=(changed, *others))
+
+
+def printed(result: IdentificationResult) -> str:
+    console = Console(file=io.StringIO(), width=200)
+    print_parameters(console, result)
+    print_remarks(console, result)
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "non_negative", "remark"),
+    [
+        (-0.5, 0.1, True, IMPOSSIBLE),
+        (-0.1, 0.1, True, NOT_SIGNIFICANT),  # it may be zero
+        (-0.5, 0.1, False, ""),  # a first moment, an offset
+        (0.1, 0.4, True, NOT_SIGNIFICANT),  # σ of 400 %
+        (0.5, 0.1, True, ""),
+    ],
+)
+def test_a_value_says_why_not_to_rely_on_it(
+    value: float, std: float, non_negative: bool, remark: str
+) -> None:
+    result = with_value(value, std, non_negative)
+    parameter = result_document(result)["parameters"][0]
+    assert (parameter["remark"], parameter["essential_remark"]) == (remark, remark)
+    (line,) = [line for line in printed(result).splitlines() if "FvX" in line]
+    html = report_html(result)
+    row = html[html.index(">FvX<") :].split("</tr>")[0]
+    for each in (IMPOSSIBLE, NOT_SIGNIFICANT):
+        assert (each in line) == (each == remark)
+        assert (each in row) == (each == remark)
+    assert ("Some values are physically impossible" in html) == (remark == IMPOSSIBLE)
+
+
+def test_sums_of_masses_inertias_and_friction_may_not_be_negative() -> None:
+    arm = arm6(seconds=1.0)
+    urdf = arm.configuration.robot.urdf
+    assert urdf is not None
+    base = build_inverse_model(arm.configuration, urdf.read_text(), urdf.name).base
+    forbidden = {name for name, each in zip(base.names, base.non_negative, strict=True) if each}
+    kinds = ("Ia", "Fv", "Fc")
+    assert {f"{kind}{k}" for kind in kinds for k in range(1, 7)} & set(base.names) <= forbidden
+    assert not any(name.startswith(("off", "M", "XY", "XZ", "YZ")) for name in forbidden)
+    minus = [
+        name
+        for name, expression in zip(base.names, base.expressions, strict=True)
+        if " - " in expression
+    ]
+    assert minus
+    assert not forbidden & set(minus)
+    # Of any robot that can be built they are not: random positive values.
+    random = np.random.default_rng(3)
+    kind_of = [parameter.kind for parameter in base.layout.parameters]
+    standard = np.array(
+        [
+            random.uniform(-1, 1) if kind in ("XY", "XZ", "YZ", "MX", "MY", "MZ", "off")
+            else random.uniform(0, 1)
+            for kind in kind_of
+        ]
+    )  # fmt: skip
+    values = dict(zip(base.names, base.from_standard(standard), strict=True))
+    assert all(values[name] >= 0.0 for name in forbidden)
+
+
+def test_a_model_error_names_the_next_command_with_its_arguments() -> None:
+    result = sample_result()
+    wrong = replace(result, verdict=OverallVerdict("model error here", "The model is wrong."))
+    right = replace(result, verdict=OverallVerdict("stands", "Fine."))
+    for each, said in ((wrong, True), (right, False)):
+        console = Console(file=io.StringIO(), width=40)
+        print_next(console, each, [Path("run1.mcap"), Path("my runs/2.mcap")], Path("my.yaml"))
+        assert isinstance(console.file, io.StringIO)
+        text = console.file.getvalue()
+        expected = "idim-iv diagnose run1.mcap 'my runs/2.mcap' --config my.yaml --out why"
+        assert (expected in text) == said
+
+
+def test_the_relative_error_of_each_joint_is_printed_and_saved() -> None:
+    result = sample_result()
+    errors = {result.joints[0]: 12.3456, result.joints[1]: None}
+    result = replace(result, fit=replace(result.fit, joint_relative_error_percent=errors))
+    assert result_document(result)["fit"]["joint_relative_error_percent"] == errors
+    console = Console(file=io.StringIO(), width=300)
+    print_verdict(console, result)
+    assert isinstance(console.file, io.StringIO)
+    assert f"{result.joints[0]} 12.3 %, {result.joints[1]} –" in console.file.getvalue()

@@ -1,0 +1,134 @@
+import numpy as np
+import pytest
+
+from idim_iv_ros.statistics.instruments import wald_test_of_instruments
+from idim_iv_ros.statistics.joint_rows import JointRows
+from tests.statistics.worlds import autocorrelated_world
+
+
+def white_joint(seed, n_rows=800, n_columns=4, factor=1.0, joint="joint", first=0):
+    """X = factor · Z + V with everything white, and β̂ = 1."""
+    rng = np.random.default_rng(seed)
+    z = rng.standard_normal((n_rows, n_columns))
+    x = factor * z + 0.1 * rng.standard_normal(z.shape)
+    columns = np.arange(n_columns) + first
+    return JointRows(joint, x, z, x.sum(axis=1), columns, [slice(0, n_rows)])
+
+
+def test_statistic_on_white_rows_is_the_textbook_f():
+    import statsmodels.api as sm
+
+    rows = white_joint(1)
+    test = wald_test_of_instruments([rows], np.ones(4))[1]
+    oracle = (
+        sm.OLS(rows.regressor.sum(axis=1), rows.instruments).fit().f_test((np.eye(4), np.ones(4)))
+    )
+    assert test.statistic == pytest.approx(float(oracle.fvalue), rel=1e-9)
+    assert test.p_value == pytest.approx(float(oracle.pvalue), rel=1e-6)
+    assert (test.df, test.df_denom) == (4, 796)
+
+
+def test_a_deviation_of_three_percent_is_found_with_its_size():
+    everything, joint = wald_test_of_instruments([white_joint(2, factor=1.03)], np.ones(4))
+    assert joint.accepted is False
+    assert joint.torque_deviation_percent == pytest.approx(100 * 0.03 / 1.03, abs=0.5)
+    assert joint.max_deviation == pytest.approx(0.03, abs=0.01)
+    assert everything.accepted is False
+
+
+def test_the_wrong_joint_is_named_and_the_right_one_is_not():
+    joints = [white_joint(3, joint="right"), white_joint(4, factor=1.05, joint="wrong", first=4)]
+    everything, right, wrong = wald_test_of_instruments(joints, np.ones(8))
+    assert [t.scope for t in (everything, right, wrong)] == ["all", "right", "wrong"]
+    assert everything.accepted is False
+    assert right.accepted
+    assert wrong.accepted is False
+    assert right.torque_deviation_percent < 1.0 < wrong.torque_deviation_percent
+
+
+def test_units_of_the_columns_change_neither_statistic_nor_effect_size():
+    rows = white_joint(5, factor=1.02)
+    units = np.array([1e-5, 1.0, 1e5, 1e-2])
+    scaled = JointRows(
+        "joint",
+        rows.regressor * units,
+        rows.instruments * units,
+        rows.torque,
+        rows.columns,
+        rows.runs,
+    )
+    plain = wald_test_of_instruments([rows], np.ones(4))[1]
+    other = wald_test_of_instruments([scaled], 1.0 / units)[1]
+    assert other.statistic == pytest.approx(plain.statistic, rel=1e-8)
+    assert other.max_deviation == pytest.approx(plain.max_deviation, rel=1e-8)
+    assert other.torque_deviation_percent == pytest.approx(plain.torque_deviation_percent)
+
+
+def test_columns_that_one_joint_cannot_tell_apart_are_one_restriction():
+    rows = white_joint(6)
+    twice = [0, 1, 2, 3, 3]
+    wide = JointRows(
+        "joint",
+        rows.regressor[:, twice],
+        rows.instruments[:, twice],
+        rows.torque,
+        np.arange(5),
+        rows.runs,
+    )
+    narrow = wald_test_of_instruments([rows], np.ones(4))[1]
+    test = wald_test_of_instruments([wide], np.array([1.0, 1.0, 1.0, 0.5, 0.5]))[1]
+    assert test.df == narrow.df == 4
+    assert test.statistic == pytest.approx(narrow.statistic, rel=1e-6)
+
+
+def test_instruments_of_smoothed_measurements_are_not_tested_and_say_why():
+    tests = wald_test_of_instruments(
+        [white_joint(7)], np.ones(4), not_simulated="instruments are smoothed measurements"
+    )
+    assert [t.accepted for t in tests] == [None, None]
+    assert {t.reason for t in tests} == {"instruments are smoothed measurements"}
+
+
+def test_what_cannot_be_tested_is_a_value_with_a_reason():
+    rows = white_joint(8)
+    same = JointRows(
+        "joint", rows.instruments, rows.instruments, rows.torque, rows.columns, rows.runs
+    )
+    assert "equal the regressor" in wald_test_of_instruments([same], np.ones(4))[1].reason
+    few = white_joint(9, n_rows=12)
+    assert "12 rows" in wald_test_of_instruments([few], np.ones(4))[1].reason
+    assert "no torque" in wald_test_of_instruments([rows], np.zeros(4))[1].reason
+    empty = JointRows(
+        "joint",
+        rows.regressor[:, :0],
+        rows.instruments[:, :0],
+        rows.torque,
+        np.zeros(0, int),
+        rows.runs,
+    )
+    assert "no parameter" in wald_test_of_instruments([empty], np.ones(4))[0].reason
+    assert wald_test_of_instruments([], np.ones(4))[0].accepted is None
+
+
+def test_a_joint_that_cannot_be_tested_does_not_keep_the_others_from_it():
+    joints = [white_joint(10, joint="good"), white_joint(11, n_rows=12, joint="short", first=4)]
+    everything, good, short = wald_test_of_instruments(joints, np.ones(8))
+    assert everything.accepted and good.accepted
+    assert short.accepted is None
+
+
+def test_the_result_does_not_depend_on_the_order_of_columns_or_joints():
+    rows, estimate = autocorrelated_world(np.random.default_rng(12), [-0.8], [-0.8])
+    order = np.random.default_rng(13).permutation(len(estimate))
+    shuffled = JointRows(
+        "joint",
+        rows.regressor[:, order],
+        rows.instruments[:, order],
+        rows.torque,
+        rows.columns[order],
+        rows.runs,
+    )
+    plain = wald_test_of_instruments([rows], estimate)
+    other = wald_test_of_instruments([shuffled], estimate)
+    for a, b in zip(plain, other, strict=True):
+        assert a.statistic == pytest.approx(b.statistic, rel=1e-6)
