@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from idim_iv_ros.diagnosis import confirmation
 from idim_iv_ros.diagnosis.result import Gap
+from idim_iv_ros.diagnosis.structural import confirmation
 
 
 class KnownFigures:

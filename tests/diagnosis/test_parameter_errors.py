@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis import parameter_errors as module
+from idim_iv_ros.diagnosis.parametric import parameter_errors as module
 from idim_iv_ros.diagnosis.parametric.parameter_errors import parameter_errors, remaining_words
 
 DATA: Any = SimpleNamespace(joints=("joint_1", "joint_2"))
