@@ -82,12 +82,16 @@ class ParameterSpace:
     bare_drives : frozenset of int
         Joints whose drives have no inertia in the nominal model because none was given, and that
         move enough to show it.
+    difference : bool
+        Whether changes are differences between recordings, which may have either sign: what
+        physics allows of the nominal model's numbers bounds no difference.
     """
 
     model: InverseModel
     given: FloatArray
     axes: FloatArray
     bare_drives: frozenset[int] = frozenset()
+    difference: bool = False
 
     @property
     def joints(self) -> int:

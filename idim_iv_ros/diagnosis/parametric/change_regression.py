@@ -187,31 +187,25 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
     """
     model = data.prepared.model
     axes = level_axes(np.asarray(model.robot.pinocchio.gravity.linear))
-    covered = operating_range(data)
-    still = frozenset(joint for joint in range(len(data.joints)) if too_little(joint, covered))
+    still = still_joints(data)
     moving = frozenset(range(len(data.joints))) - still
     bare = moving if data.prepared.armature_missing else frozenset()
     space = ParameterSpace(model, model.given, axes, bare)
-    gravity = _gravity_rows(data, axes)
     b, joints = regression.parameters, len(regression.joints)
     columns, effects, residuals, whitened = [], [], [], []
     for joint, rows in enumerate(regression.joints):
-        unit = np.zeros((len(rows.torque), space.size))
-        unit[:, rows.columns] = rows.matrix
-        unit[:, b : b + 2] = gravity[joint]
-        given = rows.matrix @ space.given[rows.columns]
-        unit[:, b + 2 + joint] = given
+        unit = change_rows(data, regression, space, joint)
         wide, places = regression.wide(joint)
         structural = np.zeros((len(rows.torque), regression.total - b))
         structural[:, places[len(rows.columns) :] - b] = wide[:, len(rows.columns) :]
-        residual = rows.torque - given
+        residual = rows.torque - rows.matrix @ space.given[rows.columns]
         whitened.append(
             fit.noise_models[joint].apply(np.column_stack([structural, unit, residual]), rows.runs)
         )
         columns.append(unit)
         effects.append(structural)
         residuals.append(residual)
-    triangle, moved = _projected(np.vstack(whitened), regression.total - b)
+    triangle, moved = projected(np.vstack(whitened), regression.total - b)
     return ChangeRegression(
         space,
         triangle[:, :-1],
@@ -222,6 +216,24 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
         Accepted(tuple(effects), moved[:, -1], moved[:, :-1]),
         still,
     )
+
+
+def still_joints(data: Baseline) -> frozenset[int]:
+    """Joints that move too little to show any change."""
+    covered = operating_range(data)
+    return frozenset(joint for joint in range(len(data.joints)) if too_little(joint, covered))
+
+
+def change_rows(
+    data: Baseline, regression: Regression, space: ParameterSpace, joint: int
+) -> FloatArray:
+    """Rows (r_j, d) of unit changes of all numbers of a space at one joint, N m."""
+    rows, b = regression.joints[joint], regression.parameters
+    unit = np.zeros((len(rows.torque), space.size))
+    unit[:, rows.columns] = rows.matrix
+    unit[:, b : b + 2] = _gravity_rows(data, space.axes)[joint]
+    unit[:, b + 2 + joint] = rows.matrix @ space.given[rows.columns]
+    return unit
 
 
 def level_axes(gravity: FloatArray) -> FloatArray:
@@ -238,7 +250,7 @@ def level_axes(gravity: FloatArray) -> FloatArray:
     return np.array([first, second if second[max(kept)] > 0.0 else -second])
 
 
-def _projected(rows: FloatArray, added: int) -> tuple[FloatArray, FloatArray]:
+def projected(rows: FloatArray, added: int) -> tuple[FloatArray, FloatArray]:
     """R factor of the rows less what the first `added` columns explain, and their coefficients.
 
     Returns

@@ -125,7 +125,8 @@ def trial_of(
     gain = 0.5 * (explained.statistic - base.statistic)
     numbers = explained.rank - base.rank
     trial = Trial(hypothesis, explained, gain - 0.5 * numbers * float(np.log(changes.rows)))
-    allowed = hypothesis.effect.admissible(changes.space, hypothesis.joint, trial.own)
+    space = changes.space
+    allowed = space.difference or hypothesis.effect.admissible(space, hypothesis.joint, trial.own)
     return trial if numbers > 0 and trial.tells and allowed else None
 
 

@@ -1,0 +1,107 @@
+"""Recordings that differ, in worlds where the torque of one of them has a change of its own.
+
+The payload's torque comes from pinocchio's recursion on a heavier link, not from a regressor.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.diagnosis.parametric.agreement import Agreement, agreement
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.effects.catalogue import PARAMETRIC
+from tests.diagnosis.test_parametric import payload
+from tests.estimation.test_simulated_arms import recorded
+from tests.simulated_arms import arm2
+
+NOISE = (0.15, 0.05)  # N m, of a row
+
+
+@pytest.fixture(scope="module")
+def data() -> Baseline:
+    arm = arm2(seconds=8.0)
+    return baseline([recorded(arm, seed) for seed in (1, 2, 3)], arm.configuration)
+
+
+def world(data: Baseline, seed: int, change: Mapping[int, list[np.ndarray]]) -> Regression:
+    """Rows whose torque is that of other parameters than the nominal, and changes by recording."""
+    random = np.random.default_rng(seed)
+    plain = smooth_regression(data)
+    truth = 1.1 * data.prepared.model.given
+    joints = []
+    for joint, each in enumerate(plain.joints):
+        extra = data.counting(
+            joint,
+            [
+                motion.rows(
+                    change[number][joint] if number in change else np.zeros(len(motion.time))
+                )
+                for number, motion in enumerate(data.motions)
+            ],
+        )
+        noise = NOISE[joint] * random.standard_normal(len(each.torque))
+        joints.append(replace(each, torque=each.matrix @ truth[each.columns] + extra + noise))
+    return Regression(tuple(joints), plain.parameters)
+
+
+def judged(data: Baseline, seed: int, change: Mapping[int, list[np.ndarray]]) -> Agreement:
+    regression = world(data, seed, change)
+    return agreement(data, regression, regression.fit(), PARAMETRIC)
+
+
+def loaded(data: Baseline, number: int, mass: float) -> list[np.ndarray]:
+    return payload(replace(data, motions=(data.motions[number],)), mass, 0.3)
+
+
+def test_recordings_of_one_robot_agree_whatever_the_nominal_model(data: Baseline) -> None:
+    p_values = []
+    for seed in range(20):
+        found = judged(data, seed, {})
+        assert not found.differences
+        p_values += [test.p_value for test in found.tests]
+    assert np.mean(np.array(p_values) < 0.1) == pytest.approx(0.1, abs=0.08)
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+@pytest.mark.parametrize("mass", [0.5, -0.5])
+def test_the_recording_with_another_load_is_named_with_the_difference(
+    data: Baseline, number: int, mass: float
+) -> None:
+    """Masses within three standard deviations; the loads of the others do not matter."""
+    found = judged(data, 1, {number: loaded(data, number, mass)})
+    (difference,) = found.differences
+    assert difference.recording == number
+    (cause,) = difference.causes
+    assert cause.effect.name == "payload"
+    parameter = cause.parameters["mass"]
+    assert parameter.std is not None
+    assert abs(parameter.value - mass) < 3.0 * parameter.std
+    assert parameter.std < 0.1
+
+
+def test_two_loads_mounted_differently_are_two(data: Baseline) -> None:
+    change = {0: loaded(data, 0, 0.5), 2: loaded(data, 2, 1.0)}
+    found = judged(data, 2, change)
+    assert {each.recording for each in found.differences} in ({0, 2}, {1, 2}, {0, 1})
+    assert len(found.differences) == 2
+
+
+def test_another_friction_is_a_friction(data: Baseline) -> None:
+    motion = data.motions[1]
+    friction = [2.0 * np.sign(motion.velocity[:, 0]), np.zeros(len(motion.time))]
+    found = judged(data, 3, {1: friction})
+    (difference,) = found.differences
+    assert difference.recording == 1
+    (cause,) = difference.causes
+    assert (cause.effect.name, cause.joint) == ("friction_level", data.joints[0])
+    level = cause.parameters["change_of_coulomb"]
+    assert level.value == pytest.approx(2.0, abs=3.0 * (level.std or 0.0))
+
+
+def test_one_recording_is_held_against_nothing(data: Baseline) -> None:
+    one = replace(data, motions=data.motions[:1])
+    assert agreement(one, smooth_regression(data), None, PARAMETRIC) == Agreement((), ())  # type: ignore[arg-type]
