@@ -22,6 +22,8 @@ _LEVEL = 0.01
 # Torque that differs at a joint, as a share of that joint's, below which nobody cares: a long
 # recording rejects every model.
 LEAST_SHARE = 0.01
+# Of `contrast.FOLDS`, blocks that parameters of its own must predict better.
+LEAST_FOLDS = 4
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,11 @@ def agreement(
 
 
 def _differs(test: OneSetTest, count: int) -> bool:
-    return count * test.p_value < _LEVEL and float(test.shares.max()) >= LEAST_SHARE
+    return (
+        count * test.p_value < _LEVEL
+        and test.folds_positive >= LEAST_FOLDS
+        and float(test.shares.max()) >= LEAST_SHARE
+    )
 
 
 def _excess(test: OneSetTest) -> float:

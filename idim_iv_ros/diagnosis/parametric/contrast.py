@@ -24,7 +24,13 @@ from idim_iv_ros.diagnosis.parametric.change_regression import (
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.parametric_effect import ParameterSpace
-from idim_iv_ros.types import BoolArray, FloatArray
+from idim_iv_ros.estimation.r_factor import r_factor
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
+
+# Blocks of time of the second recordings that are held out in turn.
+FOLDS = 5
+# Singular value, unit columns taken, below which a direction is not excited.
+_LEAST = 1e-6
 
 
 @dataclass(frozen=True)
@@ -38,7 +44,11 @@ class OneSetTest:
     df, df_denominator : int
     p_value : float
     before, after : (n_joints,)
-        RMS of the residual with one set, and with two, in the second recordings, N m (N).
+        RMS of the residual with one set, and with two, in the second recordings, N m (N): in
+        blocks of time that neither was fitted to. A model that misses something fits each
+        recording better with parameters of its own, but only the rows that they were fitted to.
+    folds_positive : int
+        Blocks that two sets predict better.
     sizes : (n_joints,)
         RMS of the recorded torque there, N m (N).
     """
@@ -49,11 +59,12 @@ class OneSetTest:
     p_value: float
     before: FloatArray
     after: FloatArray
+    folds_positive: int
     sizes: FloatArray
 
     @property
     def shares(self) -> FloatArray:
-        """Torque (n_joints,) that differs there, as a share of the recorded torque."""
+        """Torque (n_joints,) that differs there, as a share of the recorded torque, held out."""
         return np.asarray(np.sqrt(np.maximum(self.before**2 - self.after**2, 0.0)) / self.sizes)
 
 
@@ -69,11 +80,15 @@ class Contrast:
         Rows of the second recordings.
     free : int
         How many common coefficients are free.
+    whitened : tuple of (r_j, free + b + 1)
+        Whitened rows of each joint: free columns, base parameters of the second recordings alone,
+        and the residual.
     """
 
     changes: ChangeRegression
     inside: tuple[BoolArray, ...]
     free: int
+    whitened: tuple[FloatArray, ...]
 
     def test(self) -> OneSetTest:
         """Chow's F test of one parameter set for all."""
@@ -82,29 +97,58 @@ class Contrast:
         rows = self.changes.rows - self.free - whole.rank
         rest = max(self.changes.energy - whole.statistic, 1e-300) / rows
         statistic = whole.statistic / df / rest
-        before = self.rms(np.zeros(self.changes.space.size))
-        after = self.rms(whole.contributions.sum(axis=1))
-        sizes = self._rms(self.changes.torques)
-        p_value = float(stats.f.sf(statistic, df, rows))
-        return OneSetTest(statistic, df, rows, p_value, before, after, sizes)
-
-    def rms(self, contribution: FloatArray) -> FloatArray:
-        """RMS (n_joints,) of the second recordings' residual with a change (d,), N m (N)."""
-        changes = self.changes
-        common = changes.accepted.torques(contribution)
-        return self._rms(
-            [
-                residual - columns @ contribution - torque
-                for residual, columns, torque in zip(
-                    changes.residuals, changes.columns, common, strict=True
-                )
-            ]
+        sizes = _rms(
+            [torque[each] for torque, each in zip(self.changes.torques, self.inside, strict=True)]
         )
+        p_value = float(stats.f.sf(statistic, df, rows))
+        before, after, positive = self._held_out()
+        return OneSetTest(statistic, df, rows, p_value, before, after, positive, sizes)
 
-    def _rms(self, rows: Sequence[FloatArray]) -> FloatArray:
-        parts = [each[inside] for each, inside in zip(rows, self.inside, strict=True)]
-        rms = [float(np.sqrt(np.mean(part**2))) if len(part) else 0.0 for part in parts]
-        return np.maximum(rms, 1e-300)
+    def _held_out(self) -> tuple[FloatArray, FloatArray, int]:
+        """RMS in blocks of the second recordings that were not fitted, with one set and two."""
+        folds = [np.array_split(np.flatnonzero(inside), FOLDS) for inside in self.inside]
+        errors: tuple[list[list[FloatArray]], ...] = ([], [])
+        positive = 0
+        for number in range(FOLDS):
+            kept = [
+                np.delete(rows, fold[number], axis=0)
+                for rows, fold in zip(self.whitened, folds, strict=True)
+            ]
+            factor = r_factor(np.vstack(kept))
+            scores = []
+            for kind, width in enumerate((self.free, factor.shape[1] - 1)):
+                solution = _solved(factor, width)
+                parts, score = [], 0.0
+                for joint, rows in enumerate(self.whitened):
+                    fold = folds[joint][number]
+                    score += float(np.sum((rows[fold, -1] - rows[fold, :width] @ solution) ** 2))
+                    parts.append(self._error(joint, fold, solution))
+                errors[kind].append(parts)
+                scores.append(score)
+            positive += scores[1] < scores[0]
+        rms = [
+            _rms([np.concatenate(parts) for parts in zip(*each, strict=True)]) for each in errors
+        ]
+        return rms[0], rms[1], positive
+
+    def _error(self, joint: int, fold: IntArray, solution: FloatArray) -> FloatArray:
+        """Residual of some rows of a joint with these coefficients, N m (N), not whitened."""
+        changes = self.changes
+        columns = np.hstack([changes.accepted.columns[joint][fold], changes.columns[joint][fold]])
+        return np.asarray(changes.residuals[joint][fold] - columns[:, : len(solution)] @ solution)
+
+
+def _solved(factor: FloatArray, width: int) -> FloatArray:
+    """Least squares on the first columns of an R factor whose last column is the target."""
+    norms = np.linalg.norm(factor[:, :width], axis=0)
+    scale = 1.0 / np.where(norms > 0.0, norms, 1.0)
+    solution = np.linalg.lstsq(factor[:, :width] * scale, factor[:, -1], rcond=_LEAST)[0]
+    return np.asarray(scale * solution)
+
+
+def _rms(parts: Sequence[FloatArray]) -> FloatArray:
+    rms = [float(np.sqrt(np.mean(part**2))) if len(part) else 0.0 for part in parts]
+    return np.maximum(rms, 1e-300)
 
 
 def contrast(
@@ -152,6 +196,7 @@ def contrast(
         common.append(free)
         residuals.append(residual)
     triangle, moved = projected(np.vstack(whitened), width)
+    kept = [*range(width + b), width + space.size]
     changes = ChangeRegression(
         space,
         triangle[:, :-1],
@@ -162,4 +207,4 @@ def contrast(
         Accepted(tuple(common), moved[:, -1], moved[:, :-1]),
         still_joints(data),
     )
-    return Contrast(changes, tuple(inside), width)
+    return Contrast(changes, tuple(inside), width, tuple(rows[:, kept] for rows in whitened))
