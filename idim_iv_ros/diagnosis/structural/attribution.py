@@ -9,6 +9,7 @@ from idim_iv_ros.diagnosis.identifiability.motion_limits import cannot_show
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range
+from idim_iv_ros.diagnosis.structural.confidence import indistinguishable
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression, Scan
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
 from idim_iv_ros.diagnosis.structural.search import Grids, Search
@@ -22,7 +23,9 @@ LEAST_SHARE = 0.01
 LEAST_REACH = 0.67
 # Candidates that bring this much less are not better or worse.
 ALIKE = 6.0
-LEAST_CORRELATION = 0.5
+# Of the best candidate's support, what an alternative must have to be compared on held-out blocks,
+# and how many are.
+NEAR, MOST_ALTERNATIVES = 0.5, 12
 # Of the support of a flexible function, what an effect of the catalogue must reach to be named.
 FIT_OF_THE_NAMED = 0.75
 # Of the support of a named effect at the same joint, what such a function must bring beside it.
@@ -35,6 +38,7 @@ class Found:
 
     candidate: Candidate
     indistinguishable_from: tuple[tuple[Candidate, float], ...]
+    alternatives: tuple[Candidate, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -89,12 +93,40 @@ def attribute(
         best = None if best is None else search.again(best)
         if best is None or not worth(best):
             break
-        found.append(Found(best, alike(search, best, candidates)))
+        found.append(Found(best, (), _alternatives(best, candidates)))
         current, fit = current.with_columns(best.columns), best.fit
         if len(found) > 1:
             found, current, fit = _revised(search, regression, refit, found, catalogue)
         _forget(known, set(best.columns))
+    found = _with_sets(data, regression, fit, found)
     return Attribution(regression, refit, tuple(found), current, fit, tried)
+
+
+def _alternatives(best: Candidate, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Candidates that may do as well as the best, each once, the best supported first."""
+    kept: dict[tuple[str, int, int | None], Candidate] = {}
+    for each in candidates:
+        if each.key != best.key and each.key not in kept and each.support >= NEAR * best.support:
+            kept[each.key] = each
+    return tuple(sorted(kept.values(), key=lambda each: -each.support)[:MOST_ALTERNATIVES])
+
+
+def _with_sets(
+    data: Baseline, regression: Regression, fit: Fit, found: Sequence[Found]
+) -> list[Found]:
+    made = []
+    for this in found:
+        others = regression
+        for other in found:
+            if other is not this:
+                others = others.with_columns(other.candidate.columns)
+        taken = {other.candidate.key for other in found}
+        free = [each for each in this.alternatives if each.key not in taken]
+        kept = indistinguishable(data, others, fit.noise_models, this.candidate, free)
+        scan = others.scan(others.fit(fit.noise_models, steps=0))
+        pairs = tuple((each, _correlation(scan, this.candidate, each)) for each in kept)
+        made.append(replace(this, indistinguishable_from=pairs))
+    return made
 
 
 def named_first(candidates: Sequence[Candidate]) -> Candidate | None:
@@ -133,21 +165,6 @@ def worth(candidate: Candidate) -> bool:
         and share >= LEAST_SHARE
         and candidate.closed >= LEAST_SHARE
     )
-
-
-def alike(
-    search: Search, best: Candidate, candidates: Sequence[Candidate]
-) -> tuple[tuple[Candidate, float], ...]:
-    """Candidates as good as the best whose torque is much the same: (candidate, correlation)."""
-    least = best.support - ALIKE
-    close = []
-    for other in candidates:
-        if other.key == best.key or other.support < least:
-            continue
-        correlation = _correlation(search.scan, best, other)
-        if correlation >= LEAST_CORRELATION:
-            close.append((other, correlation))
-    return tuple(close)
 
 
 def _correlation(scan: Scan, first: Candidate, second: Candidate) -> float:
@@ -249,8 +266,9 @@ def _revised(
             for place in by_name[name].places(len(data.joints)):
                 if name in this.candidate.effect.confounders and place.joint == joint:
                     options[(name, place.joint, place.other)] = (by_name[name], place)
-        for rival, _ in this.indistinguishable_from:
-            options[rival.key] = (rival.effect, rival.place)
+        for rival in this.alternatives:
+            if rival.support >= this.candidate.support - ALIKE:
+                options[rival.key] = (rival.effect, rival.place)
         taken = {other.candidate.key for other in kept if other is not this}
         again = [
             search.best(effect, place)
@@ -262,9 +280,8 @@ def _revised(
         if best is None or not worth(best):
             kept.remove(this)
         else:
-            kept[number] = replace(
-                this, candidate=best, indistinguishable_from=alike(search, best, usable)
-            )
+            alternatives = _alternatives(best, [*usable, this.candidate, *this.alternatives])
+            kept[number] = Found(best, (), alternatives)
     current = regression
     for each in kept:
         current = current.with_columns(each.candidate.columns)
