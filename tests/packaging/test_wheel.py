@@ -1,0 +1,99 @@
+"""Wheel and source distribution: complete, equal, and running where nothing else is."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+NOT_SOURCES = shutil.ignore_patterns(".*", "build", "dist", "out", "*.egg-info", "__pycache__")
+# Neither the sources nor the compiled kernels of the test suite may be found.
+ALONE = {
+    name: value
+    for name, value in os.environ.items()
+    if name not in ("PYTHONPATH", "NUMBA_CACHE_DIR", "VIRTUAL_ENV")
+}
+
+
+def run(*command: str | Path, cwd: Path) -> str:
+    """Standard output of a command that must succeed."""
+    ended = subprocess.run(command, cwd=cwd, env=ALONE, capture_output=True, text=True)
+    assert ended.returncode == 0, f"{ended.stdout[-2000:]}\n{ended.stderr[-2000:]}"
+    return ended.stdout
+
+
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy: what an earlier build left beside the sources would enter the wheel."""
+    folder = tmp_path_factory.mktemp("sources") / "idim_iv_ros"
+    return Path(shutil.copytree(ROOT, folder, ignore=NOT_SOURCES))
+
+
+@pytest.fixture(scope="module")
+def built(sources: Path) -> Path:
+    """The source distribution, and the wheel that was built from it."""
+    folder = sources.parent / "dist"
+    run(sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, ".", cwd=sources)
+    return folder
+
+
+def contents(wheel: Path) -> dict[str, bytes]:
+    """Files of a wheel; RECORD lists them and their digests."""
+    with zipfile.ZipFile(wheel) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def test_wheel_holds_every_file_of_the_package(sources: Path, built: Path) -> None:
+    (wheel,) = built.glob("*.whl")
+    package = sources / "idim_iv_ros"
+    files = {str(path.relative_to(sources)) for path in package.rglob("*") if path.is_file()}
+    assert "idim_iv_ros/py.typed" in files
+    assert files - contents(wheel).keys() == set()
+
+
+def test_wheel_holds_nothing_beside_the_package(built: Path) -> None:
+    (wheel,) = built.glob("*.whl")
+    tops = {name.split("/")[0].split("-")[0] for name in contents(wheel)}
+    assert tops == {"idim_iv_ros"}
+
+
+def test_source_distribution_gives_the_wheel_of_the_sources(sources: Path, built: Path) -> None:
+    (archive,) = built.glob("*.tar.gz")
+    (wheel,) = built.glob("*.whl")
+    with tarfile.open(archive) as unpacked:
+        assert any(name.endswith("/LICENSE") for name in unpacked.getnames())
+    folder = sources.parent / "direct"
+    build = [sys.executable, "-m", "build", "--no-isolation", "--wheel", "--outdir", folder, "."]
+    run(*build, cwd=sources)
+    assert contents(folder / wheel.name) == contents(wheel)
+
+
+@pytest.fixture(scope="module")
+def environment(
+    built: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[Path, Path]]:
+    """A new environment with the wheel and what it asks for, and an empty folder."""
+    folder = tmp_path_factory.mktemp("environment")
+    empty = tmp_path_factory.mktemp("empty")
+    run(sys.executable, "-m", "venv", folder, cwd=empty)
+    (wheel,) = built.glob("*.whl")
+    run(folder / "bin" / "python", "-m", "pip", "install", "-q", wheel, cwd=empty)
+    yield folder, empty
+    shutil.rmtree(folder)  # most of a gigabyte
+
+
+def test_installed_wheel_identifies_the_arm_of_the_demo(environment: tuple[Path, Path]) -> None:
+    folder, empty = environment
+    command = folder / "bin" / "idim-iv"
+    call = [ROOT / "bags" / "arm6.mcap", "--config", folder / "share/idim_iv_ros/config/arm6.yaml"]
+    assert run(command, "--version", cwd=empty).startswith("idim-iv ")
+    assert "Usable." in run(command, "check", *call, cwd=empty)
+    run(command, "identify", *call, "--out", "results", cwd=empty)
+    assert (empty / "results" / "result.json").is_file()
+    assert "<html" in (empty / "results" / "report.html").read_text(encoding="utf-8")
