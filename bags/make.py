@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from bags import simulated_arms
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.recording import JointTopic, write_bag
-from tests import simulated_arms
 
 FOLDER = Path(__file__).parent
 SECONDS, RATE, SEED = 20.0, 1000.0, 20170401

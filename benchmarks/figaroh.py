@@ -116,8 +116,8 @@ def make_bag() -> None:
     """Nine seconds of arm6 at 5 kHz, controlled at the same rate."""
     from dataclasses import replace
 
+    from bags import simulated_arms
     from idim_iv_ros.recording import JointTopic, write_bag
-    from tests import simulated_arms
 
     arm = simulated_arms.arm6(seconds=IV_SAMPLES / RATE, rate=RATE)
     arm = replace(arm, law=replace(arm.law, period=1.0 / RATE))

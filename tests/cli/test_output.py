@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bags import simulated_arms
 from idim_iv_ros.cli import progress
-from tests import simulated_arms
 from tests.cli.test_bad_input import refused
 from tests.cli.test_start import REPOSITORY, START
 

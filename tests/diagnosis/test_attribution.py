@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.held_out.held_out import held_out
 from idim_iv_ros.diagnosis.localisation.unexplained import unexplained
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
@@ -29,7 +30,6 @@ from idim_iv_ros.effects.position_ripple import PositionRipple
 from idim_iv_ros.effects.stribeck import Stribeck
 from idim_iv_ros.effects.torque_saturation import TorqueSaturation
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import arm2
 
 NOISE = (0.15, 0.05)  # N m, of a row
 Torque = Callable[[SmoothMotion], np.ndarray]

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from bags.simulated_arms import arm2, arm6
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.other_causes import parametric_results
 from idim_iv_ros.diagnosis.parametric.causes import parametric_causes
@@ -14,7 +15,6 @@ from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import arm2, arm6
 
 NOISE = {2: (0.15, 0.05), 6: (0.2, 0.25, 0.13, 0.05, 0.04, 0.02)}  # N m, of a row
 DRIVES = {2: (0.25, 0.1), 6: (0.9, 1.1, 0.55, 0.16, 0.12, 0.06)}  # kg m²

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.identifiability.testability import floor_noise_models, shown_by_motion
 from idim_iv_ros.diagnosis.localisation.unexplained_joints import unexplained_joints
 from idim_iv_ros.diagnosis.localisation.where import where
@@ -19,7 +20,6 @@ from idim_iv_ros.diagnosis.tracking import simulated_tracking, simulation_gap, t
 from idim_iv_ros.effects.catalogue import STRUCTURAL
 from idim_iv_ros.simulation import SimulatedEffect
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import arm2
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bags.simulated_arms import SimulatedArm, arm2, record
 from idim_iv_ros import identify
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.result import GapResult
@@ -14,7 +15,6 @@ from idim_iv_ros.effects.catalogue import EFFECTS
 from idim_iv_ros.recording import JointTopic, write_bag
 from idim_iv_ros.report import gap_document, gap_report_html
 from idim_iv_ros.report.json_result import result_document
-from tests.simulated_arms import SimulatedArm, arm2, record
 
 SECONDS = 6.0
 JOINTS = ["joint_1", "joint_2"]

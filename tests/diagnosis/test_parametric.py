@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.identifiability.motion_limits import cannot_show, too_little
 from idim_iv_ros.diagnosis.parametric.causes import ParametricOutcome, parametric_causes
 from idim_iv_ros.diagnosis.parametric.change_regression import change_regression
@@ -29,7 +30,6 @@ from idim_iv_ros.effects.friction_level import FrictionLevel
 from idim_iv_ros.effects.parametric_effect import Change, ParameterSpace, ParametricEffect
 from idim_iv_ros.effects.presliding import Presliding
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import arm2
 
 NOISE = (0.15, 0.05)  # N m, of a row
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bags.simulated_arms import SimulatedArm, arm2, record
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.refit.bandwidth import widened
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
@@ -15,7 +16,6 @@ from idim_iv_ros.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.diagnosis.motions import synthetic
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import SimulatedArm, arm2, record
 
 SECONDS = 10.0
 

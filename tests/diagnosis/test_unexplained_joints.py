@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.localisation.unexplained_joints import unexplained_joints
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import Stage
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import arm2
 
 
 @pytest.fixture(scope="module")

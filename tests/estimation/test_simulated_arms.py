@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
+from bags import simulated_arms
+from bags.simulated_arms import SimulatedArm
 from idim_iv_ros import IdentificationResult, identify_recordings
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.recording import Recording, Signal
-from tests import simulated_arms
-from tests.simulated_arms import SimulatedArm
 
 SEEDS = 50
 NOISY = {"arm2": 1e-3, "arm6": 5e-4, "arm7": 5e-4}  # rad

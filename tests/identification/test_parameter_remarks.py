@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from bags.simulated_arms import arm6
 from idim_iv_ros.cli.identify import print_next, print_parameters, print_remarks, print_verdict
 from idim_iv_ros.identification.result import IMPOSSIBLE, NOT_SIGNIFICANT, IdentificationResult
 from idim_iv_ros.model import build_inverse_model
@@ -15,7 +16,6 @@ from idim_iv_ros.report.html import report_html
 from idim_iv_ros.report.json_result import result_document
 from idim_iv_ros.statistics import OverallVerdict
 from tests.report.sample_result import sample_result
-from tests.simulated_arms import arm6
 
 
 def with_value(value: float, std: float, non_negative: bool) -> IdentificationResult:

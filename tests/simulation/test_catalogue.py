@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.effects.catalogue import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.effects.effect import OperatingRange, Place
 from idim_iv_ros.signals import ParallelDecimation
 from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, simulate_closed_loop
 from idim_iv_ros.simulation.effects import PARAMETERS, joint_effects
-from tests.simulated_arms import arm2
 
 BY_NAME = {effect.name: effect for effect in STRUCTURAL}
 JOINTS = ("joint_1", "joint_2")
