@@ -18,7 +18,7 @@ from tests.documentation.code_blocks import PAGES, ROOT, CodeBlock, code_blocks,
 RUNS = {"bash": ["bash", "-euo", "pipefail", "-c"], "python": [sys.executable, "-c"]}
 READ = {"text", "yaml", "json"}
 # Blocks that need ROS, hardware, minutes or a new environment. One more is a decision.
-NOT_RUN = 13
+NOT_RUN = 15
 
 
 @pytest.fixture(scope="module")
