@@ -19,7 +19,7 @@ def start_node(name: str, parameters: Mapping[str, object]) -> None:
         With the exit status of the node.
     """
     try:
-        run = importlib.import_module(f"idim_iv_ros.nodes.{name}").run
+        run = importlib.import_module(f"idim_iv_ros.nodes.{name}.node").run
     except ModuleNotFoundError as error:
         raise UsageError(
             f"the Python package {error.name} is not installed: source a ROS 2 workspace with "

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.first_configuration.topic_contents import BagContents, TopicContents
-from idim_iv_ros.recording.reference_names import sounds_like_reference
+from idim_iv_ros.recording.other_topics import sounds_like_reference
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from idim_iv_ros.recording.bags.cdr_layout import FLOAT_ARRAY, JOINT_STATE, read_layout
+from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE, read_layout
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
-from idim_iv_ros.recording.description import robot_description
+from idim_iv_ros.recording.other_topics import robot_description
 from idim_iv_ros.recording.read import DESCRIPTION
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.cdr_layout import FLOAT_ARRAY, JOINT_STATE, CdrLayout, read_layout
+from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE, CdrLayout, read_layout
 
 _NAMES_START = 12  # behind the encapsulation header and the stamp: frame, then names
 _READ_AT_ONCE = 20  # unknown layouts that are read in one batch

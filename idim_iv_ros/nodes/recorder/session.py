@@ -10,10 +10,9 @@ from pathlib import Path
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
-from idim_iv_ros.recording.bags.channel import TopicChannel
-from idim_iv_ros.recording.bags.metadata import FileSummary
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag, GrowingBag, SplitLimits
-from idim_iv_ros.recording.writing.growing_mcap import Message
+from idim_iv_ros.recording.writing.growing_mcap import FileSummary, Message
+from idim_iv_ros.recording.writing.write import TopicChannel
 
 
 class State(IntEnum):

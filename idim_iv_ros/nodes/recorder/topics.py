@@ -4,7 +4,7 @@ from rclpy.node import Node
 
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings, signals
 from idim_iv_ros.nodes.recorder.watched_topic import WatchedTopic
-from idim_iv_ros.recording.bags.cdr_layout import FLOAT_ARRAY, JOINT_STATE
+from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE
 from idim_iv_ros.recording.read import DESCRIPTION
 
 _STRING = "std_msgs/msg/String"

@@ -15,8 +15,8 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from idim_iv_ros.nodes.recorder.joint_content import JointContent
 from idim_iv_ros.nodes.recorder.topic_monitor import TopicMonitor
 from idim_iv_ros.nodes.recorder.writer_thread import Taken
-from idim_iv_ros.recording.bags.cdr_layout import FLOAT_ARRAY, JOINT_STATE
-from idim_iv_ros.recording.bags.channel import OfferedQos, TopicChannel
+from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE
+from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
 
 _AT_ONCE = 20_000
 

@@ -12,8 +12,8 @@ import numpy as np
 from idim_iv_ros.errors import one_line
 from idim_iv_ros.nodes.recorder.session import RecordingSession
 from idim_iv_ros.nodes.recorder.topic_monitor import MonitorLimits, TopicMonitor, batch_of
-from idim_iv_ros.recording.bags.channel import TopicChannel
 from idim_iv_ros.recording.writing.growing_mcap import Message
+from idim_iv_ros.recording.writing.write import TopicChannel
 
 Result = TypeVar("Result")
 Taken = tuple[bytes, dict[str, int | None]]
