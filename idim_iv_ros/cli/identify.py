@@ -42,7 +42,7 @@ def identify_command(
     """
     from idim_iv_ros.cli.output import Output, require_destination
     from idim_iv_ros.configuration import load_configuration
-    from idim_iv_ros.formats import REPORT, RESULT
+    from idim_iv_ros.files import REPORT, RESULT
 
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)

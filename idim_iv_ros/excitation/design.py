@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.excitation.criterion import ConditionNumbers
 from idim_iv_ros.excitation.design_settings import DesignSettings, require_possible
@@ -15,7 +16,6 @@ from idim_iv_ros.excitation.limits import MotionLimits
 from idim_iv_ros.excitation.search import Search
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
-from idim_iv_ros.one_thread import one_thread
 
 
 @dataclass(frozen=True)

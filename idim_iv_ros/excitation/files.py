@@ -6,12 +6,18 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from idim_iv_ros.atomic_files import probe_place, write_together
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.joint_trajectory import write_joint_trajectory
 from idim_iv_ros.excitation.trajectory import Trajectory, write_csv
-from idim_iv_ros.file_paths import FilePath, as_file
-from idim_iv_ros.own_files import FILES, digests, require_replaceable
+from idim_iv_ros.files import (
+    FILES,
+    FilePath,
+    as_file,
+    digests,
+    probe_place,
+    require_replaceable,
+    write_together,
+)
 
 ENDINGS = ("csv", "yaml", "json")
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.sampling import require_sampling
-from idim_iv_ros.file_paths import FilePath
-from idim_iv_ros.text_file import read_text
+from idim_iv_ros.files import FilePath, read_text
 from idim_iv_ros.types import FloatArray
 
 SIGNALS = ("position", "velocity", "acceleration")

@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from idim_iv_ros.configuration import Configuration, RobotSection, SignalsSection
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.file_paths import FilePath, FilePaths, as_paths
+from idim_iv_ros.files import FilePath, FilePaths, as_paths
 from idim_iv_ros.first_configuration.control_law import propose_law
 from idim_iv_ros.first_configuration.effort_unit import EffortUnit, guess_effort_unit
 from idim_iv_ros.first_configuration.joint_choice import JointChoice, choose_joints

@@ -6,12 +6,10 @@ from pathlib import Path
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 
-from idim_iv_ros.atomic_files import write_together
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.file_paths import FilePath
+from idim_iv_ros.files import FilePath, require_replaceable, signed, write_together
 from idim_iv_ros.first_configuration.keys import SECTIONS, Each, Key
 from idim_iv_ros.first_configuration.proposal import Proposal
-from idim_iv_ros.own_files import require_replaceable, signed
 
 _WIDTH = 10_000  # no value is broken over lines
 

@@ -15,7 +15,7 @@ from idim_iv_ros.estimation import (
     unseen_parameters,
     white_covariance,
 )
-from idim_iv_ros.file_paths import FilePaths
+from idim_iv_ros.files import FilePaths
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.model import BaseParameters
 from idim_iv_ros.progress import Progress

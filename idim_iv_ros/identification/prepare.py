@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation import JointTriangle, unseen_parameters
-from idim_iv_ros.file_paths import FilePaths
+from idim_iv_ros.files import FilePaths
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording import (

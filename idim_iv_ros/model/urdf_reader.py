@@ -16,8 +16,8 @@ import numpy as np
 import pinocchio as pin
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.files import read_text
 from idim_iv_ros.model.urdf import TYPES, Inertial, Urdf, UrdfJoint, base_link, quoted, refuse
-from idim_iv_ros.text_file import read_text
 from idim_iv_ros.types import FloatArray
 
 # URDF files write right angles with few digits (1.5708); within this they are taken as meant.

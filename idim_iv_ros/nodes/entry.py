@@ -14,8 +14,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
-from idim_iv_ros.errors import IdimError, UsageError, one_line
-from idim_iv_ros.foreign_warnings import silence_foreign_warnings
+from idim_iv_ros.errors import IdimError, UsageError, one_line, silence_foreign_warnings
 
 _WAIT = 0.2  # s until a signal is noticed
 

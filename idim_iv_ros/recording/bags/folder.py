@@ -13,11 +13,11 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.files import is_file, is_there
 from idim_iv_ros.interruption import undone_if_interrupted
 from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.mcap import McapFile
 from idim_iv_ros.recording.bags.sqlite import SqliteFile
-from idim_iv_ros.recording.paths import is_file, is_there
 from idim_iv_ros.recording.recording import Note
 
 _LONGEST_METADATA = 1 << 24  # bytes

@@ -1,12 +1,12 @@
 """A rosbag2 folder while it is recorded: files that follow each other, metadata as it goes."""
 
 import json
-import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from idim_iv_ros.files import write_together
 from idim_iv_ros.recording.writing.growing_mcap import FileSummary, GrowingMcap, Message
 from idim_iv_ros.recording.writing.write import TopicChannel
 
@@ -177,16 +177,7 @@ def write_metadata(
     """
     document = {"rosbag2_bagfile_information": _metadata(files, topics)}
     # JSON is YAML, and is written in no time: the file is renewed with every commit.
-    text = json.dumps(document, indent=2)
-    temporary = folder / ".metadata.yaml.part"
-    try:
-        with temporary.open("w", encoding="utf-8") as stream:
-            stream.write(text)
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.replace(folder / "metadata.yaml")
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_together({folder / "metadata.yaml": json.dumps(document, indent=2)})
 
 
 def _metadata(files: Sequence[FileSummary], topics: Sequence[TopicChannel]) -> dict[str, object]:

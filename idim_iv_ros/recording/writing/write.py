@@ -1,10 +1,9 @@
 """Writing recordings as MCAP bags that ROS 2 tools open."""
 
 import json
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import IO, cast
 
@@ -13,12 +12,8 @@ from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
-from idim_iv_ros.atomic_files import temporary_file
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.file_paths import FilePath
-from idim_iv_ros.formats import PROGRAM
-from idim_iv_ros.interruption import undone_if_interrupted
-from idim_iv_ros.own_files import require_replaceable
+from idim_iv_ros.files import PROGRAM, FilePath, complete_files, require_replaceable
 from idim_iv_ros.recording.bags.cdr import JOINT_STATE, read_layout
 from idim_iv_ros.types import FloatArray, IntArray
 
@@ -197,20 +192,25 @@ def write_bag(
     """
     out = Path(out)
     require_replaceable([out], force=force)
-    with _whole_file(out) as temporary, temporary.open("wb") as stream:
-        writer = ShortChunkWriter(stream, library=PROGRAM)
-        if robot_description is not None:
-            channel = TopicChannel(
-                "/robot_description", _STRING, (OfferedQos(durability="transient_local"),)
-            ).register(writer)
-            start = min(_nanoseconds(topic.time)[0] for topic in topics)
-            writer.add_message(
-                channel, int(start), _string(robot_description), int(start), sequence=0
-            )
-            # By itself: it is long, and a byte of it shall not cost the first second.
-            writer.flush()
-        _write_topics(writer, topics)
-        writer.finish()  # type: ignore[no-untyped-call]
+    try:
+        with complete_files([out]) as temporary, temporary[out].open("wb") as stream:
+            _write(stream, topics, robot_description)
+    except OSError as error:
+        raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
+
+
+def _write(stream: IO[bytes], topics: Sequence[JointTopic], robot_description: str | None) -> None:
+    writer = ShortChunkWriter(stream, library=PROGRAM)
+    if robot_description is not None:
+        channel = TopicChannel(
+            "/robot_description", _STRING, (OfferedQos(durability="transient_local"),)
+        ).register(writer)
+        start = min(_nanoseconds(topic.time)[0] for topic in topics)
+        writer.add_message(channel, int(start), _string(robot_description), int(start), sequence=0)
+        # By itself: it is long, and a byte of it shall not cost the first second.
+        writer.flush()
+    _write_topics(writer, topics)
+    writer.finish()  # type: ignore[no-untyped-call]
 
 
 def _write_topics(writer: Writer, topics: Sequence[JointTopic]) -> None:
@@ -275,18 +275,3 @@ def _string(text: str) -> bytes:
 
 def _nanoseconds(time: FloatArray) -> IntArray:
     return np.round(np.asarray(time, dtype=float) * 1e9).astype(np.int64)
-
-
-@contextmanager
-def _whole_file(out: Path) -> Iterator[Path]:
-    """A temporary file beside `out` that takes its name when all went well."""
-    temporary = temporary_file(out)
-    try:
-        try:
-            with undone_if_interrupted(partial(temporary.unlink, missing_ok=True)):
-                yield temporary
-                temporary.replace(out)
-        except OSError as error:
-            raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
