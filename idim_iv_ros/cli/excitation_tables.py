@@ -4,8 +4,8 @@ from rich.console import Console
 
 from idim_iv_ros.cli.table import Column, print_table, unbroken
 from idim_iv_ros.excitation import Diagnosis, Excitation, LimitUse, MotionLimits
-from idim_iv_ros.excitation.prediction import BAD_DEVIATION, BAD_SHARE
-from idim_iv_ros.excitation.segment import NOT_REVEALED
+from idim_iv_ros.excitation.criterion import BAD_DEVIATION, BAD_SHARE
+from idim_iv_ros.excitation.segments import NOT_REVEALED
 from idim_iv_ros.model import InverseModel
 
 
