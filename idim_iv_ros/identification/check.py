@@ -1,4 +1,4 @@
-"""Can a recording support an identification?  Said in words before anyone waits for numbers."""
+"""Can a recording support an identification?  Recordings, joints and parameters, in words."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ class ParameterVisibility:
     ----------
     name, expression, unit : str
     smallest : float or None
-        Smallest value that two standard deviations tell from zero; None if it cannot be seen
+        Smallest value that differs from zero by two standard deviations; None if it cannot be seen
         at all. From the residual of least squares taken as white: a lower bound.
     relative_percent : float or None
         Standard deviation in percent of the least-squares value.
@@ -107,7 +107,7 @@ def check(
     parameters, condition = _visibility(prepared, triangles)
     unseen = [parameter.name for parameter in parameters if parameter.seen == "no"]
     if unseen:
-        sentence = f"{', '.join(unseen)} cannot be told from the other parameters"
+        sentence = f"{', '.join(unseen)} cannot be separated from the other parameters"
         findings.append(Finding("excitation", "unusable", sentence))
     return CheckReport(tuple(findings), parameters, condition)
 

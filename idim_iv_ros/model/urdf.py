@@ -50,6 +50,8 @@ class UrdfJoint:
         What `<limit>` gives of lower, upper (rad, m), velocity (rad/s, m/s), effort (N m, N).
     damping, friction : float
         N m s/rad, N m (N s/m, N).
+    mimics : str
+        The joint that it follows; empty where it follows none.
     """
 
     name: str
@@ -61,6 +63,7 @@ class UrdfJoint:
     limits: dict[str, float]
     damping: float
     friction: float
+    mimics: str
 
 
 @dataclass(frozen=True)

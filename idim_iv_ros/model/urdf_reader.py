@@ -149,6 +149,7 @@ class _Reader:
             if not ends[tag]:
                 self.problems.append(f"{where}: names no {tag} link")
         axis, dynamics = element.find("axis"), element.find("dynamics")
+        mimic = element.find("mimic")
         return UrdfJoint(
             name=name,
             type=joint_type,
@@ -161,6 +162,7 @@ class _Reader:
             limits=self._limits(element, where),
             damping=self._dynamics(dynamics, "damping", where),
             friction=self._dynamics(dynamics, "friction", where),
+            mimics="" if mimic is None else mimic.get("joint", "another joint"),
         )
 
     def _limits(self, element: ElementTree.Element, where: str) -> dict[str, float]:

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from idim_iv_ros import load_configuration, write_bag
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.first_configuration.keys import SECTIONS
+from idim_iv_ros.first_configuration.yaml_text import SECTIONS
 from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.recording.other_topics import sounds_like_reference
 from tests import simulated_arms
