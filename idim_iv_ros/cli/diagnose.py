@@ -102,8 +102,7 @@ def run_diagnosis(
         `require_destination`.
     """
     from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
-    from idim_iv_ros.cli.output import Output, require_destination
-    from idim_iv_ros.cli.report_warnings import report_warnings
+    from idim_iv_ros.cli.output import Output, report_warnings, require_destination
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.report import gap_document, write_gap_report
 

@@ -50,15 +50,13 @@ def simulate_command(
 ) -> None:
     """Write the recording of a simulated robot, whose true parameters are known.
 
-    The robot is that of the URDF, with what the configuration says under `simulated_robot`. Beside
-    the bag stands BAG.truth.json with its true base parameters. With --effects it is the extended
-    model of `idim-iv diagnose`.
+    The robot is that of the URDF, with what the configuration says under `simulated_robot`. Its
+    true base parameters are written beside the bag, to BAG.truth.json. With --effects it is the
+    extended model of `idim-iv diagnose`.
 
     Example: idim-iv simulate --config config/tx40.yaml --out tx40.mcap --effects gap.json --seed 1
     """
-    from idim_iv_ros.cli.doubts import print_doubts
-    from idim_iv_ros.cli.next_command import next_command
-    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.cli.output import Output, next_command, print_doubts
     from idim_iv_ros.configuration import load_configuration
 
     output = Output(quiet=quiet, as_json=as_json)
