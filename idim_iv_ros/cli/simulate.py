@@ -112,6 +112,7 @@ def _doubts(configuration: Configuration) -> tuple[str, ...]:
 
 def _print_largest(console: Console, joints: list[str], bags: Sequence[SimulatedBag]) -> None:
     from idim_iv_ros.cli.table import Column, print_table, unbroken
+    from idim_iv_ros.model.units import unit_at
 
     columns = [
         Column("joint"),
@@ -122,8 +123,8 @@ def _print_largest(console: Console, joints: list[str], bags: Sequence[Simulated
     for column, joint in enumerate(joints):
         torque = max(float(bag.peak_torque[column]) for bag in bags)
         error = max(float(bag.peak_error[column]) for bag in bags)
-        prismatic = bags[0].joint_types[column] == "prismatic"
-        units = ("N", "mm") if prismatic else ("N m", "mrad")
-        cells = (f"{torque:.3g} {units[0]}", f"{1e3 * error:.3g} {units[1]}")
-        rows.append((joint, *map(unbroken, cells)))
+        units = (unit_at(unit, bags[0].joint_types[column]) for unit in ("N m", "mrad"))
+        cells = (f"{torque:.3g}", f"{1e3 * error:.3g}")
+        shown = (f"{cell} {unit}" for cell, unit in zip(cells, units, strict=True))
+        rows.append((joint, *map(unbroken, shown)))
     print_table(console, "Largest over the recording", columns, rows)

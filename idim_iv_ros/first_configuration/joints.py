@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.first_configuration.topics import BagContents, JointContents
+from idim_iv_ros.model.units import unit_at
 from idim_iv_ros.model.urdf import MOVABLE, UrdfJoint
 from idim_iv_ros.model.urdf_reader import read_urdf_text
 
@@ -101,7 +102,7 @@ def _why_not(
         return "its effort is empty or zero"
     moved = max(each.range for each in position if each is not None)
     if moved < _STILL[joint.type]:
-        unit = "m" if joint.type == "prismatic" else "rad"
+        unit = unit_at("rad", joint.type)
         return f"it stands still: it moves over {moved:.1g} {unit}"
     return ""
 

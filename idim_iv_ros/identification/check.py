@@ -18,6 +18,7 @@ from idim_iv_ros.estimation import (
 from idim_iv_ros.files import FilePaths
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.model import BaseParameters
+from idim_iv_ros.model.units import unit_at
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import Motion
@@ -171,8 +172,7 @@ def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list
         speeds.append(velocity[:, joint])
         accelerations.append(acceleration[:, joint])
     speed, acceleration = np.concatenate(speeds), np.concatenate(accelerations)
-    revolute = prepared.model.robot.joint_types[joint] == "revolute"
-    unit = "rad" if revolute else "m"
+    unit = unit_at("rad", prepared.model.robot.joint_types[joint])
     threshold = max(
         float(prepared.minimum_speed[joint]),
         _MOVING * float(np.abs(speed).max()),

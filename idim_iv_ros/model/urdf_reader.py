@@ -230,7 +230,7 @@ def _right_angle(angle: float) -> float:
 def _last_digit(texts: list[str]) -> float:
     """Value of the last digit of the numbers that are not zero: of the finest of them.
 
-    Trailing zeros are often left out, so that one number alone does not tell its digits.
+    Trailing zeros are often left out, so that one number alone does not show its digits.
     """
     finest = []
     for text in texts:
