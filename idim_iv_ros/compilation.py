@@ -1,11 +1,13 @@
-"""How the simulation is compiled, and how numba's cache stays true over several files."""
+"""How numbers are computed: compiled loops and their cache, and linear algebra in one thread."""
 
 import hashlib
+from contextlib import AbstractContextManager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from numba import njit
+from threadpoolctl import threadpool_limits
 
 # Divisions in the kernels are guarded where they need to be: no check for zero in each. Arrays come
 # from Python, and none is made here: without numba's runtime (`_nrt`) none is counted, which takes
@@ -27,3 +29,15 @@ def source_digest(*modules: ModuleType) -> str:
     for module in modules:
         digest.update(Path(str(module.__file__)).read_bytes())
     return digest.hexdigest()
+
+
+def one_thread() -> AbstractContextManager[object]:
+    """One thread for linear algebra: its matrices are small, and waiting for threads is not.
+
+    Results then do not depend on the number of cores either. The limit holds for the libraries
+    that are loaded: scipy's comes with `scipy.linalg`, which is therefore imported here.
+    """
+    import scipy.linalg  # noqa: F401
+
+    limits: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
+    return limits

@@ -29,8 +29,7 @@ def check_command(
 
     Example: idim-iv check run1.mcap --config ur5.yaml
     """
-    from idim_iv_ros.cli.next_command import next_command
-    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.cli.output import Output, next_command
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.errors import DataError
 

@@ -10,13 +10,13 @@ import typer
 
 from idim_iv_ros.cli.arguments import AsJson, Bags, Config, Force, OutOrJson, Quiet, Verbose
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.formats import GAP, REPORT
+from idim_iv_ros.files import GAP, REPORT
 
 if TYPE_CHECKING:
     from idim_iv_ros.cli.output import Output
     from idim_iv_ros.configuration import Configuration
     from idim_iv_ros.diagnosis.result import GapResult
-    from idim_iv_ros.file_paths import FilePaths
+    from idim_iv_ros.files import FilePaths
     from idim_iv_ros.progress import Progress
 
 
@@ -102,8 +102,7 @@ def run_diagnosis(
         `require_destination`.
     """
     from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
-    from idim_iv_ros.cli.output import Output, require_destination
-    from idim_iv_ros.cli.report_warnings import report_warnings
+    from idim_iv_ros.cli.output import Output, report_warnings, require_destination
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.report import gap_document, write_gap_report
 

@@ -42,13 +42,13 @@ def identify_command(
     """
     from idim_iv_ros.cli.output import Output, require_destination
     from idim_iv_ros.configuration import load_configuration
-    from idim_iv_ros.formats import REPORT, RESULT
+    from idim_iv_ros.files import REPORT, RESULT
 
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
     numbers = page = None
     with output.progress() as progress:
-        from idim_iv_ros.cli.report_warnings import report_warnings
+        from idim_iv_ros.cli.output import report_warnings
         from idim_iv_ros.identification.identify import identify
         from idim_iv_ros.report import result_document, write_report
 
@@ -140,7 +140,7 @@ def print_verdict(console: Console, result: IdentificationResult) -> None:
     """The verdict, the fit, where the instruments came from, and what was left out."""
     from rich.markup import escape
 
-    from idim_iv_ros.cli.doubts import print_doubts
+    from idim_iv_ros.cli.output import print_doubts
 
     fit = result.fit
     console.print(
@@ -185,7 +185,7 @@ def print_next(
     """Name the command that looks for the cause of a model error, with its arguments."""
     from rich.text import Text
 
-    from idim_iv_ros.cli.next_command import next_command
+    from idim_iv_ros.cli.output import next_command
 
     if result.verdict.verdict == "model error here":
         text = Text(f"Next: {next_command('diagnose', bags, config, '--out', 'why')}")

@@ -6,6 +6,7 @@ from importlib import metadata
 
 import numpy as np
 
+from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.cause_order import leading, strongest_first
 from idim_iv_ros.diagnosis.controller.check import LawCheck, check_law, why_not_checked
@@ -39,9 +40,8 @@ from idim_iv_ros.effects.catalogue import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.effects.encoder_eccentricity import EncoderEccentricity
 from idim_iv_ros.effects.gravity_direction import GravityDirection
-from idim_iv_ros.file_paths import FilePaths
+from idim_iv_ros.files import FilePaths
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING, read_configured
-from idim_iv_ros.one_thread import one_thread
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording import Recording
 

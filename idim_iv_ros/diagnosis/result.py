@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from idim_iv_ros.formats import GAP_FORMAT
+from idim_iv_ros.files import GAP_FORMAT
 from idim_iv_ros.recording import SessionPart
 from idim_iv_ros.types import FloatArray
 

@@ -1,4 +1,4 @@
-"""Can a recording support an identification?  Said in words before anyone waits for numbers."""
+"""Can a recording support an identification?  Recordings, joints and parameters, in words."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,9 +15,10 @@ from idim_iv_ros.estimation import (
     unseen_parameters,
     white_covariance,
 )
-from idim_iv_ros.file_paths import FilePaths
+from idim_iv_ros.files import FilePaths
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.model import BaseParameters
+from idim_iv_ros.model.units import unit_at
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import Motion
@@ -54,7 +55,7 @@ class ParameterVisibility:
     ----------
     name, expression, unit : str
     smallest : float or None
-        Smallest value that two standard deviations tell from zero; None if it cannot be seen
+        Smallest value that differs from zero by two standard deviations; None if it cannot be seen
         at all. From the residual of least squares taken as white: a lower bound.
     relative_percent : float or None
         Standard deviation in percent of the least-squares value.
@@ -107,7 +108,7 @@ def check(
     parameters, condition = _visibility(prepared, triangles)
     unseen = [parameter.name for parameter in parameters if parameter.seen == "no"]
     if unseen:
-        sentence = f"{', '.join(unseen)} cannot be told from the other parameters"
+        sentence = f"{', '.join(unseen)} cannot be separated from the other parameters"
         findings.append(Finding("excitation", "unusable", sentence))
     return CheckReport(tuple(findings), parameters, condition)
 
@@ -171,8 +172,7 @@ def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list
         speeds.append(velocity[:, joint])
         accelerations.append(acceleration[:, joint])
     speed, acceleration = np.concatenate(speeds), np.concatenate(accelerations)
-    revolute = prepared.model.robot.joint_types[joint] == "revolute"
-    unit = "rad" if revolute else "m"
+    unit = unit_at("rad", prepared.model.robot.joint_types[joint])
     threshold = max(
         float(prepared.minimum_speed[joint]),
         _MOVING * float(np.abs(speed).max()),

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.estimation import (
     idim_iv,
@@ -11,13 +12,12 @@ from idim_iv_ros.estimation import (
     solve_weighted_least_squares,
     triangles_of_rows,
 )
-from idim_iv_ros.file_paths import FilePaths
+from idim_iv_ros.files import FilePaths
 from idim_iv_ros.identification.assembly import assemble_result
 from idim_iv_ros.identification.estimates import Estimates, Estimator
 from idim_iv_ros.identification.prepare import prepare, read_configured, require_excitation
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.identification.validate import validate
-from idim_iv_ros.one_thread import one_thread
 from idim_iv_ros.progress import Progress, Stopwatch, part_of
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.types import FloatArray

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from idim_iv_ros.formats import IDENTIFICATION_FORMAT
+from idim_iv_ros.files import IDENTIFICATION_FORMAT
 from idim_iv_ros.recording import ClockQuality, FrozenStretches, Note
 from idim_iv_ros.statistics import (
     HypothesisTest,

@@ -1,27 +1,27 @@
 """From bags to recordings: the door through which everything enters."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.file_paths import FilePaths, as_paths
-from idim_iv_ros.recording.bags.folder import Bag
+from idim_iv_ros.files import FilePaths, as_paths
+from idim_iv_ros.progress import Progress
+from idim_iv_ros.recording.bags.folder import Bag, loss_notes, loss_sentence
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages, readable
-from idim_iv_ros.recording.bags.loss import loss_notes, loss_sentence
 from idim_iv_ros.recording.clock import StampedMessages, stamp_messages
-from idim_iv_ros.recording.description import prismatic_joints, robot_description
-from idim_iv_ros.recording.grid import Grid, make_grid, on_grid
-from idim_iv_ros.recording.held_channels import without_frozen
-from idim_iv_ros.recording.pauses import without_pauses
+from idim_iv_ros.recording.grid import Grid, make_grid, on_grid, without_pauses
+from idim_iv_ros.recording.held_samples import without_frozen
+from idim_iv_ros.recording.other_topics import (
+    prismatic_joints,
+    robot_description,
+    unused_references,
+)
 from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import Note, Recording, Signal
-from idim_iv_ros.recording.unused_references import unused_references
 from idim_iv_ros.recording.wraps import without_wraps
-
-Progress = Callable[[str, float], None]
 
 DESCRIPTION = "/robot_description"
 LEAST_SAMPLES = 20

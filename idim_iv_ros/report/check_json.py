@@ -1,6 +1,6 @@
 """The findings of a check as plain values."""
 
-from idim_iv_ros.formats import CHECK_FORMAT
+from idim_iv_ros.files import CHECK_FORMAT
 from idim_iv_ros.identification.check import CheckReport
 from idim_iv_ros.report.json_result import Document, plain
 

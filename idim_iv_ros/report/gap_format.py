@@ -8,9 +8,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from idim_iv_ros.diagnosis.result import FORMAT, Family, Kind, Verdict
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.file_paths import FilePath
+from idim_iv_ros.files import FilePath, read_text
 from idim_iv_ros.report.json_result import Document
-from idim_iv_ros.text_file import read_text
 
 _LARGEST_FILE = 50.0  # MB
 

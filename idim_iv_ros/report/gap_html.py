@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 
 from idim_iv_ros.diagnosis.result import GapResult
-from idim_iv_ros.formats import GAP
+from idim_iv_ros.files import GAP
 from idim_iv_ros.report.gap_sections.causes import causes_section
 from idim_iv_ros.report.gap_sections.glossary import gap_glossary_section
 from idim_iv_ros.report.gap_sections.limits import limits_section

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 
-from idim_iv_ros.formats import RESULT
+from idim_iv_ros.files import RESULT
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.guarded import guarded
 from idim_iv_ros.report.markup import Html, tag

@@ -5,7 +5,7 @@ from importlib import resources
 
 from plotly.offline import get_plotlyjs
 
-from idim_iv_ros.own_files import GENERATOR
+from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.report.markup import Html, join, tag
 from idim_iv_ros.report.script import SCRIPT
 

@@ -7,14 +7,19 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from idim_iv_ros.atomic_files import probe_place, write_together
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import ReportWarning, UsageError, one_line
-from idim_iv_ros.file_paths import FilePath
-from idim_iv_ros.formats import GAP, REPORT, RESULT
+from idim_iv_ros.files import (
+    GAP,
+    REPORT,
+    RESULT,
+    FilePath,
+    probe_place,
+    require_replaceable,
+    write_together,
+)
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.interruption import undone_if_interrupted
-from idim_iv_ros.own_files import require_replaceable
 from idim_iv_ros.report.gap_html import gap_report_html
 from idim_iv_ros.report.gap_json import gap_text
 from idim_iv_ros.report.html import report_html

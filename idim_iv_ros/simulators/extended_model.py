@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.files import read_text
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulation.effects import joint_effects
-from idim_iv_ros.text_file import read_text
 
 FORMAT = "idim_iv_ros/gap/1"
 

@@ -7,12 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from idim_iv_ros.atomic_files import require_file_place, write_together
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import Trajectory
-from idim_iv_ros.file_paths import FilePath, as_file
-from idim_iv_ros.formats import SIMULATION_FORMAT, TRUTH_FORMAT
+from idim_iv_ros.files import (
+    SIMULATION_FORMAT,
+    TRUTH_FORMAT,
+    FilePath,
+    as_file,
+    require_file_place,
+    write_together,
+)
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording import JointTopic, write_bag

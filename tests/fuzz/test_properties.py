@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from idim_iv_ros.errors import IdimError
 from idim_iv_ros.excitation import read_trajectory
 from idim_iv_ros.excitation.fourier import FourierBasis
+from idim_iv_ros.files import read_text
 from idim_iv_ros.report import numerals
 from idim_iv_ros.simulators.extended_model import read_extended_model
-from idim_iv_ros.text_file import read_text
 
 _ANY = st.one_of(st.none(), st.floats())
 # The same examples in every run: a failure is of the change that is tested, not of the day.

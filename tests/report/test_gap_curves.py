@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from idim_iv_ros.excitation.separation import separating_motion
+from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.report.gap_words import stage_words
 from idim_iv_ros.report.order_spectrum import order_spectrum
 from idim_iv_ros.report.smooth_curve import smooth

@@ -9,7 +9,7 @@ import pytest
 
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.effects.effect import in_words
-from idim_iv_ros.excitation.separation import separating_motion
+from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.report import gap_report_html
 from idim_iv_ros.report.gap_sections.tracking import _drawing
 from tests.report.sample_gap import sample_gap

@@ -16,7 +16,7 @@ from idim_iv_interfaces.msg import (
     UntestableEffect,
 )
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.formats import GAP, REPORT
+from idim_iv_ros.files import GAP, REPORT
 from idim_iv_ros.nodes.identifier.documents import Document, number
 
 _NO_CHANGE: Document = {"before": None, "after": None, "shrinkage": None, "ci95": None}

@@ -9,7 +9,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from idim_iv_interfaces.msg import GapReport
 from idim_iv_ros.errors import IdimError
-from idim_iv_ros.formats import GAP, GAP_FORMAT
+from idim_iv_ros.files import GAP, GAP_FORMAT
 from idim_iv_ros.nodes.identifier.documents import read_document, write_document
 from idim_iv_ros.nodes.identifier.gap_messages import gap_message
 

@@ -13,7 +13,7 @@ from idim_iv_interfaces.msg import (
     ResidualDiagnosis,
 )
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.formats import IDENTIFICATION_FORMAT, REPORT, RESULT
+from idim_iv_ros.files import IDENTIFICATION_FORMAT, REPORT, RESULT
 from idim_iv_ros.nodes.identifier.documents import Document, number, read_document
 
 

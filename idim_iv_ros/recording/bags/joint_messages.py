@@ -7,8 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.cdr_layout import FLOAT_ARRAY, JOINT_STATE, CdrLayout, read_layout
-from idim_iv_ros.recording.bags.message_batch import MessageBatch
+from idim_iv_ros.recording.bags.cdr import (
+    FLOAT_ARRAY,
+    JOINT_STATE,
+    CdrLayout,
+    MessageBatch,
+    read_layout,
+)
 from idim_iv_ros.types import FloatArray, IntArray
 
 _TOGETHER = 200_000  # messages

@@ -2,7 +2,7 @@
 
 from idim_iv_ros.diagnosis.parameter_words import parameter_words
 from idim_iv_ros.diagnosis.result import Cause, Gap, GapResult, Unexplained
-from idim_iv_ros.excitation.separation import separating_motion
+from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.report.gap_sections.parameters import parameter_table
 from idim_iv_ros.report.gap_words import effect_at, effect_words, small_unit, torque_unit
 from idim_iv_ros.report.markup import Html, bullets, join, section, sentence, tag

@@ -3,15 +3,16 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from xml.etree import ElementTree
 
-from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.first_configuration.topic_contents import BagContents, JointContents
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.first_configuration.topics import BagContents, JointContents
+from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.model.urdf import MOVABLE, UrdfJoint
+from idim_iv_ros.model.urdf_reader import read_urdf_text
 
-_MOVABLE = ("revolute", "continuous", "prismatic")
 _GRIPPER = re.compile(r"grip|finger|knuckle|jaw|thumb|palm", re.IGNORECASE)
 _STILL = {"revolute": 0.02, "continuous": 0.02, "prismatic": 0.002}  # rad, rad, m
-# A joint that is left out is locked at zero; standing this far away, it is not where it was.
+# A joint that is left out is locked at zero; this far away, it is not where it was.
 _AWAY = 0.05  # rad or m
 
 
@@ -49,16 +50,16 @@ def choose_joints(
     Raises
     ------
     UsageError
-        Not a URDF.
+        Not a URDF; see `read_urdf_text`.
     DataError
         No joint is left.
     """
-    elements = _from_base_to_tool(urdf, source)
+    known = read_urdf_text(urdf, source)
     chosen, left_out, warnings = [], {}, []
-    for joint in elements:
-        name, kind = joint.get("name", ""), joint.get("type", "")
-        if kind == "fixed":
+    for _, joint in known.outward():
+        if joint is None or joint.type == "fixed":
             continue
+        name = joint.name
         position = [_contents(bag, states, name) for bag in bags]
         effort = [_contents(bag, efforts, name) for bag in bags]
         reason = _why_not(joint, position, effort, _is_array(bags[0], efforts))
@@ -72,9 +73,8 @@ def choose_joints(
                 f"{name} is left out ({reason}) and the model locks it at zero, but it was at "
                 f"{lowest:.3g}: record a motion of it as well"
             )
-    known = {element.get("name") for element in elements}
     recorded = [name for topic in bags[0].topics if topic.name == states for name in topic.joints]
-    left_out.update({name: "not in the URDF" for name in recorded if name not in known})
+    left_out.update({name: "not in the URDF" for name in recorded if name not in known.joints})
     if not chosen:
         why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
         raise DataError(
@@ -84,17 +84,16 @@ def choose_joints(
 
 
 def _why_not(
-    joint: ElementTree.Element,
+    joint: UrdfJoint,
     position: Sequence[JointContents | None],
     effort: Sequence[JointContents | None],
     array: bool,
 ) -> str:
     """Reason to leave a movable joint out; empty where it is identified."""
-    kind, mimic = joint.get("type", ""), joint.find("mimic")
-    if kind not in _MOVABLE:
-        return f"its type is {kind}"
-    if mimic is not None:
-        return f"it mimics {mimic.get('joint')}"
+    if joint.type not in MOVABLE:
+        return f"its type is {joint.type}"
+    if joint.mimics:
+        return f"it mimics {joint.mimics}"
     if _is_gripper(joint):
         return "a gripper, by its name"
     if any(each is None or each.lowest is None for each in position):
@@ -102,13 +101,14 @@ def _why_not(
     if not array and not all(each is not None and each.largest_effort for each in effort):
         return "its effort is empty or zero"
     moved = max(each.range for each in position if each is not None)
-    if moved < _STILL[kind]:
-        return f"it stands still: it moves over {moved:.1g} {'m' if kind == 'prismatic' else 'rad'}"
+    if moved < _STILL[joint.type]:
+        unit = unit_at("rad", joint.type)
+        return f"it stands still: it moves over {moved:.1g} {unit}"
     return ""
 
 
-def _is_gripper(joint: ElementTree.Element) -> bool:
-    return _GRIPPER.search(joint.get("name", "")) is not None
+def _is_gripper(joint: UrdfJoint) -> bool:
+    return _GRIPPER.search(joint.name) is not None
 
 
 def _is_array(bag: BagContents, name: str) -> bool:
@@ -120,30 +120,3 @@ def _contents(bag: BagContents, name: str, joint: str) -> JointContents | None:
         if topic.name == name:
             return topic.joints.get(joint)
     return None
-
-
-def _from_base_to_tool(urdf: str, source: str) -> list[ElementTree.Element]:
-    """Joints of a URDF, each after the one that carries it."""
-    try:
-        root = ElementTree.fromstring(urdf)
-    except ElementTree.ParseError as error:
-        raise UsageError(f"{source}: not XML: {error}") from error
-    if root.tag != "robot":
-        raise UsageError(f"{source}: not a URDF: the root element is <{root.tag}>, not <robot>")
-    joints = root.findall("joint")
-    below: dict[str, list[ElementTree.Element]] = {}
-    for joint in joints:
-        below.setdefault(_link(joint, "parent"), []).append(joint)
-    moved = {_link(joint, "child") for joint in joints}
-    waiting = [joint for joint in joints if _link(joint, "parent") not in moved][::-1]
-    ordered: list[ElementTree.Element] = []
-    while waiting and len(ordered) < len(joints):
-        joint = waiting.pop()
-        ordered.append(joint)
-        waiting += below.get(_link(joint, "child"), [])[::-1]
-    return ordered
-
-
-def _link(joint: ElementTree.Element, which: str) -> str:
-    element = joint.find(which)
-    return "" if element is None else element.get("link", "")

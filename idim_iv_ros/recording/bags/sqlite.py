@@ -16,7 +16,7 @@ from urllib.parse import quote
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.message_batch import MessageBatch
+from idim_iv_ros.recording.bags.cdr import MessageBatch
 
 _ROWS = 20_000
 _TOPICS = 10_000

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from idim_iv_ros import UsageError, write_bag, write_gap_report, write_report
-from idim_iv_ros.own_files import is_own, require_replaceable, signed
+from idim_iv_ros.files import is_own, require_replaceable, signed
 from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.recording.writing.growing_mcap import GrowingMcap
 from tests.report.sample_gap import sample_gap
