@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.documents import Document
 from idim_iv_ros.estimation import (
     JointTriangle,
     condition_number,
@@ -16,6 +17,7 @@ from idim_iv_ros.estimation import (
     white_covariance,
 )
 from idim_iv_ros.file_paths import FilePaths
+from idim_iv_ros.formats import CHECK_FORMAT
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.model import BaseParameters
 from idim_iv_ros.progress import Progress
@@ -70,18 +72,22 @@ class ParameterVisibility:
     seen: str
 
 
-@dataclass(frozen=True)
-class CheckReport:
+@dataclass(frozen=True, kw_only=True)
+class CheckReport(Document):
     """All findings; `usable` is false when an identification would be refused."""
 
+    what: ClassVar[str] = "check"
+    written_by: ClassVar[str] = "check"
+
+    format: Literal["idim_iv_ros/check/1"] = CHECK_FORMAT
+    usable: bool = True
     findings: tuple[Finding, ...]
     parameters: tuple[ParameterVisibility, ...]
     condition_number: float | None
 
-    @property
-    def usable(self) -> bool:
-        """Whether nothing is unusable."""
-        return all(finding.level != "unusable" for finding in self.findings)
+    def __post_init__(self) -> None:
+        usable = all(finding.level != "unusable" for finding in self.findings)
+        object.__setattr__(self, "usable", usable)
 
 
 def check(
@@ -109,7 +115,7 @@ def check(
     if unseen:
         sentence = f"{', '.join(unseen)} cannot be told from the other parameters"
         findings.append(Finding("excitation", "unusable", sentence))
-    return CheckReport(tuple(findings), parameters, condition)
+    return CheckReport(findings=tuple(findings), parameters=parameters, condition_number=condition)
 
 
 def _recording_findings(recording: Recording, motion: Motion) -> list[Finding]:

@@ -12,10 +12,9 @@ from idim_iv_ros.estimation import (
     triangles_of_rows,
 )
 from idim_iv_ros.file_paths import FilePaths
-from idim_iv_ros.identification.assembly import assemble_result
-from idim_iv_ros.identification.estimates import Estimates, Estimator
+from idim_iv_ros.identification.assembly import Estimates, assemble_result
 from idim_iv_ros.identification.prepare import prepare, read_configured, require_excitation
-from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.identification.result import Estimator, IdentificationResult
 from idim_iv_ros.identification.validate import validate
 from idim_iv_ros.one_thread import one_thread
 from idim_iv_ros.progress import Progress, Stopwatch, part_of

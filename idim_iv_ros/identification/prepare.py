@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation import JointTriangle, unseen_parameters
@@ -57,6 +59,15 @@ class PreparedRegression:
     def recordings(self) -> tuple[Recording, ...]:
         """In the order of the session, as `motions`."""
         return self.session.recordings
+
+    @property
+    def still(self) -> tuple[str, ...]:
+        """Joints that stand still: the filter took their motion for noise and left none."""
+        return tuple(
+            name
+            for joint, name in enumerate(self.configuration.robot.joints)
+            if all(np.ptp(motion.position[:, joint]) == 0.0 for motion in self.motions)
+        )
 
     @property
     def why_no_given(self) -> str:
@@ -197,11 +208,11 @@ def require_excitation(prepared: PreparedRegression, triangles: Sequence[JointTr
     unseen = unseen_parameters(triangles, len(names))
     if unseen:
         listed = ", ".join(names[column] for column in unseen)
-        still = [reason for reason in prepared.reasons if "stands still" in reason]
-        because = f" ({still[0].split(':')[0]})" if still else ""
+        still = ", ".join(prepared.still)
+        because = f" ({still} stands still)" if still else ""
         raise DataError(
-            f"{where}: the excitation is rank deficient{because}: {listed} cannot be told from the "
-            "other parameters; record a richer motion of all joints"
+            f"{where}: the excitation is rank deficient{because}: {listed} cannot be separated "
+            "from the other parameters; record a richer motion of all joints"
         )
 
 
