@@ -17,6 +17,7 @@ from pydantic import (
     WithJsonSchema,
     WrapValidator,
 )
+from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import from_json
 
 from idim_iv_ros.atomic_files import write_together
@@ -67,7 +68,7 @@ class Document:
     Attributes
     ----------
     what, written_by : str
-        What it is and which command writes it, for messages.
+        What it is (``a diagnosis``) and which command writes it, for messages.
     format : str
         First field, its default names the format.
     """
@@ -80,7 +81,6 @@ class Document:
         strict=True,
         allow_inf_nan=False,
         arbitrary_types_allowed=True,
-        json_schema_serialization_defaults_required=True,
     )
 
     def to_document(self) -> dict[str, Any]:
@@ -115,7 +115,7 @@ class Document:
         UsageError
             The file cannot be read, or as `from_json`.
         """
-        text = read_text(Path(path), f"the {cls.what}", megabytes=_LARGEST_FILE)
+        text = read_text(Path(path), f"the {cls.what.partition(' ')[2]}", megabytes=_LARGEST_FILE)
         return cls.from_json(text, str(path))
 
     @classmethod
@@ -143,7 +143,7 @@ class Document:
         if found != cls.format:
             shown = repr(found) if isinstance(found, str) else "missing"
             raise UsageError(
-                f"{name}: not a {cls.what}: its format is {shown}, not {cls.format!r}; {again}"
+                f"{name}: not {cls.what}: its format is {shown}, not {cls.format!r}; {again}"
             )
         try:
             # From the text: a list of JSON may then stand for a tuple, and nothing for a number.
@@ -160,7 +160,17 @@ class Document:
     @classmethod
     def json_schema(cls) -> dict[str, Any]:
         """Return the JSON Schema of the documents that `write` writes."""
-        return _adapter(cls).json_schema(mode="serialization")
+        return _adapter(cls).json_schema(mode="serialization", schema_generator=_WholeSchema)
+
+
+class _WholeSchema(GenerateJsonSchema):
+    """Every key is written, also one with a default; none needs a title beside its name."""
+
+    def field_is_required(self, field: Any, total: bool) -> bool:
+        return True
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        return False
 
 
 _adapters: dict[type, TypeAdapter[Any]] = {}

@@ -438,7 +438,7 @@ class GapResult(Document):
         These three are for the report and not in the document.
     """
 
-    what: ClassVar[str] = "diagnosis"
+    what: ClassVar[str] = "a diagnosis"
     written_by: ClassVar[str] = "diagnose"
 
     format: Literal["idim_iv_ros/gap/1"] = GAP_FORMAT

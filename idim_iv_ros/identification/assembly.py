@@ -254,13 +254,21 @@ def _refined(refined: RefinedIdimIv, parameters: Sequence[ParameterEstimate]) ->
         )
         for each, value, deviation in zip(parameters, refined.values, std, strict=True)
     )
-    moved = tuple(
+    return Refined(
+        tuple(model.order for model in refined.models), estimates, moved(parameters, estimates)
+    )
+
+
+def moved(
+    parameters: Sequence[ParameterEstimate], refined: Sequence[RefinedEstimate]
+) -> tuple[str, ...]:
+    """Essential parameters that whitening moves further than noise does (a specification test)."""
+    return tuple(
         each.name
-        for each, other in zip(parameters, estimates, strict=True)
+        for each, other in zip(parameters, refined, strict=True)
         if each.essential
         and abs(in_deviations(each.value, each.std, other.value, other.std)) > _FAR_APART
     )
-    return Refined(tuple(model.order for model in refined.models), estimates, moved)
 
 
 def _instruments(

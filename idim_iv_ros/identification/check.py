@@ -76,7 +76,7 @@ class ParameterVisibility:
 class CheckReport(Document):
     """All findings; `usable` is false when an identification would be refused."""
 
-    what: ClassVar[str] = "check"
+    what: ClassVar[str] = "a check"
     written_by: ClassVar[str] = "check"
 
     format: Literal["idim_iv_ros/check/1"] = CHECK_FORMAT

@@ -339,7 +339,7 @@ class IdentificationResult(Document):
         For the report and not in the document.
     """
 
-    what: ClassVar[str] = "identification"
+    what: ClassVar[str] = "an identification"
     written_by: ClassVar[str] = "identify"
 
     format: Literal["idim_iv_ros/identification/1"] = IDENTIFICATION_FORMAT

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 from builtin_interfaces.msg import Time
+from idim_iv_ros.nodes.identifier.gap_messages import gap_message
+from idim_iv_ros.report.gap_format import read_gap
+from idim_iv_ros.report.gap_json import gap_document
 
 from idim_iv_interfaces.msg import GapReport
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.nodes.identifier.gap_messages import gap_message
 from idim_iv_ros.nodes.identifier.gap_publisher import GapPublisher
-from idim_iv_ros.report.gap_format import read_gap
-from idim_iv_ros.report.gap_json import gap_document
 from tests.report.sample_gap import CASES, Case, sample_gap
 
 EXAMPLE = Path(__file__).with_name("gap.json")  # written by hand, after the design

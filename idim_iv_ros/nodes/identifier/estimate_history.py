@@ -42,7 +42,7 @@ class PastEstimates:
 
 @dataclass(frozen=True, kw_only=True)
 class _Saved(Document):
-    what: ClassVar[str] = "history"
+    what: ClassVar[str] = "a history"
     written_by: ClassVar[str] = "serve"
     format: Literal["idim_iv_ros/history/1"] = "idim_iv_ros/history/1"
     identifications: tuple[PastEstimates, ...]

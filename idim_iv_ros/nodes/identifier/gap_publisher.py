@@ -23,7 +23,7 @@ FILE = "last_gap.json"
 class _LastGap(Document):
     """When the last diagnosis ended, of which bags, and the folder of its gap.json."""
 
-    what: ClassVar[str] = "record of the last diagnosis"
+    what: ClassVar[str] = "a record of the last diagnosis"
     written_by: ClassVar[str] = "serve"
     format: Literal["idim_iv_ros/last_gap/1"] = "idim_iv_ros/last_gap/1"
     stamp: int
