@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Final
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.interruption import undone_if_interrupted, uninterrupted
@@ -31,9 +32,9 @@ FilePaths = FilePath | Iterable[FilePath]
 
 # The first part of every format, and how HTML and MCAP files name what wrote them.
 PROGRAM = "idim_iv_ros"
-IDENTIFICATION_FORMAT = f"{PROGRAM}/identification/1"  # of result.json
-GAP_FORMAT = f"{PROGRAM}/gap/1"
-CHECK_FORMAT = f"{PROGRAM}/check/1"
+IDENTIFICATION_FORMAT: Final = "idim_iv_ros/identification/1"  # of result.json
+GAP_FORMAT: Final = "idim_iv_ros/gap/1"
+CHECK_FORMAT: Final = "idim_iv_ros/check/1"
 IMPORT_FORMAT = f"{PROGRAM}/import/1"
 INIT_FORMAT = f"{PROGRAM}/init/1"
 SIMULATION_FORMAT = f"{PROGRAM}/simulation/1"

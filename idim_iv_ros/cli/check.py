@@ -37,10 +37,9 @@ def check_command(
     configuration = load_configuration(config)
     with output.progress() as progress:
         from idim_iv_ros.identification.check import check
-        from idim_iv_ros.report import check_document
 
         report = check(bags, configuration, progress)
-    output.document(check_document(report))
+    output.document(report.to_document())
     _print_findings(output.console, report)
     _print_parameters(output.console, report, verbose)
     if not report.usable:

@@ -104,7 +104,7 @@ def run_diagnosis(
     from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
     from idim_iv_ros.cli.output import Output, report_warnings, require_destination
     from idim_iv_ros.configuration import load_configuration
-    from idim_iv_ros.report import gap_document, write_gap_report
+    from idim_iv_ros.report import write_gap_report
 
     output = output or Output()
     for name in without:
@@ -120,7 +120,7 @@ def run_diagnosis(
         if out is not None:
             with report_warnings():
                 numbers, page = write_gap_report(result, out, force=force)
-    output.document(gap_document(result))
+    output.document(result.to_document())
     print_diagnosis(output.console, result, whole=output.verbose)
     if page is not None:
         output.line(f"Report: {page}")

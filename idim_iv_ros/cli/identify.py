@@ -50,14 +50,14 @@ def identify_command(
     with output.progress() as progress:
         from idim_iv_ros.cli.output import report_warnings
         from idim_iv_ros.identification.identify import identify
-        from idim_iv_ros.report import result_document, write_report
+        from idim_iv_ros.report import write_report
 
         with require_destination(out, (RESULT, REPORT), as_json=as_json, force=force):
             result = identify(bags, configuration, estimator=estimator.value, progress=progress)
             if out is not None:
                 with report_warnings():
                     numbers, page = write_report(result, out, force=force)
-    output.document(result_document(result))
+    output.document(result.to_document())
     output.warn_quietly([*result.doubts, *data_warnings(result)])
     print_parameters(output.console, result, whole=verbose)
     print_remarks(output.console, result)

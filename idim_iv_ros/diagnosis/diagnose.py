@@ -27,7 +27,7 @@ from idim_iv_ros.diagnosis.refit.missing_gravity import missing_gravity
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
 from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
 from idim_iv_ros.diagnosis.refit.signal_chain import aligned
-from idim_iv_ros.diagnosis.result import Cause, EffectParameter, GapResult, NotTestable
+from idim_iv_ros.diagnosis.result import Cause, EffectParameter, GapResult, NotTestable, Where
 from idim_iv_ros.diagnosis.structural.attribution import attribute
 from idim_iv_ros.diagnosis.structural.causes import NamedModel, named_model, structural_causes
 from idim_iv_ros.diagnosis.structural.confirmation import confirmed
@@ -162,8 +162,7 @@ def _diagnosed(
         + "".join(f" {sentence[0].upper()}{sentence[1:]}." for sentence in law.beyond),
         causes=tuple(causes),
         unexplained=rest,
-        joint_gaps=place.joint_gaps,
-        regimes=place.regimes,
+        where=Where(place.joint_gaps, place.regimes),
         findings=place.findings,
         not_testable=tuple(each for each in not_testable if not _accepted(each, causes)),
         stages=stages,
@@ -177,7 +176,6 @@ def _diagnosed(
             *small_remainders(data, model),
         ),
         extended_parameters=_extended(data, model),
-        recorded=sum(part.duration for part in data.prepared.session.parts),
         parameter_errors=errors,
         signal_chain=shift.part_of_result(
             data.joints, None if law.speed is None else law.speed.words

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import EffectParameter, Gap
+from idim_iv_ros.diagnosis.result import EffectParameter, SimulationGap
 from idim_iv_ros.diagnosis.structural.causes import NamedModel, effect_parameters, simulated_effects
 from idim_iv_ros.diagnosis.tracking import Tracking, simulated_tracking, simulation_gap
 from idim_iv_ros.effects.effect import Place
@@ -38,7 +38,9 @@ def tracked_stages(data: Baseline, model: NamedModel, given: FloatArray | None) 
     return tracked
 
 
-def simulation_gaps(model: NamedModel, tracked: Sequence[Tracking], refit: int) -> list[Gap | None]:
+def simulation_gaps(
+    model: NamedModel, tracked: Sequence[Tracking], refit: int
+) -> list[SimulationGap | None]:
     """Gap of the simulated motion that each effect closes at its joint; `refit`: its stage."""
     return [
         simulation_gap(

@@ -7,7 +7,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import Gap, Stage, TrackingSeries
+from idim_iv_ros.diagnosis.result import SimulationGap, Stage, TrackingSeries
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.estimation import SimulatedLoop
 from idim_iv_ros.signals import Motion, central_differences
@@ -148,7 +148,7 @@ def with_tracking(stages: Sequence[Stage], tracked: Sequence[Tracking]) -> tuple
     )
 
 
-def simulation_gap(before: Tracking, after: Tracking, joint: int | None) -> Gap | None:
+def simulation_gap(before: Tracking, after: Tracking, joint: int | None) -> SimulationGap | None:
     """Tracking error before and after, at a joint or (root of the sum of squares) at all."""
     if before.note or after.note:
         return None
@@ -160,10 +160,10 @@ def simulation_gap(before: Tracking, after: Tracking, joint: int | None) -> Gap 
     pair = np.column_stack(sums)
     one, two = (float(np.sqrt(total / seconds)) for total in pair.sum(axis=0))
     if one <= 0.0:
-        return Gap(one, two, None, None, None)
+        return SimulationGap(one, two)
     draws = resampled(pair)
     ratio = 1.0 - np.sqrt(draws[:, 1] / np.maximum(draws[:, 0], 1e-300))
-    return Gap(one, two, None, 1.0 - two / one, interval(ratio))
+    return SimulationGap(one, two, None, 1.0 - two / one, interval(ratio))
 
 
 def tracking_series(

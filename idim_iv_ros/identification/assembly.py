@@ -2,48 +2,88 @@
 
 import platform
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib import metadata
-from typing import Literal
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.estimation import (
+    AutocorrelatedBlock,
+    AutocorrelatedCovariance,
+    EssentialParameters,
     IdimIvEstimate,
     InstrumentSources,
     LinearEstimate,
     ObservationRows,
     RefinedIdimIv,
+    WhiteCovariance,
     condition_number,
     essential_parameters,
+    instrument_triangles,
+    keep_parameters,
+    residual_models,
+    solve_instrument_triangles,
+    solve_least_squares,
     triangles_of_rows,
-)
-from idim_iv_ros.identification.estimates import (
-    Estimates,
-    autocorrelated_covariance,
-    estimated_parameters,
 )
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.identification.result import (
     BagSummary,
+    Estimator,
     Fit,
     FittedGain,
     IdentificationResult,
     InstrumentReport,
+    JointResidual,
     JointSeries,
+    JointTests,
+    ParameterEstimate,
     ProcessingSummary,
     Refined,
     RefinedEstimate,
 )
 from idim_iv_ros.identification.validate import Validation
-from idim_iv_ros.statistics import HypothesisTest, OverallVerdict, judge_all, judge_joint
+from idim_iv_ros.signals import AutoregressiveModel
+from idim_iv_ros.statistics import OverallVerdict, judge_all, judge_joint
+from idim_iv_ros.statistics.drift import in_deviations
 from idim_iv_ros.types import FloatArray
 
-Estimator = Literal["idim-iv", "idim-ls"]
-
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
+# Standard deviations of the difference beyond which whitening has moved an estimate further than
+# noise does.
+_FAR_APART = 3.0
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """All estimates of one identification.
+
+    Attributes
+    ----------
+    estimator : str
+    rows : tuple of ObservationRows
+    linear : LinearEstimate
+        The one that is reported.
+    matrices : one (r_j, c_j) array for each joint
+        Its instruments, the regressor matrices for IDIM-LS.
+    weighted : LinearEstimate
+        Joint-weighted IDIM-LS.
+    iteration : IdimIvEstimate or None
+    sources : InstrumentSources or None
+    refined : RefinedIdimIv
+    """
+
+    estimator: Estimator
+    rows: Sequence[ObservationRows]
+    linear: LinearEstimate
+    matrices: Sequence[FloatArray]
+    weighted: LinearEstimate
+    iteration: IdimIvEstimate | None
+    sources: InstrumentSources | None
+    refined: RefinedIdimIv
 
 
 def assemble_result(
@@ -61,12 +101,16 @@ def assemble_result(
         total,
         alpha=configuration.identification.significance,
     )
-    covariance = autocorrelated_covariance(rows, linear, estimates.matrices, validation.models)
+    covariance = _autocorrelated_covariance(rows, linear, estimates.matrices, validation.models)
+    parameters = _parameters(prepared, estimates, covariance, essential)
     verdicts = tuple(
-        judge_joint(test, residual, _of_joint(validation.specification, residual.joint))
-        for test, residual in zip(validation.tests[1:], validation.residuals, strict=True)
+        judge_joint(test, residual, specification)
+        for test, residual, specification in zip(
+            validation.tests[1:], validation.residuals, validation.specification, strict=True
+        )
     )
-    coloured = any(residual.white is False for residual in validation.residuals)
+    alpha = configuration.identification.significance
+    autocorrelated = any(residual.white is False for residual in validation.residuals)
     return IdentificationResult(
         robot=prepared.model.robot.name,
         joints=tuple(configuration.robot.joints),
@@ -79,11 +123,14 @@ def assemble_result(
         iterations=1 if estimate is None else len(estimate.steps) + 1,
         converged=estimate is None or estimate.converged,
         convergence_note=_convergence(estimate, base.names, configuration),
-        parameters=estimated_parameters(prepared, estimates, covariance, essential),
+        parameters=parameters,
         covariance=covariance.matrix,
-        instruments=_instruments(estimate, validation, configuration),
-        residuals=validation.residuals,
-        verdicts=verdicts,
+        instruments=_instruments(estimate, validation, alpha),
+        specification=JointTests(
+            alpha=alpha, tests=tuple(chain.from_iterable(validation.specification))
+        ),
+        exogeneity=JointTests(alpha=alpha, tests=validation.exogeneity),
+        residuals=tuple(map(JointResidual.of, validation.residuals, verdicts)),
         verdict=_overall(judge_all(verdicts, validation.tests[0]), estimate),
         fit=Fit(
             relative_error_percent=_relative_error(rows, linear),
@@ -112,53 +159,132 @@ def assemble_result(
         ),
         controller=() if sources is None else sources.controller,
         fitted_gains=() if sources is None else _fitted_gains(sources, configuration),
-        refined=_refined(prepared, refined, essential.columns) if coloured else None,
+        refined=_refined(refined, parameters) if autocorrelated else None,
         series=_series(prepared, rows, linear),
         doubts=prepared.doubts,
     )
 
 
-def _refined(
-    prepared: PreparedRegression, refined: RefinedIdimIv, essential: NDArray[np.int64]
-) -> Refined:
+def _autocorrelated_covariance(
+    rows: Sequence[ObservationRows],
+    linear: LinearEstimate,
+    matrices: Sequence[FloatArray],
+    models: Sequence[AutoregressiveModel],
+) -> AutocorrelatedCovariance:
+    """Covariance of an estimate that knows the autocorrelation of each joint's residual.
+
+    The instruments of joint j are `matrices[j]`, (r_j, c_j).
+    """
+    blocks = [
+        AutocorrelatedBlock(
+            joint.matrix, matrix, joint.columns, float(sigma), model, joint.position
+        )
+        for joint, matrix, sigma, model in zip(rows, matrices, linear.sigma, models, strict=True)
+    ]
+    return AutocorrelatedCovariance(blocks, len(linear.values))
+
+
+def _parameters(
+    prepared: PreparedRegression,
+    estimates: Estimates,
+    covariance: AutocorrelatedCovariance,
+    essential: EssentialParameters,
+) -> tuple[ParameterEstimate, ...]:
+    """Every base parameter with its standard deviations, alone and among the essential ones."""
     base = prepared.model.base
+    rows, weighted, linear = estimates.rows, estimates.weighted, estimates.linear
+    std = np.sqrt(np.diag(covariance.matrix))
+    white = WhiteCovariance(covariance.blocks, len(linear.values)).matrix
+    white_std = np.sqrt(np.diag(white))
+    ls_std = std
+    if estimates.iteration is not None:
+        models = residual_models(rows, weighted.residuals)
+        observed = [joint.matrix for joint in rows]
+        ls_std = np.sqrt(
+            np.diag(_autocorrelated_covariance(rows, weighted, observed, models).matrix)
+        )
+    ordinary = solve_least_squares(rows, len(base.columns))
+    given = prepared.given
+    places = {int(column): place for place, column in enumerate(essential.columns)}
+    reduced = _essential_values(estimates, essential.columns)
+    reduced_std = np.sqrt(np.diag(covariance.restricted(essential.columns)))
+    return tuple(
+        ParameterEstimate(
+            name=base.names[k],
+            expression=base.expressions[k],
+            unit=base.units[k],
+            value=float(linear.values[k]),
+            std=float(std[k]),
+            white_std=float(white_std[k]),
+            essential=k in places,
+            essential_value=float(reduced[places[k]]) if k in places else None,
+            essential_std=float(reduced_std[places[k]]) if k in places else None,
+            ls_value=float(weighted.values[k]),
+            ls_std=float(ls_std[k]),
+            ordinary_ls_value=float(ordinary.values[k]),
+            given_value=None if given is None else float(given[k]),
+            non_negative=base.non_negative[k],
+        )
+        for k in range(len(base.columns))
+    )
+
+
+def _essential_values(estimates: Estimates, kept: NDArray[np.int64]) -> FloatArray:
+    """Estimate again with the essential parameters only, same weights: (b_e,)."""
+    triangles = [
+        keep_parameters(triangle, kept)
+        for triangle in instrument_triangles(estimates.rows, estimates.matrices)
+    ]
+    values, _ = solve_instrument_triangles(triangles, len(kept), estimates.linear.sigma)
+    return values
+
+
+def _refined(refined: RefinedIdimIv, parameters: Sequence[ParameterEstimate]) -> Refined:
     std = np.sqrt(np.diag(refined.covariance))
+    estimates = tuple(
+        RefinedEstimate(
+            name=each.name,
+            expression=each.expression,
+            unit=each.unit,
+            value=float(value),
+            std=float(deviation),
+            essential=each.essential,
+            ls_value=each.ls_value,
+            given_value=each.given_value,
+        )
+        for each, value, deviation in zip(parameters, refined.values, std, strict=True)
+    )
     return Refined(
-        ar_orders=tuple(model.order for model in refined.models),
-        parameters=tuple(
-            RefinedEstimate(
-                base.names[k],
-                base.expressions[k],
-                base.units[k],
-                float(refined.values[k]),
-                float(std[k]),
-                k in essential,
-            )
-            for k in range(len(base.columns))
-        ),
+        tuple(model.order for model in refined.models), estimates, moved(parameters, estimates)
+    )
+
+
+def moved(
+    parameters: Sequence[ParameterEstimate], refined: Sequence[RefinedEstimate]
+) -> tuple[str, ...]:
+    """Essential parameters that whitening moves further than noise does (a specification test)."""
+    return tuple(
+        each.name
+        for each, other in zip(parameters, refined, strict=True)
+        if each.essential
+        and abs(in_deviations(each.value, each.std, other.value, other.std)) > _FAR_APART
     )
 
 
 def _instruments(
-    estimate: IdimIvEstimate | None, validation: Validation, configuration: Configuration
+    estimate: IdimIvEstimate | None, validation: Validation, alpha: float
 ) -> InstrumentReport:
     outcomes = [test.accepted for test in validation.tests]
     accepted = False if False in outcomes else None if None in outcomes else True
     note = "" if estimate is None else estimate.instruments.note
     return InstrumentReport(
-        source="none: least squares" if estimate is None else estimate.source.name,
         accepted=accepted,
-        alpha=configuration.identification.significance,
+        alpha=alpha,
+        source="none: least squares" if estimate is None else estimate.source.name,
         failures=() if estimate is None else estimate.failures,
         notes=tuple(each for each in (note, validation.note) if each),
         tests=validation.tests,
-        exogeneity=validation.exogeneity,
-        specification=validation.specification,
     )
-
-
-def _of_joint(tests: Sequence[HypothesisTest], joint: str) -> tuple[HypothesisTest, ...]:
-    return tuple(test for test in tests if test.scope.rpartition(": ")[0] == joint)
 
 
 def _overall(verdict: OverallVerdict, estimate: IdimIvEstimate | None) -> OverallVerdict:

@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.documents import Document
 from idim_iv_ros.estimation import (
     JointTriangle,
     condition_number,
@@ -15,7 +16,7 @@ from idim_iv_ros.estimation import (
     unseen_parameters,
     white_covariance,
 )
-from idim_iv_ros.files import FilePaths
+from idim_iv_ros.files import CHECK_FORMAT, FilePaths
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.model import BaseParameters
 from idim_iv_ros.model.units import unit_at
@@ -71,18 +72,22 @@ class ParameterVisibility:
     seen: str
 
 
-@dataclass(frozen=True)
-class CheckReport:
+@dataclass(frozen=True, kw_only=True)
+class CheckReport(Document):
     """All findings; `usable` is false when an identification would be refused."""
 
+    what: ClassVar[str] = "a check"
+    written_by: ClassVar[str] = "check"
+
+    format: Literal["idim_iv_ros/check/1"] = CHECK_FORMAT
+    usable: bool = True
     findings: tuple[Finding, ...]
     parameters: tuple[ParameterVisibility, ...]
     condition_number: float | None
 
-    @property
-    def usable(self) -> bool:
-        """Whether nothing is unusable."""
-        return all(finding.level != "unusable" for finding in self.findings)
+    def __post_init__(self) -> None:
+        usable = all(finding.level != "unusable" for finding in self.findings)
+        object.__setattr__(self, "usable", usable)
 
 
 def check(
@@ -110,7 +115,7 @@ def check(
     if unseen:
         sentence = f"{', '.join(unseen)} cannot be separated from the other parameters"
         findings.append(Finding("excitation", "unusable", sentence))
-    return CheckReport(tuple(findings), parameters, condition)
+    return CheckReport(findings=tuple(findings), parameters=parameters, condition_number=condition)
 
 
 def _recording_findings(recording: Recording, motion: Motion) -> list[Finding]:

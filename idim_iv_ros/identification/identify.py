@@ -13,10 +13,9 @@ from idim_iv_ros.estimation import (
     triangles_of_rows,
 )
 from idim_iv_ros.files import FilePaths
-from idim_iv_ros.identification.assembly import assemble_result
-from idim_iv_ros.identification.estimates import Estimates, Estimator
+from idim_iv_ros.identification.assembly import Estimates, assemble_result
 from idim_iv_ros.identification.prepare import prepare, read_configured, require_excitation
-from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.identification.result import Estimator, IdentificationResult
 from idim_iv_ros.identification.validate import validate
 from idim_iv_ros.progress import Progress, Stopwatch, part_of
 from idim_iv_ros.recording import Recording

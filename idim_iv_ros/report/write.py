@@ -21,9 +21,7 @@ from idim_iv_ros.files import (
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.interruption import undone_if_interrupted
 from idim_iv_ros.report.gap_html import gap_report_html
-from idim_iv_ros.report.gap_json import gap_text
 from idim_iv_ros.report.html import report_html
-from idim_iv_ros.report.json_result import result_text
 
 _WRITTEN_BY = {RESULT: "identify", GAP: "diagnose"}
 
@@ -56,7 +54,7 @@ def write_report(
     UsageError
         The folder cannot be written, or holds a diagnosis or a file of somebody else.
     """
-    return _write(Path(out), RESULT, result_text(result), partial(report_html, result), force)
+    return _write(Path(out), RESULT, result.to_json(), partial(report_html, result), force)
 
 
 def write_gap_report(
@@ -83,7 +81,7 @@ def write_gap_report(
     UsageError
         The folder cannot be written, or holds an identification or a file of somebody else.
     """
-    return _write(Path(out), GAP, gap_text(result), partial(gap_report_html, result), force)
+    return _write(Path(out), GAP, result.to_json(), partial(gap_report_html, result), force)
 
 
 @contextmanager

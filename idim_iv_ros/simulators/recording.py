@@ -22,7 +22,6 @@ from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording import JointTopic, write_bag
 from idim_iv_ros.simulation import SimulatedRecording
-from idim_iv_ros.simulators.extended_model import read_extended_model
 from idim_iv_ros.simulators.robot import SimulatedRobot, simulated_robot
 from idim_iv_ros.types import FloatArray
 
@@ -107,7 +106,7 @@ def simulate(
     require_simulation_place(out, seeds, force=force)
     bag_paths, truth = _bag_paths(Path(out), seeds), _truth_path(Path(out))
     text = read_urdf_file(urdf)
-    extended = None if effects is None else read_extended_model(Path(effects))
+    extended = None if effects is None else Path(effects)
     robot = simulated_robot(configuration, text, urdf.name, extended)
     bags = []
     with Stopwatch(progress) as watch:

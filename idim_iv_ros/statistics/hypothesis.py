@@ -27,6 +27,9 @@ class HypothesisTest:
         Why there is no statistic, or None.
     torque_deviation_percent : float or None
         Effect size of an instrument test on the scale of the torque, or None.
+    accepted : bool or None
+        Whether the null hypothesis is accepted at `alpha`, whatever is given; None if the test was
+        not run.
     """
 
     null: str
@@ -39,11 +42,11 @@ class HypothesisTest:
     alpha: float = 0.05
     reason: str | None = None
     torque_deviation_percent: float | None = None
+    accepted: bool | None = None
 
-    @property
-    def accepted(self) -> bool | None:
-        """Whether the null hypothesis is accepted at `alpha`; None if the test was not run."""
-        return None if self.p_value is None else self.p_value >= self.alpha
+    def __post_init__(self) -> None:
+        accepted = None if self.p_value is None else bool(self.p_value >= self.alpha)
+        object.__setattr__(self, "accepted", accepted)
 
     @classmethod
     def not_run(cls, null: str, scope: str, reason: str, alpha: float = 0.05) -> "HypothesisTest":

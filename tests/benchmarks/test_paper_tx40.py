@@ -140,7 +140,7 @@ def test_without_gravity_the_error_is_found_at_the_first_joints_and_not_at_the_l
     """
     for run in runs:
         result = run.results[MODEL_ERROR]
-        wrong = {v.joint for v in result.verdicts if v.verdict == "model error here"}
+        wrong = {v.joint for v in result.residuals if v.verdict == "model error here"}
         assert {"joint_1", "joint_2", "joint_3"} <= wrong <= {f"joint_{k}" for k in range(1, 5)}
         assert set(rejected(run, MODEL_ERROR)) <= {f"joint_{k}" for k in range(1, 5)}
         assert result.verdict.verdict == "model error here"

@@ -152,7 +152,7 @@ def test_recording_without_references_says_what_it_costs(arm6) -> None:
     result = identify_recordings([record], arm6.configuration)
     assert "smoothed" in result.instruments.source
     assert result.instruments.accepted is None
-    assert all(verdict.verdict == "cannot be told" for verdict in result.verdicts)
+    assert all(verdict.verdict == "cannot be told" for verdict in result.residuals)
 
 
 def test_unknown_control_law_is_recovered_from_the_recording(arm6) -> None:

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.result import GapResult, NotTestable
+from idim_iv_ros.diagnosis.result import GapResult, NotTestable, Where
 from idim_iv_ros.report import gap_report_html
 from tests.report.sample_gap import CASES, Case, sample_gap, with_first_joint_named
 from tests.report.test_html import Page
@@ -37,7 +37,7 @@ def _only_first(result: GapResult) -> GapResult:
         result,
         joints=result.joints[:1],
         joint_types=result.joint_types[:1],
-        joint_gaps=result.joint_gaps[:1],
+        where=replace(result.where, joints=result.joint_gaps[:1]),
         series=result.series[:1],
         tracking=result.tracking[:1],
         confusability=result.confusability[:1],
@@ -162,7 +162,7 @@ def test_a_map_of_joints_with_two_units_names_the_unit_of_each() -> None:
         replace(each, unit="m") if (each.axis, each.joint) == ("position", "joint_1") else each
         for each in result.regimes
     )
-    words = set(_page(replace(result, regimes=regimes)).words)
+    words = set(_page(replace(result, where=replace(result.where, regimes=regimes))).words)
     assert "Position, rad" in _page(result).words
     assert {"Position", "joint_1, m", "joint_2, rad"} <= words
     assert "Position, rad" not in words
@@ -182,8 +182,7 @@ def test_a_joint_that_stands_still_or_has_no_rows_is_no_error() -> None:
 def test_a_diagnosis_that_could_do_nothing_still_has_its_page() -> None:
     result = replace(
         sample_gap(2, "unknown"),
-        joint_gaps=(),
-        regimes=(),
+        where=Where((), ()),
         findings=(),
         not_testable=(),
         stages=(),

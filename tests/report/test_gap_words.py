@@ -10,6 +10,7 @@ import pytest
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.effects.effect import in_words
 from idim_iv_ros.excitation.segments import separating_motion
+from idim_iv_ros.recording import SessionPart
 from idim_iv_ros.report import gap_report_html
 from idim_iv_ros.report.gap_sections.tracking import _drawing
 from tests.report.sample_gap import sample_gap
@@ -40,7 +41,7 @@ def test_the_models_that_are_simulated_are_named() -> None:
 
 
 def test_pauses_between_recordings_are_not_recorded() -> None:
-    result = replace(sample_gap(2, "none"), recorded=42.0)
+    result = replace(sample_gap(2, "none"), session=(SessionPart("a", 0.0, 42.0),))
     text = re.sub(r"\s+", " ", Page(gap_report_html(result)).text)
     assert "from 42.0 s of recording" in text
 

@@ -18,6 +18,7 @@ from idim_iv_ros.diagnosis.result import (
     Gap,
     Indistinguishable,
     JointChange,
+    SimulationGap,
 )
 from idim_iv_ros.diagnosis.structural.attribution import Attribution, Found
 from idim_iv_ros.diagnosis.structural.deviations import parameters_of
@@ -164,7 +165,7 @@ def structural_causes(
     data: Baseline,
     model: NamedModel,
     tested: HeldOut,
-    simulations: Sequence[Gap | None],
+    simulations: Sequence[SimulationGap | None],
     tried: int,
 ) -> list[Cause]:
     """One cause for each named effect.

@@ -47,10 +47,10 @@ def instruments_section(result: IdentificationResult) -> Html:
         _table(report.tests, effects=2),
         tag("h3", "Is anything of the motion left in the residual? Specification test"),
         tag("p", _SPECIFIED, css="explanation"),
-        _table(report.specification, effects=1),
+        _table(result.specification.tests, effects=1),
         tag("h3", "Would least squares do? Exogeneity test"),
         tag("p", _EXOGENOUS, css="explanation"),
-        _table(report.exogeneity, effects=0),
+        _table(result.exogeneity.tests, effects=0),
         tag(
             "p",
             f"A right model is rejected anywhere with a probability of at most "

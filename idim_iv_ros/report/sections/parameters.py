@@ -1,6 +1,5 @@
 """The parameters: value, interval, and what least squares and the nominal model say."""
 
-import math
 import re
 from dataclasses import dataclass
 
@@ -24,7 +23,6 @@ from idim_iv_ros.report.sections.forest import forest_plot
 
 POORLY_KNOWN_PERCENT = 30.0
 _LONG_TABLE = 20
-_FAR_APART = 3.0
 
 
 @dataclass(frozen=True)
@@ -101,29 +99,20 @@ def _disagreement(result: IdentificationResult) -> Html | None:
     """Warn where whitening moves an estimate further than noise can (a specification test)."""
     if result.refined is None:
         return None
-    refined = {parameter.name: parameter for parameter in result.refined.parameters}
-    moved = [
-        p.name
-        for p in result.parameters
-        if p.essential
-        and p.name in refined
-        and abs(refined[p.name].value - p.value)
-        > _FAR_APART * math.hypot(p.std, refined[p.name].std)
-    ]
-    if not moved:
+    if not result.refined.moved:
         return None
     return tag(
         "p",
         tag("b", "Whitening moves some estimates further than noise can. "),
-        f"{', '.join(moved)}: refined and unrefined estimate differ by more than "
-        f"{_FAR_APART:.0f} of their σ. A model error that lives at some frequencies only, often "
+        f"{', '.join(result.refined.moved)}: refined and unrefined estimate differ by more than "
+        "3 of their σ. A model error that lives at some frequencies only, often "
         "friction at the reversals, does this; σ does not cover it.",
         css="warning",
     )
 
 
 def _wrong_model(result: IdentificationResult) -> Html | None:
-    wrong = [each.joint for each in result.verdicts if each.verdict == "model error here"]
+    wrong = [each.joint for each in result.residuals if each.verdict == "model error here"]
     if not wrong:
         return None
     return tag(

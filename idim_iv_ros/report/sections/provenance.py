@@ -6,7 +6,6 @@ from typing import Any
 from ruamel.yaml import YAML
 
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.report.json_result import plain
 from idim_iv_ros.report.markup import Html, section, tag
 from idim_iv_ros.report.numerals import cell, with_unit
 
@@ -60,7 +59,7 @@ def yaml_text(configuration: dict[str, object]) -> str:
     writer.sort_base_mapping_type_on_output = False
     writer.width = 100
     text = io.StringIO()
-    writer.dump(plain(configuration), text)
+    writer.dump(configuration, text)
     return text.getvalue()
 
 

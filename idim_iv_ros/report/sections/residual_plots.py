@@ -4,15 +4,15 @@ from typing import Any
 
 import numpy as np
 
+from idim_iv_ros.identification.result import JointResidual
 from idim_iv_ros.report.figures import BLUE, INK, ORANGE, SHADE, Figure, axis, figure, typed
-from idim_iv_ros.statistics import ResidualDiagnosis
 from idim_iv_ros.types import FloatArray
 
 _BINS = 41
 _WIDEST = 5.0  # σ; further samples are counted in the outermost bins
 
 
-def acf_figure(residual: ResidualDiagnosis, rate: float) -> Figure:
+def acf_figure(residual: JointResidual, rate: float) -> Figure:
     """Return the autocorrelation before and after whitening, with the bounds of white noise.
 
     Parameters

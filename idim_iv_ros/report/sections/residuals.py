@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.identification.result import IdentificationResult, JointResidual
 from idim_iv_ros.report.figures import BLUE, INK, ORANGE, SHADE, embed, legend
 from idim_iv_ros.report.markup import Html, section, tag
 from idim_iv_ros.report.numerals import cell, number, p_value, percent, with_unit
@@ -10,7 +10,7 @@ from idim_iv_ros.report.sections.residual_plots import acf_figure, histogram_fig
 from idim_iv_ros.report.series import contiguous_runs
 from idim_iv_ros.report.session_axis import axis_of_identification
 from idim_iv_ros.report.units import torque_unit
-from idim_iv_ros.statistics import HypothesisTest, ResidualDiagnosis
+from idim_iv_ros.statistics import HypothesisTest
 
 _HEIGHT = 230
 _SPACE = "\N{NO-BREAK SPACE}"
@@ -75,7 +75,7 @@ def _table(result: IdentificationResult) -> Html:
     return tag("div", table, css="wide")
 
 
-def _white_words(residual: ResidualDiagnosis) -> Html:
+def _white_words(residual: JointResidual) -> Html:
     if residual.white is None:
         return _words("not tested", residual.whiteness.reason or "")
     test = residual.whiteness
@@ -84,7 +84,7 @@ def _white_words(residual: ResidualDiagnosis) -> Html:
     return _words("yes" if test.accepted else "yes, what colour there is harms nothing", _p(test))
 
 
-def _whitened_words(residual: ResidualDiagnosis) -> Html:
+def _whitened_words(residual: JointResidual) -> Html:
     test = residual.whiteness_after
     if residual.ar_order == 0:
         return _words("nothing to filter", "")
@@ -96,7 +96,7 @@ def _whitened_words(residual: ResidualDiagnosis) -> Html:
     return _words("not fully", f"{_p(test)}, largest correlation {left}")
 
 
-def _gaussian_words(residual: ResidualDiagnosis) -> Html:
+def _gaussian_words(residual: JointResidual) -> Html:
     test = residual.normality
     if test.accepted is None:
         return _words("not tested", test.reason or "")
@@ -121,7 +121,8 @@ def _plots(result: IdentificationResult, index: int) -> Html:
     residual, series = result.residuals[index], result.series[index]
     raw = np.asarray(series.measured) - np.asarray(series.predicted)
     runs = contiguous_runs(series, axis_of_identification(result))
-    whitened = residual.autoregression.whiten(raw, runs) if runs else raw
+    whitening = residual.autoregression
+    whitened = whitening.whiten(raw, runs) if whitening is not None and runs else raw
     joint = residual.joint
     rate = result.processing.row_rate
     return tag(
@@ -147,7 +148,7 @@ def _plots(result: IdentificationResult, index: int) -> Html:
     )
 
 
-def _caption(residual: ResidualDiagnosis) -> str:
+def _caption(residual: JointResidual) -> str:
     if residual.white is None:
         colour = "colour not tested"
     elif residual.white:

@@ -66,15 +66,13 @@ def _iterations(result: IdentificationResult) -> tuple[str, str, str]:
 
 def _joints(result: IdentificationResult) -> Html:
     rows = []
-    for index, (residual, verdict) in enumerate(
-        zip(result.residuals, result.verdicts, strict=True)
-    ):
-        words = verdict.sentence.removeprefix(f"{verdict.joint}: ")
+    for index, residual in enumerate(result.residuals):
+        words = residual.sentence.removeprefix(f"{residual.joint}: ")
         rows.append(
             tag(
                 "tr",
-                tag("th", verdict.joint, scope="row"),
-                tag("td", verdict_badge(verdict.verdict)),
+                tag("th", residual.joint, scope="row"),
+                tag("td", verdict_badge(residual.verdict)),
                 tag("td", sentence(words), css="words"),
                 cell(percent(residual.relative_percent)),
                 cell(with_unit(residual.rms, torque_unit(result, index), 2)),

@@ -1,3 +1,5 @@
+"""gap.json: what is written is what is read, and what is no gap.json is refused in one line."""
+
 import json
 import os
 from dataclasses import replace
@@ -5,17 +7,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
 
-from idim_iv_ros.diagnosis.result import Regime
+from idim_iv_ros.diagnosis.result import GapResult, Regime, Where
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.report import gap_document, read_gap, write_gap_report
-from idim_iv_ros.report.gap_json import gap_text
+from idim_iv_ros.report import write_gap_report
 from tests.report.sample_gap import CASES, Case, sample_gap
+
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "schemas"
 
 # The design's format, and what the project added to it.
 TOP = {
     *("format", "verdict", "causes", "unexplained", "where", "not_testable", "stages"),
-    *("robot", "joints", "bags", "session", "software", "configuration", "without", "summary"),
+    *("robot", "joints", "joint_types", "bags", "session", "software", "configuration"),
+    *("without", "summary"),
     *("findings", "notes", "extended_parameters", "timing", "parameter_errors", "signal_chain"),
 }
 CAUSE = {
@@ -36,7 +41,7 @@ def test_the_document_has_exactly_the_keys_of_the_format(
     joints: int, case: Case, bare: bool
 ) -> None:
     result = sample_gap(joints, case, given=not bare, floor=not bare, tracking=not bare)
-    document = gap_document(result)
+    document = result.to_document()
     assert document["format"] == "idim_iv_ros/gap/1"
     assert set(document) == TOP
     assert document["verdict"] == case
@@ -63,8 +68,8 @@ def test_the_document_has_exactly_the_keys_of_the_format(
 
 
 def test_what_is_not_explained_is_null_or_named() -> None:
-    assert gap_document(sample_gap(2, "structural"))["unexplained"] is None
-    left = gap_document(sample_gap(2, "unknown"))["unexplained"]
+    assert sample_gap(2, "structural").to_document()["unexplained"] is None
+    left = sample_gap(2, "unknown").to_document()["unexplained"]
     assert left == {
         "joint": "joint_2",
         "family": "event",
@@ -79,12 +84,12 @@ def test_numbers_that_do_not_exist_are_null() -> None:
     first = replace(result.causes[0], torque_gap=replace(result.causes[0].torque_gap, ci95=None))
     result = replace(
         result,
-        regimes=(regime,),
+        where=Where((), (regime,)),
         causes=(first,),
         timing={"fit": float("nan")},
         configuration={"limit": np.float32(np.inf), "path": Path("a/b"), "ids": (1, 2)},
     )
-    text = gap_text(result)
+    text = result.to_json()
     assert "NaN" not in text
     assert "Infinity" not in text
     document = json.loads(text)
@@ -99,7 +104,10 @@ def test_numbers_that_do_not_exist_are_null() -> None:
 def test_what_is_written_passes_the_check_and_is_read_back(tmp_path: Path, case: Case) -> None:
     result = sample_gap(2, case)
     written, page = write_gap_report(result, tmp_path / "new")
-    assert read_gap(written) == gap_document(result)
+    read = GapResult.read(written)
+    assert read == result
+    assert read.to_json() == written.read_text(encoding="utf-8")
+    assert (read.series, read.tracking, read.confusability) == ((), (), ())
     assert page.name == "report.html"
     assert sorted(path.name for path in written.parent.iterdir()) == ["gap.json", "report.html"]
 
@@ -140,17 +148,21 @@ def _change(document: dict, keys: tuple, value: object) -> None:
         (("stages", 0, "torque_rms", "joint_1"), [1], "stages.0.torque_rms.joint_1"),
         (("format",), "idim_iv_ros/gap/2", "idim_iv_ros/gap/2"),
         (("format",), None, "not a diagnosis"),
+        (("joint_types",), None, "joint_types: missing; write it with this version's"),
+        (("later",), 1, "later: unknown to this version of idim_iv_ros; write it"),
+        (("causes", 0, "later"), 1, "causes.0.later: unknown"),
+        (("causes", 0, "sen\ntence"), 1, "causes.0.sen tence: unknown"),
     ],
 )
 def test_a_file_of_another_format_is_refused_with_the_key(
     tmp_path: Path, keys: tuple, value: object, words: str
 ) -> None:
-    document = gap_document(sample_gap(2, "structural"))
+    document = sample_gap(2, "structural").to_document()
     _change(document, keys, value)
     path = tmp_path / "gap.json"
     path.write_text(json.dumps(document), encoding="utf-8")
     with pytest.raises(UsageError) as refusal:
-        read_gap(path)
+        GapResult.read(path)
     assert words in str(refusal.value)
     assert str(path) in str(refusal.value)
     assert "\n" not in str(refusal.value)
@@ -161,15 +173,26 @@ def test_what_is_no_diagnosis_is_refused_in_one_line(tmp_path: Path, content: by
     path = tmp_path / "gap.json"
     path.write_bytes(content)
     with pytest.raises(UsageError) as refusal:
-        read_gap(path)
+        GapResult.read(path)
     assert "\n" not in str(refusal.value)
     with pytest.raises(UsageError, match="none"):
-        read_gap(tmp_path / "none.json")
+        GapResult.read(tmp_path / "none.json")
 
 
-def test_a_key_of_a_later_version_is_no_error(tmp_path: Path) -> None:
-    document = gap_document(sample_gap(2, "structural"))
-    document["causes"][0]["later"] = 1
-    path = tmp_path / "gap.json"
-    path.write_text(json.dumps(document), encoding="utf-8")
-    assert read_gap(path)["causes"][0]["later"] == 1
+def test_an_open_end_of_a_regime_and_a_missing_number_are_read_back() -> None:
+    regime = Regime("joint_1", "speed", -np.inf, np.inf, "rad/s", np.nan, 0.5, 1.0, None)
+    result = replace(sample_gap(2, "none"), where=Where((), (regime,)))
+    (read,) = GapResult.from_json(result.to_json(), "gap.json").regimes
+    assert (read.low, read.high, read.occupancy) == (-np.inf, np.inf, 0.5)
+    assert np.isnan(read.energy_share)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_committed_schema_describes_what_is_written(case: Case) -> None:
+    schema = json.loads((DOCS / "gap.schema.json").read_text(encoding="utf-8"))
+    validator = Draft202012Validator(schema)
+    document = sample_gap(2, case).to_document()
+    validator.validate(document)
+    for wrong in ({**document, "later": 1}, {**document, "verdict": "maybe"}):
+        assert not validator.is_valid(wrong)
+    assert not validator.is_valid({key: document[key] for key in document if key != "stages"})

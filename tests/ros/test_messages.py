@@ -1,20 +1,20 @@
-"""A diagnosis as a message: what gap.json holds, and what a restart keeps of it."""
+"""Results as messages: what gap.json and result.json hold, and what a restart keeps of it."""
 
-import json
 import shutil
+from dataclasses import replace
 from math import isnan
 from pathlib import Path
 
 import pytest
 from builtin_interfaces.msg import Time
 
-from idim_iv_interfaces.msg import GapReport
-from idim_iv_ros.errors import DataError
-from idim_iv_ros.nodes.identifier.gap_messages import gap_message
+from idim_iv_interfaces.msg import GapReport, InstrumentTest, ResidualDiagnosis
+from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.identification.result import NOT_SIGNIFICANT
 from idim_iv_ros.nodes.identifier.gap_publisher import GapPublisher
-from idim_iv_ros.report.gap_format import read_gap
-from idim_iv_ros.report.gap_json import gap_document
+from idim_iv_ros.nodes.identifier.messages import gap_message, result_message
 from tests.report.sample_gap import CASES, Case, sample_gap
+from tests.report.sample_result import sample_result
 
 EXAMPLE = Path(__file__).with_name("gap.json")  # written by hand, after the design
 
@@ -29,8 +29,8 @@ def results(tmp_path: Path) -> Path:
 
 
 def report(results: Path) -> GapReport:
-    document = read_gap(results / "diagnosis" / "gap.json")
-    return gap_message(document, Time(sec=7), ["a.mcap"], "diagnosis")
+    result = GapResult.read(results / "diagnosis" / "gap.json")
+    return gap_message(result, Time(sec=7), ["a.mcap"], "diagnosis")
 
 
 def test_message_holds_what_gap_json_holds(results: Path) -> None:
@@ -56,6 +56,9 @@ def test_message_holds_what_gap_json_holds(results: Path) -> None:
     assert (torque.before, torque.after, torque.noise_floor) == (0.62, 0.41, 0.4)
     assert (torque.shrinkage, torque.shrinkage_low, torque.shrinkage_high) == (0.95, 0.9, 0.99)
     assert (simulation.before, simulation.after, simulation.shrinkage) == (0.004, 0.001, 0.75)
+    (change,) = stribeck.joint_gaps
+    assert (change.joint, change.before, change.after) == ("joint_2", 0.62, 0.41)
+    assert change.share_of_torque == 0.12
     assert (payload.kind, payload.joint, list(payload.parameters)) == ("parametric", "", [])
     assert (message.unexplained_joint, message.unexplained_family) == ("joint_1", "position")
     assert (message.unexplained_share, message.unexplained_where) == (0.2, "a bump at 0.3 rad")
@@ -88,6 +91,30 @@ def test_message_says_where_the_gap_lies_and_how_it_shrinks(results: Path) -> No
     assert untestable.excitation_needed == "tilt the base"
 
 
+def test_message_says_what_parameters_and_the_signal_chain_do(results: Path) -> None:
+    message = report(results)
+    (error,) = message.parameter_errors
+    assert (error.joint, error.given, error.named, error.refit) == ("joint_1", 0.2, 0.15, 0.12)
+    assert (error.remaining, error.share_of_torque) == (0.09, 0.02)
+    chain = message.signal_chain
+    assert (chain.effort_shift.value, chain.effort_shift.std) == (0.0015, 0.0001)
+    assert (chain.effort_shift.unit, chain.periods) == ("s", 1.5)
+    assert [(each.name, each.value) for each in chain.joint_shifts] == [
+        ("joint_1", 0.0014),
+        ("joint_2", 0.0016),
+    ]
+    assert isnan(chain.joint_shifts[1].std)
+    assert (list(chain.differing), chain.law_speed) == (["joint_2"], "the measured speed")
+
+
+def test_a_diagnosis_without_a_signal_chain_has_no_numbers_of_it(results: Path) -> None:
+    result = replace(GapResult.read(EXAMPLE), signal_chain=None)
+    chain = gap_message(result, Time(), [], "diagnosis").signal_chain
+    assert (chain.effort_shift.name, chain.law_speed, list(chain.joint_shifts)) == ("", "", [])
+    assert isnan(chain.effort_shift.value)
+    assert isnan(chain.periods)
+
+
 def test_numbers_that_do_not_exist_are_nan(results: Path) -> None:
     message = report(results)
     stribeck, payload = message.causes
@@ -109,8 +136,8 @@ def test_numbers_that_do_not_exist_are_nan(results: Path) -> None:
 
 
 def test_nothing_unexplained_is_empty(results: Path) -> None:
-    document = {**json.loads(EXAMPLE.read_text()), "unexplained": None}
-    message = gap_message(document, Time(), [], "diagnosis")
+    result = replace(GapResult.read(EXAMPLE), unexplained=None)
+    message = gap_message(result, Time(), [], "diagnosis")
     assert (message.unexplained_joint, message.unexplained_where) == ("", "")
     assert isnan(message.unexplained_share)
 
@@ -118,7 +145,7 @@ def test_nothing_unexplained_is_empty(results: Path) -> None:
 @pytest.mark.parametrize("case", CASES)
 def test_every_verdict_becomes_a_message(case: Case) -> None:
     result = sample_gap(case=case, given=case != "none", tracking=case != "both")
-    message = gap_message(gap_document(result), Time(), [], "diagnosis")
+    message = gap_message(result, Time(), [], "diagnosis")
     assert (message.verdict, message.summary) == (result.verdict, result.summary)
     assert [each.sentence for each in message.causes] == [each.sentence for each in result.causes]
     assert [each.joint for each in message.joints] == list(result.joints)
@@ -127,12 +154,27 @@ def test_every_verdict_becomes_a_message(case: Case) -> None:
     assert (message.unexplained_joint == "") == (result.unexplained is None)
 
 
-@pytest.mark.parametrize("key", ["verdict", "causes", "unexplained", "where", "stages"])
-def test_document_without_a_key_is_one_line(key: str) -> None:
-    document = json.loads(EXAMPLE.read_text())
-    del document[key]
-    with pytest.raises(DataError, match=f"diagnosis/gap.json: cannot be sent.*{key}"):
-        gap_message(document, Time(), [], "diagnosis")
+def test_an_identification_is_a_message_with_remarks_and_what_whitening_moves() -> None:
+    result = sample_result(2, "coloured")
+    assert result.refined is not None
+    result = replace(result, refined=replace(result.refined, moved=("Fv2",)))
+    message = result_message(result, Time(sec=7), ["a.mcap"], "identification")
+    estimates = message.parameters.estimates
+    assert message.parameters.header.stamp.sec == 7
+    assert [each.remark for each in estimates] == [each.remark for each in result.parameters]
+    assert NOT_SIGNIFICANT in {each.remark for each in estimates}
+    assert list(message.parameters.covariance) == result.covariance.ravel().tolist()
+    assert [each.value for each in message.refined_estimates] == [
+        each.value for each in result.refined.parameters
+    ]
+    assert list(message.moved) == ["Fv2"]
+    assert [each.whiteness for each in message.residuals] == [ResidualDiagnosis.AUTOCORRELATED] * 2
+    assert [(each.scope, each.null_hypothesis) for each in message.exogeneity] == [
+        (each.scope, each.null) for each in result.exogeneity.tests
+    ]
+    assert message.exogeneity[-1].outcome == InstrumentTest.NOT_RUN
+    assert isnan(message.exogeneity[-1].p_value)
+    assert message.files == ["identification/result.json", "identification/report.html"]
 
 
 def test_last_diagnosis_is_latched_and_survives_a_restart(
