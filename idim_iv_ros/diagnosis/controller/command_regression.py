@@ -7,16 +7,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, JointData, Regression
 from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import FloatArray
-
-# Of the limit, above which a command counts as limited.
-_LIMITED = 0.98
-LEAST_ROWS = 50
 
 
 @dataclass(frozen=True)
@@ -110,7 +107,7 @@ def command_regression(
         start += int(kept.sum())
         energy += np.sum(table[kept][:, 4:] ** 2, axis=0)
         noise_energy += np.sum(_noise(motion, law, joint, speed)[kept] ** 2, axis=0)
-    if start < LEAST_ROWS:
+    if start < settings.LAW_LEAST_ROWS:
         return None
     table = np.concatenate(tables)
     which = np.concatenate(constants)
@@ -132,7 +129,7 @@ def command_regression(
 def comparable_rows(motion: Motion, law: ControlLaw, joint: int) -> NDArray[np.bool_]:
     """Decimated samples (m,) at which a command is measured and not at the torque limit."""
     signals = motion.signals
-    limit = _LIMITED * float(law.torque_limit[joint])
+    limit = settings.LIMITED_COMMAND * float(law.torque_limit[joint])
     bad = ~signals.valid[:, joint] | (np.abs(signals.torque[:, joint]) >= limit)
     return _apart(bad[motion.span], motion)
 

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat
@@ -19,13 +20,6 @@ from idim_iv_ros.diagnosis.structural.likelihood import (
 )
 from idim_iv_ros.types import FloatArray, IntArray
 
-_LEAST_FOLD = 5.0  # s
-_FEWEST, _MOST = 4, 6
-_GUARD = 0.25  # s on either side of a border inside a recording
-# Folds of what changes with time: every so many seconds another of so many folds.
-_INTERLEAVED, _TURNS = 3.0, 4
-# Weight of the held-out rows in the fit that predicts them: what only they show stays finite.
-_LEAK = 1e-3
 _RIDGE = 1e-10
 GUARD_FOLD = -1
 
@@ -250,7 +244,7 @@ def folds_of(data: Baseline, repeats: Sequence[Repeat]) -> tuple[tuple[IntArray,
             f"each of {number.max() + 1} recordings is predicted from the others",
         )
     seconds = sum(len(motion.kept) for motion in data.motions) / data.row_rate
-    blocks = int(np.clip(seconds / _LEAST_FOLD, _FEWEST, _MOST))
+    blocks = int(np.clip(seconds / settings.LEAST_FOLD, settings.FEWEST_FOLDS, settings.MOST_FOLDS))
     return (
         _blocks_of(data, blocks),
         f"each of {blocks} blocks of {seconds / blocks:.2g} s is predicted from the others",
@@ -260,13 +254,14 @@ def folds_of(data: Baseline, repeats: Sequence[Repeat]) -> tuple[tuple[IntArray,
 def interleaved_folds(data: Baseline) -> tuple[tuple[IntArray, ...], str]:
     """Fold of every row of every joint where folds take turns, and how they were made, in words."""
     seconds = sum(len(motion.kept) for motion in data.motions) / data.row_rate
-    blocks = max(int(seconds / _INTERLEAVED), _TURNS)
+    blocks = max(int(seconds / settings.INTERLEAVED_FOLD), settings.INTERLEAVED_TURNS)
     folds = tuple(
-        np.where(fold == GUARD_FOLD, GUARD_FOLD, fold % _TURNS) for fold in _blocks_of(data, blocks)
+        np.where(fold == GUARD_FOLD, GUARD_FOLD, fold % settings.INTERLEAVED_TURNS)
+        for fold in _blocks_of(data, blocks)
     )
     return folds, (
-        f"every {_TURNS}th block of {seconds / blocks:.2g} s is predicted from the others, as "
-        "what changes with time cannot be predicted from another part of the session"
+        f"every {settings.INTERLEAVED_TURNS}th block of {seconds / blocks:.2g} s is predicted from "
+        "the others, as what changes with time cannot be predicted from another part of the session"
     )
 
 
@@ -275,7 +270,7 @@ def _blocks_of(data: Baseline, blocks: int) -> tuple[IntArray, ...]:
     lengths = [len(motion.kept) for motion in data.motions]
     starts = np.concatenate([[0], np.cumsum(lengths)])
     return tuple(
-        _blocks(starts[recording] + place, starts, blocks, _GUARD * data.row_rate)
+        _blocks(starts[recording] + place, starts, blocks, settings.FOLD_GUARD * data.row_rate)
         for recording, place in zip(data.recordings, data.places, strict=True)
     )
 
@@ -311,8 +306,8 @@ def _solutions(
     return [
         [
             _solve(
-                (whole - (1.0 - _LEAK) * normal[fold])[:end, :end],
-                (target - (1.0 - _LEAK) * right[fold])[:end],
+                (whole - (1.0 - settings.FOLD_LEAK) * normal[fold])[:end, :end],
+                (target - (1.0 - settings.FOLD_LEAK) * right[fold])[:end],
             )
             for fold in range(count)
         ]

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.identifiability.detectability import (
-    ABSORBED,
     Detectability,
     ShapedEffect,
     detectability,
@@ -18,8 +18,6 @@ from idim_iv_ros.diagnosis.result import Confusability, NotTestable
 from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range, rows_of, spread_shapes
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, NoiseModel, Regression, Scan
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place
-
-_LARGEST = 1e6  # N m: columns beyond come from a transmission that ran away
 
 
 def shown_by_motion(
@@ -117,7 +115,9 @@ def _shaped(
     usable = [
         (shape, columns)
         for shape, columns in zip(shapes, rows_of(data, effect, place, shapes), strict=True)
-        if all(np.max(np.abs(rows), initial=0.0) < _LARGEST for rows in columns.values())
+        if all(
+            np.max(np.abs(rows), initial=0.0) < settings.LARGEST_TORQUE for rows in columns.values()
+        )
     ]
     if not usable:
         return None
@@ -126,7 +126,7 @@ def _shaped(
 
 def _refusal(candidate: ShapedEffect, measure: Detectability, joint: str) -> NotTestable | None:
     effect = candidate.effect
-    if measure.least_absorbed > ABSORBED:
+    if measure.least_absorbed > settings.ABSORBED:
         share = 100.0 * measure.least_absorbed
         reason = f"the model's own parameters absorb {share:.1f} % of it on this motion"
         return NotTestable(effect.name, joint, reason, effect.excitation)

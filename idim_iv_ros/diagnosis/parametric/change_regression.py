@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.identifiability.motion_limits import too_little
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range
@@ -15,11 +16,6 @@ from idim_iv_ros.estimation.r_factor import r_factor
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
-
-# A direction of which, unit columns taken, less than this is left counts as not excited.
-_LEAST = 1e-5
-# Share of a column that accepted effects must leave, or the recording does not show it beside them.
-_LEAST_INDEPENDENT = 1e-2
 
 
 @dataclass(frozen=True)
@@ -133,7 +129,7 @@ class ChangeRegression:
         norms = np.linalg.norm(white, axis=0)
         scale = 1.0 / np.where(norms > 0.0, norms, 1.0)
         left, singular, right = np.linalg.svd(white * scale, full_matrices=False)
-        rank = int(np.sum(singular > _LEAST))
+        rank = int(np.sum(singular > settings.LEAST_DIRECTION))
         seen = right[:rank].T  # (m, rank)
         coordinates = left[:, :rank].T @ self.right
         values = scale * (seen @ (coordinates / singular[:rank]))
@@ -256,7 +252,7 @@ def _projected(rows: FloatArray, added: int) -> tuple[FloatArray, FloatArray]:
     rest = rows[:, added:] - left[:, seen] @ coordinates
     # A free curve of the speed holds the joint's dry friction: what is left of that is rounding.
     whole = np.linalg.norm(rows[:, added:], axis=0)
-    rest[:, np.linalg.norm(rest, axis=0) < _LEAST_INDEPENDENT * whole] = 0.0
+    rest[:, np.linalg.norm(rest, axis=0) < settings.LEAST_BESIDE_EFFECTS * whole] = 0.0
     return r_factor(rest), coefficients
 
 

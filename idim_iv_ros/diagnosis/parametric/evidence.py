@@ -7,6 +7,7 @@ from itertools import islice
 import numpy as np
 from scipy import stats
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression
 from idim_iv_ros.diagnosis.parametric.hypotheses import (
     Hypothesis,
@@ -21,10 +22,6 @@ from idim_iv_ros.diagnosis.parametric.other_errors import estimated_beside_other
 from idim_iv_ros.diagnosis.result import EffectParameter, Indistinguishable
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParametricEffect
 from idim_iv_ros.types import FloatArray
-
-# Causes that bring this much less are not better or worse.
-ALIKE = 6.0
-LEAST_CORRELATION = 0.5
 
 
 @dataclass(frozen=True)
@@ -175,10 +172,10 @@ def _rivals(
     """Hypotheses that would do as well in this one's place, with a torque alike."""
     rivals = []
     for trial in tried:
-        if trial.support < this.support - ALIKE:
+        if trial.support < this.support - settings.INDISTINGUISHABLE_SUPPORT:
             continue
         correlation = _correlation(changes, rest, this, trial)
-        if correlation >= LEAST_CORRELATION:
+        if correlation >= settings.INDISTINGUISHABLE_CORRELATION:
             name = _name(joints, trial.hypothesis)
             rivals.append(Indistinguishable(trial.hypothesis.effect.name, name, correlation))
     return tuple(rivals)

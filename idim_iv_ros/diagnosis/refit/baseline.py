@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.bandwidth import widened
 from idim_iv_ros.diagnosis.refit.reversals import may_count, reason_for_margin, with_margin
 from idim_iv_ros.diagnosis.refit.slip import simulated_slips
@@ -26,7 +27,6 @@ from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import REVERSAL_MARGIN
 from idim_iv_ros.types import FloatArray
 
-_LEAST_SPEED_SHARE = 0.005
 _FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
 
 
@@ -80,7 +80,9 @@ class Baseline:
     def slowest(self) -> FloatArray:
         """Speeds (n_joints,) that count, rad/s (m/s); where rows of all do, a share of the peak."""
         peaks = np.max([np.abs(m.velocity).max(axis=0) for m in self.motions], axis=0)
-        return np.asarray(np.maximum(self.prepared.minimum_speed, _LEAST_SPEED_SHARE * peaks))
+        return np.asarray(
+            np.maximum(self.prepared.minimum_speed, settings.LEAST_SPEED_SHARE * peaks)
+        )
 
     def at(self, values: FloatArray) -> "Baseline":
         """Return the same with the candidates' torques computed at other parameters (b,)."""

@@ -12,21 +12,15 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.signals import AutoregressiveModel, fit_autoregression
 from idim_iv_ros.types import FloatArray, IntArray
 
 Columns = Mapping[int, FloatArray]
 
-_LARGEST_ORDER = 10
-_STEPS = 3
-# No frequency is believed to hold less noise than this share of the mean density: the model is
-# wrong by a little everywhere, also where the noise is nothing.
-_LEAST_DENSITY = 0.01
 _LARGEST_ENERGY = 1e100
 _LEAST_ENERGY = 1e-30  # of a whitened column that is not nothing
 _RIDGE = 1e-10  # of a column's energy: keeps columns that depend on others from blowing up
-# A candidate of which less than this share is left beside the model cannot be told from it.
-LEAST_INDEPENDENT = 1e-4
 
 
 @dataclass(frozen=True)
@@ -144,8 +138,14 @@ class Regression:
             ]
         )
 
-    def fit(self, noise_models: Sequence[NoiseModel] | None = None, *, steps: int = _STEPS) -> Fit:
+    def fit(
+        self,
+        noise_models: Sequence[NoiseModel] | None = None,
+        *,
+        steps: int | None = None,
+    ) -> Fit:
         """Fit everything; colours are refined `steps` times from those given."""
+        steps = settings.NOISE_MODEL_STEPS if steps is None else steps
         current = list(self.first_noise_models() if noise_models is None else noise_models)
         parts = [self.wide(joint) for joint in range(len(self.joints))]
         for step in range(steps + 1):
@@ -260,7 +260,7 @@ class Scan:
         if not (energy < _LARGEST_ENERGY).all():  # infinite, not a number, or nearly so
             return 0.0, np.zeros(len(energy))
         normal = self.normal(white, white)
-        usable = np.diag(normal) > np.maximum(LEAST_INDEPENDENT * energy, _LEAST_ENERGY)
+        usable = np.diag(normal) > np.maximum(settings.LEAST_INDEPENDENT * energy, _LEAST_ENERGY)
         coefficients = np.zeros(len(energy))
         if not usable.any():
             return 0.0, coefficients
@@ -310,8 +310,8 @@ def _least_squares(matrix: FloatArray, torque: FloatArray) -> FloatArray:
 
 
 def _colour(residual: FloatArray, runs: Sequence[slice]) -> NoiseModel:
-    model = fit_autoregression(residual, runs, max_order=_LARGEST_ORDER)
-    model = model.with_white_noise(_LEAST_DENSITY)
+    model = fit_autoregression(residual, runs, max_order=settings.NOISE_MODEL_ORDER)
+    model = model.with_white_noise(settings.LEAST_DENSITY)
     return NoiseModel(model, float(np.sqrt(np.mean(model.whiten(residual, runs) ** 2))) or 1e-12)
 
 
