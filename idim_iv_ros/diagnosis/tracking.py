@@ -10,7 +10,7 @@ from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, res
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Gap, Stage, TrackingSeries
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.estimation import SimulatedLoop
+from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.signals import Motion, central_differences
 from idim_iv_ros.simulation import ControlLaw, SimulatedEffect, simulate_closed_loop
 from idim_iv_ros.types import FloatArray

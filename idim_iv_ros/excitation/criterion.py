@@ -1,10 +1,11 @@
 """How well a motion excites the base parameters: condition numbers and predicted deviations."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.estimation.r_factor import r_factor
+from idim_iv_ros.estimation.qr import streamed_r_factor
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.types import FloatArray
@@ -36,20 +37,21 @@ class ConditionNumbers:
     deviation: float
 
 
-def triangle(model: InverseModel, motion: Trajectory, weights: FloatArray) -> FloatArray:
-    """Triangle R (b, b) of the base regressor with the rows of joint j times weights[j].
+def weighted_r_factor(model: InverseModel, motion: Trajectory, weights: FloatArray) -> FloatArray:
+    """R factor (b, b) of the base regressor with the rows of joint j times weights[j].
 
     RᵀR = XᵀΩX over all samples of the motion, Ω = diag(weights²).
     """
-    triangle = np.zeros((0, len(model.base.columns)))
-    for start in range(0, len(motion.position), _BLOCK):
-        block = slice(start, start + _BLOCK)
-        matrix = model.matrix(
-            motion.position[block], motion.velocity[block], motion.acceleration[block]
-        )
-        rows = (matrix * weights[:, None]).reshape(-1, matrix.shape[2])
-        triangle = r_factor(np.vstack([triangle, rows]))
-    return triangle
+
+    def blocks() -> Iterator[FloatArray]:
+        for start in range(0, len(motion.position), _BLOCK):
+            block = slice(start, start + _BLOCK)
+            matrix = model.matrix(
+                motion.position[block], motion.velocity[block], motion.acceleration[block]
+            )
+            yield (matrix * weights[:, None]).reshape(-1, matrix.shape[2])
+
+    return streamed_r_factor(blocks(), len(model.base.columns))
 
 
 def condition_numbers(
@@ -61,10 +63,10 @@ def condition_numbers(
     ----------
     torque_limit : (n_joints,) N m (N)
     """
-    weighted = triangle(model, motion, 1.0 / torque_limit)
+    weighted = weighted_r_factor(model, motion, 1.0 / torque_limit)
     norms = np.linalg.norm(weighted, axis=0)
     equilibrated = weighted / np.where(norms > 0.0, norms, 1.0)
-    plain = triangle(model, motion, np.ones(len(torque_limit)))
+    plain = weighted_r_factor(model, motion, np.ones(len(torque_limit)))
     sigma = np.maximum(np.linalg.svd(weighted, compute_uv=False), np.finfo(float).tiny)
     deviation = np.sqrt(len(motion.position)) * np.exp(-np.mean(np.log(sigma)))
     return ConditionNumbers(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation.criterion import triangle
+from idim_iv_ros.excitation.criterion import weighted_r_factor
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.types import FloatArray
@@ -73,9 +73,10 @@ def predict_parameters(
     """
     if not (np.isfinite(torque_noise) and torque_noise > 0.0):
         raise UsageError(f"torque noise {torque_noise:g}: a share of the limit above 0 is needed")
-    upper = triangle(model, period, 1.0 / (torque_noise * torque_limit)) * np.sqrt(repeats)
+    weights = np.sqrt(repeats) / (torque_noise * torque_limit)
+    upper = weighted_r_factor(model, period, weights)
     norms = np.linalg.norm(upper, axis=0)
-    # Of the equilibrated triangle: columns of unit length.
+    # Of the equilibrated R factor: columns of unit length.
     inverse = np.linalg.pinv(upper / np.where(norms > 0.0, norms, 1.0))
     spread = np.linalg.norm(inverse, axis=1)
     parameters = [

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from idim_iv_ros.estimation import observation_rows
+from idim_iv_ros.estimation.observation import observation_rows
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.model import JointLimits
 from idim_iv_ros.types import FloatArray
@@ -57,8 +57,8 @@ def _ratios(prepared: PreparedRegression) -> dict[int, float]:
     given = prepared.model.given_without_friction
     friction = np.array([name.startswith(_FRICTION) for name in base.names])
     ratios = {}
-    for rows in observation_rows(prepared.model, prepared.motions):
-        drive = re.compile(rf"\bIa{rows.joint + 1}\b")
+    for joint, rows in enumerate(observation_rows(prepared.model, prepared.motions)):
+        drive = re.compile(rf"\bIa{joint + 1}\b")
         own = np.array([bool(drive.search(text)) for text in base.expressions])
         if len(rows) < _LEAST_ROWS:
             continue
@@ -75,7 +75,7 @@ def _ratios(prepared: PreparedRegression) -> dict[int, float]:
             ratio**2 * energy / max(float(np.sum((rows.torque - rows.torque.mean()) ** 2)), 1e-300)
         )
         if share > _LEAST_SHARE and abs(ratio) > _LEAST_RATIO * deviation:
-            ratios[rows.joint] = ratio
+            ratios[joint] = ratio
     return ratios
 
 

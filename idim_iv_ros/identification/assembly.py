@@ -10,21 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.estimation import (
-    IdimIvEstimate,
-    InstrumentSources,
-    LinearEstimate,
-    ObservationRows,
-    RefinedIdimIv,
-    condition_number,
-    essential_parameters,
-    triangles_of_rows,
-)
-from idim_iv_ros.identification.estimates import (
-    Estimates,
-    autocorrelated_covariance,
-    estimated_parameters,
-)
+from idim_iv_ros.estimation.covariance import AutocorrelatedCovariance
+from idim_iv_ros.estimation.essential import essential_parameters
+from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
+from idim_iv_ros.estimation.least_squares import LinearEstimate, condition_number
+from idim_iv_ros.estimation.refined import RefinedIdimIv
+from idim_iv_ros.estimation.rows import JointRows
+from idim_iv_ros.estimation.sources import InstrumentSources
+from idim_iv_ros.identification.estimates import Estimates, estimated_parameters
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.identification.result import (
     BagSummary,
@@ -61,7 +54,7 @@ def assemble_result(
         total,
         alpha=configuration.identification.significance,
     )
-    covariance = autocorrelated_covariance(rows, linear, estimates.matrices, validation.models)
+    covariance = AutocorrelatedCovariance(rows, linear.sigma, validation.models, count)
     verdicts = tuple(
         judge_joint(test, residual, _of_joint(validation.specification, residual.joint))
         for test, residual in zip(validation.tests[1:], validation.residuals, strict=True)
@@ -88,7 +81,7 @@ def assemble_result(
         fit=Fit(
             relative_error_percent=_relative_error(rows, linear),
             ls_relative_error_percent=_relative_error(rows, estimates.weighted),
-            condition_number=condition_number(triangles_of_rows(rows), count),
+            condition_number=condition_number(rows, count),
             samples=total,
             base_parameters=count,
             essential_parameters=len(essential.columns),
@@ -185,7 +178,7 @@ def _convergence(
     return f"not converged: {moved}, more than {tolerance:g} %"
 
 
-def _relative_error(rows: Sequence[ObservationRows], linear: LinearEstimate) -> float:
+def _relative_error(rows: Sequence[JointRows], linear: LinearEstimate) -> float:
     error = sum(float(residual @ residual) for residual in linear.residuals)
     torque = sum(float(joint.torque @ joint.torque) for joint in rows)
     return 100.0 * float(np.sqrt(error / torque)) if torque > 0.0 else float("nan")
@@ -245,18 +238,17 @@ def _bags(prepared: PreparedRegression) -> tuple[BagSummary, ...]:
 
 
 def _series(
-    prepared: PreparedRegression, rows: Sequence[ObservationRows], linear: LinearEstimate
+    prepared: PreparedRegression, rows: Sequence[JointRows], linear: LinearEstimate
 ) -> tuple[JointSeries, ...]:
     """Measured and predicted torque of the rows that count, over the time of the session."""
     series = []
-    for joint, residual in zip(rows, linear.residuals, strict=True):
-        name = prepared.configuration.robot.joints[joint.joint]
+    for joint, (own, residual) in enumerate(zip(rows, linear.residuals, strict=True)):
         time = [
-            part.start + motion.time[motion.kept[:, joint.joint]]
+            part.start + motion.time[motion.kept[:, joint]]
             for part, motion in zip(prepared.session.parts, prepared.motions, strict=True)
         ]
         series.append(
-            JointSeries(name, np.concatenate(time), joint.torque, joint.torque - residual)
+            JointSeries(own.name, np.concatenate(time), own.torque, own.torque - residual)
         )
     return tuple(series)
 

@@ -7,25 +7,19 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.estimation import (
-    AutocorrelatedBlock,
-    AutocorrelatedCovariance,
-    EssentialParameters,
-    IdimIvEstimate,
-    InstrumentSources,
+from idim_iv_ros.estimation.covariance import AutocorrelatedCovariance, WhiteCovariance
+from idim_iv_ros.estimation.essential import EssentialParameters
+from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
+from idim_iv_ros.estimation.least_squares import (
     LinearEstimate,
-    ObservationRows,
-    RefinedIdimIv,
-    WhiteCovariance,
-    instrument_triangles,
-    keep_parameters,
-    residual_models,
-    solve_instrument_triangles,
+    solve_instrumental_variables,
     solve_least_squares,
 )
+from idim_iv_ros.estimation.refined import RefinedIdimIv, residual_models
+from idim_iv_ros.estimation.rows import JointRows
+from idim_iv_ros.estimation.sources import InstrumentSources
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.identification.result import ParameterEstimate
-from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
 Estimator = Literal["idim-iv", "idim-ls"]
@@ -38,11 +32,10 @@ class Estimates:
     Attributes
     ----------
     estimator : str
-    rows : tuple of ObservationRows
+    rows : tuple of JointRows
+        With the instruments of the estimate that is reported.
     linear : LinearEstimate
-        The one that is reported.
-    matrices : one (r_j, c_j) array for each joint
-        Its instruments, the observation matrices for IDIM-LS.
+        That estimate.
     weighted : LinearEstimate
         Joint-weighted IDIM-LS.
     iteration : IdimIvEstimate or None
@@ -51,32 +44,12 @@ class Estimates:
     """
 
     estimator: Estimator
-    rows: Sequence[ObservationRows]
+    rows: Sequence[JointRows]
     linear: LinearEstimate
-    matrices: Sequence[FloatArray]
     weighted: LinearEstimate
     iteration: IdimIvEstimate | None
     sources: InstrumentSources | None
     refined: RefinedIdimIv
-
-
-def autocorrelated_covariance(
-    rows: Sequence[ObservationRows],
-    linear: LinearEstimate,
-    matrices: Sequence[FloatArray],
-    models: Sequence[AutoregressiveModel],
-) -> AutocorrelatedCovariance:
-    """Covariance of an estimate that knows the colour of each joint's residual.
-
-    The instruments of joint j are `matrices[j]`, (r_j, c_j).
-    """
-    blocks = [
-        AutocorrelatedBlock(
-            joint.matrix, matrix, joint.columns, float(sigma), model, joint.position
-        )
-        for joint, matrix, sigma, model in zip(rows, matrices, linear.sigma, models, strict=True)
-    ]
-    return AutocorrelatedCovariance(blocks, len(linear.values))
 
 
 def estimated_parameters(
@@ -89,16 +62,17 @@ def estimated_parameters(
     base = prepared.model.base
     rows, weighted, linear = estimates.rows, estimates.weighted, estimates.linear
     std = np.sqrt(np.diag(covariance.matrix))
-    white = WhiteCovariance(covariance.blocks, len(linear.values)).matrix
+    white = WhiteCovariance(rows, linear.sigma, len(linear.values)).matrix
     white_std = np.sqrt(np.diag(white))
     ls_std = std
     if estimates.iteration is not None:
         models = residual_models(rows, weighted.residuals)
-        observed = [joint.matrix for joint in rows]
-        ls_std = np.sqrt(
-            np.diag(autocorrelated_covariance(rows, weighted, observed, models).matrix)
+        observed = [joint.with_instruments(joint.matrix) for joint in rows]
+        ls_covariance = AutocorrelatedCovariance(
+            observed, weighted.sigma, models, len(weighted.values)
         )
-    ordinary = solve_least_squares(rows, len(base.columns))
+        ls_std = np.sqrt(np.diag(ls_covariance.matrix))
+    ordinary = solve_least_squares(rows, len(base.columns), weighted=False)
     given = prepared.given
     places = {int(column): place for place, column in enumerate(essential.columns)}
     reduced = _essential_values(estimates, essential.columns)
@@ -126,9 +100,5 @@ def estimated_parameters(
 
 def _essential_values(estimates: Estimates, kept: NDArray[np.int64]) -> FloatArray:
     """Estimate again with the essential parameters only, same weights: (b_e,)."""
-    triangles = [
-        keep_parameters(triangle, kept)
-        for triangle in instrument_triangles(estimates.rows, estimates.matrices)
-    ]
-    values, _ = solve_instrument_triangles(triangles, len(kept), estimates.linear.sigma)
-    return values
+    rows = [joint.reduced.keep(kept) for joint in estimates.rows]
+    return solve_instrumental_variables(rows, len(kept), estimates.linear.sigma).values

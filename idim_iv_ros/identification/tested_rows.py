@@ -5,16 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idim_iv_ros.estimation import (
-    IdimIvEstimate,
+from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
+from idim_iv_ros.estimation.instruments import (
     Instruments,
     InstrumentSource,
-    ObservationRows,
     SimulatedLoop,
     SourceFailure,
-    observation_rows,
 )
-from idim_iv_ros.estimation.rows import CHUNK
+from idim_iv_ros.estimation.observation import CHUNK, observation_rows
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.signals import Motion, coarser
 from idim_iv_ros.statistics.motion_functions import SPEED, shared_functions, speed_functions
@@ -35,7 +34,7 @@ class TestedRows:
     Attributes
     ----------
     motions : tuple of Motion
-    rows : tuple of ObservationRows
+    rows : tuple of JointRows
     instruments : Instruments
     source : InstrumentSource
         Makes instruments for these motions.
@@ -46,14 +45,14 @@ class TestedRows:
     __test__ = False  # no class of tests, whatever its name
 
     motions: tuple[Motion, ...]
-    rows: tuple[ObservationRows, ...]
+    rows: tuple[JointRows, ...]
     instruments: Instruments
     source: InstrumentSource
     note: str
 
 
 def tested_rows(
-    prepared: PreparedRegression, observed: Sequence[ObservationRows], estimate: IdimIvEstimate
+    prepared: PreparedRegression, observed: Sequence[JointRows], estimate: IdimIvEstimate
 ) -> TestedRows:
     """Choose the rows for the tests of the instruments and of the specification.
 

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, JointData, Regression
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import FloatArray
@@ -64,7 +65,7 @@ class CommandRegression:
         if with_lag:
             parts.append(-self.rate[:, None])
         matrix = np.column_stack([*parts, *(self.groups[name] for name in names)])
-        joint = JointData(self.rest, matrix, np.arange(matrix.shape[1]), self.runs)
+        joint = JointRows(matrix, self.rest, np.arange(matrix.shape[1]), self.runs)
         return Regression((joint,), matrix.shape[1]).fit()
 
     def changes(self, fit: Fit, names: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -16,15 +16,16 @@ from idim_iv_ros.diagnosis.joint_units import unit_at
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Confusability, NotTestable
 from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range, rows_of, spread_shapes
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, NoiseModel, Regression, Scan
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression, Scan
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place
+from idim_iv_ros.signals import AutoregressiveModel
 
 
 def shown_by_motion(
     data: Baseline,
     regression: Regression,
     catalogue: Sequence[Effect],
-    noise_models: Sequence[NoiseModel],
+    noise_models: Sequence[AutoregressiveModel],
     dry_friction: Sequence[float],
 ) -> tuple[tuple[Confusability, ...], tuple[NotTestable, ...]]:
     """Say what the motion can show and what it cannot.
@@ -39,7 +40,7 @@ def shown_by_motion(
         N m (N), of each joint: the scale of what is plausible.
     """
     covered = operating_range(data)
-    scan = Scan(regression, _without_torque(regression, noise_models))
+    scan = Scan(regression, noise_models)
     rows = [len(joint.torque) for joint in regression.joints]
     tables, refused = [], []
     for joint, name in enumerate(data.joints):
@@ -80,23 +81,13 @@ def shown_by_motion(
     return tuple(tables), tuple(refused)
 
 
-def floor_noise_models(fit: Fit, sigmas: Sequence[float | None]) -> tuple[NoiseModel, ...]:
-    """Colours of a fit with the standard deviations of the noise floor where it is smaller."""
+def floor_noise_models(fit: Fit, sigmas: Sequence[float | None]) -> tuple[AutoregressiveModel, ...]:
+    """Noise models of a fit with the standard deviations of the noise floor where it is smaller."""
     return tuple(
-        NoiseModel(colour.model, colour.sigma if sigma is None else min(sigma, colour.sigma))
-        for colour, sigma in zip(fit.noise_models, sigmas, strict=True)
-    )
-
-
-def _without_torque(regression: Regression, noise_models: Sequence[NoiseModel]) -> Fit:
-    """Colours alone: nothing of the torque enters."""
-    return Fit(
-        values=np.zeros(regression.parameters),
-        coefficients=np.zeros(0),
-        covariance=np.zeros((0, 0)),
-        noise_models=tuple(noise_models),
-        residuals=tuple(np.zeros(len(rows.torque)) for rows in regression.joints),
-        log_likelihood=0.0,
+        noise
+        if sigma is None or sigma >= noise.sigma
+        else replace(noise, innovation_variance=sigma**2)
+        for noise, sigma in zip(fit.noise_models, sigmas, strict=True)
     )
 
 

@@ -56,7 +56,7 @@ def _nonparametric(data: Baseline, found: Found) -> Unexplained:
 def _events(data: Baseline, fit: Fit, joint: int) -> Unexplained | None:
     """Short events that do not repeat: the whitened residual has far too many large values."""
     rows = data.rows[joint]
-    white = fit.noise_models[joint].apply(fit.residuals[joint], rows.runs)
+    white = fit.noise_models[joint].standardized(fit.residuals[joint], rows.segments)
     energy = white**2
     total = float(energy.sum())
     if total <= 0.0 or len(white) < settings.EVENT_LEAST_ROWS:

@@ -94,7 +94,7 @@ def _described(
         residual = residuals[joint]
         blocks = time_blocks(data.recordings[joint], data.places[joint], data.row_rate)
         splits = [split(axis, residual, blocks) for axis in axes[joint]]
-        spectrum = bands(residual, regression.joints[joint].runs, data.row_rate, edge)
+        spectrum = bands(residual, regression.joints[joint].segments, data.row_rate, edge)
         for parts in [*splits, *([] if spectrum is None else [spectrum])]:
             found = regimes_of(name, parts, unit_at(data, joint, _UNITS[parts.name]))
             regimes += found

@@ -214,12 +214,12 @@ def _correlation(
     changes: ChangeRegression, rest: Sequence[Hypothesis], first: Trial, second: Trial
 ) -> float:
     """Of the torques that both add, whitened, less what the other causes absorb."""
-    one = changes.triangle @ first.contribution
-    two = changes.triangle @ second.contribution
+    one = changes.factor @ first.contribution
+    two = changes.factor @ second.contribution
     directions = [change.direction for change in changes_of(rest)]
     if directions:
         left, singular, _ = np.linalg.svd(
-            changes.triangle @ np.column_stack(directions), full_matrices=False
+            changes.factor @ np.column_stack(directions), full_matrices=False
         )
         basis = left[:, singular > 1e-9 * singular[0]]
         one, two = one - basis @ (basis.T @ one), two - basis @ (basis.T @ two)

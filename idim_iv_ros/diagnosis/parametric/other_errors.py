@@ -52,12 +52,12 @@ def estimated_beside_other_errors(
     refit = changes.refit()
     if refit.rank - explained.rank < settings.LEAST_FREE_DIRECTIONS:
         return explained.found
-    base = changes.triangle[:, : len(changes.space.given)]
+    base = changes.factor[:, : len(changes.space.given)]
     left, singular, _ = np.linalg.svd(
         base * sizes(changes.space.model, changes.space.given), full_matrices=False
     )
     directions = np.column_stack([change.direction for change in named])
-    whitened = _Whitened(changes.triangle @ directions, changes.right, left, singular)
+    whitened = _Whitened(changes.factor @ directions, changes.right, left, singular)
     found = scipy.optimize.minimize_scalar(
         lambda logarithm: -_restricted_likelihood(whitened, float(np.exp(logarithm))),
         bounds=tuple(np.log([settings.LEAST_RELATIVE_ERROR, settings.MOST_RELATIVE_ERROR])),

@@ -7,11 +7,8 @@ from scipy.signal import welch
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.estimation import (
-    observation_rows,
-    solve_weighted_least_squares,
-    triangles_of_rows,
-)
+from idim_iv_ros.estimation.least_squares import solve_least_squares
+from idim_iv_ros.estimation.observation import observation_rows
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import Motion
@@ -60,8 +57,8 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
 def _noise_limit(prepared: PreparedRegression) -> float:
     """Hz, the least over the joints."""
     rows = observation_rows(prepared.model, prepared.motions)
-    require_excitation(prepared, triangles_of_rows(rows))
-    values = solve_weighted_least_squares(rows, len(prepared.model.base.columns)).values
+    require_excitation(prepared, rows)
+    values = solve_least_squares(rows, len(prepared.model.base.columns)).values
     position = prepared.motions[0].position
     model = prepared.model
     sample = position[:: max(1, len(position) // 50)]

@@ -16,7 +16,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter, SignalChain
 from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression
-from idim_iv_ros.estimation import torque_rows
+from idim_iv_ros.estimation.observation import torque_rows
 from idim_iv_ros.types import BoolArray, FloatArray
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.estimation import Instruments
+from idim_iv_ros.estimation.instruments import Instruments
 from idim_iv_ros.model import DynamicParameters, RobotModel
 from idim_iv_ros.signals import Motion, ParallelDecimation, zero_phase_butterworth
 from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
@@ -107,10 +107,6 @@ class SmoothMotion:
     def rows(self, values: FloatArray) -> FloatArray:
         """Decimate values (s, …) of this grid to all rows (m, …), counting or not."""
         return self.decimation.whole(values)
-
-    def with_parameters(self, links: DynamicParameters, whole: DynamicParameters) -> "SmoothMotion":
-        """Return the same motion with other parameters."""
-        return replace(self, links=links, whole=whole)
 
     def _torque(self, parameters: DynamicParameters) -> FloatArray:
         return inverse_dynamics(

@@ -13,12 +13,12 @@ from idim_iv_ros.diagnosis.structural.candidate_rows import rows_of
 from idim_iv_ros.diagnosis.structural.likelihood import (
     Columns,
     Fit,
-    NoiseModel,
     Regression,
     Scan,
     white_noise_models,
 )
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
 _STEPS = (0.3, 0.15, 0.07)
@@ -116,7 +116,7 @@ class Search:
         )
 
     @cached_property
-    def _white(self) -> tuple[NoiseModel, ...]:
+    def _white(self) -> tuple[AutoregressiveModel, ...]:
         return white_noise_models(self.fit.residuals)
 
     @cached_property
@@ -141,8 +141,7 @@ class Search:
         """Shape with the highest score, and the score; `rows` are those of the shapes."""
         best: Shape | None = None
         highest = -1.0
-        for shape, columns in zip(shapes, rows, strict=True):
-            score, coefficients = self.scan.score(columns)
+        for shape, (score, coefficients) in zip(shapes, self.scan.scores(rows), strict=True):
             if score > highest and effect.admissible(shape, coefficients):
                 best, highest = shape, score
         return best, highest
