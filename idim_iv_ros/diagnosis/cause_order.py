@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Cause
 from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
@@ -28,8 +29,9 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
     return sorted(ordered, key=lambda cause: not _left_out(cause))
 
 
-def leading(causes: Sequence[Cause], data: Baseline, most: int = 4) -> list[Cause]:
+def leading(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
     """Return the causes that take most of the gap, in the order in which they are listed."""
+    most = settings.MOST_CAUSES_IN_SUMMARY
     widest = sorted(causes, key=lambda cause: -_taken(cause, data))[:most]
     return [cause for cause in causes if any(cause is each for each in widest)]
 

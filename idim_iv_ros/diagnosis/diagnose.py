@@ -8,6 +8,7 @@ import numpy as np
 
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.cause_order import leading, strongest_first
 from idim_iv_ros.diagnosis.controller.check import LawCheck, check_law, why_not_checked
 from idim_iv_ros.diagnosis.gap_series import gap_series
@@ -45,7 +46,6 @@ from idim_iv_ros.identification.prepare import ARMATURE_MISSING, read_configured
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording import Recording
 
-_SHORT = 10.0  # s
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 
 
@@ -235,7 +235,7 @@ def _notes(
     notes = [f"held-out gaps: {folds}"] if folds else []
     notes += [f"noise floor: {note}" for note in dict.fromkeys(floors) if note]
     seconds = sum(recording.duration for recording in data.prepared.recordings)
-    if seconds < _SHORT:
+    if seconds < settings.SHORT_RECORDING:
         notes.append(
             f"only {seconds:.3g} s were recorded: effects may pass for one another, or for noise; "
             "record a minute or more"

@@ -4,19 +4,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.check import ControllerFinding
 from idim_iv_ros.diagnosis.joint_units import in_units_of, unit_at
 from idim_iv_ros.diagnosis.localisation.joint_gaps import signed_share
 from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause
-from idim_iv_ros.diagnosis.parametric.joints import LEAST_SHARE
-from idim_iv_ros.diagnosis.parametric.significance import NORMAL_95
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap, JointChange
 from idim_iv_ros.effects.link_inertia import LinkInertia
-
-_MOST_NUMBERS = 4  # in a sentence
 
 
 def parametric_results(
@@ -52,7 +49,7 @@ def _joint_gaps(data: Baseline, cause: ParametricCause) -> tuple[JointChange, ..
     kept = [
         each
         for each in changed
-        if each.joint == cause.joint or abs(each.share_of_torque) >= LEAST_SHARE
+        if each.joint == cause.joint or abs(each.share_of_torque) >= settings.LEAST_PARAMETER_ERROR
     ]
     return tuple(sorted(kept, key=lambda each: (each.joint != cause.joint, -each.share_of_torque)))
 
@@ -66,6 +63,7 @@ def _controller_cause(data: Baseline, finding: ControllerFinding) -> Cause:
     joint = data.joints.index(finding.joint)
     parameters = in_units_of(data, joint, finding.parameters)
     unit = unit_at(data, joint, "N m")
+    numbers = _numbers(finding.effect.name, parameters, settings.MOST_NUMBERS_IN_SENTENCE)
     return Cause(
         effect=finding.effect.name,
         kind="structural",
@@ -81,7 +79,7 @@ def _controller_cause(data: Baseline, finding: ControllerFinding) -> Cause:
         sentence=(
             f"another control law than configured at {finding.joint}: recorded and computed "
             f"commands differ by {finding.before:.3g} {unit}, with "
-            f"{_numbers(finding.effect.name, parameters)} by {finding.after:.3g} {unit}"
+            f"{numbers} by {finding.after:.3g} {unit}"
         ),
     )
 
@@ -104,7 +102,8 @@ def _parametric_sentence(data: Baseline, cause: ParametricCause) -> str:
     place = cause.joint or ""
     if cause.joint and cause.effect.name == LinkInertia.name:
         place += f" (link {data.joints.index(cause.joint) + 1})"
-    most = _MOST_NUMBERS if cause.joint else len(cause.parameters)  # one for each joint
+    # Of a cause of no single joint all: one for each joint.
+    most = settings.MOST_NUMBERS_IN_SENTENCE if cause.joint else len(cause.parameters)
     numbers = _numbers(cause.effect.name, cause.parameters, most)
     text = f"{cause.effect.subject(place)}: {numbers}"
     mass = cause.parameters.get("mass")
@@ -129,12 +128,16 @@ def _gap_words(data: Baseline, each: JointChange) -> str:
     return f"at {each.joint} from {each.before:.3g} to {each.after:.3g} {unit} ({share})"
 
 
-def _numbers(effect: str, parameters: dict[str, EffectParameter], most: int = _MOST_NUMBERS) -> str:
+def _numbers(
+    effect: str,
+    parameters: dict[str, EffectParameter],
+    most: int,
+) -> str:
     """A few parameters with their intervals, in words, those that are surest of the fitted."""
     shown = []
     for name, parameter in surest(parameters, most).items():
         text = f"{parameter_words(effect, name)} {parameter.value:.3g}"
         if parameter.std is not None:
-            text += f" ± {NORMAL_95 * parameter.std:.2g}"
+            text += f" ± {settings.NORMAL_95 * parameter.std:.2g}"
         shown.append(f"{text} {parameter.unit}".rstrip())
     return ", ".join(shown)

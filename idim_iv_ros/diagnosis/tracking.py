@@ -5,18 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import SimulationGap, Stage, TrackingSeries
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.estimation import SimulatedLoop
+from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.signals import Motion, central_differences
 from idim_iv_ros.simulation import ControlLaw, SimulatedEffect, simulate_closed_loop
 from idim_iv_ros.types import FloatArray
-
-MOST_POINTS = 1500
-# A loop further from the recorded motion than this many times its spread has not followed it.
-_LOST = 1.0
 
 
 @dataclass(frozen=True)
@@ -100,7 +97,9 @@ def simulated_tracking(
         positions.append(position[motion.span])
         errors.append(error)
         spread = np.ptp(measured, axis=0)
-        lost = np.flatnonzero(np.abs(error).max(axis=0) > _LOST * np.maximum(spread, 1e-3))
+        lost = np.flatnonzero(
+            np.abs(error).max(axis=0) > settings.SIMULATION_LOST * np.maximum(spread, 1e-3)
+        )
         if len(lost):
             problem = f"{motion.signals.name}: simulated {data.joints[lost[0]]} leaves the motion"
             return Tracking(data.joints, (), (), rates, problem)
@@ -176,7 +175,7 @@ def tracking_series(
         if reference is None:
             continue
         wanted = reference[motion.span]
-        thin = slice(None, None, -(-len(wanted) // MOST_POINTS))
+        thin = slice(None, None, -(-len(wanted) // settings.MOST_POINTS))
         simulated = [
             None if each is None or each.note else wanted - each.positions[number]
             for each in (before, after)

@@ -37,7 +37,7 @@ class Backlash(Effect):
     order = 80
     family = "load"
     confounders = ("elasticity", "presliding")
-    least_support = 25.0
+    of_high_derivatives = True
     free_shape = False
     excitation = "slow motion through postures where the load changes its sign"
     size_in = "shape"

@@ -116,9 +116,9 @@ class Effect(ABC):
     excitation: ClassVar[str]
     # Whether its law has a constant part, which is no torque offset then.
     with_constant: ClassVar[bool] = False
-    # Logarithm of the likelihood that the effect must bring beyond its penalty. More where its
-    # torque is made of high derivatives: noise of the encoders is then in both sides.
-    least_support: ClassVar[float] = 8.0
+    # Whether its torque is made of high derivatives: noise of the encoders is then in both sides,
+    # and the diagnosis asks for more support.
+    of_high_derivatives: ClassVar[bool] = False
     # Whether the shape may vary beside the coefficients; not where one stands for its change.
     free_shape: ClassVar[bool] = True
     # Where its size sits: in the coefficients, in one coefficient that scales a shape (which holds

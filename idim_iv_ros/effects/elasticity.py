@@ -33,7 +33,7 @@ class Elasticity(Effect):
     order = 90
     family = "frequency"
     confounders = ("time_delay", "backlash")
-    least_support = 25.0
+    of_high_derivatives = True
     excitation = "a sweep to twice the resonance, small amplitude"
     size_in = "scale"
 

@@ -24,7 +24,7 @@ class TimeDelay(Effect):
     order = 100
     family = "frequency"
     confounders = ("elasticity", "nonlinear_viscous")
-    least_support = 25.0
+    of_high_derivatives = True
     excitation = "energy above 2 Hz and sharp reversals"
     size_in = "scale"
 

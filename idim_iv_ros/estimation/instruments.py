@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from idim_iv_ros.estimation.rows import States, instrument_rows
+from idim_iv_ros.estimation.observation import States, instrument_rows
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Motion, central_differences
 from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, joint_inertia, simulate_closed_loop

@@ -1,11 +1,12 @@
 """How well a motion excites the base parameters: condition numbers and standard deviations."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.estimation.r_factor import r_factor
+from idim_iv_ros.estimation.qr import streamed_r_factor
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.types import FloatArray
@@ -47,15 +48,16 @@ def weighted_r_factor(model: InverseModel, motion: Trajectory, weights: FloatArr
 
     RᵀR = XᵀΩX over all samples of the motion, Ω = diag(weights²).
     """
-    factor = np.zeros((0, len(model.base.columns)))
-    for start in range(0, len(motion.position), _BLOCK):
-        block = slice(start, start + _BLOCK)
-        matrix = model.matrix(
-            motion.position[block], motion.velocity[block], motion.acceleration[block]
-        )
-        rows = (matrix * weights[:, None]).reshape(-1, matrix.shape[2])
-        factor = r_factor(np.vstack([factor, rows]))
-    return factor
+
+    def blocks() -> Iterator[FloatArray]:
+        for start in range(0, len(motion.position), _BLOCK):
+            block = slice(start, start + _BLOCK)
+            matrix = model.matrix(
+                motion.position[block], motion.velocity[block], motion.acceleration[block]
+            )
+            yield (matrix * weights[:, None]).reshape(-1, matrix.shape[2])
+
+    return streamed_r_factor(blocks(), len(model.base.columns))
 
 
 def condition_numbers(

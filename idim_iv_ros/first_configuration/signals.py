@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from idim_iv_ros.estimation import observation_rows
+from idim_iv_ros.estimation.observation import observation_rows
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.model import JointLimits
 from idim_iv_ros.signals import Motion
@@ -67,8 +67,8 @@ def _ratios(prepared: PreparedRegression) -> dict[int, float]:
     standard = base.layout.parameters
     friction = np.array([standard[column].kind in _FRICTION for column in base.columns])
     ratios = {}
-    for rows in observation_rows(prepared.model, prepared.motions):
-        drive = np.array([each.kind == "Ia" and each.joint == rows.joint for each in standard])
+    for joint, rows in enumerate(observation_rows(prepared.model, prepared.motions)):
+        drive = np.array([each.kind == "Ia" and each.joint == joint for each in standard])
         own = np.any(base.grouping[:, drive] != 0.0, axis=1)
         if len(rows) < _LEAST_ROWS:
             continue
@@ -85,7 +85,7 @@ def _ratios(prepared: PreparedRegression) -> dict[int, float]:
             ratio**2 * energy / max(float(np.sum((rows.torque - rows.torque.mean()) ** 2)), 1e-300)
         )
         if share > _LEAST_SHARE and abs(ratio) > _LEAST_RATIO * deviation:
-            ratios[rows.joint] = ratio
+            ratios[joint] = ratio
     return ratios
 
 

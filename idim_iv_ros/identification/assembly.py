@@ -10,25 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.estimation import (
-    AutocorrelatedBlock,
-    AutocorrelatedCovariance,
-    EssentialParameters,
-    IdimIvEstimate,
-    InstrumentSources,
+from idim_iv_ros.estimation.covariance import AutocorrelatedCovariance, WhiteCovariance
+from idim_iv_ros.estimation.essential import EssentialParameters, essential_parameters
+from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
+from idim_iv_ros.estimation.least_squares import (
     LinearEstimate,
-    ObservationRows,
-    RefinedIdimIv,
-    WhiteCovariance,
     condition_number,
-    essential_parameters,
-    instrument_triangles,
-    keep_parameters,
-    residual_models,
-    solve_instrument_triangles,
+    solve_instrumental_variables,
     solve_least_squares,
-    triangles_of_rows,
 )
+from idim_iv_ros.estimation.refined import RefinedIdimIv, residual_models
+from idim_iv_ros.estimation.rows import JointRows
+from idim_iv_ros.estimation.sources import InstrumentSources
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.identification.result import (
     BagSummary,
@@ -46,7 +39,6 @@ from idim_iv_ros.identification.result import (
     RefinedEstimate,
 )
 from idim_iv_ros.identification.validate import Validation
-from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.statistics import OverallVerdict, judge_all, judge_joint
 from idim_iv_ros.statistics.drift import in_deviations
 from idim_iv_ros.types import FloatArray
@@ -64,11 +56,9 @@ class Estimates:
     Attributes
     ----------
     estimator : str
-    rows : tuple of ObservationRows
+    rows : tuple of JointRows
     linear : LinearEstimate
         The one that is reported.
-    matrices : one (r_j, c_j) array for each joint
-        Its instruments, the regressor matrices for IDIM-LS.
     weighted : LinearEstimate
         Joint-weighted IDIM-LS.
     iteration : IdimIvEstimate or None
@@ -77,9 +67,8 @@ class Estimates:
     """
 
     estimator: Estimator
-    rows: Sequence[ObservationRows]
+    rows: Sequence[JointRows]
     linear: LinearEstimate
-    matrices: Sequence[FloatArray]
     weighted: LinearEstimate
     iteration: IdimIvEstimate | None
     sources: InstrumentSources | None
@@ -101,7 +90,7 @@ def assemble_result(
         total,
         alpha=configuration.identification.significance,
     )
-    covariance = _autocorrelated_covariance(rows, linear, estimates.matrices, validation.models)
+    covariance = AutocorrelatedCovariance(rows, linear.sigma, validation.models, count)
     parameters = _parameters(prepared, estimates, covariance, essential)
     verdicts = tuple(
         judge_joint(test, residual, specification)
@@ -135,7 +124,7 @@ def assemble_result(
         fit=Fit(
             relative_error_percent=_relative_error(rows, linear),
             ls_relative_error_percent=_relative_error(rows, estimates.weighted),
-            condition_number=condition_number(triangles_of_rows(rows), count),
+            condition_number=condition_number(rows, count),
             samples=total,
             base_parameters=count,
             essential_parameters=len(essential.columns),
@@ -165,25 +154,6 @@ def assemble_result(
     )
 
 
-def _autocorrelated_covariance(
-    rows: Sequence[ObservationRows],
-    linear: LinearEstimate,
-    matrices: Sequence[FloatArray],
-    models: Sequence[AutoregressiveModel],
-) -> AutocorrelatedCovariance:
-    """Covariance of an estimate that knows the autocorrelation of each joint's residual.
-
-    The instruments of joint j are `matrices[j]`, (r_j, c_j).
-    """
-    blocks = [
-        AutocorrelatedBlock(
-            joint.matrix, matrix, joint.columns, float(sigma), model, joint.position
-        )
-        for joint, matrix, sigma, model in zip(rows, matrices, linear.sigma, models, strict=True)
-    ]
-    return AutocorrelatedCovariance(blocks, len(linear.values))
-
-
 def _parameters(
     prepared: PreparedRegression,
     estimates: Estimates,
@@ -194,16 +164,17 @@ def _parameters(
     base = prepared.model.base
     rows, weighted, linear = estimates.rows, estimates.weighted, estimates.linear
     std = np.sqrt(np.diag(covariance.matrix))
-    white = WhiteCovariance(covariance.blocks, len(linear.values)).matrix
+    white = WhiteCovariance(rows, linear.sigma, len(linear.values)).matrix
     white_std = np.sqrt(np.diag(white))
     ls_std = std
     if estimates.iteration is not None:
         models = residual_models(rows, weighted.residuals)
-        observed = [joint.matrix for joint in rows]
-        ls_std = np.sqrt(
-            np.diag(_autocorrelated_covariance(rows, weighted, observed, models).matrix)
+        observed = [joint.with_instruments(joint.matrix) for joint in rows]
+        ls_covariance = AutocorrelatedCovariance(
+            observed, weighted.sigma, models, len(weighted.values)
         )
-    ordinary = solve_least_squares(rows, len(base.columns))
+        ls_std = np.sqrt(np.diag(ls_covariance.matrix))
+    ordinary = solve_least_squares(rows, len(base.columns), weighted=False)
     given = prepared.given
     places = {int(column): place for place, column in enumerate(essential.columns)}
     reduced = _essential_values(estimates, essential.columns)
@@ -231,12 +202,8 @@ def _parameters(
 
 def _essential_values(estimates: Estimates, kept: NDArray[np.int64]) -> FloatArray:
     """Estimate again with the essential parameters only, same weights: (b_e,)."""
-    triangles = [
-        keep_parameters(triangle, kept)
-        for triangle in instrument_triangles(estimates.rows, estimates.matrices)
-    ]
-    values, _ = solve_instrument_triangles(triangles, len(kept), estimates.linear.sigma)
-    return values
+    rows = [joint.reduced.keep(kept) for joint in estimates.rows]
+    return solve_instrumental_variables(rows, len(kept), estimates.linear.sigma).values
 
 
 def _refined(refined: RefinedIdimIv, parameters: Sequence[ParameterEstimate]) -> Refined:
@@ -311,7 +278,7 @@ def _convergence(
     return f"not converged: {moved}, more than {tolerance:g} %"
 
 
-def _relative_error(rows: Sequence[ObservationRows], linear: LinearEstimate) -> float:
+def _relative_error(rows: Sequence[JointRows], linear: LinearEstimate) -> float:
     error = sum(float(residual @ residual) for residual in linear.residuals)
     torque = sum(float(joint.torque @ joint.torque) for joint in rows)
     return 100.0 * float(np.sqrt(error / torque)) if torque > 0.0 else float("nan")
@@ -371,18 +338,17 @@ def _bags(prepared: PreparedRegression) -> tuple[BagSummary, ...]:
 
 
 def _series(
-    prepared: PreparedRegression, rows: Sequence[ObservationRows], linear: LinearEstimate
+    prepared: PreparedRegression, rows: Sequence[JointRows], linear: LinearEstimate
 ) -> tuple[JointSeries, ...]:
     """Measured and predicted torque of the rows that count, over the time of the session."""
     series = []
-    for joint, residual in zip(rows, linear.residuals, strict=True):
-        name = prepared.configuration.robot.joints[joint.joint]
+    for joint, (own, residual) in enumerate(zip(rows, linear.residuals, strict=True)):
         time = [
-            part.start + motion.time[motion.kept[:, joint.joint]]
+            part.start + motion.time[motion.kept[:, joint]]
             for part, motion in zip(prepared.session.parts, prepared.motions, strict=True)
         ]
         series.append(
-            JointSeries(name, np.concatenate(time), joint.torque, joint.torque - residual)
+            JointSeries(own.name, np.concatenate(time), own.torque, own.torque - residual)
         )
     return tuple(series)
 

@@ -8,14 +8,14 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.documents import Document
-from idim_iv_ros.estimation import (
-    JointTriangle,
+from idim_iv_ros.estimation.covariance import WhiteCovariance
+from idim_iv_ros.estimation.least_squares import (
     condition_number,
-    solve_triangles,
-    stream_triangles,
+    solve_least_squares,
     unseen_parameters,
-    white_covariance,
 )
+from idim_iv_ros.estimation.observation import streamed_rows
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.files import CHECK_FORMAT, FilePaths
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.model import BaseParameters
@@ -101,16 +101,16 @@ def check(
         The recordings cannot be read or filtered at all; see `prepare`.
     """
     prepared = prepare(read_configured(bags, configuration, progress), configuration)
-    triangles = stream_triangles(prepared.model, prepared.motions)
+    rows = streamed_rows(prepared.model, prepared.motions)
     findings = [Finding("nominal model", "limited", doubt) for doubt in prepared.doubts]
     for recording, motion in zip(prepared.recordings, prepared.motions, strict=True):
         findings += _recording_findings(recording, motion)
     findings += _reference_findings(prepared)
     for joint, name in enumerate(configuration.robot.joints):
         findings += _joint_findings(prepared, joint, name)
-        if triangles[joint].rows == 0:
+        if len(rows[joint]) == 0:
             findings.append(Finding(name, "unusable", "never faster than the reversal speed"))
-    parameters, condition = _visibility(prepared, triangles)
+    parameters, condition = _visibility(prepared, rows)
     unseen = [parameter.name for parameter in parameters if parameter.seen == "no"]
     if unseen:
         sentence = f"{', '.join(unseen)} cannot be separated from the other parameters"
@@ -268,21 +268,21 @@ def _noise_density(prepared: PreparedRegression, joint: int) -> float:
 
 
 def _visibility(
-    prepared: PreparedRegression, triangles: Sequence[JointTriangle]
+    prepared: PreparedRegression, rows: Sequence[JointRows]
 ) -> tuple[tuple[ParameterVisibility, ...], float | None]:
     base = prepared.model.base
     count = len(base.columns)
-    if any(joint.rows == 0 for joint in triangles):
+    if any(len(joint) == 0 for joint in rows):
         return (), None
-    unseen = unseen_parameters(triangles, count)
+    unseen = unseen_parameters(rows, count)
     if unseen:
         return tuple(_parameter(base, k, None, 0.0) for k in unseen), None
-    values, sigma = solve_triangles(triangles, count)
-    std = np.sqrt(np.diag(white_covariance(triangles, count, sigma)))
+    found = solve_least_squares(rows, count)
+    std = np.sqrt(np.diag(WhiteCovariance(rows, found.sigma, count).matrix))
     parameters = tuple(
-        _parameter(base, k, float(std[k]), abs(float(values[k]))) for k in range(count)
+        _parameter(base, k, float(std[k]), abs(float(found.values[k]))) for k in range(count)
     )
-    return parameters, condition_number(triangles, count)
+    return parameters, condition_number(rows, count)
 
 
 def _parameter(

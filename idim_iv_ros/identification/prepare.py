@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.estimation import JointTriangle, unseen_parameters
+from idim_iv_ros.estimation.least_squares import unseen_parameters
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.files import FilePaths
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file, read_urdf_text
 from idim_iv_ros.progress import Progress
@@ -180,7 +181,7 @@ def read_configured(
     )
 
 
-def require_excitation(prepared: PreparedRegression, triangles: Sequence[JointTriangle]) -> None:
+def require_excitation(prepared: PreparedRegression, rows: Sequence[JointRows]) -> None:
     """Refuse rows that cannot determine the base parameters, and list those they cannot.
 
     Raises
@@ -190,15 +191,15 @@ def require_excitation(prepared: PreparedRegression, triangles: Sequence[JointTr
     """
     names = prepared.model.base.names
     where = ", ".join(recording.path.name for recording in prepared.recordings)
-    for joint, triangle in enumerate(triangles):
-        if triangle.rows == 0:
+    for joint, own in enumerate(rows):
+        if len(own) == 0:
             name = prepared.configuration.robot.joints[joint]
             raise DataError(
                 f"{where}: {name} has no usable sample (it never exceeds "
                 f"{prepared.minimum_speed[joint]:.3g} rad/s, or nothing was measured); "
                 "record a motion of this joint or leave it out of robot.joints"
             )
-    unseen = unseen_parameters(triangles, len(names))
+    unseen = unseen_parameters(rows, len(names))
     if unseen:
         listed = ", ".join(names[column] for column in unseen)
         because = f" ({prepared.still[0]})" if prepared.still else ""

@@ -6,24 +6,21 @@ from itertools import islice
 
 import numpy as np
 
-from idim_iv_ros.estimation import (
-    IdimIvEstimate,
+from idim_iv_ros.estimation.covariance import WhiteCovariance
+from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
+from idim_iv_ros.estimation.instruments import (
     Instruments,
     InstrumentSource,
-    LinearEstimate,
-    ObservationRows,
     SimulatedLoop,
     SourceFailure,
-    observation_rows,
-    triangles_of_rows,
-    white_covariance,
 )
-from idim_iv_ros.estimation.rows import CHUNK
+from idim_iv_ros.estimation.least_squares import LinearEstimate
+from idim_iv_ros.estimation.observation import CHUNK, observation_rows
+from idim_iv_ros.estimation.rows import JointRows, with_instruments
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.signals import AutoregressiveModel, Motion, coarser, torque_noise
 from idim_iv_ros.statistics import (
     HypothesisTest,
-    JointRows,
     ResidualDiagnosis,
     diagnose_residual,
     exogeneity_test,
@@ -68,9 +65,8 @@ class Validation:
 
 def validate(
     prepared: PreparedRegression,
-    observed: Sequence[ObservationRows],
+    observed: Sequence[JointRows],
     linear: LinearEstimate,
-    matrices: Sequence[FloatArray],
     estimate: IdimIvEstimate | None,
 ) -> Validation:
     """Run the revised Durbin-Wu-Hausman test and the residual analysis (paper, section IV).
@@ -78,18 +74,16 @@ def validate(
     Parameters
     ----------
     observed
-        The rows that count.
+        The rows that count, with the instruments of the estimate.
     linear
         The estimate that is judged.
-    matrices
-        Its instruments, (r_j, c_j) for each joint; the regressor matrices for IDIM-LS.
     estimate
         The IDIM-IV iteration, None for IDIM-LS.
     """
     configuration = prepared.configuration
     alpha = configuration.identification.significance
     joints = configuration.robot.joints
-    rows = _joint_rows(joints, observed, matrices)
+    rows: Sequence[JointRows] = observed
     residuals = tuple(diagnose_residual(joint, linear.values, alpha=alpha) for joint in rows)
     reason: str | None = NO_INSTRUMENTS
     if estimate is not None:
@@ -97,9 +91,10 @@ def validate(
     errors, candidates, note = None, _no_functions(len(joints)), ""
     if estimate is not None and reason is None:
         tested = tested_rows(prepared, observed, estimate)
-        rows = _joint_rows(joints, tested.rows, tested.instruments.matrices)
+        rows = with_instruments(tested.rows, tested.instruments.matrices)
         noise = np.minimum(linear.sigma, _LARGEST_NOISE * torque_noise(prepared.motions))
-        covariance = white_covariance(triangles_of_rows(observed), len(linear.values), noise)
+        own = [joint.with_instruments(joint.matrix) for joint in observed]
+        covariance = WhiteCovariance(own, noise, len(linear.values)).matrix
         errors = tested.source.prediction_errors(linear.values, covariance)
         candidates = functions_of_motion(tested, prepared.model.robot.joint_types)
         note = tested.note
@@ -118,17 +113,6 @@ def validate(
         models=tuple(residual.autoregression for residual in residuals),
         note=note,
     )
-
-
-def _joint_rows(
-    joints: Sequence[str], observed: Sequence[ObservationRows], matrices: Sequence[FloatArray]
-) -> list[JointRows]:
-    return [
-        JointRows(
-            joints[joint.joint], joint.matrix, matrix, joint.torque, joint.columns, joint.runs
-        )
-        for joint, matrix in zip(observed, matrices, strict=True)
-    ]
 
 
 def _no_functions(joints: int) -> list[dict[str, FloatArray]]:
@@ -155,7 +139,7 @@ class TestedRows:
     Attributes
     ----------
     motions : tuple of Motion
-    rows : tuple of ObservationRows
+    rows : tuple of JointRows
     instruments : Instruments
     source : InstrumentSource
         Makes instruments for these motions.
@@ -166,14 +150,14 @@ class TestedRows:
     __test__ = False  # no class of tests, whatever its name
 
     motions: tuple[Motion, ...]
-    rows: tuple[ObservationRows, ...]
+    rows: tuple[JointRows, ...]
     instruments: Instruments
     source: InstrumentSource
     note: str
 
 
 def tested_rows(
-    prepared: PreparedRegression, observed: Sequence[ObservationRows], estimate: IdimIvEstimate
+    prepared: PreparedRegression, observed: Sequence[JointRows], estimate: IdimIvEstimate
 ) -> TestedRows:
     """Choose the rows for the tests of the instruments and of the specification.
 

@@ -3,14 +3,12 @@
 from idim_iv_ros.statistics.exogeneity import exogeneity_test
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.instruments import wald_test_of_instruments
-from idim_iv_ros.statistics.joint_rows import JointRows
 from idim_iv_ros.statistics.residuals import ResidualDiagnosis, diagnose_residual
 from idim_iv_ros.statistics.specification import specification_tests
 from idim_iv_ros.statistics.verdict import JointVerdict, OverallVerdict, judge_all, judge_joint
 
 __all__ = [
     "HypothesisTest",
-    "JointRows",
     "JointVerdict",
     "OverallVerdict",
     "ResidualDiagnosis",

@@ -224,7 +224,7 @@ def test_support_is_gain_less_schwarz_and_the_logarithm_of_the_grid(data: Baseli
     both = [found.regression.fit(found.fit.noise_models, steps=0), found.fit]
     white = [
         [
-            c.apply(r, data.runs)
+            c.standardized(r, data.segments)
             for c, r, data in zip(
                 found.fit.noise_models, fit.residuals, found.regression.joints, strict=True
             )

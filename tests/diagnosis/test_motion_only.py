@@ -107,7 +107,10 @@ def test_testability_does_not_look_at_the_torque(data: Baseline, regression: Reg
 
 def test_more_noise_hides_more(data: Baseline, regression: Regression) -> None:
     fit = regression.fit()
-    loud = tuple(replace(colour, sigma=30.0 * colour.sigma) for colour in fit.noise_models)
+    loud = tuple(
+        replace(noise, innovation_variance=900.0 * noise.innovation_variance)
+        for noise in fit.noise_models
+    )
     few = shown_by_motion(data, regression, STRUCTURAL, fit.noise_models, dry_friction(data))[1]
     many = shown_by_motion(data, regression, STRUCTURAL, loud, dry_friction(data))[1]
     assert len(many) > len(few) + 5

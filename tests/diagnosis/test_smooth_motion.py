@@ -108,7 +108,8 @@ def test_rows_of_the_refit_use_the_friction_that_sticks(data: Baseline) -> None:
     motion = data.motions[0]
     names = data.prepared.model.base.names
     for joint in (0, 1):
-        matrix, places = regression.wide(joint)
+        rows = regression.extended[joint]
+        matrix, places = rows.matrix, rows.columns
         column = list(places).index(names.index(f"Fc{joint + 1}"))
         expected = motion.rows(motion.slip[:, [joint]])[motion.kept[:, joint], 0]
         np.testing.assert_allclose(matrix[:, column], expected)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.identification.result import (
     BagSummary,
     Fit,
@@ -24,7 +25,6 @@ from idim_iv_ros.identification.result import (
 from idim_iv_ros.recording import ClockQuality, Note
 from idim_iv_ros.statistics import (
     HypothesisTest,
-    JointRows,
     OverallVerdict,
     ResidualDiagnosis,
     diagnose_residual,
@@ -186,7 +186,7 @@ def _joint(
     cuts = np.flatnonzero(np.diff(time) > 0.03) + 1
     bounds = [0, *cuts, len(time)]
     runs = tuple(slice(a, b) for a, b in itertools.pairwise(bounds))
-    rows = JointRows(name, columns, columns, torque, np.arange(4), runs)
+    rows = JointRows(columns, torque, np.arange(4), runs, name)
     predicted: NDArray[np.float64] = columns @ beta
     return JointSeries(name, time, torque, predicted), diagnose_residual(rows, beta)
 

@@ -68,17 +68,17 @@ def test_whitening_implies_a_stationary_covariance_of_the_stated_variance():
 def test_each_run_is_whitened_as_if_it_were_alone():
     model = fit_autoregression(coloured(6, AR4, 3000), [slice(0, 3000)], max_order=4)
     rows = np.random.default_rng(7).standard_normal((50, 3))
-    runs = [slice(0, 2), slice(2, 30), slice(30, 31), slice(31, 50)]
-    expected = np.vstack([model.whiten(rows[run], whole(rows[run])) for run in runs])
-    np.testing.assert_allclose(model.whiten(rows, runs), expected)
-    np.testing.assert_allclose(model.whiten(rows[:, 0], runs), expected[:, 0])
+    segments = [slice(0, 2), slice(2, 30), slice(30, 31), slice(31, 50)]
+    expected = np.vstack([model.whiten(rows[run], whole(rows[run])) for run in segments])
+    np.testing.assert_allclose(model.whiten(rows, segments), expected)
+    np.testing.assert_allclose(model.whiten(rows[:, 0], segments), expected[:, 0])
 
 
 def test_a_break_between_runs_is_not_taken_for_a_sample():
     pieces = [coloured(seed, [-0.95], 40) for seed in range(200)]
-    runs = [slice(40 * i, 40 * i + 40) for i in range(200)]
+    segments = [slice(40 * i, 40 * i + 40) for i in range(200)]
     series = np.concatenate(pieces)
-    model = fit_autoregression(series, runs, max_order=1)
+    model = fit_autoregression(series, segments, max_order=1)
     ignoring = fit_autoregression(series, whole(series), max_order=1)
     assert model.coefficients[0] == pytest.approx(-0.95, abs=0.01)
     assert abs(ignoring.coefficients[0] + 0.95) > 2 * abs(model.coefficients[0] + 0.95)
@@ -93,10 +93,10 @@ def test_order_never_exceeds_what_short_runs_can_tell():
 @pytest.mark.parametrize("n_rows", [0, 1, 2, 5])
 def test_almost_no_rows_give_a_white_model(n_rows):
     series = np.ones(n_rows)
-    runs = [slice(0, n_rows)] if n_rows else []
-    model = fit_autoregression(series, runs)
+    segments = [slice(0, n_rows)] if n_rows else []
+    model = fit_autoregression(series, segments)
     assert model.order == 0
-    np.testing.assert_array_equal(model.whiten(series, runs), series)
+    np.testing.assert_array_equal(model.whiten(series, segments), series)
 
 
 def test_a_vanishing_residual_is_white_without_variance():
@@ -121,7 +121,7 @@ def test_oversampled_residual_with_80_db_of_dynamic_range_is_whitened_stably():
     assert model.predictable_share > 1.0 - 1e-4
     assert np.abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.02
     assert white.var() == pytest.approx(model.innovation_variance, rel=1e-3)
-    back = model.colour_adjoint(np.eye(300, 2), np.arange(300))
+    back = model.shaping_adjoint(np.eye(300, 2), np.arange(300))
     covariance = model.innovation_variance * back.T @ back
     np.testing.assert_allclose(np.diag(covariance), model.variance, rtol=1e-6)
 
@@ -131,7 +131,7 @@ def test_adjoint_gives_the_covariance_of_sums_over_rows_with_gaps():
     rows = np.random.default_rng(11).standard_normal((70, 3))
     positions = np.r_[0:30, 41:61, 80:100]
     covariance = covariance_of(model, 100)[np.ix_(positions, positions)]
-    spread = model.colour_adjoint(rows, positions)
+    spread = model.shaping_adjoint(rows, positions)
     actual = model.innovation_variance * spread.T @ spread
     expected = rows.T @ covariance @ rows
     np.testing.assert_allclose(actual, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
@@ -140,7 +140,7 @@ def test_adjoint_gives_the_covariance_of_sums_over_rows_with_gaps():
 @pytest.mark.parametrize("length", [1, 5, 6, 7])
 def test_runs_no_longer_than_the_order_are_coloured_exactly(length):
     model = AutoregressiveModel(np.array([-0.9, 0.5, 0.3, -0.2, 0.1, 0.4]), 2.0)
-    spread = model.colour_adjoint(np.eye(length), np.arange(length))
+    spread = model.shaping_adjoint(np.eye(length), np.arange(length))
     actual = model.innovation_variance * spread.T @ spread
     np.testing.assert_allclose(actual, covariance_of(model, length), rtol=1e-10)
 
@@ -149,20 +149,20 @@ def test_recordings_far_apart_are_independent_and_cost_no_memory():
     model = AutoregressiveModel(np.array([-0.9]), 1.0)
     rows = np.random.default_rng(12).standard_normal((40, 2))
     positions = np.r_[0:20, 10**9 : 10**9 + 20]
-    spread = model.colour_adjoint(rows, positions)
-    alone = [model.colour_adjoint(part, np.arange(20)) for part in (rows[:20], rows[20:])]
+    spread = model.shaping_adjoint(rows, positions)
+    alone = [model.shaping_adjoint(part, np.arange(20)) for part in (rows[:20], rows[20:])]
     np.testing.assert_allclose(spread, np.vstack(alone))
 
 
-@pytest.mark.parametrize("runs", [[slice(0, 5)], [slice(0, 5), slice(4, 10)], [slice(2, 10)]])
-def test_runs_that_do_not_cover_the_rows_are_refused(runs):
-    with pytest.raises(ValueError, match="runs"):
-        fit_autoregression(np.ones(10), runs)
+@pytest.mark.parametrize("segments", [[slice(0, 5)], [slice(0, 5), slice(4, 10)], [slice(2, 10)]])
+def test_segments_that_do_not_cover_the_rows_are_refused(segments):
+    with pytest.raises(ValueError, match="segments"):
+        fit_autoregression(np.ones(10), segments)
 
 
 def test_positions_that_go_backward_are_refused():
     with pytest.raises(ValueError, match="increase"):
-        AutoregressiveModel(np.array([0.5]), 1.0).colour_adjoint(
+        AutoregressiveModel(np.array([0.5]), 1.0).shaping_adjoint(
             np.ones((3, 1)), np.array([0, 2, 1])
         )
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import f as fisher
 
-from idim_iv_ros.estimation.r_factor import r_factor
+from idim_iv_ros.estimation.qr import r_factor
 from idim_iv_ros.statistics.exogeneity import exogeneity_f_test, exogeneity_test
 from idim_iv_ros.statistics.instruments import wald_test_of_instruments
 from tests.statistics.worlds import autocorrelated_world, pendulums
@@ -35,7 +35,7 @@ def exogeneity(rows, estimate):
 
 def wald_without_whitening(rows, estimate):
     z = rows.instruments
-    difference = (rows.regressor - z) @ estimate
+    difference = (rows.matrix - z) @ estimate
     q, _ = np.linalg.qr(z)
     explained = q.T @ difference
     rest = difference - q @ explained
@@ -44,7 +44,7 @@ def wald_without_whitening(rows, estimate):
 
 
 def exogeneity_without_whitening(rows, estimate):
-    raw = r_factor(np.column_stack([rows.instruments, rows.regressor, rows.torque]))
+    raw = r_factor(np.column_stack([rows.instruments, rows.matrix, rows.torque]))
     return exogeneity_f_test(raw, len(rows.torque), "joint").p_value
 
 

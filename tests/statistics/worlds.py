@@ -6,7 +6,12 @@ from itertools import pairwise
 import numpy as np
 from scipy.signal import butter, cheby1, lfilter, sosfiltfilt
 
-from idim_iv_ros.statistics.joint_rows import JointRows
+from idim_iv_ros.estimation.rows import JointRows
+
+
+def joint_rows(name, x, z, torque, columns, segments) -> JointRows:
+    """Rows of one joint with instruments."""
+    return JointRows(x, torque, columns, tuple(segments), name, instrument_matrix=z)
 
 
 def runs_of(positions):
@@ -60,7 +65,7 @@ def autocorrelated_world(
     instruments, regressor, torque = instruments[kept], regressor[kept], torque[kept]
     estimate = np.linalg.solve(instruments.T @ regressor, instruments.T @ torque)
     columns = np.arange(n_columns)
-    return JointRows("joint", regressor, instruments, torque, columns, runs_of(kept)), estimate
+    return joint_rows("joint", regressor, instruments, torque, columns, runs_of(kept)), estimate
 
 
 _DT = 0.001
@@ -130,7 +135,7 @@ def pendulums(rng, count, *, with_gravity, factor=25, noise=1e-4):
             parameters[i, used] = np.linalg.solve(z.T @ x, z.T @ measured[kept[i], i])
     for i in range(count):
         at = kept[i]
-        rows = JointRows(
+        rows = joint_rows(
             "pendulum",
             regressor[at, i][:, used],
             instruments[at, i][:, used],

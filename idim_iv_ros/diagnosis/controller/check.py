@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.command_regression import command_regression, rms
-from idim_iv_ros.diagnosis.controller.law_change import LONGEST_LAG, LawChange, law_change, worth
+from idim_iv_ros.diagnosis.controller.law_change import LawChange, law_change, worth
 from idim_iv_ros.diagnosis.controller.law_residual import beyond_the_law
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed
 from idim_iv_ros.diagnosis.controller.law_speed_choice import law_speed
@@ -17,12 +18,6 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
 from idim_iv_ros.simulation import ControlLaw, control_law
-
-# Share of the torque that recorded and computed commands must differ by to matter.
-LEAST_DIFFERENCE = 0.005
-# Periods of the control: how a command was sampled and recorded is the same for all joints; a
-# joint that lags this many periods more than another is its controller's.
-LARGEST_DIFFERENCE = 0.5
 
 
 @dataclass(frozen=True)
@@ -117,22 +112,22 @@ def check_law(data: Baseline) -> LawCheck:
 
 def _longest_lag(compared: Sequence[LawChange], period: float) -> float:
     """Lag up to which a joint's is no mismatch, s."""
-    longest = LONGEST_LAG * period
+    longest = settings.LONGEST_LAG * period
     if len(compared) < 2:
         return longest
     common = max(min(each.changes[LAG][0] for each in compared), 0.0)
-    return min(longest, common + LARGEST_DIFFERENCE * period)
+    return min(longest, common + settings.LAG_DIFFERENCE * period)
 
 
 def _finding(
     data: Baseline, law: ControlLaw, joint: int, change: LawChange, longest: float
 ) -> ControllerFinding | None:
     rows, fit, base = change.rows, change.fit, change.plain
-    if rms(rows.fit((), with_lag=False)) < LEAST_DIFFERENCE * rows.size:
+    if rms(rows.fit((), with_lag=False)) < settings.LAW_LEAST_DIFFERENCE * rows.size:
         return None
     changes = change.changes
     lag, deviation = changes.pop(LAG)
-    if abs(lag) - 3.0 * deviation > longest:
+    if abs(lag) - settings.LAG_DEVIATIONS * deviation > longest:
         within = float(np.clip(lag, -longest, longest))
         short = replace(rows, rest=rows.rest + within * rows.rate)
         if worth(rows, short.fit(change.groups, with_lag=False), fit):

@@ -4,16 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.command_regression import rms
 from idim_iv_ros.diagnosis.controller.law_change import LawChange
 from idim_iv_ros.types import FloatArray
-
-# Share of the recorded command from which on it is said.
-_MUCH = 0.05
-# Excess kurtosis of events, and times the median size above which a row belongs to one.
-_KURTOSIS, _TIMES_MEDIAN = 6.0, 8.0
-_APART = 0.5  # s between two events
-_MOST_EVENTS = 3
 
 
 def beyond_the_law(change: LawChange, joint: str, unit: str, recordings: Sequence[str]) -> str:
@@ -30,7 +24,7 @@ def beyond_the_law(change: LawChange, joint: str, unit: str, recordings: Sequenc
     """
     rest, size = change.fit.residuals[0], change.rows.size
     much = rms(change.fit)
-    if much < _MUCH * size:
+    if much < settings.MUCH_BEYOND_LAW * size:
         return ""
     text = (
         f"the commands of {joint} hold {much:.3g} {unit} rms beyond the control law "
@@ -46,19 +40,19 @@ def _events(change: LawChange, rest: FloatArray, recordings: Sequence[str]) -> s
     """When it acts, where it does at certain times only; empty where it acts all the time."""
     energy = rest**2
     kurtosis = float(np.mean(energy**2) / max(float(np.mean(energy)) ** 2, 1e-300)) - 3.0
-    if kurtosis < _KURTOSIS:
+    if kurtosis < settings.LAW_EVENT_KURTOSIS:
         return ""
-    large = np.flatnonzero(np.abs(rest) > _TIMES_MEDIAN * np.median(np.abs(rest)))
+    large = np.flatnonzero(np.abs(rest) > settings.LAW_EVENT_SIZE * np.median(np.abs(rest)))
     if len(large) == 0:
         return ""
     time, which = change.rows.time[large], change.rows.recording[large]
-    cuts = np.flatnonzero((np.diff(which) != 0) | (np.diff(time) > _APART)) + 1
+    cuts = np.flatnonzero((np.diff(which) != 0) | (np.diff(time) > settings.LAW_EVENTS_APART)) + 1
     parts = np.split(large, cuts)
     parts.sort(key=lambda part: -float(energy[part].sum()))
     shown = [
         f"from {change.rows.time[part[0]]:.2f} to {change.rows.time[part[-1]]:.2f} s of "
         f"{recordings[int(change.rows.recording[part[0]])]}"
-        for part in parts[:_MOST_EVENTS]
+        for part in parts[: settings.LAW_MOST_EVENTS]
     ]
     more = len(parts) - len(shown)
     return ", ".join(shown) + (f" and {more} more times" if more else "")

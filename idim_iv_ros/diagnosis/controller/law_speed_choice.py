@@ -5,15 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from idim_iv_ros.diagnosis.controller.command_regression import LEAST_ROWS, comparable_rows
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.controller.command_regression import comparable_rows
 from idim_iv_ros.diagnosis.controller.law_speed import FACTORS, LawSpeed, law_speeds
 from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import FloatArray
-
-# Another speed than the plain one must leave this much less of the commands, rms over all joints.
-_LEAST_GAIN = 0.2
 
 
 def law_speed(motions: Sequence[Motion], law: ControlLaw) -> LawSpeed:
@@ -39,7 +37,7 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw) -> LawSpeed:
         )
         if found.fun < score:
             chosen, score = LawSpeed("filtered", float(found.x)), float(found.fun)
-    return chosen if score < (1.0 - _LEAST_GAIN) * scores[0] else options[0]
+    return chosen if score < (1.0 - settings.LAW_SPEED_GAIN) * scores[0] else options[0]
 
 
 def _scores(motions: Sequence[Motion], law: ControlLaw, speeds: Sequence[LawSpeed]) -> FloatArray:
@@ -71,7 +69,7 @@ def _shares(
         tables.append(rows)
         constants.append(np.full(len(rows), number))
     table = np.concatenate(tables)
-    if len(table) < LEAST_ROWS:
+    if len(table) < settings.LAW_LEAST_ROWS:
         return None
     which = np.concatenate(constants)
     plain_columns = np.column_stack([which[:, None] == np.unique(which), table[:, 2:4]])

@@ -1,11 +1,7 @@
 """What a motion that is poor cannot show of any effect, whatever the torque says."""
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.effects.effect import Effect, OperatingRange
-
-# rad and rad/s; for prismatic joints times the lever of a revolute one.
-_LEAST_RANGE = 0.01
-_LEAST_FASTEST = 0.1
-_SMALL_RANGE = 0.1
 
 
 def cannot_show(effect: Effect, joint: int, covered: OperatingRange) -> str:
@@ -16,9 +12,12 @@ def cannot_show(effect: Effect, joint: int, covered: OperatingRange) -> str:
     lever = float(covered.lever[joint])
     span, length = covered.span(joint), covered.length(joint)
     fastest = float(covered.fastest[joint])
-    if span <= _LEAST_RANGE * lever or fastest <= 1.5 * covered.slowest[joint]:
+    if (
+        span <= settings.LEAST_RANGE * lever
+        or fastest <= settings.LEAST_SPEED_RANGE * covered.slowest[joint]
+    ):
         return f"the joint hardly moves ({span:.2g} {length})"
-    if fastest < _LEAST_FASTEST * lever:
+    if fastest < settings.LEAST_FASTEST * lever:
         return (
             f"the joint moves at most {fastest:.2g} {length}/s: it sticks so often that nothing "
             "can be told from its dry friction"
@@ -35,6 +34,6 @@ def too_little(joint: int, covered: OperatingRange) -> bool:
     lever = float(covered.lever[joint])
     span = covered.span(joint)
     fastest = float(covered.fastest[joint])
-    if span <= _LEAST_RANGE * lever:
+    if span <= settings.LEAST_RANGE * lever:
         return True
-    return fastest < _LEAST_FASTEST * lever and span < _SMALL_RANGE * lever
+    return fastest < settings.LEAST_FASTEST * lever and span < settings.SMALL_RANGE * lever

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.identifiability.detectability import (
-    ABSORBED,
     Detectability,
     ShapedEffect,
     detectability,
@@ -16,17 +16,16 @@ from idim_iv_ros.diagnosis.joint_units import unit_at
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Confusability, NotTestable
 from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range, rows_of, spread_shapes
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, NoiseModel, Regression, Scan
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression, Scan
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place
-
-_LARGEST = 1e6  # N m: columns beyond come from a transmission that ran away
+from idim_iv_ros.signals import AutoregressiveModel
 
 
 def shown_by_motion(
     data: Baseline,
     regression: Regression,
     catalogue: Sequence[Effect],
-    noise_models: Sequence[NoiseModel],
+    noise_models: Sequence[AutoregressiveModel],
     dry_friction: Sequence[float],
 ) -> tuple[tuple[Confusability, ...], tuple[NotTestable, ...]]:
     """Say what the motion can show and what it cannot.
@@ -41,7 +40,7 @@ def shown_by_motion(
         N m (N), of each joint: the scale of what is plausible.
     """
     covered = operating_range(data)
-    scan = Scan(regression, _without_torque(regression, noise_models))
+    scan = Scan(regression, noise_models)
     rows = [len(joint.torque) for joint in regression.joints]
     tables, refused = [], []
     for joint, name in enumerate(data.joints):
@@ -82,23 +81,13 @@ def shown_by_motion(
     return tuple(tables), tuple(refused)
 
 
-def floor_noise_models(fit: Fit, sigmas: Sequence[float | None]) -> tuple[NoiseModel, ...]:
-    """Colours of a fit with the standard deviations of the noise floor where it is smaller."""
+def floor_noise_models(fit: Fit, sigmas: Sequence[float | None]) -> tuple[AutoregressiveModel, ...]:
+    """Noise models of a fit with the standard deviations of the noise floor where it is smaller."""
     return tuple(
-        NoiseModel(colour.model, colour.sigma if sigma is None else min(sigma, colour.sigma))
-        for colour, sigma in zip(fit.noise_models, sigmas, strict=True)
-    )
-
-
-def _without_torque(regression: Regression, noise_models: Sequence[NoiseModel]) -> Fit:
-    """Colours alone: nothing of the torque enters."""
-    return Fit(
-        values=np.zeros(regression.parameters),
-        coefficients=np.zeros(0),
-        covariance=np.zeros((0, 0)),
-        noise_models=tuple(noise_models),
-        residuals=tuple(np.zeros(len(rows.torque)) for rows in regression.joints),
-        log_likelihood=0.0,
+        noise
+        if sigma is None or sigma >= noise.sigma
+        else replace(noise, innovation_variance=sigma**2)
+        for noise, sigma in zip(fit.noise_models, sigmas, strict=True)
     )
 
 
@@ -117,7 +106,9 @@ def _shaped(
     usable = [
         (shape, columns)
         for shape, columns in zip(shapes, rows_of(data, effect, place, shapes), strict=True)
-        if all(np.max(np.abs(rows), initial=0.0) < _LARGEST for rows in columns.values())
+        if all(
+            np.max(np.abs(rows), initial=0.0) < settings.LARGEST_TORQUE for rows in columns.values()
+        )
     ]
     if not usable:
         return None
@@ -126,7 +117,7 @@ def _shaped(
 
 def _refusal(candidate: ShapedEffect, measure: Detectability, joint: str) -> NotTestable | None:
     effect = candidate.effect
-    if measure.least_absorbed > ABSORBED:
+    if measure.least_absorbed > settings.ABSORBED:
         share = 100.0 * measure.least_absorbed
         reason = f"the model's own parameters absorb {share:.1f} % of it on this motion"
         return NotTestable(effect.name, joint, reason, effect.excitation)

@@ -4,16 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.time_blocks import interval, resampled
 from idim_iv_ros.diagnosis.localisation.residual_split import Split
 from idim_iv_ros.diagnosis.result import Regime
 from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.types import FloatArray
-
-_LEAST_OCCUPANCY = 0.005
-_LEAST_BLOCKS = 5
-# What is worth a sentence.
-_LEAST_LIFT, _LEAST_ENERGY = 1.3, 0.2
 
 
 def lifts(parts: Split) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -36,7 +32,7 @@ def lifts(parts: Split) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 def regimes_of(joint: str, parts: Split, unit: str) -> list[Regime]:
     """Bins of one axis whose lift differs from 1; `unit` is that of its edges."""
-    if len(parts.bins) < _LEAST_BLOCKS:
+    if len(parts.bins) < settings.REGIME_LEAST_BLOCKS:
         return []
     energy, occupancy, lift, limits = lifts(parts)
     return [
@@ -52,7 +48,7 @@ def regimes_of(joint: str, parts: Split, unit: str) -> list[Regime]:
             ci95=(float(limits[k, 0]), float(limits[k, 1])),
         )
         for k in range(len(lift))
-        if occupancy[k] >= _LEAST_OCCUPANCY and (limits[k, 0] > 1.0 or limits[k, 1] < 1.0)
+        if occupancy[k] >= settings.LEAST_OCCUPANCY and (limits[k, 0] > 1.0 or limits[k, 1] < 1.0)
     ]
 
 
@@ -72,7 +68,10 @@ def joined(regimes: Sequence[Regime]) -> Regime | None:
             )  # fmt: skip
         else:
             current = regime
-        if current.lift < _LEAST_LIFT or current.energy_share < _LEAST_ENERGY:
+        if (
+            current.lift < settings.FINDING_LEAST_LIFT
+            or current.energy_share < settings.FINDING_LEAST_ENERGY
+        ):
             continue
         gain = current.energy_share - current.occupancy
         if best is None or gain > best.energy_share - best.occupancy:

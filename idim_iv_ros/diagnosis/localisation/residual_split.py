@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.motion_at_rows import MotionAtRows
 from idim_iv_ros.types import FloatArray, IntArray
 
 _BANDS = (0.0, 0.1, 0.3, 0.6, 1.0)  # of the band of the rows
-_SEGMENT = 1.0  # s
 
 
 @dataclass(frozen=True)
@@ -136,15 +136,15 @@ def bands(
     edge
         Share of the rows' Nyquist frequency that the decimation passes.
     """
-    length = int(_SEGMENT * row_rate)
-    if length < 16:
+    length = int(settings.SPECTRUM_SEGMENT * row_rate)
+    if length < settings.SPECTRUM_LEAST_ROWS:
         return None
     pieces = [
         residual[start : start + length]
         for run in runs
         for start in range(run.start, run.stop - length + 1, length)
     ]
-    if len(pieces) < 5:
+    if len(pieces) < settings.SPECTRUM_LEAST_PIECES:
         return None
     window = np.hanning(length)
     power = np.abs(np.fft.rfft(np.array(pieces) * window, axis=1)) ** 2

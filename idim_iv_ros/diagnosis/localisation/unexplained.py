@@ -2,18 +2,14 @@
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.joint_units import unit_at
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Unexplained
 from idim_iv_ros.diagnosis.structural.attribution import Found
-from idim_iv_ros.diagnosis.structural.causes import LEAST_NONPARAMETRIC, NamedModel
+from idim_iv_ros.diagnosis.structural.causes import NamedModel
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
-
-# Excess kurtosis of the whitened residual, and energy in its largest hundredth, of events.
-_KURTOSIS = 4.0
-_EVENT_SHARE = 0.12
-_LARGEST = 0.01
 
 
 def unexplained(data: Baseline, model: NamedModel) -> Unexplained | None:
@@ -22,7 +18,7 @@ def unexplained(data: Baseline, model: NamedModel) -> Unexplained | None:
     large = [
         each
         for each in model.nameless
-        if each.candidate.share_of_torque(sizes) >= LEAST_NONPARAMETRIC
+        if each.candidate.share_of_torque(sizes) >= settings.LEAST_NONPARAMETRIC
     ]
     if large:
         return _nonparametric(data, max(large, key=lambda each: each.candidate.gain))
@@ -36,7 +32,7 @@ def small_remainders(data: Baseline, model: NamedModel) -> tuple[str, ...]:
     sentences = []
     for each in model.nameless:
         share = each.candidate.share_of_torque(data.torque_sizes)
-        if share < LEAST_NONPARAMETRIC:
+        if share < settings.LEAST_NONPARAMETRIC:
             where = _nonparametric(data, each).where
             sentences.append(f"{where}: {100.0 * share:.2g} % of its torque, too small to matter")
     return tuple(sentences)
@@ -60,18 +56,18 @@ def _nonparametric(data: Baseline, found: Found) -> Unexplained:
 def _events(data: Baseline, fit: Fit, joint: int) -> Unexplained | None:
     """Short events that do not repeat: the whitened residual has far too many large values."""
     rows = data.rows[joint]
-    white = fit.noise_models[joint].apply(fit.residuals[joint], rows.runs)
+    white = fit.noise_models[joint].standardized(fit.residuals[joint], rows.segments)
     energy = white**2
     total = float(energy.sum())
-    if total <= 0.0 or len(white) < 200:
+    if total <= 0.0 or len(white) < settings.EVENT_LEAST_ROWS:
         return None
     kurtosis = float(np.mean(white**4) / np.mean(energy) ** 2) - 3.0
-    most = np.sort(energy)[-max(1, round(_LARGEST * len(energy))) :]
+    most = np.sort(energy)[-max(1, round(settings.EVENT_SAMPLES * len(energy))) :]
     share = float(most.sum()) / total
-    if kurtosis < _KURTOSIS or share < _EVENT_SHARE:
+    if kurtosis < settings.EVENT_KURTOSIS or share < settings.EVENT_ENERGY:
         return None
     size = float(np.sqrt(share * np.mean(fit.residuals[joint] ** 2)))
-    if size < LEAST_NONPARAMETRIC * data.torque_sizes[joint]:
+    if size < settings.LEAST_NONPARAMETRIC * data.torque_sizes[joint]:
         return None
     largest = int(np.argmax(energy))
     motion = data.motions[int(data.recordings[joint][largest])]

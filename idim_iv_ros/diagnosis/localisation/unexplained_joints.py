@@ -2,14 +2,11 @@
 
 from collections.abc import Sequence
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.joint_units import unit_at
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import Stage
-
-# Times the noise above which it is said, where it is also this share of the torque, or of the gap
-# that there was.
-_TIMES_NOISE, _SHARE, _OF_GAP = 3.0, 0.1, 0.5
 
 
 def unexplained_joints(
@@ -21,8 +18,15 @@ def unexplained_joints(
     for joint, (name, floor) in enumerate(zip(data.joints, floors, strict=True)):
         rest = last.torque_rms[name]
         share = rest / data.torque_sizes[joint]
-        much = share > _SHARE or rest > _OF_GAP * first.torque_rms[name]
-        if floor.sigma is not None and rest > _TIMES_NOISE * floor.sigma and much:
+        much = (
+            share > settings.UNEXPLAINED_OF_TORQUE
+            or rest > settings.UNEXPLAINED_OF_GAP * first.torque_rms[name]
+        )
+        if (
+            floor.sigma is not None
+            and rest > settings.UNEXPLAINED_OVER_NOISE * floor.sigma
+            and much
+        ):
             unit = unit_at(data, joint, "N m")
             words = f"{rest:.3g} {unit} at {name} ({100 * share:.0f} % of its torque"
             worst.append((share, f"{words}, noise {floor.sigma:.2g} {unit})"))

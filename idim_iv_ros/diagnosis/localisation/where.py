@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.time_blocks import time_blocks
 from idim_iv_ros.diagnosis.joint_units import unit_at
 from idim_iv_ros.diagnosis.localisation.joint_gaps import joint_gaps
@@ -27,9 +28,6 @@ _UNITS = {
     "reversal": "rad",
     "frequency": "Hz",
 }
-_GIVEN_FINDINGS, _REFIT_FINDINGS = 3, 2
-# The refit explains it all where its residual has less than this energy above the noise.
-_STRUCTURE = 1.2
 
 
 @dataclass(frozen=True)
@@ -65,16 +63,17 @@ def where(
     starts = [part.start for part in data.prepared.session.parts]
     axes = [axes_of(motion_at_rows(data, joint), starts) for joint in range(len(data.joints))]
     regimes, findings = _described(data, regression, shown, axes, gaps, "")
-    findings = findings[:_GIVEN_FINDINGS]
+    findings = findings[: settings.NOMINAL_FINDINGS]
     if given is not None:
         _, more = _described(data, regression, refit.residuals, axes, gaps, "after a refit, ")
         structured = {
             name
             for name, residual, floor in zip(data.joints, refit.residuals, floors, strict=True)
-            if floor.sigma is None or np.mean(residual**2) > _STRUCTURE * floor.sigma**2
+            if floor.sigma is None
+            or np.mean(residual**2) > settings.REFIT_STRUCTURE * floor.sigma**2
         }
         more = [one for one in more if any(f"refit, {name}," in one for name in structured)]
-        findings = [*findings, *more[:_REFIT_FINDINGS]]
+        findings = [*findings, *more[: settings.REFIT_FINDINGS]]
     return Where(gaps, regimes, tuple(findings))
 
 
@@ -95,7 +94,7 @@ def _described(
         residual = residuals[joint]
         blocks = time_blocks(data.recordings[joint], data.places[joint], data.row_rate)
         splits = [split(axis, residual, blocks) for axis in axes[joint]]
-        spectrum = bands(residual, regression.joints[joint].runs, data.row_rate, edge)
+        spectrum = bands(residual, regression.joints[joint].segments, data.row_rate, edge)
         for parts in [*splits, *([] if spectrum is None else [spectrum])]:
             found = regimes_of(name, parts, unit_at(data, joint, _UNITS[parts.name]))
             regimes += found

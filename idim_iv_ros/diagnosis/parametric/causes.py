@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, change_regression
 from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause, causes_of
 from idim_iv_ros.diagnosis.parametric.hypotheses import Hypothesis, changes_of
-from idim_iv_ros.diagnosis.parametric.joints import LEAST_SHARE as JOINT_SHARE
 from idim_iv_ros.diagnosis.parametric.selection import smallest_set
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.missing_armature import left_out_numbers, without_negative_drives
@@ -16,13 +16,6 @@ from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.catalogue import PARAMETRIC
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.types import FloatArray
-
-# Share of the nominal model's gap that the refit must take; the second where structural effects
-# were accepted, for what is left of them biases the refit.
-LEAST_SHARE, LEAST_SHARE_BESIDE = 0.01, 0.05
-# Share of the gap's energy that each cause must take, beside those before it, unless it takes that
-# of one joint: `parametric_joints.LEAST_SHARE` of its torque.
-LEAST_SHARE_OF_A_CAUSE = 0.02
 
 
 @dataclass(frozen=True)
@@ -74,7 +67,9 @@ def parametric_causes(
         nothing = np.full(len(data.joints), np.nan)
         return ParametricOutcome((), reason, None, nothing, nothing, nothing)
     changes = change_regression(data, regression, fit)
-    least_share = LEAST_SHARE_BESIDE if regression.added else LEAST_SHARE
+    least_share = (
+        settings.REFIT_LEAST_SHARE_BESIDE if regression.added else settings.REFIT_LEAST_SHARE
+    )
     while True:
         known = left_out_numbers(changes, catalogue)
         found, reason = _other_numbers(changes, known, least_share, catalogue)
@@ -113,8 +108,8 @@ def _large_enough(
     """Causes that take enough of the gap beside what was left out, or of a joint's torque."""
     kept, gap = [], 1.0
     for cause in causes:
-        enough = cause.share >= LEAST_SHARE_OF_A_CAUSE * gap
-        if enough or cause.share_of_torque >= JOINT_SHARE:
+        enough = cause.share >= settings.PARAMETRIC_LEAST_SHARE * gap
+        if enough or cause.share_of_torque >= settings.LEAST_PARAMETER_ERROR:
             kept.append(cause)
         if cause.effect.known_to_be_left_out(changes.space):
             gap -= cause.share

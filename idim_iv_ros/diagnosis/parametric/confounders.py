@@ -8,15 +8,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Indistinguishable
 from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range, rows_of, spread_shapes
 from idim_iv_ros.effects.effect import Effect, OperatingRange
 from idim_iv_ros.types import FloatArray
-
-# Correlation of the torques from which on they are the same on this recording.
-LEAST_ALIKE = 0.98
 
 
 def confounders(
@@ -40,7 +38,7 @@ def confounders(
         if effect.name not in cause.effect.confounders:
             continue
         correlation = _correlation(data, effect, joint, cause.torque, covered)
-        if correlation >= LEAST_ALIKE:
+        if correlation >= settings.CONFOUNDER_CORRELATION:
             rivals.append(Indistinguishable(effect.name, cause.joint, correlation))
     return tuple(rivals)
 

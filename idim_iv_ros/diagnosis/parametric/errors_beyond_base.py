@@ -9,13 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
-
-_SMALL = 1e-4  # rad
 
 
 class ErrorBeyondBase(Effect):
@@ -40,7 +39,7 @@ class ErrorBeyondBase(Effect):
 
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
         """Small changes of either sign."""
-        return bool(np.all(np.abs(coefficients) < 0.6))
+        return bool(np.all(np.abs(coefficients) < settings.LARGEST_SMALL_ERROR))
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
@@ -78,7 +77,7 @@ class GravityError(ErrorBeyondBase):
             if np.linalg.norm(moved) < 1e-6:
                 continue
             tilted = model.copy()
-            tilted.gravity.linear = gravity + _SMALL * moved
+            tilted.gravity.linear = gravity + settings.TILT_STEP * moved
             torque = inverse_dynamics(
                 replace(motion.robot, pinocchio=tilted),
                 motion.links,
@@ -86,7 +85,7 @@ class GravityError(ErrorBeyondBase):
                 motion.velocity,
                 motion.acceleration,
             )
-            parts.append((torque - motion.load) / _SMALL)
+            parts.append((torque - motion.load) / settings.TILT_STEP)
         if not parts:
             parts = [np.zeros_like(motion.load)]
         return {

@@ -7,6 +7,7 @@ from itertools import islice
 import numpy as np
 from scipy import stats
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression
 from idim_iv_ros.diagnosis.parametric.hypotheses import (
     Hypothesis,
@@ -21,10 +22,6 @@ from idim_iv_ros.diagnosis.parametric.other_errors import estimated_beside_other
 from idim_iv_ros.diagnosis.result import EffectParameter, Indistinguishable
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParametricEffect
 from idim_iv_ros.types import FloatArray
-
-# Causes that bring this much less are not better or worse.
-ALIKE = 6.0
-LEAST_CORRELATION = 0.5
 
 
 @dataclass(frozen=True)
@@ -175,10 +172,10 @@ def _rivals(
     """Hypotheses that would do as well in this one's place, with a torque alike."""
     rivals = []
     for trial in tried:
-        if trial.support < this.support - ALIKE:
+        if trial.support < this.support - settings.INDISTINGUISHABLE_SUPPORT:
             continue
         correlation = _correlation(changes, rest, this, trial)
-        if correlation >= LEAST_CORRELATION:
+        if correlation >= settings.INDISTINGUISHABLE_CORRELATION:
             name = _name(joints, trial.hypothesis)
             rivals.append(Indistinguishable(trial.hypothesis.effect.name, name, correlation))
     return tuple(rivals)
@@ -217,12 +214,12 @@ def _correlation(
     changes: ChangeRegression, rest: Sequence[Hypothesis], first: Trial, second: Trial
 ) -> float:
     """Of the torques that both add, whitened, less what the other causes absorb."""
-    one = changes.triangle @ first.contribution
-    two = changes.triangle @ second.contribution
+    one = changes.factor @ first.contribution
+    two = changes.factor @ second.contribution
     directions = [change.direction for change in changes_of(rest)]
     if directions:
         left, singular, _ = np.linalg.svd(
-            changes.triangle @ np.column_stack(directions), full_matrices=False
+            changes.factor @ np.column_stack(directions), full_matrices=False
         )
         basis = left[:, singular > 1e-9 * singular[0]]
         one, two = one - basis @ (basis.T @ one), two - basis @ (basis.T @ two)

@@ -9,29 +9,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, Explained
 from idim_iv_ros.diagnosis.parametric.hypotheses import Hypothesis, Trial, changes_of, trials
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.types import FloatArray
 
-# Share of a joint's torque (rms) from which on a parameter error matters, and times the gap of the
-# refit that is left beside it.
-LEAST_SHARE, TIMES_REFIT = 0.02, 1.5
-# Of the energy that is missing at a joint, what one more cause must take.
-_LEAST_PART = 0.25
-# Of what the best one takes there, what a cause must take to be chosen for its likelihood.
-_NEARLY = 0.67
-
 
 def missing(changes: ChangeRegression, explained: Explained, refit: Explained) -> FloatArray:
     """Energy at each joint that the refit takes beyond what is explained, (n_joints,), N²m² (N²).
 
-    Zero where it is small: `LEAST_SHARE`.
+    Zero where it is small: `settings.LEAST_PARAMETER_ERROR`.
     """
     after = _after(changes, explained)
     least = _after(changes, refit)
     energy = after**2 - least**2
-    matters = (energy > (LEAST_SHARE * changes.sizes) ** 2) & (after > TIMES_REFIT * least)
+    matters = (energy > (settings.LEAST_PARAMETER_ERROR * changes.sizes) ** 2) & (
+        after > settings.PARAMETER_ERROR_OVER_REFIT * least
+    )
     return np.where(matters, energy, 0.0)
 
 
@@ -40,7 +35,6 @@ def with_every_joint(
     refit: Explained,
     kept: Sequence[Hypothesis],
     catalogue: Sequence[ParametricEffect],
-    least_support: float,
 ) -> list[Hypothesis]:
     """Add causes until each joint is accounted for, or no cause explains what is missing there.
 
@@ -50,8 +44,6 @@ def with_every_joint(
         All that new base parameters explain.
     kept
         Causes found so far.
-    least_support
-        Logarithm of the likelihood that a cause must bring beyond its penalty.
     """
     found = list(kept)
     explained = changes.explain(changes_of(found))
@@ -66,7 +58,9 @@ def with_every_joint(
         if shares[worst] <= 0.0:
             return found
         able = [
-            trial for trial in trials(changes, found, catalogue) if trial.support >= least_support
+            trial
+            for trial in trials(changes, found, catalogue)
+            if trial.support >= settings.LEAST_SUPPORT
         ]
         best = _best_at(changes, able, worst, explained, lacking[worst])
         if best is None:
@@ -87,9 +81,13 @@ def _best_at(
     before = _after(changes, explained)[joint] ** 2
     taken = [before - _after(changes, trial.explained)[joint] ** 2 for trial in able]
     most = max(taken, default=0.0)
-    if most < _LEAST_PART * lacking:
+    if most < settings.LEAST_PART_OF_JOINT * lacking:
         return None
-    near = [trial for trial, energy in zip(able, taken, strict=True) if energy >= _NEARLY * most]
+    near = [
+        trial
+        for trial, energy in zip(able, taken, strict=True)
+        if energy >= settings.NEARLY_ALL_OF_JOINT * most
+    ]
     return max(near, key=lambda trial: trial.support)
 
 

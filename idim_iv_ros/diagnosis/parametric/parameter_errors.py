@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.joint_units import unit_at
 from idim_iv_ros.diagnosis.parametric.causes import ParametricOutcome
-from idim_iv_ros.diagnosis.parametric.joints import LEAST_SHARE, TIMES_REFIT
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import ParameterError
 
@@ -39,7 +39,10 @@ def remaining_words(data: Baseline, errors: Sequence[ParameterError]) -> str:
     """
     said = []
     for joint, each in enumerate(errors):
-        if each.share_of_torque > LEAST_SHARE and each.named > TIMES_REFIT * each.refit:
+        if (
+            each.share_of_torque > settings.LEAST_PARAMETER_ERROR
+            and each.named > settings.PARAMETER_ERROR_OVER_REFIT * each.refit
+        ):
             unit = unit_at(data, joint, "N m")
             share = f"{100.0 * each.share_of_torque:.2g} % of its torque"
             words = f"{each.remaining:.3g} {unit} at {each.joint} ({share})"

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, Explained
 from idim_iv_ros.diagnosis.parametric.hypotheses import (
     Hypothesis,
@@ -13,14 +14,6 @@ from idim_iv_ros.diagnosis.parametric.hypotheses import (
 )
 from idim_iv_ros.diagnosis.parametric.joints import missing, with_every_joint
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
-
-# Share of the explainable change that the causes must explain together.
-ENOUGH = 0.9
-# Logarithm of the likelihood that a cause must bring beyond its penalty.
-LEAST_SUPPORT = 8.0
-# Share of the explainable change that each cause must bring.
-LEAST_PART = 0.02
-MOST_CAUSES = 6
 
 
 def smallest_set(
@@ -45,12 +38,12 @@ def smallest_set(
     """
     kept: list[Hypothesis] = list(known)
     start = before = changes.explain(changes_of(known))
-    while len(kept) < MOST_CAUSES + len(known):
+    while len(kept) < settings.MOST_PARAMETRIC_CAUSES + len(known):
         tried = trials(changes, kept, catalogue)
-        if not tried or tried[0].support < LEAST_SUPPORT:
+        if not tried or tried[0].support < settings.LEAST_SUPPORT:
             break
         best = tried[0]
-        if best.explained.statistic - before.statistic < LEAST_PART * (
+        if best.explained.statistic - before.statistic < settings.LEAST_PART_OF_CHANGE * (
             refit.statistic - start.statistic
         ):
             break
@@ -61,12 +54,12 @@ def smallest_set(
     kept = _needed(changes, refit, kept, known)
     if not missing(changes, changes.explain(changes_of(kept)), refit).any():
         return kept[len(known) :]
-    more = with_every_joint(changes, refit, kept, catalogue, LEAST_SUPPORT)
+    more = with_every_joint(changes, refit, kept, catalogue)
     more = _needed(changes, refit, more, known)
-    if len(more) <= MOST_CAUSES + len(known):
+    if len(more) <= settings.MOST_PARAMETRIC_CAUSES + len(known):
         return more[len(known) :]
     explained = changes.explain(changes_of(kept))
-    if _share(changes, explained) >= ENOUGH * _share(changes, refit):
+    if _share(changes, explained) >= settings.ENOUGH_OF_CHANGE * _share(changes, refit):
         return kept[len(known) :]
     return of_base_parameters(changes, catalogue, known)
 
@@ -105,8 +98,10 @@ def _needed(
 
 
 def explains_enough(explained: Explained, refit: Explained, start: Explained) -> bool:
-    """Whether what is missing to `ENOUGH` of the refit may be noise, both beyond the start."""
+    """Whether what is missing to enough of the refit may be noise, both beyond the start."""
     free = max(refit.rank - explained.rank, 0)
     missing = refit.statistic - explained.statistic - free
     explainable = (refit.statistic - start.statistic) - (refit.rank - start.rank)
-    return bool(missing <= (1.0 - ENOUGH) * explainable + 2.0 * np.sqrt(2.0 * free))
+    return bool(
+        missing <= (1.0 - settings.ENOUGH_OF_CHANGE) * explainable + 2.0 * np.sqrt(2.0 * free)
+    )

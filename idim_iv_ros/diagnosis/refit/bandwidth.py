@@ -6,23 +6,14 @@ import numpy as np
 from scipy.signal import welch
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.refit.smooth_motion import SAMPLES_PER_ROW
-from idim_iv_ros.estimation import (
-    observation_rows,
-    solve_weighted_least_squares,
-    triangles_of_rows,
-)
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.estimation.least_squares import solve_least_squares
+from idim_iv_ros.estimation.observation import observation_rows
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import joint_inertia
 from idim_iv_ros.types import FloatArray
-
-_WIDEST = 25.0  # Hz: arms have no rigid-body torque beyond, and loops are slower
-_POSITION_OVER_DECIMATION = 2.5  # the paper's ratio
-# Noise of the acceleration may add this share to the standard deviation of the torque's.
-_NOISE_SHARE = 0.5
-_SEGMENT = 2.0  # s
 
 
 def widened(recordings: Sequence[Recording], configuration: Configuration) -> Configuration:
@@ -38,17 +29,21 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
         return configuration
     prepared = prepare(recordings, configuration)
     rate = min(motion.signals.rate for motion in prepared.motions)
-    highest = min(_WIDEST, rate / (2.0 * _POSITION_OVER_DECIMATION * 1.3))
+    highest = min(
+        settings.WIDEST_BAND,
+        rate / (2.0 * settings.POSITION_OVER_DECIMATION * settings.NYQUIST_MARGIN),
+    )
     cutoff = max(min(_noise_limit(prepared), highest), prepared.cutoffs.decimation)
     edge = processing.decimation_edge
     factor = max(1, int(edge * rate / (2.0 * cutoff)))
-    if factor > SAMPLES_PER_ROW:  # a multiple, so that candidates need a coarse grid only
-        factor += -factor % SAMPLES_PER_ROW
+    if factor > settings.SAMPLES_PER_ROW:  # a multiple, so that candidates need a coarse grid only
+        factor += -factor % settings.SAMPLES_PER_ROW
     cutoff = edge * rate / (2.0 * factor)
     position = processing.position_cutoff
     if position is None:
         position = min(
-            max(prepared.cutoffs.position, _POSITION_OVER_DECIMATION * cutoff), 0.4 * rate
+            max(prepared.cutoffs.position, settings.POSITION_OVER_DECIMATION * cutoff),
+            settings.HIGHEST_CUTOFF * rate,
         )
     changed = processing.model_copy(
         update={
@@ -62,8 +57,8 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
 def _noise_limit(prepared: PreparedRegression) -> float:
     """Hz, the least over the joints."""
     rows = observation_rows(prepared.model, prepared.motions)
-    require_excitation(prepared, triangles_of_rows(rows))
-    values = solve_weighted_least_squares(rows, len(prepared.model.base.columns)).values
+    require_excitation(prepared, rows)
+    values = solve_least_squares(rows, len(prepared.model.base.columns)).values
     position = prepared.motions[0].position
     model = prepared.model
     sample = position[:: max(1, len(position) // 50)]
@@ -71,7 +66,7 @@ def _noise_limit(prepared: PreparedRegression) -> float:
     position_noise = _noise(prepared.motions, "position")
     torque_noise = _noise(prepared.motions, "torque")
     ratio = torque_noise / np.maximum(np.abs(inertia) * position_noise, 1e-30)
-    return float(np.sqrt(np.sqrt(5.0) * _NOISE_SHARE * ratio.min())) / (2.0 * np.pi)
+    return float(np.sqrt(np.sqrt(5.0) * settings.ACCELERATION_NOISE * ratio.min())) / (2.0 * np.pi)
 
 
 def _noise(motions: Sequence[Motion], quantity: str) -> FloatArray:
@@ -80,7 +75,7 @@ def _noise(motions: Sequence[Motion], quantity: str) -> FloatArray:
     for motion in motions:
         values = getattr(motion.signals, quantity)
         rate = motion.signals.rate
-        segment = min(len(values), max(64, int(_SEGMENT * rate)))
+        segment = min(len(values), max(64, int(settings.NOISE_SEGMENT * rate)))
         frequency, density = welch(values, fs=rate, nperseg=segment, axis=0)
         upper = density[frequency > 0.25 * rate]
         variances.append(np.median(upper, axis=0) * rate / 2.0)

@@ -7,27 +7,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.bandwidth import widened
 from idim_iv_ros.diagnosis.refit.reversals import may_count, reason_for_margin, with_margin
 from idim_iv_ros.diagnosis.refit.slip import simulated_slips
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, smooth_motions
-from idim_iv_ros.estimation import (
-    IdimIvEstimate,
-    InstrumentSources,
-    ObservationRows,
-    idim_iv,
-    instrument_sources,
-    observation_rows,
-    triangles_of_rows,
-)
+from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv
+from idim_iv_ros.estimation.observation import observation_rows
+from idim_iv_ros.estimation.rows import JointRows
+from idim_iv_ros.estimation.sources import InstrumentSources, instrument_sources
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import REVERSAL_MARGIN
 from idim_iv_ros.types import FloatArray
-
-_LEAST_SPEED_SHARE = 0.005
-_FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
 
 
 @dataclass(frozen=True)
@@ -40,7 +33,7 @@ class Baseline:
     Attributes
     ----------
     prepared : PreparedRegression
-    rows : tuple of ObservationRows
+    rows : tuple of JointRows
     estimate : IdimIvEstimate
     sources : InstrumentSources
     recordings : tuple of (r,) int, one for each joint
@@ -53,7 +46,7 @@ class Baseline:
     """
 
     prepared: PreparedRegression
-    rows: tuple[ObservationRows, ...]
+    rows: tuple[JointRows, ...]
     estimate: IdimIvEstimate
     sources: InstrumentSources
     recordings: tuple[NDArray[np.int64], ...]
@@ -80,13 +73,9 @@ class Baseline:
     def slowest(self) -> FloatArray:
         """Speeds (n_joints,) that count, rad/s (m/s); where rows of all do, a share of the peak."""
         peaks = np.max([np.abs(m.velocity).max(axis=0) for m in self.motions], axis=0)
-        return np.asarray(np.maximum(self.prepared.minimum_speed, _LEAST_SPEED_SHARE * peaks))
-
-    def at(self, values: FloatArray) -> "Baseline":
-        """Return the same with the candidates' torques computed at other parameters (b,)."""
-        links, whole = _parameters(self.prepared, values)
-        motions = tuple(motion.with_parameters(links, whole) for motion in self.motions)
-        return replace(self, motions=motions)
+        return np.asarray(
+            np.maximum(self.prepared.minimum_speed, settings.LEAST_SPEED_SHARE * peaks)
+        )
 
     def counting(self, joint: int, values: Sequence[FloatArray]) -> FloatArray:
         """Rows of one joint (r, …) from decimated values (m, …) of each recording."""
@@ -119,7 +108,7 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
 def _refit(prepared: PreparedRegression) -> Baseline:
     configuration = prepared.configuration
     rows = observation_rows(prepared.model, prepared.motions)
-    require_excitation(prepared, triangles_of_rows(rows))
+    require_excitation(prepared, rows)
     sources = instrument_sources(configuration, prepared.model, prepared.motions, prepared.cutoffs)
     estimate = idim_iv(
         rows,

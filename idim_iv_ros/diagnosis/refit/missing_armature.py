@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression
 from idim_iv_ros.diagnosis.parametric.hypotheses import Hypothesis, changes_of, hypotheses
-from idim_iv_ros.diagnosis.parametric.selection import LEAST_SUPPORT
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 
 
@@ -23,7 +23,7 @@ def left_out_numbers(
         each
         for each in hypotheses(changes, catalogue)
         if each.effect.known_to_be_left_out(changes.space)
-        and _support(changes, each) >= LEAST_SUPPORT
+        and _support(changes, each) >= settings.LEAST_SUPPORT
     ]
 
 

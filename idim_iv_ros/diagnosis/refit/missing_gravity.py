@@ -6,18 +6,13 @@ import numpy as np
 from scipy import stats
 
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut
 from idim_iv_ros.diagnosis.parametric.change_regression import unit_gravity_rows
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.types import FloatArray
-
-STANDARD = 9.81
-# Half the Wald statistic beyond the penalty, and share of a joint's residual that must go.
-_LEAST_SUPPORT, _LEAST_SHARE = 8.0, 0.2
-# m/s²: the given masses are wrong by less than this, or it is not gravity.
-_SMALLEST, _LARGEST = 4.0, 25.0
 
 
 @dataclass(frozen=True)
@@ -40,7 +35,7 @@ class MissingGravity:
 
     def corrected(self, configuration: Configuration) -> Configuration:
         """Return the configuration with gravity of the usual size in the found direction."""
-        vector = STANDARD * self.acceleration / np.linalg.norm(self.acceleration)
+        vector = settings.STANDARD_GRAVITY * self.acceleration / np.linalg.norm(self.acceleration)
         robot = configuration.robot.model_copy(update={"gravity": vector.tolist()})
         return configuration.model_copy(update={"robot": robot})
 
@@ -92,9 +87,12 @@ def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | 
         1.0 - float(after @ after) / max(float(before @ before), 1e-300)
         for before, after in zip(plain.residuals, heavy.residuals, strict=True)
     )
-    if 0.5 * wald - 1.5 * np.log(rows) < _LEAST_SUPPORT or less < _LEAST_SHARE:
+    if (
+        0.5 * wald - 1.5 * np.log(rows) < settings.LEAST_SUPPORT
+        or less < settings.GRAVITY_LEAST_SHARE
+    ):
         return None
-    if not _SMALLEST <= size <= _LARGEST:
+    if not settings.LEAST_GRAVITY <= size <= settings.MOST_GRAVITY:
         return None
     return MissingGravity(
         acceleration=heavy.coefficients,

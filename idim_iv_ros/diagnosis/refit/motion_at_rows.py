@@ -3,12 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.since_reversal import since_reversal
 from idim_iv_ros.types import FloatArray
-
-# Of the joint's slowest speed that counts, beyond which it has turned.
-_TURNED = 0.3
 
 
 @dataclass(frozen=True)
@@ -35,7 +33,7 @@ class MotionAtRows:
 def motion_at_rows(data: Baseline, joint: int) -> MotionAtRows:
     """Take the smooth motion of one joint at the rows that count."""
     motions = data.motions
-    slowest = _TURNED * float(data.slowest[joint])
+    slowest = settings.REVERSAL_SPEED * float(data.slowest[joint])
 
     def at_rows(values: Sequence[FloatArray]) -> FloatArray:
         kept = [part[each.decimation.kept] for part, each in zip(values, motions, strict=True)]

@@ -3,7 +3,8 @@
 import numpy as np
 
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.structural.likelihood import JointData, Regression
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.estimation.rows import JointRows
 
 
 def smooth_regression(data: Baseline) -> Regression:
@@ -18,7 +19,7 @@ def smooth_regression(data: Baseline) -> Regression:
                 matrix[:, names.index(f"Fc{joint + 1}")] = motion.slip[:, joint]
             parts[joint].append(motion.rows(matrix)[motion.kept[:, joint]])
     joints = tuple(
-        JointData(rows.torque, np.concatenate(part), rows.columns, rows.runs)
+        JointRows(np.concatenate(part), rows.torque, rows.columns, rows.segments, rows.name)
         for rows, part in zip(data.rows, parts, strict=True)
     )
     return Regression(joints, len(model.base.columns))

@@ -8,7 +8,7 @@ there by as much as the friction, and the decimation filter smears that over the
 from collections.abc import Sequence
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.estimation import IdimIvEstimate
+from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import REVERSAL_MARGIN
 

@@ -9,7 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from idim_iv_ros.estimation import IdimIvEstimate, SimulatedLoop
+from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
+from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Motion, central_differences

@@ -13,18 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from idim_iv_ros.estimation import Instruments
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.estimation.instruments import Instruments
 from idim_iv_ros.model import DynamicParameters, RobotModel
 from idim_iv_ros.signals import Motion, ParallelDecimation, zero_phase_butterworth
 from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
 from idim_iv_ros.types import FloatArray
-
-# Of the decimation cut-off: below this share the measured motion counts.
-_MEASURED_BELOW = 0.9
-_ORDER = 2
-_SMALL = 1e-5  # rad (m), of a numerical derivative
-# Samples for each decimated row at which candidates are computed, at least.
-SAMPLES_PER_ROW = 5
 
 
 @dataclass(frozen=True)
@@ -83,11 +77,11 @@ class SmoothMotion:
         """(s, n_joints) N m/rad: change of the links' torques as a joint's position moves."""
         if joint not in self._slopes:
             position = self.position.copy()
-            position[:, joint] += _SMALL
+            position[:, joint] += settings.SLOPE_STEP
             moved = inverse_dynamics(
                 self.robot, self.links, position, self.velocity, self.acceleration
             )
-            self._slopes[joint] = (moved - self.load) / _SMALL
+            self._slopes[joint] = (moved - self.load) / settings.SLOPE_STEP
         return self._slopes[joint]
 
     @cached_property
@@ -113,10 +107,6 @@ class SmoothMotion:
     def rows(self, values: FloatArray) -> FloatArray:
         """Decimate values (s, …) of this grid to all rows (m, …), counting or not."""
         return self.decimation.whole(values)
-
-    def with_parameters(self, links: DynamicParameters, whole: DynamicParameters) -> "SmoothMotion":
-        """Return the same motion with other parameters."""
-        return replace(self, links=links, whole=whole)
 
     def _torque(self, parameters: DynamicParameters) -> FloatArray:
         return inverse_dynamics(
@@ -156,7 +146,12 @@ def smooth_motions(
         simulated = states(0, samples)
         rate = motion.signals.rate
         below = [
-            zero_phase_butterworth(m - s, rate=rate, cutoff=_MEASURED_BELOW * cutoff, order=_ORDER)
+            zero_phase_butterworth(
+                m - s,
+                rate=rate,
+                cutoff=settings.MEASURED_BELOW * cutoff,
+                order=settings.JOINING_ORDER,
+            )
             for m, s in zip(measured, simulated, strict=True)
         ]
         joined = [s + d for s, d in zip(simulated, below, strict=True)]
@@ -191,7 +186,7 @@ def _averaged(slip: FloatArray, stride: int) -> FloatArray:
 
 def _stride(factor: int) -> int:
     """Largest divisor of the decimation factor that leaves enough samples for each row."""
-    for stride in range(max(factor // SAMPLES_PER_ROW, 1), 0, -1):
+    for stride in range(max(factor // settings.SAMPLES_PER_ROW, 1), 0, -1):
         if factor % stride == 0:
             return stride
     return 1

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.identifiability.motion_limits import cannot_show
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
@@ -14,19 +15,6 @@ from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
 from idim_iv_ros.diagnosis.structural.search import Grids, Search
 from idim_iv_ros.effects.effect import Effect, Place
 from idim_iv_ros.types import FloatArray
-
-MOST_EFFECTS = 4
-# Share of the whitened residual's energy that it must explain.
-LEAST_SHARE = 0.01
-# Of the gap that the candidate with the widest reach closes, what the one to be named must close.
-LEAST_REACH = 0.67
-# Candidates that bring this much less are not better or worse.
-ALIKE = 6.0
-LEAST_CORRELATION = 0.5
-# Of the support of a flexible function, what an effect of the catalogue must reach to be named.
-FIT_OF_THE_NAMED = 0.75
-# Of the support of a named effect at the same joint, what such a function must bring beside it.
-LEAST_BESIDE_A_NAME = 0.33
 
 
 @dataclass(frozen=True)
@@ -78,8 +66,8 @@ def attribute(
     grids: Grids = {}
     tried = 0
     known: dict[tuple[Effect, Place], Candidate | None] = {}
-    for _ in range(MOST_EFFECTS + len(data.joints)):
-        if len(found) >= MOST_EFFECTS:
+    for _ in range(settings.MOST_EFFECTS + len(data.joints)):
+        if len(found) >= settings.MOST_EFFECTS:
             break
         search = Search(data, covered, current, fit, grids)
         candidates = _all(search, catalogue, found, known, progress)
@@ -109,7 +97,9 @@ def named_first(candidates: Sequence[Candidate]) -> Candidate | None:
     rival = max(nameless, key=lambda each: each.support, default=None)
     if best is None or rival is None:
         return best or rival
-    least = FIT_OF_THE_NAMED * rival.support - ALIKE
+    least = (
+        settings.CATALOGUE_OVER_NONPARAMETRIC * rival.support - settings.INDISTINGUISHABLE_SUPPORT
+    )
     return best if best.support >= least else rival
 
 
@@ -121,17 +111,20 @@ def with_reach(candidates: Sequence[Candidate]) -> list[Candidate]:
     """
     able = [each for each in candidates if worth(each)]
     widest = max((each.closed for each in able), default=0.0)
-    return [each for each in able if each.closed >= LEAST_REACH * widest]
+    return [each for each in able if each.closed >= settings.LEAST_OF_LARGEST * widest]
 
 
 def worth(candidate: Candidate) -> bool:
     """Whether a candidate is supported and large enough to matter."""
     rows = sum(len(candidate.fit.residuals[joint]) for joint in candidate.own_joints)
     share = 1.0 - np.exp(-2.0 * candidate.gain / rows)
+    least = settings.LEAST_SUPPORT
+    if candidate.effect.of_high_derivatives:
+        least = settings.LEAST_SUPPORT_OF_DERIVATIVES
     return bool(
-        candidate.support >= candidate.effect.least_support
-        and share >= LEAST_SHARE
-        and candidate.closed >= LEAST_SHARE
+        candidate.support >= least
+        and share >= settings.LEAST_SHARE_OF_EFFECT
+        and candidate.closed >= settings.LEAST_SHARE_OF_EFFECT
     )
 
 
@@ -139,13 +132,13 @@ def alike(
     search: Search, best: Candidate, candidates: Sequence[Candidate]
 ) -> tuple[tuple[Candidate, float], ...]:
     """Candidates as good as the best whose torque is much the same: (candidate, correlation)."""
-    least = best.support - ALIKE
+    least = best.support - settings.INDISTINGUISHABLE_SUPPORT
     close = []
     for other in candidates:
         if other.key == best.key or other.support < least:
             continue
         correlation = _correlation(search.scan, best, other)
-        if correlation >= LEAST_CORRELATION:
+        if correlation >= settings.INDISTINGUISHABLE_CORRELATION:
             close.append((other, correlation))
     return tuple(close)
 
@@ -206,7 +199,7 @@ def _not_a_patch(candidate: Candidate, found: Sequence[Found]) -> bool:
         ):
             continue
         same = other.effect.family == candidate.effect.family
-        least = LEAST_BESIDE_A_NAME * other.support
+        least = settings.NONPARAMETRIC_BESIDE_EFFECT * other.support
         if same or candidate.support < least:
             return False
     return True

@@ -4,13 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.likelihood import Columns
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.types import FloatArray
-
-_SPREAD = 4
-_LEVER = 0.1  # m: what counts as a radian of a prismatic joint
 
 
 def operating_range(data: Baseline) -> OperatingRange:
@@ -28,7 +26,7 @@ def operating_range(data: Baseline) -> OperatingRange:
         inertia=np.mean([np.einsum("sii->i", m.inertia) / len(m.time) for m in motions], axis=0),
         duration=float(max(m.time[-1] for m in motions)),
         row_rate=data.row_rate,
-        lever=np.array([1.0 if kind == "revolute" else _LEVER for kind in kinds]),
+        lever=np.array([1.0 if kind == "revolute" else settings.PRISMATIC_LEVER for kind in kinds]),
         sticking=data.sticking,
     )
 
@@ -38,7 +36,12 @@ def spread_shapes(effect: Effect, place: Place, covered: OperatingRange) -> list
     grid = effect.grid(place, covered)
     if not grid:
         return []
-    return [grid[k] for k in np.unique(np.linspace(0, len(grid) - 1, _SPREAD).round().astype(int))]
+    return [
+        grid[k]
+        for k in np.unique(
+            np.linspace(0, len(grid) - 1, settings.SPREAD_SHAPES).round().astype(int)
+        )
+    ]
 
 
 def rows_of(data: Baseline, effect: Effect, place: Place, shapes: Sequence[Shape]) -> list[Columns]:

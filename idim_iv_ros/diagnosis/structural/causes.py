@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut
 from idim_iv_ros.diagnosis.joint_units import in_units_of, unit_at
 from idim_iv_ros.diagnosis.localisation.joint_gaps import signed_share
@@ -26,11 +27,6 @@ from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
 from idim_iv_ros.effects.effect import Place
 from idim_iv_ros.simulation import SimulatedEffect
-
-# Of the residual's energy that the stronger effect at a joint closes.
-LEAST_BESIDE = 0.03
-# Share of a joint's torque (rms) below which what has no name is no reason to doubt the simulator.
-LEAST_NONPARAMETRIC = 0.01
 
 
 @dataclass(frozen=True)
@@ -64,7 +60,7 @@ class NamedModel:
         """
         regression = self.regression
         for each in self.nameless:
-            if each.candidate.share_of_torque(sizes) >= LEAST_NONPARAMETRIC:
+            if each.candidate.share_of_torque(sizes) >= settings.LEAST_NONPARAMETRIC:
                 regression = regression.with_columns(each.candidate.columns)
         for each in self.found:
             if each.candidate.effect.with_constant:
@@ -108,7 +104,7 @@ def built_model(
     fits = [attribution.refit]
     for each in found:
         regression = regression.with_columns(each.candidate.columns)
-        fits.append(regression.fit(fits[-1].noise_models, steps=2))
+        fits.append(regression.fit(fits[-1].noise_models, steps=settings.NOISE_MODEL_MORE_STEPS))
     return NamedModel(tuple(found), tuple(nameless), regression, tuple(fits))
 
 
@@ -126,7 +122,7 @@ def _corrections(model: NamedModel) -> list[Found]:
         each
         for each, (joint, energy, gain) in zip(model.found, closed, strict=True)
         if any(
-            other == joint and larger > gain and energy < LEAST_BESIDE * best
+            other == joint and larger > gain and energy < settings.LEAST_BESIDE_STRONGER * best
             for other, best, larger in closed
         )
     ]

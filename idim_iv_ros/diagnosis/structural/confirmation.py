@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat
@@ -12,12 +13,6 @@ from idim_iv_ros.diagnosis.structural.attribution import Attribution, Found
 from idim_iv_ros.diagnosis.structural.causes import NamedModel, built_model, label, named_model
 from idim_iv_ros.diagnosis.structural.deviations import differs_from_nothing
 from idim_iv_ros.types import FloatArray
-
-# Share of the whitened residual's energy that an effect must take on data not used to fit, and of
-# the folds on which it must help.
-_LEAST_GAIN, _LEAST_FOLDS = 0.02, 0.75
-# Of the folds where the effect changes with time: much of a drift may lie in a part of the session.
-_LEAST_FOLDS_OF_DRIFT = 0.5
 
 
 def confirmed(
@@ -110,5 +105,5 @@ def _helps(tested: HeldOut, number: int, found: Found) -> bool:
     gain, helped, folds = tested.gain(number)
     sure = gap.after < gap.before if gap.ci95 is None else gap.ci95[0] > 0.0
     drifts = found.candidate.effect.family == "time"
-    least = _LEAST_FOLDS_OF_DRIFT if drifts else _LEAST_FOLDS
-    return gain >= _LEAST_GAIN and helped >= least * folds and sure
+    least = settings.HELD_OUT_LEAST_FOLDS_OF_DRIFT if drifts else settings.HELD_OUT_LEAST_FOLDS
+    return gain >= settings.HELD_OUT_LEAST_GAIN and helped >= least * folds and sure

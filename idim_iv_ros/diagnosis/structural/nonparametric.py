@@ -8,12 +8,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.result import EffectParameter, Family
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.types import FloatArray
-
-_END = 0.4  # of the range, from either end: where a stop is looked for
 
 
 class Nonparametric(Effect):
@@ -87,7 +86,7 @@ class Stop(Nonparametric):
             float(covered.low[place.joint]),
             float(covered.high[place.joint]),
         )
-        reach = _END * (high - low)
+        reach = settings.STOP_RANGE * (high - low)
         if high <= low:
             return []
         upper: list[Shape] = [
@@ -121,7 +120,7 @@ class Lags(Nonparametric):
     name = "dynamics of the torque"
     family = "frequency"
     words = "follows the torque's rate of change"
-    least_support = 25.0
+    of_high_derivatives = True
 
     def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
         """One."""

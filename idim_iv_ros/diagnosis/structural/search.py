@@ -6,24 +6,22 @@ from functools import cached_property
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.diagnosis.structural.candidate_rows import rows_of
 from idim_iv_ros.diagnosis.structural.likelihood import (
     Columns,
     Fit,
-    NoiseModel,
     Regression,
     Scan,
     white_noise_models,
 )
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
 _STEPS = (0.3, 0.15, 0.07)
-_CHANGES = 4  # of a shape at each step, at most
-# One term more must bring this many times what it would by chance.
-_WORTH = 12.0
 
 
 Grids = dict[tuple[str, Place, tuple[Shape, ...]], list[Columns]]
@@ -77,7 +75,7 @@ class Search:
             if more is None:
                 break
             more, higher = self._refined(effect, place, more, higher)
-            if higher - score < 2.0 * _WORTH:
+            if higher - score < 2.0 * settings.LEAST_SUPPORT_OF_TERM:
                 break
             shape, score = more, higher
         columns = rows_of(self.data, effect, place, [shape])[0]
@@ -96,7 +94,7 @@ class Search:
         if not all(np.isfinite(rows).all() for rows in columns.values()):
             return None
         larger = self.regression.with_columns(columns)
-        fit = larger.fit(self.fit.noise_models, steps=2)
+        fit = larger.fit(self.fit.noise_models, steps=settings.NOISE_MODEL_MORE_STEPS)
         width = next(iter(columns.values())).shape[1]
         coefficients = fit.coefficients[-width:]
         if not effect.admissible(shape, coefficients):
@@ -118,7 +116,7 @@ class Search:
         )
 
     @cached_property
-    def _white(self) -> tuple[NoiseModel, ...]:
+    def _white(self) -> tuple[AutoregressiveModel, ...]:
         return white_noise_models(self.fit.residuals)
 
     @cached_property
@@ -143,8 +141,7 @@ class Search:
         """Shape with the highest score, and the score; `rows` are those of the shapes."""
         best: Shape | None = None
         highest = -1.0
-        for shape, columns in zip(shapes, rows, strict=True):
-            score, coefficients = self.scan.score(columns)
+        for shape, (score, coefficients) in zip(shapes, self.scan.scores(rows), strict=True):
             if score > highest and effect.admissible(shape, coefficients):
                 best, highest = shape, score
         return best, highest
@@ -177,13 +174,13 @@ class Search:
         self, effect: Effect, place: Place, shape: Shape, score: float
     ) -> tuple[Shape, float]:
         for step in _STEPS:
-            for _ in range(_CHANGES):
+            for _ in range(settings.SHAPE_CHANGES):
                 near = effect.neighbours(shape, step, place, self.covered)
                 if not near:
                     return shape, score
                 rows = rows_of(self.data, effect, place, near)
                 better, higher = self._scan(effect, place, near, rows)
-                if better is None or higher <= score + 0.01:
+                if better is None or higher <= score + settings.SHAPE_GAIN:
                     break
                 shape, score = better, higher
         return shape, score
