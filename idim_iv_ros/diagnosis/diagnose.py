@@ -8,24 +8,32 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.cause_order import leading, strongest_first
 from idim_iv_ros.diagnosis.controller.check import LawCheck, check_law, why_not_checked
 from idim_iv_ros.diagnosis.gap_series import gap_series
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut, held_out
-from idim_iv_ros.diagnosis.identifiability.testability import floor_noise_models, shown_by_motion
-from idim_iv_ros.diagnosis.localisation.unexplained import small_remainders, unexplained
-from idim_iv_ros.diagnosis.localisation.unexplained_joints import unexplained_joints
+from idim_iv_ros.diagnosis.identifiability.testability import (
+    dry_friction,
+    floor_noise_models,
+    shown_by_motion,
+)
+from idim_iv_ros.diagnosis.localisation.unexplained import (
+    small_remainders,
+    unexplained,
+    unexplained_joints,
+)
 from idim_iv_ros.diagnosis.localisation.where import where
 from idim_iv_ros.diagnosis.other_causes import controller_results, parametric_results
-from idim_iv_ros.diagnosis.parametric.causes import ParametricOutcome, parametric_causes
-from idim_iv_ros.diagnosis.parametric.confounders import confounders
+from idim_iv_ros.diagnosis.parametric.causes import (
+    ParametricOutcome,
+    confounders,
+    parameter_errors,
+    parametric_causes,
+    remaining_words,
+)
 from idim_iv_ros.diagnosis.parametric.errors_beyond_base import ERRORS_BEYOND_BASE
-from idim_iv_ros.diagnosis.parametric.parameter_errors import parameter_errors, remaining_words
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.dry_friction import dry_friction
-from idim_iv_ros.diagnosis.refit.missing_gravity import missing_gravity
+from idim_iv_ros.diagnosis.parametric.missing import missing_gravity
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
 from idim_iv_ros.diagnosis.refit.signal_chain import aligned
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, GapResult, NotTestable
 from idim_iv_ros.diagnosis.structural.attribution import attribute
@@ -33,9 +41,14 @@ from idim_iv_ros.diagnosis.structural.causes import NamedModel, named_model, str
 from idim_iv_ros.diagnosis.structural.confirmation import confirmed
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC
-from idim_iv_ros.diagnosis.tracked_stages import simulation_gaps, tracked_stages
-from idim_iv_ros.diagnosis.tracking import Tracking, tracking_series, with_tracking
-from idim_iv_ros.diagnosis.verdict import summary_of, verdict_of
+from idim_iv_ros.diagnosis.tracking import (
+    Tracking,
+    simulation_gaps,
+    tracked_stages,
+    tracking_series,
+    with_tracking,
+)
+from idim_iv_ros.diagnosis.verdict import leading, strongest_first, summary_of, verdict_of
 from idim_iv_ros.effects.catalogue import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.effects.encoder_eccentricity import EncoderEccentricity

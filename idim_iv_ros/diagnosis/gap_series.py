@@ -1,8 +1,7 @@
 """Measured torque and that of three models, row by row, for the figures."""
 
-from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.motion_at_rows import motion_at_rows
-from idim_iv_ros.diagnosis.refit.nominal_model import nominal_residuals
+from idim_iv_ros.diagnosis.localisation.residual_split import motion_at_rows
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.result import GapSeries
 from idim_iv_ros.diagnosis.structural.causes import NamedModel
 from idim_iv_ros.diagnosis.structural.likelihood import Regression

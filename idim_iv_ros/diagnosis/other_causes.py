@@ -7,7 +7,7 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.check import ControllerFinding
 from idim_iv_ros.diagnosis.joint_units import in_units_of, unit_at
-from idim_iv_ros.diagnosis.localisation.joint_gaps import signed_share
+from idim_iv_ros.diagnosis.localisation.where import signed_share
 from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause
 from idim_iv_ros.diagnosis.refit.baseline import Baseline

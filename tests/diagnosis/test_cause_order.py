@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.cause_order import leading, strongest_first
 from idim_iv_ros.diagnosis.result import Cause, Evidence, Gap, JointChange
-from idim_iv_ros.diagnosis.verdict import summary_of
+from idim_iv_ros.diagnosis.verdict import leading, strongest_first, summary_of
 from tests.diagnosis.test_verdict import GAPS, cause
 
 # Torques of 10 and 1 N m rms.

@@ -9,9 +9,8 @@ import pytest
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.other_causes import parametric_results
 from idim_iv_ros.diagnosis.parametric.causes import parametric_causes
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from tests.estimation.test_simulated_arms import recorded
 from tests.simulated_arms import arm2, arm6

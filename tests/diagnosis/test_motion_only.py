@@ -5,14 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.identifiability.testability import floor_noise_models, shown_by_motion
-from idim_iv_ros.diagnosis.localisation.unexplained_joints import unexplained_joints
+from idim_iv_ros.diagnosis.identifiability.testability import (
+    dry_friction,
+    floor_noise_models,
+    shown_by_motion,
+)
+from idim_iv_ros.diagnosis.localisation.unexplained import unexplained_joints
 from idim_iv_ros.diagnosis.localisation.where import where
 from idim_iv_ros.diagnosis.parametric.causes import parametric_causes
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.dry_friction import dry_friction
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
 from idim_iv_ros.diagnosis.result import Stage
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.tracking import simulated_tracking, simulation_gap, tracking_series

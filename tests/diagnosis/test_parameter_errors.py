@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.diagnosis.parametric import parameter_errors as module
-from idim_iv_ros.diagnosis.parametric.parameter_errors import parameter_errors, remaining_words
+from idim_iv_ros.diagnosis.parametric.causes import parameter_errors, remaining_words
 
 DATA: Any = SimpleNamespace(joints=("joint_1", "joint_2"))
 

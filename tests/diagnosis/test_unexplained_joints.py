@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.localisation.unexplained_joints import unexplained_joints
+from idim_iv_ros.diagnosis.localisation.unexplained import unexplained_joints
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import Stage

@@ -4,11 +4,16 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
-from idim_iv_ros.diagnosis.localisation.regimes import in_words, joined, lifts, regimes_of
-from idim_iv_ros.diagnosis.localisation.residual_split import Axis, axes_of, bands, split
-from idim_iv_ros.diagnosis.refit.motion_at_rows import MotionAtRows
+from idim_iv_ros.diagnosis.localisation.residual_split import (
+    Axis,
+    MotionAtRows,
+    axes_of,
+    bands,
+    since_reversal,
+    split,
+)
+from idim_iv_ros.diagnosis.localisation.where import in_words, joined, lifts, regimes_of
 from idim_iv_ros.diagnosis.refit.noise_floor import difference_energy, find_repeats
-from idim_iv_ros.diagnosis.refit.since_reversal import since_reversal
 from idim_iv_ros.diagnosis.result import Regime
 from idim_iv_ros.recording import SessionPart
 

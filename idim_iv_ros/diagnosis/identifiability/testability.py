@@ -11,13 +11,47 @@ from idim_iv_ros.diagnosis.identifiability.detectability import (
     ShapedEffect,
     detectability,
 )
-from idim_iv_ros.diagnosis.identifiability.motion_limits import cannot_show
 from idim_iv_ros.diagnosis.joint_units import unit_at
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Confusability, NotTestable
-from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range, rows_of, spread_shapes
+from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of, spread_shapes
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, NoiseModel, Regression, Scan
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place
+
+
+def cannot_show(effect: Effect, joint: int, covered: OperatingRange) -> str:
+    """Why an effect cannot be seen at a joint whatever its size; empty where it may be.
+
+    Each effect adds what it needs itself.
+    """
+    lever = float(covered.lever[joint])
+    span, length = covered.span(joint), covered.length(joint)
+    fastest = float(covered.fastest[joint])
+    if (
+        span <= settings.LEAST_RANGE * lever
+        or fastest <= settings.LEAST_SPEED_RANGE * covered.slowest[joint]
+    ):
+        return f"the joint hardly moves ({span:.2g} {length})"
+    if fastest < settings.LEAST_FASTEST * lever:
+        return (
+            f"the joint moves at most {fastest:.2g} {length}/s: it sticks so often that nothing "
+            "can be told from its dry friction"
+        )
+    return effect.cannot_show(joint, covered)
+
+
+def too_little(joint: int, covered: OperatingRange) -> bool:
+    """Whether a joint moves so little that not even its numbers can be told.
+
+    Slow motion over a wide range shows weights and friction well; small motion that sticks shows
+    nothing.
+    """
+    lever = float(covered.lever[joint])
+    span = covered.span(joint)
+    fastest = float(covered.fastest[joint])
+    if span <= settings.LEAST_RANGE * lever:
+        return True
+    return fastest < settings.LEAST_FASTEST * lever and span < settings.SMALL_RANGE * lever
 
 
 def shown_by_motion(
@@ -137,3 +171,15 @@ def _refusal(candidate: ShapedEffect, measure: Detectability, joint: str) -> Not
         reason = f"only sizes from {measure.smallest} would be seen, and smaller ones are common"
         return NotTestable(effect.name, joint, reason, effect.excitation, measure.smallest)
     return None
+
+
+def dry_friction(data: Baseline) -> tuple[float, ...]:
+    """Dry friction of each joint from the refit, N m (N); 5 % of the peak where it has none."""
+    covered = operating_range(data)
+    levels = data.prepared.model.dynamic_parameters(data.estimate.linear.values).coulomb
+    return tuple(
+        float(level)
+        if level > settings.LEAST_DRY_FRICTION * peak
+        else settings.ASSUMED_DRY_FRICTION * float(peak)
+        for level, peak in zip(levels, covered.torque, strict=True)
+    )

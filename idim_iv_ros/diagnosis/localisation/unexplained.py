@@ -1,11 +1,14 @@
-"""What no effect of the catalogue explains: its joint, its family and where it is."""
+"""What no effect of the catalogue explains: its joint, its family, where it is, and how large."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.joint_units import unit_at
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import Unexplained
+from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
+from idim_iv_ros.diagnosis.result import Stage, Unexplained
 from idim_iv_ros.diagnosis.structural.attribution import Found
 from idim_iv_ros.diagnosis.structural.causes import NamedModel
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
@@ -80,3 +83,30 @@ def _events(data: Baseline, fit: Fit, joint: int) -> Unexplained | None:
         where=f"{data.joints[joint]}: 1 % of the samples hold {100 * share:.0f} % of the "
         f"residual's energy, the largest in {part.bag} {time - part.start:.1f} s after its start",
     )
+
+
+def unexplained_joints(
+    data: Baseline, stages: Sequence[Stage], floors: Sequence[NoiseFloor]
+) -> str:
+    """Say in one sentence what the last model still misses, the worst first; empty if nothing."""
+    first, last = stages[0], stages[-1]
+    worst = []
+    for joint, (name, floor) in enumerate(zip(data.joints, floors, strict=True)):
+        rest = last.torque_rms[name]
+        share = rest / data.torque_sizes[joint]
+        much = (
+            share > settings.UNEXPLAINED_OF_TORQUE
+            or rest > settings.UNEXPLAINED_OF_GAP * first.torque_rms[name]
+        )
+        if (
+            floor.sigma is not None
+            and rest > settings.UNEXPLAINED_OVER_NOISE * floor.sigma
+            and much
+        ):
+            unit = unit_at(data, joint, "N m")
+            words = f"{rest:.3g} {unit} at {name} ({100 * share:.0f} % of its torque"
+            worst.append((share, f"{words}, noise {floor.sigma:.2g} {unit})"))
+    if not worst:
+        return ""
+    listed = ", ".join(words for _, words in sorted(worst, reverse=True))
+    return f"Still unexplained: {listed}; do not take the causes for the whole gap there."

@@ -1,4 +1,4 @@
-"""Which given numbers are wrong: the change from the given to the fitted parameters."""
+"""Which parameters of the nominal model are in error: the change from these to the fitted ones."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,16 +6,66 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.joint_units import unit_at
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, change_regression
 from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause, causes_of
 from idim_iv_ros.diagnosis.parametric.hypotheses import Hypothesis, changes_of
+from idim_iv_ros.diagnosis.parametric.missing import left_out_numbers, without_negative_drives
 from idim_iv_ros.diagnosis.parametric.selection import smallest_set
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.missing_armature import left_out_numbers, without_negative_drives
+from idim_iv_ros.diagnosis.result import Indistinguishable, ParameterError
+from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of, spread_shapes
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.catalogue import PARAMETRIC
+from idim_iv_ros.effects.effect import Effect, OperatingRange
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.types import FloatArray
+
+
+def confounders(
+    data: Baseline, cause: ParametricCause, catalogue: Sequence[Effect]
+) -> tuple[Indistinguishable, ...]:
+    """Effects of the catalogue that make the torque of a wrong number, as well as it can be told.
+
+    Those that no recording separates from it always count.
+
+    `Indistinguishable.correlation` is the multiple correlation of the cause's torque with the
+    effect's columns, in the best of a few shapes.
+    """
+    if cause.joint is None or cause.torque is None:
+        return ()
+    joint = data.joints.index(cause.joint)
+    covered = operating_range(data)
+    rivals = []
+    for effect in catalogue:
+        if effect.name in cause.effect.same_as:
+            rivals.append(Indistinguishable(effect.name, cause.joint, 1.0))
+        if effect.name not in cause.effect.confounders:
+            continue
+        correlation = _correlation(data, effect, joint, cause.torque, covered)
+        if correlation >= settings.CONFOUNDER_CORRELATION:
+            rivals.append(Indistinguishable(effect.name, cause.joint, correlation))
+    return tuple(rivals)
+
+
+def _correlation(
+    data: Baseline, effect: Effect, joint: int, torque: FloatArray, covered: OperatingRange
+) -> float:
+    """Largest over the shapes, 0 to 1."""
+    energy = float(torque @ torque)
+    places = [place for place in effect.places(len(data.joints)) if place.joint == joint]
+    if not places or energy <= 0.0:
+        return 0.0
+    shapes = spread_shapes(effect, places[0], covered)
+    if not shapes:
+        return 0.0
+    largest = 0.0
+    for shape, columns in zip(shapes, rows_of(data, effect, places[0], shapes), strict=True):
+        coefficients = np.asarray(np.linalg.lstsq(columns[joint], torque, rcond=None)[0])
+        if effect.admissible(shape, coefficients):
+            rest = torque - columns[joint] @ coefficients
+            largest = max(largest, 1.0 - float(rest @ rest) / energy)
+    return float(np.sqrt(max(largest, 0.0)))
 
 
 @dataclass(frozen=True)
@@ -114,3 +164,48 @@ def _large_enough(
         if cause.effect.known_to_be_left_out(changes.space):
             gap -= cause.share
     return tuple(kept)
+
+
+def parameter_errors(data: Baseline, outcome: ParametricOutcome) -> tuple[ParameterError, ...]:
+    """Gap of the nominal model at each joint, with the causes and with all parameters refitted."""
+    if outcome.given is None:
+        return ()
+    errors = []
+    for joint, name in enumerate(data.joints):
+        named, refit = float(outcome.after[joint]), float(outcome.refit[joint])
+        remaining = float(np.sqrt(max(named**2 - refit**2, 0.0)))
+        errors.append(
+            ParameterError(
+                joint=name,
+                given=float(outcome.given[joint]),
+                named=named,
+                refit=refit,
+                remaining=remaining,
+                share_of_torque=remaining / float(outcome.sizes[joint]),
+            )
+        )
+    return tuple(errors)
+
+
+def remaining_words(data: Baseline, errors: Sequence[ParameterError]) -> str:
+    """Say at which joints a parameter error remains that no cause names, the largest share first.
+
+    Empty where none does.
+    """
+    said = []
+    for joint, each in enumerate(errors):
+        if (
+            each.share_of_torque > settings.LEAST_PARAMETER_ERROR
+            and each.named > settings.PARAMETER_ERROR_OVER_REFIT * each.refit
+        ):
+            unit = unit_at(data, joint, "N m")
+            share = f"{100.0 * each.share_of_torque:.2g} % of its torque"
+            words = f"{each.remaining:.3g} {unit} at {each.joint} ({share})"
+            said.append((each.share_of_torque, words))
+    if not said:
+        return ""
+    listed = ", ".join(words for _, words in sorted(said, reverse=True))
+    return (
+        f"Remaining parameter error: {listed}; refitted parameters remove it, but which of the "
+        "given ones are in error cannot be determined."
+    )

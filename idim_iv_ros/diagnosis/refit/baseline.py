@@ -8,10 +8,14 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.refit.bandwidth import widened
-from idim_iv_ros.diagnosis.refit.reversals import may_count, reason_for_margin, with_margin
-from idim_iv_ros.diagnosis.refit.slip import simulated_slips
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, smooth_motions
+from idim_iv_ros.diagnosis.refit.processing import (
+    may_count,
+    reason_for_margin,
+    widened,
+    with_margin,
+)
+from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, simulated_slips, smooth_motions
+from idim_iv_ros.diagnosis.structural.likelihood import JointData, Regression
 from idim_iv_ros.estimation import (
     IdimIvEstimate,
     InstrumentSources,
@@ -209,3 +213,29 @@ def _recordings(prepared: PreparedRegression, joint: int) -> NDArray[np.int64]:
 
 def _places(prepared: PreparedRegression, joint: int) -> NDArray[np.int64]:
     return np.concatenate([np.flatnonzero(m.kept[:, joint]) for m in prepared.motions])
+
+
+def nominal_residuals(data: Baseline, regression: Regression) -> tuple[FloatArray, ...] | None:
+    """Measured torque less that of the nominal model: (r_j,) N m (N) of each joint."""
+    values = data.prepared.given
+    if values is None:
+        return None
+    return tuple(rows.torque - rows.matrix @ values[rows.columns] for rows in regression.joints)
+
+
+def smooth_regression(data: Baseline) -> Regression:
+    """Regress the measured torque on the smooth motion, with friction that sticks."""
+    model = data.prepared.model
+    parts: list[list[np.ndarray]] = [[] for _ in data.joints]
+    for motion in data.motions:
+        matrices = model.joint_matrices(motion.position, motion.velocity, motion.acceleration)
+        for joint, matrix in enumerate(matrices):
+            names = [model.base.names[column] for column in data.rows[joint].columns]
+            if f"Fc{joint + 1}" in names:
+                matrix[:, names.index(f"Fc{joint + 1}")] = motion.slip[:, joint]
+            parts[joint].append(motion.rows(matrix)[motion.kept[:, joint]])
+    joints = tuple(
+        JointData(rows.torque, np.concatenate(part), rows.columns, rows.runs)
+        for rows, part in zip(data.rows, parts, strict=True)
+    )
+    return Regression(joints, len(model.base.columns))

@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.identifiability.motion_limits import cannot_show
+from idim_iv_ros.diagnosis.identifiability.testability import cannot_show
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.structural.candidate import Candidate
-from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range
+from idim_iv_ros.diagnosis.structural.candidate import Candidate, operating_range
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression, Scan
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
 from idim_iv_ros.diagnosis.structural.search import Grids, Search

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut
 from idim_iv_ros.diagnosis.joint_units import in_units_of, unit_at
-from idim_iv_ros.diagnosis.localisation.joint_gaps import signed_share
+from idim_iv_ros.diagnosis.localisation.where import signed_share
 from idim_iv_ros.diagnosis.parametric.errors_beyond_base import ErrorBeyondBase
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import (

@@ -8,8 +8,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.structural.candidate import Candidate
-from idim_iv_ros.diagnosis.structural.candidate_rows import rows_of
+from idim_iv_ros.diagnosis.structural.candidate import Candidate, rows_of
 from idim_iv_ros.diagnosis.structural.likelihood import (
     Columns,
     Fit,
