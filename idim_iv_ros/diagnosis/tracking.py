@@ -225,8 +225,9 @@ def tracked_stages(data: Baseline, model: NamedModel, given: FloatArray | None) 
     return tracked
 
 
-def simulation_gaps(model: NamedModel, tracked: Sequence[Tracking], refit: int) -> list[Gap | None]:
-    """Gap of the simulated motion that each effect closes at its joint; `refit`: its stage."""
+def simulation_gaps(model: NamedModel, tracked: Sequence[Tracking]) -> list[Gap | None]:
+    """Gap of the simulated motion at the joint of each effect, before and after it."""
+    refit = len(tracked) - len(model.fits)
     return [
         simulation_gap(
             tracked[refit + number], tracked[refit + number + 1], found.candidate.place.joint

@@ -1,4 +1,4 @@
-"""The order of the causes, the verdict in one word, and the summary in one paragraph."""
+"""The verdict in one word, and the order of the causes."""
 
 from collections.abc import Sequence
 
@@ -6,17 +6,17 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import Cause, JointGap, Unexplained, Verdict
+from idim_iv_ros.diagnosis.result import Cause, Unexplained, Verdict
 from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.effects.drive_inertia import DriveInertia
 
 
 def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
-    """Sort causes by the gap that they take, as a share of the torque of its joint.
+    """Sort causes by what they take of the gap, as a share of the torque of the joint.
 
     Of causes that move several joints the shares of all count. Another control law has no gap of
     the torque: its evidence decides whether it comes before the structural causes or after them.
-    Drive inertia that the configuration leaves out stands before all: it was known to be missing.
+    Drive inertia that the configuration leaves out comes first: it was known to be missing.
     """
     laws = [cause for cause in causes if cause.effect == ControllerMismatch.name]
     others = [cause for cause in causes if cause.effect != ControllerMismatch.name]
@@ -59,20 +59,19 @@ def _taken(cause: Cause, data: Baseline) -> float:
 
 def verdict_of(
     causes: Sequence[Cause],
-    rest: Unexplained | None,
+    outside: Unexplained | None,
     *,
     parameters: bool = False,
     unexplained: bool = False,
 ) -> Verdict:
-    """One word: named causes count before what has no name.
+    """One word: causes of the catalogue count before what is outside it.
 
     Parameters
     ----------
     parameters
-        Whether new parameters take a part of the gap that no cause names: that they are in error is
-        known, which of them is not.
+        Whether parameters are in error beyond the causes: it is not known which.
     unexplained
-        Whether much of the gap stays.
+        Whether much of the gap remains.
     """
     kinds: set[str] = {cause.kind for cause in causes}
     if parameters and not kinds and not unexplained:
@@ -80,69 +79,7 @@ def verdict_of(
     if kinds == {"parametric", "structural"}:
         return "both"
     if "parametric" in kinds:
-        return "parametric" if rest is None else "unknown"
+        return "parametric" if outside is None else "unknown"
     if "structural" in kinds:
         return "structural"
-    return "unknown" if unexplained or rest is not None else "none"
-
-
-def summary_of(
-    verdict: Verdict,
-    causes: Sequence[Cause],
-    rest: Unexplained | None,
-    gaps: Sequence[JointGap],
-    without: Sequence[str],
-    left: str = "",
-    *,
-    numbers: str = "",
-    more: int = 0,
-    model: str = "nominal model",
-) -> str:
-    """One paragraph that a robot engineer can act on.
-
-    Parameters
-    ----------
-    causes
-        Those to be told.
-    left
-        What the last model still misses, in words.
-    numbers
-        Wrong given numbers that no cause tells, in words.
-    more
-        How many smaller causes there are.
-    model
-        Whose gaps they are, in words.
-    """
-    sentences = []
-    worst = max(gaps, key=lambda gap: gap.share, default=None)
-    if worst is not None and worst.relative_percent is not None:
-        sentences.append(
-            f"The {model} misses {worst.relative_percent:.3g} % of the torque at "
-            f"{worst.joint}, where the gap is widest."
-        )
-    if verdict == "none":
-        sentences.append(
-            "No effect of the catalogue explains more of it than chance: what is left is noise, or "
-            "too small for these recordings to show."
-        )
-    for cause in causes:
-        sentences.append(cause.sentence[0].upper() + cause.sentence[1:] + ".")
-    if more:
-        others = "1 smaller cause is" if more == 1 else f"{more} smaller causes are"
-        sentences.append(f"{others} listed beside these.")
-    if numbers:
-        sentences.append(numbers)
-    if rest is not None:
-        sentences.append(
-            f"Not in the catalogue: {rest.where}"
-            + (
-                "."
-                if rest.family == "event"  # said in `where`
-                else f"; it holds {100 * rest.share:.0f} % of what the refit leaves there."
-            )
-        )
-    if left:
-        sentences.append(left)
-    if without:
-        sentences.append(f"Left out of the catalogue on request: {', '.join(without)}.")
-    return " ".join(sentences)
+    return "unknown" if unexplained or outside is not None else "none"

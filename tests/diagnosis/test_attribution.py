@@ -287,10 +287,10 @@ def test_a_name_that_patches_a_nameless_function_at_its_joint_is_dropped(data: B
         ),
     )
     patched = named_model(replace(found, found=(here, named)))
-    assert (patched.found, patched.nameless) == ((), (here,))
+    assert (patched.found, patched.nonparametric) == ((), (here,))
     assert len(patched.fits) == 1
     kept = named_model(replace(found, found=(elsewhere, named)))
-    assert (kept.found, kept.nameless) == ((named,), (elsewhere,))
+    assert (kept.found, kept.nonparametric) == ((named,), (elsewhere,))
     # What was found before the nameless function stands by itself.
     before = named_model(replace(found, found=(named, here)))
     assert before.found == (named,)

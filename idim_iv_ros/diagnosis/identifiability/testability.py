@@ -11,7 +11,6 @@ from idim_iv_ros.diagnosis.identifiability.detectability import (
     ShapedEffect,
     detectability,
 )
-from idim_iv_ros.diagnosis.joint_units import unit_at
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Confusability, NotTestable
 from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of, spread_shapes
@@ -59,7 +58,6 @@ def shown_by_motion(
     regression: Regression,
     catalogue: Sequence[Effect],
     noise_models: Sequence[NoiseModel],
-    dry_friction: Sequence[float],
 ) -> tuple[tuple[Confusability, ...], tuple[NotTestable, ...]]:
     """Say what the motion can show and what it cannot.
 
@@ -67,14 +65,13 @@ def shown_by_motion(
     ----------
     regression
         Of the refit; only its regressor is used, not its torque.
-    colours
+    noise_models
         Noise of each joint, known beforehand or bounded from below (`floor_noise_models`).
-    dry_friction
-        N m (N), of each joint: the scale of what is plausible.
     """
     covered = operating_range(data)
     scan = Scan(regression, _without_torque(regression, noise_models))
     rows = [len(joint.torque) for joint in regression.joints]
+    friction = _dry_friction(data, covered)
     tables, refused = [], []
     for joint, name in enumerate(data.joints):
         candidates: list[ShapedEffect] = []
@@ -84,13 +81,13 @@ def shown_by_motion(
                 made = None if reason else _shaped(data, effect, place, covered)
                 if made is None:
                     reason = reason or "no shape of it is possible on this motion"
-                    reason = unit_at(data, joint, reason)
+                    reason = data.unit_at(joint, reason)
                     refused.append(NotTestable(effect.name, name, reason, effect.excitation))
                 else:
                     candidates.append(made)
         if not candidates:
             continue
-        scale = JointScale(covered, joint, dry_friction[joint])
+        scale = JointScale(covered, joint, friction[joint])
         measured, correlation = detectability(scan, candidates, rows[joint], scale)
         for candidate, measure in zip(candidates, measured, strict=True):
             refusal = _refusal(candidate, measure, name)
@@ -98,8 +95,8 @@ def shown_by_motion(
                 refused.append(
                     replace(
                         refusal,
-                        reason=unit_at(data, joint, refusal.reason),
-                        smallest=unit_at(data, joint, refusal.smallest),
+                        reason=data.unit_at(joint, refusal.reason),
+                        smallest=data.unit_at(joint, refusal.smallest),
                     )
                 )
         tables.append(
@@ -108,7 +105,7 @@ def shown_by_motion(
                 effects=tuple(candidate.effect.name for candidate in candidates),
                 correlation=correlation,
                 absorbed=np.array([measure.absorbed for measure in measured]),
-                smallest=tuple(unit_at(data, joint, each.smallest) for each in measured),
+                smallest=tuple(data.unit_at(joint, each.smallest) for each in measured),
             )
         )
     return tuple(tables), tuple(refused)
@@ -173,13 +170,12 @@ def _refusal(candidate: ShapedEffect, measure: Detectability, joint: str) -> Not
     return None
 
 
-def dry_friction(data: Baseline) -> tuple[float, ...]:
-    """Dry friction of each joint from the refit, N m (N); 5 % of the peak where it has none."""
-    covered = operating_range(data)
+def _dry_friction(data: Baseline, covered: OperatingRange) -> list[float]:
+    """Dry friction of each joint, N m (N): of the refit, or a share of the peak if it has none."""
     levels = data.prepared.model.dynamic_parameters(data.estimate.linear.values).coulomb
-    return tuple(
+    return [
         float(level)
         if level > settings.LEAST_DRY_FRICTION * peak
         else settings.ASSUMED_DRY_FRICTION * float(peak)
         for level, peak in zip(levels, covered.torque, strict=True)
-    )
+    ]

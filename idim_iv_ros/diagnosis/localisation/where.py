@@ -7,7 +7,6 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.time_blocks import interval, resampled, time_blocks
-from idim_iv_ros.diagnosis.joint_units import unit_at
 from idim_iv_ros.diagnosis.localisation.residual_split import (
     Axis,
     Split,
@@ -20,7 +19,6 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import JointGap, Regime
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
-from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.types import FloatArray
 
 
@@ -55,12 +53,6 @@ def joint_gaps(
         )
         for j, name in enumerate(joints)
     )
-
-
-def signed_share(before: float, after: float, size: float) -> float:
-    """Root of before² − after² as a share of the torque; negative where the gap grows."""
-    energy = float(before) ** 2 - float(after) ** 2
-    return float(np.sign(energy) * np.sqrt(abs(energy))) / max(float(size), 1e-300)
 
 
 def lifts(parts: Split) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -130,38 +122,6 @@ def joined(regimes: Sequence[Regime]) -> Regime | None:
     return best
 
 
-def in_words(regime: Regime, edges: FloatArray, session: Sequence[SessionPart]) -> str:
-    """One finding, such as "joint_2, below 0.1 rad/s: 61 % of the gap in 9 % of the samples".
-
-    Parameters
-    ----------
-    edges
-        Of all bins of the axis.
-    session
-        The recordings: a time is that of one of them.
-    """
-    low, high = f"{regime.low:.2g}", f"{regime.high:.2g} {regime.unit}"
-    first, last = regime.low <= edges[0], regime.high >= edges[-1]
-    part = f"between {low} and {high}"
-    if regime.axis == "direction":
-        part = f"moving in the {'negative' if regime.high <= 0.0 else 'positive'} direction"
-    elif regime.axis == "reversal" and first:
-        part = f"within {high} after a reversal"
-    elif regime.axis == "time":
-        part = f"from {in_recordings(session, regime.low, regime.high)}"
-    elif first and regime.axis != "position":
-        part = f"below {high}"
-    elif last and regime.axis != "position":
-        part = f"above {low} {regime.unit}"
-    what = {"load": "load ", "reversal": "" if first else "displacement since reversal ",
-            "frequency": "residual "}.get(regime.axis, "")  # fmt: skip
-    whole = "bandwidth" if regime.axis == "frequency" else "samples"
-    return (
-        f"{regime.joint}, {what}{part}: {100 * regime.energy_share:.0f} % of the gap in "
-        f"{100 * regime.occupancy:.0f} % of the {whole}"
-    )
-
-
 _UNITS = {
     "speed": "rad/s",
     "direction": "",
@@ -174,6 +134,28 @@ _UNITS = {
 
 
 @dataclass(frozen=True)
+class Finding:
+    """A regime, or adjacent ones, in which much of the gap lies.
+
+    Attributes
+    ----------
+    regime : Regime
+    first, last : bool
+        Whether it begins or ends where the axis does.
+    after_refit : bool
+        Whether the gap is that of the refit.
+    excess : float
+        Energy share less occupancy, times the joint's share of the whole gap.
+    """
+
+    regime: Regime
+    first: bool
+    last: bool
+    after_refit: bool
+    excess: float
+
+
+@dataclass(frozen=True)
 class Where:
     """Where the gap lies.
 
@@ -182,13 +164,13 @@ class Where:
     joint_gaps : tuple of JointGap
     regimes : tuple of Regime
         Of the nominal model's gap (of the refit's where no model is given); largest lift first.
-    findings : tuple of str
-        The most telling regimes in words, those of what the refit leaves last.
+    findings : tuple of Finding
+        The largest first; those of the residual of the refit last.
     """
 
     joint_gaps: tuple[JointGap, ...]
     regimes: tuple[Regime, ...]
-    findings: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 def where(
@@ -196,57 +178,57 @@ def where(
 ) -> Where:
     """Find where the gap lies.
 
-    The nominal model's gap is what the user sees: its shares and regimes are reported. What the
-    refit leaves tells of missing effects: where it is above the noise, its findings follow, each
-    with "after a refit" in front.
+    The nominal model's gap is what the user sees: its shares and regimes are reported. The residual
+    of the refit shows missing effects: findings about it follow where it is above the noise.
     """
-    given = nominal_residuals(data, regression)
-    shown = refit.residuals if given is None else given
+    nominal = nominal_residuals(data, regression)
+    shown = refit.residuals if nominal is None else nominal
     gaps = joint_gaps(data.joints, [rows.torque for rows in regression.joints], shown, floors)
     starts = [part.start for part in data.prepared.session.parts]
     axes = [axes_of(motion_at_rows(data, joint), starts) for joint in range(len(data.joints))]
-    regimes, findings = _described(data, regression, shown, axes, gaps, "")
-    findings = findings[: settings.NOMINAL_FINDINGS]
-    if given is not None:
-        _, more = _described(data, regression, refit.residuals, axes, gaps, "after a refit, ")
+    regimes, found = _regimes(data, regression, shown, axes, gaps, after_refit=False)
+    findings = found[: settings.NOMINAL_FINDINGS]
+    if nominal is not None:
+        _, found = _regimes(data, regression, refit.residuals, axes, gaps, after_refit=True)
         structured = {
             name
             for name, residual, floor in zip(data.joints, refit.residuals, floors, strict=True)
             if floor.sigma is None
             or np.mean(residual**2) > settings.REFIT_STRUCTURE * floor.sigma**2
         }
-        more = [one for one in more if any(f"refit, {name}," in one for name in structured)]
-        findings = [*findings, *more[: settings.REFIT_FINDINGS]]
+        found = [each for each in found if each.regime.joint in structured]
+        findings += found[: settings.REFIT_FINDINGS]
     return Where(gaps, regimes, tuple(findings))
 
 
-def _described(
+def _regimes(
     data: Baseline,
     regression: Regression,
     residuals: Sequence[FloatArray],
     axes: Sequence[Sequence[Axis]],
     gaps: Sequence[JointGap],
-    prefix: str,
-) -> tuple[tuple[Regime, ...], list[str]]:
-    """Regimes whose interval excludes 1, and sentences, the most telling first."""
+    *,
+    after_refit: bool,
+) -> tuple[tuple[Regime, ...], list[Finding]]:
+    """Regimes whose interval excludes 1, and findings, the largest first."""
     regimes: list[Regime] = []
-    sentences: list[tuple[float, str]] = []
+    findings: list[Finding] = []
     edge = data.prepared.configuration.processing.decimation_edge
-    session = data.prepared.session.parts
     for joint, name in enumerate(data.joints):
         residual = residuals[joint]
         blocks = time_blocks(data.recordings[joint], data.places[joint], data.row_rate)
         splits = [split(axis, residual, blocks) for axis in axes[joint]]
         spectrum = bands(residual, regression.joints[joint].runs, data.row_rate, edge)
         for parts in [*splits, *([] if spectrum is None else [spectrum])]:
-            found = regimes_of(name, parts, unit_at(data, joint, _UNITS[parts.name]))
+            found = regimes_of(name, parts, data.unit_at(joint, _UNITS[parts.name]))
             regimes += found
             best = joined(found)
-            # Most of what moves slowly is slow: not worth a word.
-            slow = best is not None and parts.name == "frequency" and best.low <= 0.0
-            if best is not None and not slow:
-                weight = (best.energy_share - best.occupancy) * gaps[joint].share
-                sentences.append((weight, prefix + in_words(best, parts.edges, session)))
+            # Most of what moves slowly is slow: no finding.
+            if best is None or (parts.name == "frequency" and best.low <= 0.0):
+                continue
+            first, last = best.low <= parts.edges[0], best.high >= parts.edges[-1]
+            excess = (best.energy_share - best.occupancy) * gaps[joint].share
+            findings.append(Finding(best, first, last, after_refit, excess))
     regimes.sort(key=lambda regime: -regime.lift)
-    sentences.sort(key=lambda sentence: -sentence[0])
-    return tuple(regimes), [sentence for _, sentence in sentences]
+    findings.sort(key=lambda each: -each.excess)
+    return tuple(regimes), findings

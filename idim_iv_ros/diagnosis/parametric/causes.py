@@ -1,19 +1,26 @@
 """Which parameters of the nominal model are in error: the change from these to the fitted ones."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.joint_units import unit_at
+from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, change_regression
 from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause, causes_of
 from idim_iv_ros.diagnosis.parametric.hypotheses import Hypothesis, changes_of
 from idim_iv_ros.diagnosis.parametric.missing import left_out_numbers, without_negative_drives
 from idim_iv_ros.diagnosis.parametric.selection import smallest_set
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import Indistinguishable, ParameterError
+from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, common_floor
+from idim_iv_ros.diagnosis.result import (
+    Cause,
+    Evidence,
+    Gap,
+    Indistinguishable,
+    JointChange,
+    ParameterError,
+)
 from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of, spread_shapes
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.catalogue import PARAMETRIC
@@ -187,25 +194,75 @@ def parameter_errors(data: Baseline, outcome: ParametricOutcome) -> tuple[Parame
     return tuple(errors)
 
 
-def remaining_words(data: Baseline, errors: Sequence[ParameterError]) -> str:
-    """Say at which joints a parameter error remains that no cause names, the largest share first.
-
-    Empty where none does.
-    """
-    said = []
-    for joint, each in enumerate(errors):
-        if (
-            each.share_of_torque > settings.LEAST_PARAMETER_ERROR
+def remaining(errors: Sequence[ParameterError]) -> list[ParameterError]:
+    """Joints at which a parameter error remains that no cause names, the largest share first."""
+    return sorted(
+        (
+            each
+            for each in errors
+            if each.share_of_torque > settings.LEAST_PARAMETER_ERROR
             and each.named > settings.PARAMETER_ERROR_OVER_REFIT * each.refit
-        ):
-            unit = unit_at(data, joint, "N m")
-            share = f"{100.0 * each.share_of_torque:.2g} % of its torque"
-            words = f"{each.remaining:.3g} {unit} at {each.joint} ({share})"
-            said.append((each.share_of_torque, words))
-    if not said:
-        return ""
-    listed = ", ".join(words for _, words in sorted(said, reverse=True))
-    return (
-        f"Remaining parameter error: {listed}; refitted parameters remove it, but which of the "
-        "given ones are in error cannot be determined."
+        ),
+        key=lambda each: -each.share_of_torque,
     )
+
+
+def parametric_results(
+    data: Baseline,
+    found: Sequence[ParametricCause],
+    floors: Sequence[NoiseFloor],
+    structural: Sequence[Effect],
+) -> list[Cause]:
+    """Return causes as they are reported.
+
+    Parameters
+    ----------
+    structural
+        Effects of the catalogue, which may be indistinguishable from parameter errors.
+    """
+    results = []
+    for each in found:
+        others = (*each.indistinguishable_from, *confounders(data, each, structural))
+        cause = replace(each, indistinguishable_from=others)
+        changed = _joint_changes(data, cause)
+        results.append(
+            Cause(
+                effect=cause.effect.name,
+                kind="parametric",
+                joint=cause.joint,
+                other_joint=None,
+                parameters=cause.parameters,
+                evidence=Evidence(cause.statistic, cause.p_value, None, ""),
+                indistinguishable_from=others,
+                torque_gap=_gap(data, cause, floors),
+                simulation_gap=None,
+                sentence=sentences.parametric_cause(data, cause, changed),
+                joint_gaps=changed,
+            )
+        )
+    return results
+
+
+def _joint_changes(data: Baseline, cause: ParametricCause) -> tuple[JointChange, ...]:
+    """Joints whose gap the cause changes, its own first and then the largest share first."""
+    changed = [
+        data.joint_change(joint, before, after)
+        for joint, (before, after) in enumerate(zip(cause.before, cause.after, strict=True))
+    ]
+    kept = [
+        each
+        for each in changed
+        if each.joint == cause.joint or abs(each.share_of_torque) >= settings.LEAST_PARAMETER_ERROR
+    ]
+    return tuple(sorted(kept, key=lambda each: (each.joint != cause.joint, -each.share_of_torque)))
+
+
+def _gap(data: Baseline, cause: ParametricCause, floors: Sequence[NoiseFloor]) -> Gap:
+    own = None if cause.joint is None else data.joints.index(cause.joint)
+    which = list(range(len(data.joints))) if own is None else [own]
+    before = float(np.sqrt(np.sum(cause.before[which] ** 2)))
+    after = float(np.sqrt(np.sum(cause.after[which] ** 2)))
+    floor = common_floor([floors[joint] for joint in which])
+    room = before - (floor or 0.0)
+    shrinkage = (before - after) / room if room > 1e-3 * before else None
+    return Gap(before, after, floor, shrinkage, None)

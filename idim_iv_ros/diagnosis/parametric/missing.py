@@ -11,7 +11,7 @@ import numpy as np
 from scipy import stats
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, unit_gravity_rows
 from idim_iv_ros.diagnosis.parametric.hypotheses import Hypothesis, changes_of, hypotheses
@@ -58,7 +58,6 @@ class MissingGravity:
             f"gravity_{axis}": EffectParameter(float(value), float(std), "m/s²")
             for axis, value, std in numbers
         }
-        found = ", ".join(f"{value:.2g}" for value in self.acceleration)
         return Cause(
             effect="gravity_direction",
             kind="parametric",
@@ -69,11 +68,7 @@ class MissingGravity:
             indistinguishable_from=(),
             torque_gap=Gap(before, after, None, 1.0 - after / before, None),
             simulation_gap=None,
-            sentence=(
-                f"the nominal model has no gravity, but the recordings show it: ({found}) m/s² "
-                "with the given masses. Everything else was diagnosed with gravity in this "
-                "direction"
-            ),
+            sentence=sentences.missing_gravity(self.acceleration),
         )
 
 

@@ -1,5 +1,6 @@
 """The refit: the model that every candidate is added to, and the rows that it leaves."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -15,6 +16,7 @@ from idim_iv_ros.diagnosis.refit.processing import (
     with_margin,
 )
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, simulated_slips, smooth_motions
+from idim_iv_ros.diagnosis.result import EffectParameter, JointChange
 from idim_iv_ros.diagnosis.structural.likelihood import JointData, Regression
 from idim_iv_ros.estimation import (
     IdimIvEstimate,
@@ -30,8 +32,6 @@ from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import REVERSAL_MARGIN
 from idim_iv_ros.types import FloatArray
-
-_FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
 
 
 @dataclass(frozen=True)
@@ -88,11 +88,31 @@ class Baseline:
             np.maximum(self.prepared.minimum_speed, settings.LEAST_SPEED_SHARE * peaks)
         )
 
-    def at(self, values: FloatArray) -> "Baseline":
-        """Return the same with the candidates' torques computed at other parameters (b,)."""
-        links, whole = _parameters(self.prepared, values)
-        motions = tuple(motion.with_parameters(links, whole) for motion in self.motions)
-        return replace(self, motions=motions)
+    def unit_at(self, joint: int, unit: str) -> str:
+        """Translate units, also within words, from those of a joint that turns, torque in N m."""
+        slides = self.prepared.model.robot.joint_types[joint] == "prismatic"
+        effort = self.prepared.configuration.signals.effort_unit
+        if effort == "N m":
+            if slides:
+                unit = unit.replace("kg m²", "kg").replace("N m", "N")
+        else:
+            unit = unit.replace("kg m²", f"{effort} s²/rad").replace("N m", effort)
+        return re.sub(r"\brad\b", "m", unit) if slides else unit
+
+    def in_units_at(
+        self, joint: int, parameters: dict[str, EffectParameter]
+    ) -> dict[str, EffectParameter]:
+        """Parameters of an effect with the units that they have at a joint."""
+        return {
+            name: replace(parameter, unit=self.unit_at(joint, parameter.unit))
+            for name, parameter in parameters.items()
+        }
+
+    def joint_change(self, joint: int, before: float, after: float) -> JointChange:
+        """What takes the torque gap of a joint from `before` to `after`, N m (N)."""
+        energy = float(before) ** 2 - float(after) ** 2
+        share = float(np.sign(energy) * np.sqrt(abs(energy))) / self.torque_sizes[joint]
+        return JointChange(self.joints[joint], float(before), float(after), share)
 
     def counting(self, joint: int, values: Sequence[FloatArray]) -> FloatArray:
         """Rows of one joint (r, …) from decimated values (m, …) of each recording."""
@@ -105,7 +125,7 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
     """Refit the model by IDIM-IV, with torque offsets.
 
     Unless the user says how far rows keep from a reversal, they count there if, and only if, the
-    closed loop could be simulated: see `gap.reversals`.
+    closed loop could be simulated: see `refit.processing`.
 
     Raises
     ------

@@ -167,10 +167,6 @@ class SmoothMotion:
         """Decimate values (s, …) of this grid to all rows (m, …), counting or not."""
         return self.decimation.whole(values)
 
-    def with_parameters(self, links: DynamicParameters, whole: DynamicParameters) -> "SmoothMotion":
-        """Return the same motion with other parameters."""
-        return replace(self, links=links, whole=whole)
-
     def _torque(self, parameters: DynamicParameters) -> FloatArray:
         return inverse_dynamics(
             self.robot, parameters, self.position, self.velocity, self.acceleration
