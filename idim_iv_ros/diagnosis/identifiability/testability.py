@@ -33,14 +33,14 @@ def cannot_show(effect: Effect, joint: int, covered: OperatingRange) -> str:
         return f"the joint hardly moves ({span:.2g} {length})"
     if fastest < settings.LEAST_FASTEST * lever:
         return (
-            f"the joint moves at most {fastest:.2g} {length}/s: it sticks so often that nothing "
-            "can be told from its dry friction"
+            f"the joint moves at most {fastest:.2g} {length}/s: it sticks so often that its dry "
+            "friction hides everything else"
         )
     return effect.cannot_show(joint, covered)
 
 
 def too_little(joint: int, covered: OperatingRange) -> bool:
-    """Whether a joint moves so little that not even its numbers can be told.
+    """Whether a joint moves so little that not even its parameters can be determined.
 
     Slow motion over a wide range shows weights and friction well; small motion that sticks shows
     nothing.
@@ -112,15 +112,15 @@ def shown_by_motion(
 
 
 def floor_noise_models(fit: Fit, sigmas: Sequence[float | None]) -> tuple[NoiseModel, ...]:
-    """Colours of a fit with the standard deviations of the noise floor where it is smaller."""
+    """Noise models of a fit, their standard deviation no larger than that of the noise floor."""
     return tuple(
-        NoiseModel(colour.model, colour.sigma if sigma is None else min(sigma, colour.sigma))
-        for colour, sigma in zip(fit.noise_models, sigmas, strict=True)
+        NoiseModel(noise.model, noise.sigma if sigma is None else min(sigma, noise.sigma))
+        for noise, sigma in zip(fit.noise_models, sigmas, strict=True)
     )
 
 
 def _without_torque(regression: Regression, noise_models: Sequence[NoiseModel]) -> Fit:
-    """Colours alone: nothing of the torque enters."""
+    """Noise models alone: nothing of the torque enters."""
     return Fit(
         values=np.zeros(regression.parameters),
         coefficients=np.zeros(0),

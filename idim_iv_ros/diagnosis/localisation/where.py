@@ -96,7 +96,7 @@ def regimes_of(joint: str, parts: Split, unit: str) -> list[Regime]:
 
 
 def joined(regimes: Sequence[Regime]) -> Regime | None:
-    """Most telling stretch of adjacent high bins of one axis, None where none is worth a word."""
+    """Adjacent high bins of one axis with the largest excess of the gap; None where it is small."""
     best: Regime | None = None
     current: Regime | None = None
     for regime in regimes:

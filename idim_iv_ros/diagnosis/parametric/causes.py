@@ -9,7 +9,7 @@ from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, change_regression
 from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause, causes_of
 from idim_iv_ros.diagnosis.parametric.hypotheses import Hypothesis, changes_of
-from idim_iv_ros.diagnosis.parametric.missing import left_out_numbers, without_negative_drives
+from idim_iv_ros.diagnosis.parametric.missing import missing_parameters, without_negative_drives
 from idim_iv_ros.diagnosis.parametric.selection import smallest_set
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, common_floor
@@ -32,7 +32,7 @@ from idim_iv_ros.types import FloatArray
 def confounders(
     data: Baseline, cause: ParametricCause, catalogue: Sequence[Effect]
 ) -> tuple[Indistinguishable, ...]:
-    """Effects of the catalogue that make the torque of a wrong number, as well as it can be told.
+    """Structural effects whose torque is that of a parameter error on this recording.
 
     Those that no recording separates from it always count.
 
@@ -43,16 +43,16 @@ def confounders(
         return ()
     joint = data.joints.index(cause.joint)
     covered = operating_range(data)
-    rivals = []
+    others = []
     for effect in catalogue:
         if effect.name in cause.effect.same_as:
-            rivals.append(Indistinguishable(effect.name, cause.joint, 1.0))
+            others.append(Indistinguishable(effect.name, cause.joint, 1.0))
         if effect.name not in cause.effect.confounders:
             continue
         correlation = _correlation(data, effect, joint, cause.torque, covered)
         if correlation >= settings.CONFOUNDER_CORRELATION:
-            rivals.append(Indistinguishable(effect.name, cause.joint, correlation))
-    return tuple(rivals)
+            others.append(Indistinguishable(effect.name, cause.joint, correlation))
+    return tuple(others)
 
 
 def _correlation(
@@ -128,8 +128,8 @@ def parametric_causes(
         settings.REFIT_LEAST_SHARE_BESIDE if regression.added else settings.REFIT_LEAST_SHARE
     )
     while True:
-        known = left_out_numbers(changes, catalogue)
-        found, reason = _other_numbers(changes, known, least_share, catalogue)
+        known = missing_parameters(changes, catalogue)
+        found, reason = _other_causes(changes, known, least_share, catalogue)
         physical = without_negative_drives(changes, known, found)
         if physical.space.bare_drives == changes.space.bare_drives:
             break
@@ -143,7 +143,7 @@ def parametric_causes(
     return ParametricOutcome(causes, "" if causes else reason, given, after, least, changes.sizes)
 
 
-def _other_numbers(
+def _other_causes(
     changes: ChangeRegression,
     known: Sequence[Hypothesis],
     least: float,

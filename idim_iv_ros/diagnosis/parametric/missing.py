@@ -32,7 +32,7 @@ class MissingGravity:
         In the base frame, with the masses of the nominal model.
     statistic, p_value : float
         Wald, with the noise of the model that has gravity: without it a joint's residual is so
-        smooth that its colour takes it for noise, and the likelihood hardly tells them apart.
+        smooth that its noise model takes it for noise, and the likelihood hardly separates them.
     """
 
     acceleration: FloatArray
@@ -104,7 +104,7 @@ def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | 
     )
 
 
-def left_out_numbers(
+def missing_parameters(
     changes: ChangeRegression, catalogue: Sequence[ParametricEffect]
 ) -> list[Hypothesis]:
     """Causes that the configuration names, where the recordings show any of them."""
@@ -129,7 +129,7 @@ def without_negative_drives(
     Parameters
     ----------
     known
-        See `left_out_numbers`.
+        See `missing_parameters`.
     found
         The other causes.
     """

@@ -3,7 +3,7 @@
 The band in which candidates are looked for is as wide as the encoders' noise allows.
 
 Rows beside a reversal count only where it is known when joints stick and slip. There dry friction
-crosses from one level to the other while the joint sticks. A simulated closed loop tells when;
+crosses from one level to the other while the joint sticks. A simulated closed loop shows when;
 without one only the sign of the measured speed remains, which is wrong there by as much as the
 friction, and the decimation filter smears that over the rows around.
 """
@@ -31,7 +31,7 @@ from idim_iv_ros.types import FloatArray
 def widened(recordings: Sequence[Recording], configuration: Configuration) -> Configuration:
     """Propose a decimation cut-off for the diagnosis where the user names none.
 
-    What tells effects apart (ripple, shafts, delays) lies higher than what identifies inertias.
+    What distinguishes effects (ripple, shafts, delays) lies higher than what identifies inertias.
     White noise of standard deviation σ_q at the positions gives the torque of an inertia J the
     density J² σ_q² (2πf)⁴; up to f its power is a share s² of the torque's own noise for
     (2πf)² = √5 s σ_τ / (J σ_q).
@@ -135,7 +135,7 @@ def reason_for_margin(
     if margin < REVERSAL_MARGIN:
         return (
             f"rows beside a reversal count (processing.reversal_margin {margin:g} proposed): the "
-            "closed loop is simulated, and tells where joints stick"
+            "closed loop is simulated, which shows where joints stick"
         )
     return (
         f"rows beside a reversal do not count (processing.reversal_margin {margin:g} proposed): "

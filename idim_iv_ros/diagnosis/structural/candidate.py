@@ -79,8 +79,8 @@ class Candidate:
     fit : Fit
         With the candidate in the model.
     gain : float
-        Of the logarithm of the likelihood, with the colours of `fit`.
-    closed : float
+        Of the logarithm of the likelihood, with the noise models of `fit`.
+    explained : float
         Share of the torque gap's energy at its joints that it takes away, not whitened.
     numbers : int
         Coefficients and shape: what the candidate may choose.
@@ -94,7 +94,7 @@ class Candidate:
     columns: Columns
     fit: Fit
     gain: float
-    closed: float
+    explained: float
     numbers: int
     tried: int
 
@@ -109,14 +109,14 @@ class Candidate:
         return int(next(iter(self.columns.values())).shape[1])
 
     def share_of_torque(self, sizes: Sequence[float]) -> float:
-        """RMS of the gap that it closes at its joint, as a share of that joint's torque `sizes`.
+        """RMS of the gap that it explains at its joint, as a share of that joint's torque `sizes`.
 
         Not of its own torque: a free curve of the speed holds the dry friction that the model has.
         """
         joint = self.place.joint
         after = float(np.mean(self.fit.residuals[joint] ** 2))
-        closed = min(max(self.closed, 0.0), 1.0 - 1e-9)
-        return float(np.sqrt(after * closed / (1.0 - closed))) / sizes[joint]
+        share = min(max(self.explained, 0.0), 1.0 - 1e-9)
+        return float(np.sqrt(after * share / (1.0 - share))) / sizes[joint]
 
     @property
     def cost(self) -> float:

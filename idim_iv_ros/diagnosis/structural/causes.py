@@ -119,17 +119,17 @@ def _corrections(model: NamedModel) -> list[Found]:
 
     They correct the shape that the catalogue gives the stronger one.
     """
-    closed = []
+    taken = []
     for each, before, after in zip(model.found, model.fits[:-1], model.fits[1:], strict=True):
         joint = each.candidate.place.joint
         energy = [float(fit.residuals[joint] @ fit.residuals[joint]) for fit in (before, after)]
-        closed.append((joint, energy[0] - energy[1], each.candidate.gain))
+        taken.append((joint, energy[0] - energy[1], each.candidate.gain))
     return [
         each
-        for each, (joint, energy, gain) in zip(model.found, closed, strict=True)
+        for each, (joint, energy, gain) in zip(model.found, taken, strict=True)
         if any(
             other == joint and larger > gain and energy < settings.LEAST_BESIDE_STRONGER * best
-            for other, best, larger in closed
+            for other, best, larger in taken
         )
     ]
 

@@ -113,7 +113,7 @@ def confirmed(
 def _helpful(model: NamedModel, tested: HeldOut) -> list[Found]:
     """Effects that help on held-out data."""
     helpful: list[Found] = []
-    doubtful: set[int] = set()  # joints where what came later may patch what did not hold
+    doubtful: set[int] = set()  # joints where what came later may correct what did not hold
     for number, each in enumerate(model.found):
         joint = each.candidate.place.joint
         if joint not in doubtful and _helps(tested, number, each):
