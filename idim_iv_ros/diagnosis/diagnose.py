@@ -10,9 +10,9 @@ from idim_iv_ros.diagnosis.localisation.unexplained import unexplained
 from idim_iv_ros.diagnosis.localisation.where import where
 from idim_iv_ros.diagnosis.parametric.causes import parametric_causes, parametric_results
 from idim_iv_ros.diagnosis.parametric.errors_beyond_base import ERRORS_BEYOND_BASE
-from idim_iv_ros.diagnosis.refit.refit import refitted
+from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
 from idim_iv_ros.diagnosis.result import GapResult
-from idim_iv_ros.diagnosis.structural.attribution import attribute
+from idim_iv_ros.diagnosis.structural.attribution import Attribution, attribute
 from idim_iv_ros.diagnosis.structural.causes import structural_causes
 from idim_iv_ros.diagnosis.structural.confirmation import confirmation
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC
@@ -68,19 +68,35 @@ def diagnosis_of(
     watch: Stopwatch,
 ) -> Diagnosis:
     """Take every step from the refit to the causes; see `diagnose`."""
-    effects = [effect for effect in STRUCTURAL if effect.name not in without]
-    beyond_base = [effect for effect in ERRORS_BEYOND_BASE if effect.name not in without]
-    parameters = [effect for effect in PARAMETRIC if effect.name not in without]
-
     watch.stage("refit", 0.1)
     refit = refitted(
         recordings, configuration, may_lack_gravity=GravityDirection.name not in without
     )
-    data, regression = refit.data, refit.regression
-
     watch.stage("attribution", 0.2)
-    candidates = [*effects, *beyond_base, *NONPARAMETRIC]
-    attribution = attribute(data, regression, candidates, watch.progress)
+    attribution = attributed(refit, without, watch.progress)
+    return concluded(refit, attribution, configuration, without, watch)
+
+
+def attributed(
+    refit: Refit, without: tuple[str, ...], progress: Progress | None = None
+) -> Attribution:
+    """Look for effects beside the refit: of the catalogue, and nonparametric alternatives."""
+    structural = [*STRUCTURAL, *ERRORS_BEYOND_BASE]
+    candidates = [effect for effect in structural if effect.name not in without]
+    return attribute(refit.data, refit.regression, [*candidates, *NONPARAMETRIC], progress)
+
+
+def concluded(
+    refit: Refit,
+    attribution: Attribution,
+    configuration: Configuration,
+    without: tuple[str, ...],
+    watch: Stopwatch,
+) -> Diagnosis:
+    """Take the steps after the attribution: what holds, the other causes, where the gap lies."""
+    data, regression = refit.data, refit.regression
+    effects = [effect for effect in STRUCTURAL if effect.name not in without]
+    parameters = [effect for effect in PARAMETRIC if effect.name not in without]
 
     watch.stage("held-out gaps", 0.8)
     held = confirmation(data, attribution)

@@ -208,7 +208,7 @@ class Slower(TorqueSaturation):
     name = "other"
 
 
-def test_effects_with_the_same_torque_are_indistinguishable_and_others_are_not(
+def test_effects_with_the_same_torque_are_indistinguishable(
     data: Baseline,
 ) -> None:
     _, joint, _, torque = SINGLE[0]

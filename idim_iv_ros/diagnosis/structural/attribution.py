@@ -217,7 +217,7 @@ def _revised(
     found: list[Found],
     catalogue: Sequence[Effect],
 ) -> tuple[list[Found], Regression, Fit]:
-    """Look at each effect again beside the others: its shape, alternatives, whether it is needed."""
+    """Look at each effect again beside the others: its shape, alternatives, if it is needed."""
     data, covered, grids = before.data, before.covered, before.grids
     newest = found[-1]
     by_name = {effect.name: effect for effect in catalogue}
