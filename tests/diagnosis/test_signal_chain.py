@@ -12,8 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from bags import simulated_arms
 from bags.simulated_arms import SimulatedArm, arm2
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.recording import Recording
 from tests.estimation.test_simulated_arms import recorded

@@ -8,10 +8,9 @@ import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2, record
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.refit.bandwidth import widened
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
-from idim_iv_ros.diagnosis.refit.slip import simulated_slips
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.processing import widened
+from idim_iv_ros.diagnosis.refit.smooth_motion import simulated_slips
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.diagnosis.motions import synthetic
