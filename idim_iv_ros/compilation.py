@@ -1,6 +1,7 @@
 """How the simulation is compiled, and how numba's cache stays true over several files."""
 
 import hashlib
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -27,3 +28,25 @@ def source_digest(*modules: ModuleType) -> str:
     for module in modules:
         digest.update(Path(str(module.__file__)).read_bytes())
     return digest.hexdigest()
+
+
+def dispatcher(functions: Mapping[int, Callable[..., Any]], arguments: str) -> Callable[..., Any]:
+    """Return a compiled ``f(kind, …)`` that calls the compiled function of a kind.
+
+    numba cannot call what it finds in a list at run time: the branches are written out, and as
+    machine code they are those of a function that was written by hand.
+
+    Parameters
+    ----------
+    functions
+        By kind; `f` must be called with none but these.
+    arguments
+        Names of what they take, separated by commas.
+    """
+    *others, last = functions
+    calls = [f"    if kind == {kind}:\n        return f{kind}({arguments})" for kind in others]
+    lines = [f"def call(kind, {arguments}):", *calls, f"    return f{last}({arguments})"]
+    names: dict[str, Any] = {f"f{kind}": function for kind, function in functions.items()}
+    exec("\n".join(lines), names)
+    compiled: Callable[..., Any] = kernel(names["call"])
+    return compiled

@@ -35,10 +35,10 @@ from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC
 from idim_iv_ros.diagnosis.tracked_stages import simulation_gaps, tracked_stages
 from idim_iv_ros.diagnosis.tracking import Tracking, tracking_series, with_tracking
 from idim_iv_ros.diagnosis.verdict import summary_of, verdict_of
-from idim_iv_ros.effects.catalogue import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.effects.encoder_eccentricity import EncoderEccentricity
 from idim_iv_ros.effects.gravity_direction import GravityDirection
+from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.file_paths import FilePaths
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING, read_configured
 from idim_iv_ros.one_thread import one_thread

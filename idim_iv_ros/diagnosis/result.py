@@ -3,6 +3,10 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+from idim_iv_ros.effects.cause import EffectParameter as EffectParameter
+from idim_iv_ros.effects.cause import Family as Family
+from idim_iv_ros.effects.cause import Indistinguishable as Indistinguishable
+from idim_iv_ros.effects.cause import Kind as Kind
 from idim_iv_ros.formats import GAP_FORMAT
 from idim_iv_ros.recording import SessionPart
 from idim_iv_ros.types import FloatArray
@@ -10,17 +14,6 @@ from idim_iv_ros.types import FloatArray
 FORMAT = GAP_FORMAT
 
 Verdict = Literal["none", "parametric", "structural", "both", "unknown"]
-Kind = Literal["parametric", "structural"]
-Family = Literal["velocity", "position", "load", "time", "frequency", "event"]
-
-
-@dataclass(frozen=True)
-class EffectParameter:
-    """One number of an effect; `std` is None where it cannot be told."""
-
-    value: float
-    std: float | None
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -45,18 +38,6 @@ class Evidence:
     p_value: float
     held_out_gain: float | None
     folds_positive: str
-
-
-@dataclass(frozen=True)
-class Indistinguishable:
-    """An effect that explains the recording as well as the accepted one.
-
-    `correlation`: of the torques that both would add, less what the model absorbs, 0 to 1.
-    """
-
-    effect: str
-    joint: str | None
-    correlation: float
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import pytest
 from idim_iv_ros import identify
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.result import GapResult
-from idim_iv_ros.effects.catalogue import EFFECTS
+from idim_iv_ros.effects.registry import EFFECTS
 from idim_iv_ros.recording import JointTopic, write_bag
 from idim_iv_ros.report import gap_document, gap_report_html
 from idim_iv_ros.report.json_result import result_document

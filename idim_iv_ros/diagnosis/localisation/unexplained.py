@@ -8,7 +8,7 @@ from idim_iv_ros.diagnosis.result import Unexplained
 from idim_iv_ros.diagnosis.structural.attribution import Found
 from idim_iv_ros.diagnosis.structural.causes import LEAST_NONPARAMETRIC, NamedModel
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
-from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
+from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric, StopShape
 
 # Excess kurtosis of the whitened residual, and energy in its largest hundredth, of events.
 _KURTOSIS = 4.0
@@ -51,9 +51,10 @@ def _nonparametric(data: Baseline, found: Found) -> Unexplained:
     share = 1.0 - float(np.exp(-2.0 * candidate.gain / rows))
     name = data.joints[joint]
     where = f"{name}: a torque that {effect.words}"
-    if effect.name == "contact beyond a position":
-        side, start = candidate.shape
-        where += f", {'above' if side > 0 else 'below'} {start:.3g} {unit_at(data, joint, 'rad')}"
+    shape = candidate.shape
+    if isinstance(shape, StopShape):
+        side = "above" if shape.side > 0 else "below"
+        where += f", {side} {shape.position:.3g} {unit_at(data, joint, 'rad')}"
     return Unexplained(joint=name, family=effect.family, share=share, where=where)
 
 

@@ -13,8 +13,8 @@ from idim_iv_ros.diagnosis.parametric.selection import smallest_set
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.missing_armature import left_out_numbers, without_negative_drives
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
-from idim_iv_ros.effects.catalogue import PARAMETRIC
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
+from idim_iv_ros.effects.registry import PARAMETRIC
 from idim_iv_ros.types import FloatArray
 
 # Share of the nominal model's gap that the refit must take; the second where structural effects

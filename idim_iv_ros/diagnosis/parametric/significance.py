@@ -11,9 +11,9 @@ NORMAL_95 = 1.96
 LEVEL = 0.05
 
 
-def differs(value: float, std: float) -> bool:
-    """Whether the 95 % interval of one number leaves out zero."""
-    return abs(value) >= NORMAL_95 * std
+def differs(value: float, std: float | None) -> bool:
+    """Whether the 95 % interval of one number leaves out zero; not where it is not known."""
+    return std is not None and abs(value) >= NORMAL_95 * std
 
 
 def any_differs(values: FloatArray, covariance: FloatArray) -> bool:
