@@ -5,7 +5,6 @@ from inspect import getmembers, isabstract, isclass
 from pkgutil import iter_modules
 from types import ModuleType
 
-from idim_iv_ros import effects
 from idim_iv_ros.effects.cause import Cause
 from idim_iv_ros.effects.contribution import DriveLaw, EncoderLaw, TorqueLaw
 from idim_iv_ros.effects.effect import Effect, StructuralEffect
@@ -13,10 +12,9 @@ from idim_iv_ros.effects.parametric_effect import ParametricEffect
 
 
 def _modules() -> tuple[ModuleType, ...]:
-    return tuple(
-        import_module(f"{effects.__name__}.{module.name}")
-        for module in iter_modules(effects.__path__)
-    )
+    package = import_module("idim_iv_ros.effects")
+    names = [module.name for module in iter_modules(package.__path__)]
+    return tuple(import_module(f"{package.__name__}.{name}") for name in names)
 
 
 def _one_of_each(modules: tuple[ModuleType, ...]) -> tuple[Cause, ...]:
