@@ -1,6 +1,7 @@
 """How numbers are computed: compiled loops and their cache, and linear algebra in one thread."""
 
 import hashlib
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 from types import ModuleType
@@ -41,3 +42,25 @@ def one_thread() -> AbstractContextManager[object]:
 
     limits: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
     return limits
+
+
+def dispatcher(functions: Mapping[int, Callable[..., Any]], arguments: str) -> Callable[..., Any]:
+    """Return a compiled ``f(kind, …)`` that calls the compiled function of a kind.
+
+    numba cannot call what it finds in a list at run time: the branches are written out, and as
+    machine code they are those of a function that was written by hand.
+
+    Parameters
+    ----------
+    functions
+        By kind; `f` must be called with none but these.
+    arguments
+        Names of what they take, separated by commas.
+    """
+    *others, last = functions
+    calls = [f"    if kind == {kind}:\n        return f{kind}({arguments})" for kind in others]
+    lines = [f"def call(kind, {arguments}):", *calls, f"    return f{last}({arguments})"]
+    names: dict[str, Any] = {f"f{kind}": function for kind, function in functions.items()}
+    exec("\n".join(lines), names)
+    compiled: Callable[..., Any] = kernel(names["call"])
+    return compiled

@@ -60,7 +60,7 @@ def diagnose_command(
     """
     from idim_iv_ros.cli.output import Output
     from idim_iv_ros.diagnosis.diagnose import diagnose
-    from idim_iv_ros.effects.catalogue import EFFECTS
+    from idim_iv_ros.effects.registry import EFFECTS
 
     output = Output(quiet=quiet, as_json=as_json, verbose=verbose)
     run_diagnosis(

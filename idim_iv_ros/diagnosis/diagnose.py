@@ -19,9 +19,9 @@ from idim_iv_ros.diagnosis.structural.confirmation import confirmation
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC
 from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages
 from idim_iv_ros.diagnosis.verdict import strongest_first
-from idim_iv_ros.effects.catalogue import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.effects.gravity_direction import GravityDirection
+from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.files import FilePaths
 from idim_iv_ros.identification.prepare import read_configured
 from idim_iv_ros.progress import Progress, Stopwatch

@@ -18,7 +18,7 @@ from idim_iv_ros.diagnosis.result import (
     Verdict,
 )
 from idim_iv_ros.diagnosis.structural.attribution import Found
-from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric, Stop
+from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric, StopShape
 from idim_iv_ros.effects.link_inertia import LinkInertia
 from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.types import FloatArray
@@ -147,9 +147,10 @@ def nonparametric(data: Baseline, found: Found) -> str:
     candidate, joint = found.candidate, found.candidate.place.joint
     assert isinstance(candidate.effect, Nonparametric)
     text = f"{data.joints[joint]}: a torque that {candidate.effect.words}"
-    if isinstance(candidate.effect, Stop):
-        side, start = candidate.shape
-        text += f", {'above' if side > 0 else 'below'} {start:.3g} {data.unit_at(joint, 'rad')}"
+    shape = candidate.shape
+    if isinstance(shape, StopShape):
+        side = "above" if shape.side > 0 else "below"
+        text += f", {side} {shape.position:.3g} {data.unit_at(joint, 'rad')}"
     return text
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from idim_iv_ros.diagnosis.result import Indistinguishable
+from idim_iv_ros.effects.cause import Indistinguishable, ParameterSpec
 from idim_iv_ros.effects.parametric_effect import (
     Change,
     Estimated,
@@ -16,15 +16,15 @@ class DriveInertia(ParametricEffect):
 
     Where the configuration gives no armature, the nominal model lacks the inertia of every drive:
     that is one cause without a joint, with one number for each drive. The inertials of the URDF
-    are taken as they are, since a link about its own axis cannot be told from its drive.
-
-    Simulated with the base parameters, which hold it.
+    are taken as they are, since no torque separates a link about its own axis from its drive.
     """
 
     name = "drive_inertia"
     order = 50
     confounders = ("link_inertia", "payload", "time_delay")
     excitation = "fast motion of this joint and of those it is coupled to"
+    segments = ("multisine",)
+    specs = (ParameterSpec("change_of_drive_inertia", "kg m²", "drive inertia less the given one"),)
 
     def places(self, space: ParameterSpace) -> list[int | None]:
         """Each joint, or none where no drive has an inertia."""

@@ -8,30 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idim_iv_ros.effects.registry import BY_NAME, CAUSES
 from idim_iv_ros.types import FloatArray
 
-# Effects by kind of segment, with the names of the gap's causes.
+# Kinds of segment; which effects each reveals is in the files of `effects/`.
+KINDS = ("repeat", "range_sweep", "creep", "plateau", "reversals", "multisine")
 EFFECTS: dict[str, tuple[str, ...]] = {
-    "repeat": ("friction_drift", "payload", "link_inertia"),
-    "range_sweep": (
-        *("position_dependent_friction", "position_ripple", "encoder_eccentricity", "spring"),
-        *("gravity_direction", "load_dependent_friction", "asymmetric_friction", "backlash"),
-        "torque_offset",
-    ),
-    "creep": ("stribeck", "backlash"),
-    "plateau": (
-        *("nonlinear_viscous", "asymmetric_friction", "friction_level"),
-        *("load_dependent_friction", "joint_coupling"),
-    ),
-    "reversals": ("presliding", "backlash"),
-    "multisine": (
-        *("elasticity", "time_delay", "controller_mismatch", "drive_inertia", "link_inertia"),
-    ),
+    kind: tuple(cause.name for cause in CAUSES if kind in cause.segments) for kind in KINDS
 }
-NOT_REVEALED = {
-    "torque_gain": "needs a known load: repeat the motion with a payload of known mass",
-    "torque_saturation": "needs torques near the limit: add a payload, or raise --margin",
-}
+NOT_REVEALED = {cause.name: cause.beyond_motion for cause in CAUSES if not cause.segments}
 
 Shape = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -110,7 +95,7 @@ class Segment:
 
 def effects_of(kind: str, joints: int) -> tuple[str, ...]:
     """Effects that a kind of segment reveals on a robot with so many joints."""
-    return tuple(name for name in EFFECTS[kind] if joints > 1 or name != "joint_coupling")
+    return tuple(name for name in EFFECTS[kind] if joints >= BY_NAME[name].joints_needed)
 
 
 def separating_motion(first: str, second: str) -> str:

@@ -28,9 +28,9 @@ from idim_iv_ros.diagnosis.structural.causes import named_model, structural_caus
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC, Nonparametric
 from idim_iv_ros.effects.asymmetric_friction import AsymmetricFriction
-from idim_iv_ros.effects.catalogue import STRUCTURAL
 from idim_iv_ros.effects.effect import Effect
 from idim_iv_ros.effects.position_ripple import PositionRipple
+from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.effects.stribeck import Stribeck
 from idim_iv_ros.effects.torque_saturation import TorqueSaturation
 from tests.estimation.test_simulated_arms import recorded

@@ -18,7 +18,7 @@ from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, re
 from idim_iv_ros.diagnosis.result import Stage
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.tracking import simulated_tracking, simulation_gap, tracking_series
-from idim_iv_ros.effects.catalogue import STRUCTURAL
+from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.simulation import SimulatedEffect
 from tests.estimation.test_simulated_arms import recorded
 

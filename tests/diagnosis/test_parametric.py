@@ -26,11 +26,11 @@ from idim_iv_ros.diagnosis.structural.attribution import attribute
 from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC
-from idim_iv_ros.effects.catalogue import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.effects.effect import OperatingRange, Place
 from idim_iv_ros.effects.friction_level import FrictionLevel
 from idim_iv_ros.effects.parametric_effect import Change, ParameterSpace, ParametricEffect
 from idim_iv_ros.effects.presliding import Presliding
+from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from tests.estimation.test_simulated_arms import recorded
 
 NOISE = (0.15, 0.05)  # N m, of a row

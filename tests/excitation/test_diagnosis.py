@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BPoly
 
-from idim_iv_ros.effects.catalogue import EFFECTS as CATALOGUE
+from idim_iv_ros.effects.registry import EFFECTS as CATALOGUE
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation import design_diagnosis, motion_limits
 from idim_iv_ros.excitation.diagnosis import loop_bandwidth

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from idim_iv_ros.effects.catalogue import EFFECTS
-from idim_iv_ros.simulation.effects import PARAMETERS
+from idim_iv_ros.effects.registry import BY_NAME, EFFECTS
 from tests.fuzz.case import Case, Good, Yaml, random_of, simulation, spelt, write_configuration
 from tests.gap_files import gap_content
 
@@ -42,7 +41,7 @@ def _document_case(name: str, text: Callable[[Good], str]) -> Case:
 def _effect_case(name: str, effect: str, seed: int) -> Case:
     def text(good: Good) -> str:
         random = random_of(seed, name)
-        names = [each.replace("_k", "_1") for each in PARAMETERS.get(effect, ("a",))]
+        names = [spec.name.replace("_k", "_1") for spec in BY_NAME[effect].specs] or ["a"]
         wrong = random.choice(names)
         entries = {
             each: Yaml(str(random.choice(_NUMBERS)) if each == wrong else "0.5") for each in names

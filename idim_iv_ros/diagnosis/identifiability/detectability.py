@@ -167,7 +167,7 @@ def _measure(
         if effect.size_in == "shape":
             if rest[0] >= needed and share[0] > 1.0 - settings.ABSORBED:
                 words, plausible = _judged(effect, shape, np.ones(1), 0.0, scale)
-                options.append((plausible, float(shape[0]), words))
+                options.append((plausible, effect.size_of(shape), words))
             continue
         size = np.sqrt(needed / np.maximum(rest, _TINY))
         size[(share < 1.0 - settings.ABSORBED) | (largest <= 0.0)] = np.inf

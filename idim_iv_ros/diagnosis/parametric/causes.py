@@ -23,9 +23,9 @@ from idim_iv_ros.diagnosis.result import (
 )
 from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of, spread_shapes
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
-from idim_iv_ros.effects.catalogue import PARAMETRIC
 from idim_iv_ros.effects.effect import Effect, OperatingRange
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
+from idim_iv_ros.effects.registry import PARAMETRIC
 from idim_iv_ros.types import FloatArray
 
 

@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
 
@@ -24,18 +24,8 @@ class ErrorBeyondBase(Effect):
     excitation = ""
 
     def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
-        """One."""
-        return [(1.0,)]
-
-    def free_numbers(self, shape: Shape) -> int:
-        """None."""
-        return 0
-
-    def neighbours(
-        self, shape: Shape, step: float, place: Place, covered: OperatingRange
-    ) -> list[Shape]:
-        """None."""
-        return []
+        """Return the only one."""
+        return [Shape()]
 
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
         """Small changes of either sign."""
@@ -53,7 +43,7 @@ class GainError(ErrorBeyondBase):
 
     name = "torque_gain"
 
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """The joint's own torque."""
         return {place.joint: motion.torque[:, [place.joint]]}
 
@@ -67,7 +57,7 @@ class GravityError(ErrorBeyondBase):
         """One place: the base."""
         return [Place(0)]
 
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """Torque of the links per small angle of gravity about two axes."""
         model = motion.robot.pinocchio
         gravity = np.asarray(model.gravity.linear)

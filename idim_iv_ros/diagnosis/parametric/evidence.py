@@ -19,6 +19,7 @@ from idim_iv_ros.diagnosis.parametric.hypotheses import (
     trials,
 )
 from idim_iv_ros.diagnosis.parametric.other_errors import estimated_beside_other_errors
+from idim_iv_ros.diagnosis.parametric.significance import differs
 from idim_iv_ros.diagnosis.result import EffectParameter, Indistinguishable
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParametricEffect
 from idim_iv_ros.types import FloatArray
@@ -145,7 +146,11 @@ def _sure(
         estimates = iter(estimated_beside_other_errors(changes, changes_of(kept)))
         numbers = [tuple(islice(estimates, len(each.changes))) for each in kept]
         sure = [max((each.certainty for each in own), default=0.0) for own in numbers]
-        unsure = [place for place, own in enumerate(numbers) if not any(e.tells for e in own)]
+        unsure = [
+            place
+            for place, own in enumerate(numbers)
+            if not any(differs(e.value, e.std) for e in own)
+        ]
         if not unsure:
             return kept, numbers
         del kept[min(unsure, key=lambda place: sure[place])]

@@ -7,9 +7,9 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.types import FloatArray
 
 
-def differs(value: float, std: float) -> bool:
-    """Whether the 95 % interval of one number leaves out zero."""
-    return abs(value) >= settings.NORMAL_95 * std
+def differs(value: float, std: float | None) -> bool:
+    """Whether the 95 % interval of one number leaves out zero; not where it is not known."""
+    return std is not None and abs(value) >= settings.NORMAL_95 * std
 
 
 def any_differs(values: FloatArray, covariance: FloatArray) -> bool:

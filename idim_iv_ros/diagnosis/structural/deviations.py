@@ -124,7 +124,8 @@ def _near(effect: Effect, shape: Shape, place: Place, covered: OperatingRange) -
     """One neighbour for each number, or numbers that move together, of the shape."""
     kept: dict[tuple[int, ...], Shape] = {}
     for near in effect.neighbours(shape, settings.SHAPE_STEP, place, covered):
-        moved = tuple(k for k, (a, b) in enumerate(zip(near, shape, strict=True)) if a != b)
+        pairs = zip(near.numbers, shape.numbers, strict=True)
+        moved = tuple(k for k, (a, b) in enumerate(pairs) if a != b)
         if moved:
             kept.setdefault(moved, near)
     return list(kept.values())

@@ -58,18 +58,19 @@ class Search:
         present = [candidate for candidate in found if candidate is not None]
         return max(present, key=lambda each: each.support, default=None)
 
-    def _best_of(self, effect: Effect, place: Place, grid: list[Shape]) -> Candidate | None:
+    def _best_of(self, effect: Effect, place: Place, grid: Sequence[Shape]) -> Candidate | None:
         shape, score = self._scan(effect, place, grid, self._kept_rows(effect, place, grid))
         tried = len(grid)
         if shape is None:
             return None
         shape, score = self._refined(effect, place, shape, score)
         while True:
-            longer = effect.longer(shape, place, self.covered)
-            if not longer:
+            further = effect.longer(shape, place, self.covered)
+            if not further:
                 break
+            longer, terms = zip(*further, strict=True)
             tried += len(longer)
-            rows = self._longer_rows(effect, place, shape, longer)
+            rows = self._longer_rows(effect, place, shape, terms)
             more, higher = self._scan(effect, place, longer, rows)
             if more is None:
                 break
@@ -159,11 +160,10 @@ class Search:
         )
 
     def _longer_rows(
-        self, effect: Effect, place: Place, shape: Shape, longer: Sequence[Shape]
+        self, effect: Effect, place: Place, shape: Shape, terms: Sequence[Shape]
     ) -> list[Columns]:
-        """Rows of shapes with one term more: those of the term were made before."""
+        """Rows of a shape with each of the terms beside its own: theirs were made before."""
         own = rows_of(self.data, effect, place, [shape])[0]
-        terms = [tuple(each[len(shape) :]) for each in longer]
         return [
             {joint: np.hstack([own[joint], term[joint]]) for joint in own}
             for term in self._kept_rows(effect, place, terms)
