@@ -15,9 +15,8 @@ WAITING = "waiting"
 Task = Literal["identification", "diagnosis"]
 
 _MOST_BAGS, _MOST_EFFECTS = 1000, 100
+_LONGEST = 1000  # characters of a name
 ESTIMATORS = ("idim-iv", "idim-ls")
-
-_LONGEST = 1000
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,9 @@
-"""A service and an action of the same name that ask for the same jobs."""
+"""A service and an action of the same name that ask for the same jobs, and answer later.
+
+An awaiting callback keeps rclpy's executor busy (it resumes every waiting coroutine in each turn,
+100 % of a core), and a blocking one needs a thread for each request. Here the request and its
+answer are two callbacks.
+"""
 
 from collections.abc import Callable
 from typing import Any

@@ -19,7 +19,7 @@ _PERIODS = 200  # recent ones, whose median is the usual period
 
 _NAMES_START = 12  # behind the encapsulation header and the stamp: frame, then names
 _READ_AT_ONCE = 20  # unknown layouts that are read in one batch
-_KEPT = 64
+_KEPT = 64  # layouts
 
 
 class JointContent:

@@ -169,8 +169,9 @@ class RobotSimulator:
                 seed=self._settings.motion_seed,
             )
 
-        response.message = self._plan(trajectory) or "planning, then moving"
-        response.success = not response.message.startswith("busy")
+        refusal = self._plan(trajectory)
+        response.success = not refusal
+        response.message = refusal or "planning, then moving"
         return response
 
     def _plan(self, trajectory: Callable[[], Trajectory]) -> str:

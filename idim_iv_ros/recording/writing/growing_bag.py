@@ -168,7 +168,7 @@ class GrowingBag:
 def write_metadata(
     folder: Path, files: Sequence[FileSummary], topics: Sequence[TopicChannel]
 ) -> None:
-    """Write metadata.yaml; a reader sees the old one or the new one, never half of one.
+    """Write metadata.yaml, version 9 (ROS 2 Jazzy): a reader sees the old one or the new one.
 
     Raises
     ------
