@@ -5,16 +5,15 @@ crosses from one level to the other. A model with the sign of the speed is wrong
 as the friction, for tens of milliseconds, and filters smear that over the rows around.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.model import InverseModel
-from idim_iv_ros.signals import Motion, central_differences
-from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, simulate_closed_loop
+from idim_iv_ros.signals import Motion
+from idim_iv_ros.simulation import ControlLaw, inverse_dynamics
+from idim_iv_ros.simulation.replay import replay
 from idim_iv_ros.types import FloatArray
 
 
@@ -37,25 +36,11 @@ def simulated_slips(
 def _slip(
     model: InverseModel, values: FloatArray, motion: Motion, law: ControlLaw
 ) -> FloatArray | None:
-    signals = motion.signals
-    if signals.position_reference is None:
-        return None
-    velocity, _ = central_differences(motion.position, rate=signals.rate, start=0, stop=1)
     parameters = model.dynamic_parameters(values)
-    result = simulate_closed_loop(
-        model.robot,
-        parameters,
-        law,
-        rate=signals.rate,
-        position_reference=signals.position_reference,
-        velocity_reference=signals.velocity_reference,
-        initial_position=motion.position[0],
-        initial_velocity=velocity[0],
-    )
+    result = replay(model.robot, parameters, law, motion)
     if result.diverged is not None:
         return None
-    nothing = np.zeros_like(parameters.coulomb)
-    slippery = replace(parameters, coulomb=nothing)
+    slippery = parameters.without_dry_friction
     rest = inverse_dynamics(
         model.robot, slippery, result.position, result.velocity, result.acceleration
     )

@@ -6,7 +6,7 @@ fourth then carry almost no noise of the encoders, and friction changes sign whe
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -65,8 +65,7 @@ class SmoothMotion:
     @cached_property
     def torque(self) -> FloatArray:
         """(s, n_joints) N m: torque of the refit, its dry friction as it sticks and slips."""
-        slippery = replace(self.whole, coulomb=np.zeros_like(self.whole.coulomb))
-        return self._torque(slippery) + self.whole.coulomb * self.slip
+        return self._torque(self.whole.without_dry_friction) + self.whole.coulomb * self.slip
 
     @cached_property
     def inertia(self) -> FloatArray:
