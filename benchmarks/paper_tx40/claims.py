@@ -94,7 +94,7 @@ def _wald(name: str, rejected: frozenset[str]) -> Callable[[Reproduction], Outco
 def specification(run: Reproduction) -> Outcome:
     """Where the residual follows the motion, once gravity is left out."""
     verdicts = run.results[MODEL_ERROR].residuals
-    found = frozenset(v.joint for v in verdicts if v.verdict == "model error here")
+    found = frozenset(v.joint for v in verdicts if v.verdict == "misspecified")
     wanted = {"joint_1", "joint_2", "joint_3"}
     return Outcome(f"model error at {_joints(found)}", found >= wanted)
 

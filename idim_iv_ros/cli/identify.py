@@ -187,6 +187,6 @@ def print_next(
 
     from idim_iv_ros.cli.output import next_command
 
-    if result.verdict.verdict == "model error here":
+    if result.verdict.verdict == "misspecified":
         text = Text(f"Next: {next_command('diagnose', bags, config, '--out', 'why')}")
         console.print(text, soft_wrap=True)

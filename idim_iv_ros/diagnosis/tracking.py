@@ -13,8 +13,9 @@ from idim_iv_ros.diagnosis.structural.causes import NamedModel, effect_parameter
 from idim_iv_ros.effects.effect import Place
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop
-from idim_iv_ros.signals import Motion, central_differences
-from idim_iv_ros.simulation import ControlLaw, SimulatedEffect, simulate_closed_loop
+from idim_iv_ros.signals import Motion
+from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
+from idim_iv_ros.simulation.replay import replay
 from idim_iv_ros.types import FloatArray
 
 
@@ -117,27 +118,20 @@ def _simulated(
     start_time: float,
 ) -> tuple[FloatArray | None, str]:
     """Positions (n_samples, n_joints) of the whole record, or why there are none."""
-    model, signals = data.prepared.model, motion.signals
-    if signals.position_reference is None:
-        return None, f"not simulated: {signals.name} has no reference"
-    velocity, _ = central_differences(motion.position, rate=signals.rate, start=0, stop=1)
+    model, name = data.prepared.model, motion.signals.name
     try:
-        result = simulate_closed_loop(
+        result = replay(
             model.robot,
             model.dynamic_parameters(values),
             law,
-            rate=signals.rate,
-            position_reference=signals.position_reference,
-            velocity_reference=signals.velocity_reference,
-            initial_position=motion.position[0],
-            initial_velocity=velocity[0],
-            effects=list(effects),
+            motion,
+            effects=effects,
             start_time=start_time,
         )
     except UsageError as error:
         return None, f"not simulated: {error}"
     if result.diverged is not None:
-        return None, f"the simulation diverges: {signals.name}: {result.diverged}"
+        return None, f"the simulation diverges: {name}: {result.diverged}"
     return motion.filtered(result.position), ""
 
 

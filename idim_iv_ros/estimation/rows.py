@@ -56,7 +56,7 @@ class JointRows:
 
     @property
     def places(self) -> IntArray:
-        """(c + 1,) places of the columns of `r_factor` where the torque stands at −1, the last."""
+        """(c + 1,) places of the columns of `r_factor`; the torque is the last, −1."""
         return np.append(self.columns, -1)
 
     def prediction(self, parameters: FloatArray) -> FloatArray:
@@ -96,7 +96,7 @@ class JointRows:
 
     @cached_property
     def reduced(self) -> "JointRows":
-        """The R factor of [Z X y], which stands for these rows wherever their order is nothing."""
+        """The R factor of [Z X y]: it replaces these rows where their order does not matter."""
         width = self._table(slice(0, 0)).shape[1]
         rows = self._of(streamed_r_factor(self._blocks(), width))
         return replace(rows, segments=(), position=None, represented=len(self))
@@ -115,9 +115,14 @@ class JointRows:
         """
         factor = self._standardized.get(noise)
         if factor is None:
-            table = np.column_stack([self.matrix, self.torque])
-            factor = self._standardized[noise] = r_factor(noise.standardized(table, self.segments))
+            whitened = noise.whiten(self._by_columns, self.segments)
+            factor = self._standardized[noise] = r_factor(whitened) / noise.sigma
         return factor
+
+    @cached_property
+    def _by_columns(self) -> FloatArray:
+        """[X y], each column contiguous: filtered many times."""
+        return np.asfortranarray(np.column_stack([self.matrix, self.torque]))
 
     @cached_property
     def _standardized(self) -> WeakKeyDictionary[AutoregressiveModel, FloatArray]:

@@ -1,7 +1,7 @@
 """Standard dynamic parameters: names, units and order (paper, section II.B)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -74,6 +74,30 @@ class DynamicParameters:
     coupling_inertia: FloatArray
     coupling_viscous: FloatArray
     coupling_coulomb: FloatArray
+
+    @property
+    def of_links(self) -> "DynamicParameters":
+        """The rigid bodies alone: without drives, friction and offsets."""
+        nothing, uncoupled = np.zeros_like(self.viscous), np.zeros_like(self.coupling_inertia)
+        return replace(self.without_friction, drive_inertia=nothing, coupling_inertia=uncoupled)
+
+    @property
+    def without_friction(self) -> "DynamicParameters":
+        """The same without friction and offsets."""
+        nothing, uncoupled = np.zeros_like(self.viscous), np.zeros_like(self.coupling_viscous)
+        return replace(
+            self,
+            viscous=nothing,
+            coulomb=nothing,
+            offset=nothing,
+            coupling_viscous=uncoupled,
+            coupling_coulomb=uncoupled,
+        )
+
+    @property
+    def without_dry_friction(self) -> "DynamicParameters":
+        """The same without the joints' own dry friction."""
+        return replace(self, coulomb=np.zeros_like(self.coulomb))
 
     @property
     def of_drives(self) -> dict[str, FloatArray]:

@@ -3,10 +3,10 @@
 from idim_iv_ros.report.markup import Html, tag
 
 _VERDICTS = {
-    "stands": ("good", "✓"),
-    "oversampled, refined": ("fair", "≈"),
-    "model error here": ("bad", "✕"),
-    "cannot be told": ("open", "?"),
+    "valid": ("good", "✓"),
+    "autocorrelated": ("fair", "≈"),
+    "misspecified": ("bad", "✕"),
+    "inconclusive": ("open", "?"),
 }
 
 

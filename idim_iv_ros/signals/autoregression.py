@@ -127,7 +127,11 @@ class AutoregressiveModel:
         order = self.order
         if order == 0:
             return np.array(rows, dtype=float)
-        whitened: FloatArray = scipy.signal.lfilter(self._predictors[-1], [1.0], rows, axis=0)
+        # Column by column, which is what lfilter does too, but slower.
+        whitened = np.empty(rows.shape, order="F")
+        for place in np.ndindex(rows.shape[1:]):
+            column = (slice(None), *place)
+            whitened[column] = np.convolve(self._predictors[-1], rows[column])[: len(rows)]
         long = [segment.start for segment in segments if segment.stop - segment.start >= order]
         heads = np.array(long, dtype=np.int64)[:, None] + np.arange(order)
         wide = rows[heads] if rows.ndim > 1 else rows[heads][..., None]

@@ -1,4 +1,4 @@
-"""Is there anything left of the motion in the residual?  Test of the model's specification.
+"""Does the residual still follow the motion?  F-test of the model's specification (RESET).
 
 The instruments say whether the *motion* is simulated well. A stiff loop, above all one with
 integral action, holds the motion to its reference whatever the model is, and the error stays in

@@ -75,11 +75,11 @@ def test_standard_deviations_are_those_of_repeated_experiments() -> None:
     assert off.std() == pytest.approx(1.0, abs=0.12)
 
 
-def test_colour_of_the_noise_is_found() -> None:
+def test_autocorrelation_of_the_noise_is_found() -> None:
     fit = world(3, rows=4000, pole=0.9, sigma=0.25).fit()
-    for colour in fit.noise_models:
-        assert colour.coefficients[0] == pytest.approx(-0.9, abs=0.06)
-        assert colour.sigma == pytest.approx(0.25, rel=0.05)
+    for noise in fit.noise_models:
+        assert noise.coefficients[0] == pytest.approx(-0.9, abs=0.06)
+        assert noise.sigma == pytest.approx(0.25, rel=0.05)
 
 
 def test_log_likelihood_of_white_noise_is_that_of_its_variance() -> None:
@@ -90,7 +90,7 @@ def test_log_likelihood_of_white_noise_is_that_of_its_variance() -> None:
     assert fit.log_likelihood == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_colour_pays_one_for_each_of_its_coefficients() -> None:
+def test_a_autocorrelation_pays_one_for_each_of_its_coefficients() -> None:
     regression = world(4, joints=1)
     plain = regression.fit([white(0.3)], steps=0)
     zeros = AutoregressiveModel(np.zeros(3), 0.09)
@@ -120,7 +120,7 @@ def test_a_true_column_gains_what_it_explains_and_noise_gains_half_on_average() 
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.8])
-def test_score_is_the_energy_that_a_fit_with_the_same_colours_takes_off(pole: float) -> None:
+def test_score_is_the_energy_that_a_fit_with_the_same_noise_models_takes_off(pole: float) -> None:
     """For known noise it is twice the gain of the likelihood."""
     regression = world(6, pole=pole)
     noise_models = [autoregressive(pole, 0.3)] * 2
@@ -131,8 +131,8 @@ def test_score_is_the_energy_that_a_fit_with_the_same_colours_takes_off(pole: fl
 
     def energy(residuals: tuple[np.ndarray, ...]) -> float:
         return sum(
-            float(np.sum(colour.standardized(residual, data.segments) ** 2))
-            for residual, colour, data in zip(
+            float(np.sum(noise.standardized(residual, data.segments) ** 2))
+            for residual, noise, data in zip(
                 residuals, noise_models, regression.joints, strict=True
             )
         )

@@ -100,8 +100,8 @@ def test_sums_of_masses_inertias_and_friction_may_not_be_negative() -> None:
 
 def test_a_model_error_names_the_next_command_with_its_arguments() -> None:
     result = sample_result()
-    wrong = replace(result, verdict=OverallVerdict("model error here", "The model is wrong."))
-    right = replace(result, verdict=OverallVerdict("stands", "Fine."))
+    wrong = replace(result, verdict=OverallVerdict("misspecified", "The model is wrong."))
+    right = replace(result, verdict=OverallVerdict("valid", "Fine."))
     for each, said in ((wrong, True), (right, False)):
         console = Console(file=io.StringIO(), width=40)
         print_next(console, each, [Path("run1.mcap"), Path("my runs/2.mcap")], Path("my.yaml"))

@@ -97,7 +97,7 @@ def test_a_joint_named_like_a_script_is_only_text(case: str) -> None:
 
 def test_the_verdict_comes_first_and_rejected_joints_carry_a_warning() -> None:
     text = Page(report_html(sample_result(3, "rejected"))).text
-    assert text.index("model error here") < text.index("Relative error")
+    assert text.index("misspecified") < text.index("Relative error")
     assert "Do not rely on all of these values" in text
     assert "Do not rely" not in Page(report_html(sample_result(3, "white"))).text
 

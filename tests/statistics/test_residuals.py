@@ -27,7 +27,7 @@ def test_white_residual_is_white_and_gaussian():
     assert np.mean(np.abs(diagnosis.acf[1:]) < diagnosis.acf_bound) > 0.8
 
 
-def test_coloured_residual_is_coloured_and_its_filter_whitens_it():
+def test_autocorrelated_residual_is_autocorrelated_and_its_filter_whitens_it():
     residual = autoregressive(np.random.default_rng(2), [-1.5, 0.7], (4000,))
     diagnosis = diagnose_residual(joint_with(residual), np.ones(3))
     assert diagnosis.white is False
@@ -47,7 +47,7 @@ def test_understatement_of_slow_columns_under_ar1_is_the_analytic_one():
     assert diagnosis.sigma_understatement == pytest.approx(3.0, rel=0.05)
 
 
-def test_significant_but_harmless_colour_counts_as_white():
+def test_significant_but_harmless_autocorrelation_counts_as_white():
     residual = autoregressive(np.random.default_rng(4), [-0.06], (20_000,))
     diagnosis = diagnose_residual(joint_with(residual), np.ones(3))
     assert diagnosis.whiteness.accepted is False

@@ -1,4 +1,4 @@
-"""Worlds with known truth for the Monte Carlo tests: coloured regressions and a pendulum."""
+"""Worlds with known truth for the Monte Carlo tests: autocorrelated regressions and a pendulum."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -33,7 +33,7 @@ def autoregressive(rng, coefficients: Sequence[float], shape):
 def autocorrelated_world(
     rng,
     residual_noise_model,
-    error_colour,
+    error_model,
     *,
     n_rows=500,
     n_columns=10,
@@ -54,7 +54,7 @@ def autocorrelated_world(
         frequency = rng.uniform(*band, n_columns)
         phase = rng.uniform(0.0, 2.0 * np.pi, n_columns)
         instruments += rng.standard_normal(n_columns) * np.sin(2 * np.pi * frequency * time + phase)
-    v = error * autoregressive(rng, error_colour, (n_rows, n_columns))
+    v = error * autoregressive(rng, error_model, (n_rows, n_columns))
     regressor = instruments + v
     regressor[:, 0] += deviation * instruments[:, 1]
     truth = rng.uniform(0.5, 2.0, n_columns) * rng.choice([-1.0, 1.0], n_columns)

@@ -261,17 +261,7 @@ def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatAr
     """Torque of the given links under each of k gravities (k, 3): (r_j, k) for each joint, N m."""
     robot = data.prepared.model.robot
     tilted = [_with_gravity(robot, acceleration) for acceleration in accelerations]
-    nothing = np.zeros(len(robot.joints))
-    bodies = replace(
-        robot.given,
-        drive_inertia=nothing,
-        viscous=nothing,
-        coulomb=nothing,
-        offset=nothing,
-        coupling_inertia=np.zeros_like(robot.given.coupling_inertia),
-        coupling_viscous=np.zeros_like(robot.given.coupling_viscous),
-        coupling_coulomb=np.zeros_like(robot.given.coupling_coulomb),
-    )
+    bodies = robot.given.of_links
     parts = []
     for motion in data.motions:
         still = np.zeros_like(motion.position)

@@ -207,18 +207,7 @@ def _parameters(
     for joint in range(len(drives)):
         if f"Ia{joint + 1}" not in named and prepared.configuration.signals.effort_unit == "N m":
             drives[joint] = -model.robot.given.drive_inertia[joint]
-    nothing = np.zeros_like(drives)
-    links = replace(
-        whole,
-        drive_inertia=drives,
-        viscous=nothing,
-        coulomb=nothing,
-        offset=nothing,
-        coupling_inertia=np.zeros_like(whole.coupling_inertia),
-        coupling_viscous=np.zeros_like(whole.coupling_viscous),
-        coupling_coulomb=np.zeros_like(whole.coupling_coulomb),
-    )
-    return links, whole
+    return replace(whole.of_links, drive_inertia=drives), whole
 
 
 def _recordings(prepared: PreparedRegression, joint: int) -> NDArray[np.int64]:

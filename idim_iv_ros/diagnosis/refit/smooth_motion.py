@@ -10,7 +10,7 @@ as the friction, for tens of milliseconds, and filters smear that over the rows 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -25,10 +25,10 @@ from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
 from idim_iv_ros.signals import (
     Motion,
     ParallelDecimation,
-    central_differences,
     zero_phase_butterworth,
 )
-from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, mass_matrix, simulate_closed_loop
+from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, mass_matrix
+from idim_iv_ros.simulation.replay import replay
 from idim_iv_ros.types import FloatArray
 
 
@@ -51,25 +51,11 @@ def simulated_slips(
 def _slip(
     model: InverseModel, values: FloatArray, motion: Motion, law: ControlLaw
 ) -> FloatArray | None:
-    signals = motion.signals
-    if signals.position_reference is None:
-        return None
-    velocity, _ = central_differences(motion.position, rate=signals.rate, start=0, stop=1)
     parameters = model.dynamic_parameters(values)
-    result = simulate_closed_loop(
-        model.robot,
-        parameters,
-        law,
-        rate=signals.rate,
-        position_reference=signals.position_reference,
-        velocity_reference=signals.velocity_reference,
-        initial_position=motion.position[0],
-        initial_velocity=velocity[0],
-    )
+    result = replay(model.robot, parameters, law, motion)
     if result.diverged is not None:
         return None
-    nothing = np.zeros_like(parameters.coulomb)
-    slippery = replace(parameters, coulomb=nothing)
+    slippery = parameters.without_dry_friction
     rest = inverse_dynamics(
         model.robot, slippery, result.position, result.velocity, result.acceleration
     )
@@ -125,8 +111,7 @@ class SmoothMotion:
     @cached_property
     def torque(self) -> FloatArray:
         """(s, n_joints) N m: torque of the refit, its dry friction as it sticks and slips."""
-        slippery = replace(self.whole, coulomb=np.zeros_like(self.whole.coulomb))
-        return self._torque(slippery) + self.whole.coulomb * self.slip
+        return self._torque(self.whole.without_dry_friction) + self.whole.coulomb * self.slip
 
     @cached_property
     def inertia(self) -> FloatArray:

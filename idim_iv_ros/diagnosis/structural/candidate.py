@@ -53,7 +53,7 @@ def rows_of(data: Baseline, effect: Effect, place: Place, shapes: Sequence[Shape
         rows = data.counting(
             joint,
             [
-                motion.rows(np.hstack([columns[joint] for columns in per_motion]))
+                motion.rows(np.vstack([columns[joint].T for columns in per_motion]).T)
                 for motion, per_motion in zip(data.motions, made, strict=True)
             ],
         )

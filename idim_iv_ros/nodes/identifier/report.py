@@ -10,10 +10,10 @@ from idim_iv_ros.nodes.identifier.job_queue import JobQueue
 from idim_iv_ros.statistics.drift import Drift
 
 _LEVELS = {
-    "stands": DiagnosticStatus.OK,
-    "oversampled, refined": DiagnosticStatus.WARN,
-    "cannot be told": DiagnosticStatus.WARN,
-    "model error here": DiagnosticStatus.ERROR,
+    "valid": DiagnosticStatus.OK,
+    "autocorrelated": DiagnosticStatus.WARN,
+    "inconclusive": DiagnosticStatus.WARN,
+    "misspecified": DiagnosticStatus.ERROR,
 }
 
 

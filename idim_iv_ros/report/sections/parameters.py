@@ -112,7 +112,7 @@ def _disagreement(result: IdentificationResult) -> Html | None:
 
 
 def _wrong_model(result: IdentificationResult) -> Html | None:
-    wrong = [each.joint for each in result.residuals if each.verdict == "model error here"]
+    wrong = [each.joint for each in result.residuals if each.verdict == "misspecified"]
     if not wrong:
         return None
     return tag(
