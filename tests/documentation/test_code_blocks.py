@@ -11,7 +11,7 @@ import pytest
 import scipy.io
 
 from bags import simulated_arms
-from idim_iv_ros import propose_configuration, write_configuration
+from idim_iv_ros import load_configuration, propose_configuration, write_configuration
 from idim_iv_ros.recording import JointTopic, write_bag
 from tests.documentation.code_blocks import PAGES, ROOT, CodeBlock, code_blocks, first_missing_line
 
@@ -96,6 +96,14 @@ def test_blocks_of_a_page_run(page: str, workplace: Path) -> None:
 def test_slow_blocks_of_a_page_run(page: str, workplace: Path) -> None:
     for block in runs(page, slow=True):
         run(block, workplace)
+
+
+def test_configurations_are_valid(workplace: Path) -> None:
+    shown = [b for page in PAGES for b in code_blocks(page) if b.language == "yaml"]
+    assert shown
+    for block in shown:
+        (workplace / "shown.yaml").write_text(block.text, encoding="utf-8")
+        load_configuration(workplace / "shown.yaml")
 
 
 @pytest.mark.parametrize("page", PAGES)
