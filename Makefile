@@ -7,7 +7,7 @@ INTERFACES := $(wildcard idim_iv_interfaces/*.* idim_iv_interfaces/*/*.*)
 # Compiled kernels stay with the environment, and with it outlive a fresh clone. Not for `demo`: the
 # commands that a user gives afterwards look beside the sources.
 KERNELS := $(CURDIR)/$(VENV)/numba
-SOURCES := $(wildcard idim_iv_ros/simulation/*.py)
+SOURCES := $(wildcard $(addprefix idim_iv_ros/,compilation.py simulation/*.py effects/*.py model/*.py))
 tests slow load bench $(VENV)/ready-kernels: export NUMBA_CACHE_DIR := $(KERNELS)
 
 .PHONY: demo test slow load lint types docs tests package bench clean

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.model import DynamicParameters, RobotModel, load_robot
+from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.simulation import (
     ControlLaw,
     SimulatedRecording,
@@ -96,6 +97,16 @@ def record(
         disturbance=disturbance,
         stamp_jitter=stamp_jitter,
     )
+
+
+def joint_topics(arm: SimulatedArm, recorded: SimulatedRecording) -> list[JointTopic]:
+    """What a recorder would have written of it: joint states and reference."""
+    joints, time = arm.configuration.robot.joints, recorded.time
+    position, velocity = recorded.position_reference, recorded.velocity_reference
+    return [
+        JointTopic("/joint_states", joints, time, recorded.position, None, recorded.effort),
+        JointTopic("/joint_reference", joints, time, position, velocity),
+    ]
 
 
 def _arm(

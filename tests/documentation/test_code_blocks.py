@@ -11,8 +11,8 @@ import pytest
 import scipy.io
 
 from bags import simulated_arms
-from idim_iv_ros import propose_configuration, write_configuration
-from idim_iv_ros.recording import JointTopic, write_bag
+from idim_iv_ros import load_configuration, propose_configuration, write_configuration
+from idim_iv_ros.recording import write_bag
 from tests.documentation.code_blocks import PAGES, ROOT, CodeBlock, code_blocks, first_missing_line
 
 RUNS = {"bash": ["bash", "-euo", "pipefail", "-c"], "python": [sys.executable, "-c"]}
@@ -30,19 +30,9 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     arm = simulated_arms.arm2()
     urdf = (ROOT / "config" / "arm2.urdf").read_text(encoding="utf-8")
     (folder / "my_arm.urdf").write_text(urdf, encoding="utf-8")
-    joints = arm.configuration.robot.joints
     for seed in (1, 2, 3):
         record = simulated_arms.record(arm, seed)
-        topics = [
-            JointTopic("/joint_states", joints, record.time, record.position, None, record.effort),
-            JointTopic(
-                "/joint_reference",
-                joints,
-                record.time,
-                record.position_reference,
-                record.velocity_reference,
-            ),
-        ]
+        topics = simulated_arms.joint_topics(arm, record)
         write_bag(folder / f"run{seed}.mcap", topics, robot_description=urdf)
     axis = {"qm": record.position[:, 0], "vir": record.effort[:, 0]}
     scipy.io.savemat(folder / "data.mat", {**axis, "qg": record.position_reference[:, 0]})
@@ -96,6 +86,14 @@ def test_blocks_of_a_page_run(page: str, workplace: Path) -> None:
 def test_slow_blocks_of_a_page_run(page: str, workplace: Path) -> None:
     for block in runs(page, slow=True):
         run(block, workplace)
+
+
+def test_configurations_are_valid(workplace: Path) -> None:
+    shown = [b for page in PAGES for b in code_blocks(page) if b.language == "yaml"]
+    assert shown
+    for block in shown:
+        (workplace / "shown.yaml").write_text(block.text, encoding="utf-8")
+        load_configuration(workplace / "shown.yaml")
 
 
 @pytest.mark.parametrize("page", PAGES)
