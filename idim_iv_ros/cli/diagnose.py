@@ -120,7 +120,7 @@ def run_diagnosis(
             result = diagnose(bags, configuration, without=left_out, progress=progress)
         if out is not None:
             with report_warnings():
-                numbers, page = write_gap_report(result, out, force=force)
+                numbers, page = write_gap_report(result, out, force=force, config=config)
     output.document(gap_document(result))
     print_diagnosis(output.console, result, whole=output.verbose)
     if page is not None:

@@ -56,7 +56,7 @@ def identify_command(
             result = identify(bags, configuration, estimator=estimator.value, progress=progress)
             if out is not None:
                 with report_warnings():
-                    numbers, page = write_report(result, out, force=force)
+                    numbers, page = write_report(result, out, force=force, config=config)
     output.document(result_document(result))
     output.warn_quietly([*result.doubts, *data_warnings(result)])
     print_parameters(output.console, result, whole=verbose)
