@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from importlib import resources
 
 import numpy as np
+from idim_iv_ros.report.markup import Html, join, section, tag
+from idim_iv_ros.report.script import SCRIPT
 from plotly.offline import get_plotlyjs
 
 from benchmarks.paper_tx40.claims import CLAIMS
@@ -18,9 +20,7 @@ from benchmarks.paper_tx40.experiment import (
 from benchmarks.paper_tx40.published import TABLE_1, TABLE_2, TABLE_3
 from idim_iv_ros import IdentificationResult
 from idim_iv_ros.report.figures import BLUE, INK, ORANGE, Figure, axis, embed, figure, typed
-from idim_iv_ros.report.markup import Html, join, section, tag
 from idim_iv_ros.report.numerals import cell, fixed, number
-from idim_iv_ros.report.script import SCRIPT
 
 _FIGURES = ((APPROPRIATE, 1), (INAPPROPRIATE, 3), (MODEL_ERROR, 5))
 _BINS = 41

@@ -10,7 +10,7 @@ from idim_iv_ros.excitation.separation import separating_motion
 from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
 from idim_iv_ros.report.changes import RECORDING, ChangedValue, changed_values
 from idim_iv_ros.report.gap_words import effect_at, effect_words
-from idim_iv_ros.report.numerals import known, measured, number, percent
+from idim_iv_ros.report.numerals import known, measured, percent, round_number
 from idim_iv_ros.report.section import Report
 from idim_iv_ros.statistics.verdict import Verdict
 
@@ -58,16 +58,18 @@ def diagnosis_headline(result: GapResult) -> tuple[str, str]:
     model = "nominal model" if given else "refitted model"
     if worst is None:
         return f"The gap of the {model} could not be judged at any joint.", _cause_words(result, "")
-    size = f"The {model} misses {percent(worst.relative_percent)} of the torque at {worst.joint}"
-    return f"{size}, where its gap is widest.", _cause_words(result, _corrected(result, worst.joint))
+    size = (
+        f"The {model} misses {percent(worst.relative_percent, 3)} of the torque at {worst.joint}."
+    )
+    return size, _cause_words(result, _corrected(result, worst.joint))
 
 
 def _cause_words(result: GapResult, corrected: str) -> str:
     if result.causes:
         first = result.causes[0]
         more = len(result.causes) - 1
-        beside = f", beside {more} more" if more else ""
-        return f"The main cause is {effect_at(first.effect, first.joint)}{beside}{corrected}."
+        others = f", with {more} more" if more else ""
+        return f"Main cause: {effect_at(first.effect, first.joint)}{others}{corrected}."
     if result.unexplained is not None:
         what = FAMILIES[result.unexplained.family]
         return f"No effect of the catalogue explains it: the residual {what}."
@@ -91,9 +93,7 @@ def _corrected(result: GapResult, joint: str) -> str:
 def identification_headline(result: IdentificationResult) -> tuple[str, str]:
     """Return whether to believe the parameters and how well they fit: 30 words together."""
     colour = verdict_badge(result.verdict.verdict)[0]
-    wrong = [
-        each.joint for each in result.verdicts if verdict_badge(each.verdict)[0] == "bad"
-    ]
+    wrong = [each.joint for each in result.verdicts if verdict_badge(each.verdict)[0] == "bad"]
     believed = {
         "good": "The parameters and their standard deviations may be believed.",
         "fair": "The parameters may be believed, with their refined standard deviations.",
@@ -101,7 +101,7 @@ def identification_headline(result: IdentificationResult) -> tuple[str, str]:
         "open": "Whether the parameters may be believed is inconclusive: see each joint below.",
     }[colour]
     fit = result.fit
-    error = percent(fit.relative_error_percent)
+    error = percent(fit.relative_error_percent, 3)
     state = "" if result.converged else " The iteration has not converged."
     return believed, f"The model misses {error} of the torque.{state}"
 
@@ -232,7 +232,7 @@ def _assignments(rows: Sequence[ChangedValue]) -> str:
 
 
 def _was(row: ChangedValue) -> str:
-    return "" if row.given is None else f"   (given: {number(row.given)})"
+    return "" if row.given is None else f"   (given: {round_number(row.given)})"
 
 
 def _value(value: float, std: float | None, unit: str) -> str:
@@ -256,15 +256,15 @@ def _armature(result: GapResult, rows: Sequence[ChangedValue]) -> str:
 
 
 def _dynamics(rows: Sequence[ChangedValue]) -> str:
-    """The `<dynamics>` of each joint; what was not found to be wrong is as it was."""
-    by_joint: dict[str, list[str]] = {}
+    """The `<dynamics>` of each joint, with what it was."""
+    by_joint: dict[str, list[ChangedValue]] = {}
     for row in rows:
-        joint, _, attribute = row.key.rpartition("/dynamics@")
-        by_joint.setdefault(joint, []).append(f'{attribute}="{row.new:.3g}"')
-    lines = [
-        f"{joint}: <dynamics {' '.join(attributes)}/>"
-        for joint, attributes in list(by_joint.items())[:_FEW_VALUES]
-    ]
+        by_joint.setdefault(row.key.rpartition("/dynamics@")[0], []).append(row)
+    lines = []
+    for joint, values in list(by_joint.items())[:_FEW_VALUES]:
+        new = " ".join(f'{row.key.rpartition("@")[2]}="{row.new:.3g}"' for row in values)
+        was = ", ".join(round_number(row.given) for row in values if row.given is not None)
+        lines.append(f"{joint}: <dynamics {new}/>{f'   (given: {was})' if was else ''}")
     more = len(by_joint) - _FEW_VALUES
     return "\n".join([*lines, *([f"… and {more} more below"] if more > 0 else [])])
 
@@ -285,7 +285,7 @@ def _recording_step(result: GapResult, config: str) -> Step:
         joint = result.unexplained.joint
         return Step(f"Watch {joint} while you record again; does the residual come back?", motion)
     if result.causes:
-        return Step("Record again with the corrected model, and see whether the gap is gone:", again)
+        return Step("Record again with the corrected model to see whether the gap is gone:", again)
     if result.not_testable:
         return Step("Record a motion that shows the effects this one cannot show:", motion)
     return Step("Record again where the simulator matters to you, and compare:", again)

@@ -77,7 +77,9 @@ def changed_values(
         attributed = [row for cause in result.causes for row in _of_cause(result, cause, nominal)]
     else:
         values = [
-            _row(result.joints, p.name, p.expression, p.given_value, p.value, p.std, p.unit, nominal)
+            _row(
+                result.joints, p.name, p.expression, p.given_value, p.value, p.std, p.unit, nominal
+            )
             for p in result.parameters
         ]
         attributed = []
@@ -174,7 +176,9 @@ def _of_cause(result: GapResult, cause: Cause, nominal: Nominal) -> Iterator[Cha
         yield replace(row, source=source)
 
 
-def _changed(key: str, file: str, words: str, given: float | None, by: EffectParameter) -> ChangedValue:
+def _changed(
+    key: str, file: str, words: str, given: float | None, by: EffectParameter
+) -> ChangedValue:
     """A given value with the change that a cause found."""
     new = by.value + (given or 0.0)
     return ChangedValue("", key, file, words, given, new, by.std, by.unit, "")
@@ -214,7 +218,9 @@ def _payload(
     if mass is None:
         return
     words = f"mass to add to {link}"
-    yield ChangedValue("", f"{link}/inertial/mass", _URDF, words, 0.0, mass.value, mass.std, mass.unit, "")
+    yield ChangedValue(
+        "", f"{link}/inertial/mass", _URDF, words, 0.0, mass.value, mass.std, mass.unit, ""
+    )
     for name, letter in _MOMENTS.items():
         moment = parameters.get(name)
         if moment is None or mass.value == 0.0:
@@ -272,4 +278,6 @@ def _gains(cause: Cause, joint: int, place: str, nominal: Nominal) -> Iterator[C
         gains = getattr(law, name)
         given = None if gains is None else float(gains[joint])
         key, words = f"controller.{name}[{joint}]", f"{name} of {place}"
-        yield ChangedValue("", key, _CONFIGURATION, words, given, each.value, each.std, each.unit, "")
+        yield ChangedValue(
+            "", key, _CONFIGURATION, words, given, each.value, each.std, each.unit, ""
+        )

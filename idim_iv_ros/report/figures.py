@@ -73,7 +73,9 @@ def typed(values: NDArray[np.floating[Any]] | Sequence[float]) -> dict[str, Any]
     """
     numbers = np.asarray(values, dtype=float)
     known = np.isfinite(numbers)
-    low, high = (float(numbers[known].min()), float(numbers[known].max())) if known.any() else (0, 0)
+    low, high = (
+        (float(numbers[known].min()), float(numbers[known].max())) if known.any() else (0, 0)
+    )
     step = (high - low) / _LEVELS or 1.0
     scaled = np.where(known, np.round((np.where(known, numbers, low) - low) / step), BREAK)
     data = base64.b64encode(scaled.astype("<u2").tobytes()).decode("ascii")
@@ -81,7 +83,12 @@ def typed(values: NDArray[np.floating[Any]] | Sequence[float]) -> dict[str, Any]
 
 
 def line(
-    x: object, y: NDArray[np.floating[Any]], colour: str, width: float, hover: str, **options: object
+    x: object,
+    y: NDArray[np.floating[Any]],
+    colour: str,
+    width: float,
+    hover: str,
+    **options: object,
 ) -> dict[str, Any]:
     """Return a trace of a line.
 

@@ -13,7 +13,10 @@ from idim_iv_ros.types import FloatArray
 
 # From little to much; distinguished on white and on black, and by lightness.
 _COLOURS = ((0.0, (154, 181, 204)), (0.45, (240, 170, 95)), (1.0, (190, 52, 20)))
-_AXIS = 0.07  # of the robot's size: half of the length that is drawn of a joint's axis
+# Half of the length that is drawn of a joint's axis: of the robot's size, and m where it has none.
+_AXIS, _AXIS_ALONE = 0.07, 0.2
+_LABEL = 17.0  # pixels: height of the words beside a joint there
+_SPACE = "\N{NO-BREAK SPACE}"
 _AZIMUTH, _ELEVATION = np.radians(-55.0), np.radians(20.0)  # of the flat drawing
 
 
@@ -42,14 +45,15 @@ class ShadedRobot:
         return max([each for each in self.values if each is not None and known(each)] + [1e-3])
 
     @property
-    def size(self) -> float:
-        """Largest distance between two points of the robot along an axis, m."""
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Corners of the box around all joints and ends, (3,) each, m."""
         points = np.array([point for line in self.skeleton.segments for point in line])
-        return float(np.ptp(points, axis=0).max()) or 1.0
+        return points.min(axis=0), points.max(axis=0)
 
     def axis_of(self, joint: int) -> tuple[FloatArray, FloatArray]:
         """Ends of the part of a joint's axis that is drawn, (3,) each, m."""
-        half = _AXIS * self.size * self.skeleton.axes[joint]
+        low, high = self.bounds
+        half = (_AXIS * float((high - low).max()) or _AXIS_ALONE) * self.skeleton.axes[joint]
         origin = self.skeleton.origins[joint]
         return origin - half, origin + half
 
@@ -58,7 +62,7 @@ class ShadedRobot:
         return f"{self.joints[joint]}: {percent(self.values[joint])}"
 
 
-def robot_figure(robot: ShadedRobot, height: int = 420) -> Figure:
+def robot_figure(robot: ShadedRobot, height: int = 380) -> Figure:
     """Return the robot in three dimensions, to be turned with the pointer."""
     lines = _with_breaks(robot.skeleton.segments)
     axes = _with_breaks([robot.axis_of(joint) for joint in range(len(robot.joints))])
@@ -69,9 +73,15 @@ def robot_figure(robot: ShadedRobot, height: int = 420) -> Figure:
         _scatter(lines, mode="lines", line={"color": GREY, "width": 9}, hoverinfo="skip"),
         _scatter(axes, mode="lines", line={"color": INK, "width": 3}, hoverinfo="skip"),
         _scatter(
+            np.zeros((1, 3)),
+            mode="markers",
+            marker={"size": 11, "symbol": "square", "color": GREY},
+            hovertemplate="base<extra></extra>",
+        ),
+        _scatter(
             origins,
             mode="markers+text",
-            text=[f"  {name}" for name in names],
+            text=[f"{_SPACE * 4}{name}" for name in names],
             textposition="middle right",
             textfont={"size": 12, "color": INK},
             customdata=[percent(each) for each in robot.values],
@@ -94,14 +104,13 @@ def robot_figure(robot: ShadedRobot, height: int = 420) -> Figure:
             hovertemplate=f"%{{text}}: %{{customdata}} ({robot.title})<extra></extra>",
         ),
     ]
-    hidden = {"visible": False}
-    scene = {
-        "xaxis": hidden,
-        "yaxis": hidden,
-        "zaxis": hidden,
-        "aspectmode": "data",
-        "camera": {"eye": {"x": 1.1, "y": -1.4, "z": 0.55}},
+    low, high = robot.bounds
+    half = 0.5 * max(float((high - low).max()), 2.0 * _AXIS_ALONE)
+    scene: dict[str, Any] = {
+        f"{letter}axis": {"visible": False, "range": [float(middle - half), float(middle + half)]}
+        for letter, middle in zip("xyz", 0.5 * (low + high), strict=True)
     }
+    scene |= {"aspectmode": "cube", "camera": {"eye": {"x": 0.95, "y": -1.2, "z": 0.5}}}
     description = f"Robot with each joint in the colour of its {robot.title}: " + ", ".join(
         robot.label(joint) for joint in range(len(robot.joints))
     )
@@ -127,13 +136,17 @@ def _with_breaks(lines: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
 
 @dataclass(frozen=True)
 class FlatJoint:
-    """A joint in the plane, pixels: its place, the ends of its axis, its colour and words."""
+    """A joint in the plane, pixels: its place, the ends of its axis, its colour and words.
+
+    `side`: 1 where the words stand to the right, -1 to the left.
+    """
 
     x: float
     y: float
     axis: tuple[float, float, float, float]
     colour: str
     label: str
+    side: int
 
 
 @dataclass(frozen=True)
@@ -157,16 +170,15 @@ def flat_robot(robot: ShadedRobot, width: float, height: float) -> FlatRobot:
         x, y = shift + scale * (point - low)
         return round(float(x), 1), round(float(height - y), 1)
 
-    joints = tuple(
-        FlatJoint(
-            *place(_flat(robot.skeleton.origins[joint])),
-            (*place(start), *place(end)),
-            _colour((robot.values[joint] or 0.0) / robot.largest),
-            robot.label(joint),
-        )
-        for joint, (start, end) in enumerate(axes)
-    )
-    return FlatRobot(tuple((*place(start), *place(end)) for start, end in segments), joints)
+    joints: list[FlatJoint] = []
+    for joint, (start, end) in enumerate(axes):
+        x, y = place(_flat(robot.skeleton.origins[joint]))
+        taken = any(each.side > 0 and abs(each.y - y) < _LABEL for each in joints)
+        colour = _colour((robot.values[joint] or 0.0) / robot.largest)
+        ends = (*place(start), *place(end))
+        joints.append(FlatJoint(x, y, ends, colour, robot.label(joint), -1 if taken else 1))
+    lines = tuple((*place(start), *place(end)) for start, end in segments)
+    return FlatRobot(lines, tuple(joints))
 
 
 def _flat(point: FloatArray) -> FloatArray:
@@ -181,3 +193,8 @@ def _colour(share: float) -> str:
     parts = zip(*(colour for _, colour in _COLOURS), strict=True)
     mixed = [round(float(np.interp(share, places, part))) for part in parts]
     return f"rgb({', '.join(map(str, mixed))})"
+
+
+def colour_bar() -> list[tuple[float, str]]:
+    """Return places from 0 to 1 along the colour bar and their colours."""
+    return [(place, f"rgb{colour}") for place, colour in _COLOURS]

@@ -25,7 +25,11 @@ _WRITTEN_BY = {RESULT: "identify", GAP: "diagnose"}
 
 
 def write_report(
-    result: IdentificationResult, out: FilePath, *, force: bool = False, config: FilePath = CONFIGURATION
+    result: IdentificationResult,
+    out: FilePath,
+    *,
+    force: bool = False,
+    config: FilePath = CONFIGURATION,
 ) -> tuple[Path, Path | None]:
     """Write result.json, then report.html.
 

@@ -6,8 +6,8 @@ from scipy.signal import lfilter
 
 from idim_iv_ros.excitation.separation import separating_motion
 from idim_iv_ros.report.gap_words import stage_words
-from idim_iv_ros.report.order_spectrum import order_spectrum
-from idim_iv_ros.report.smooth_curve import smooth
+from idim_iv_ros.statistics.order_spectrum import order_spectrum
+from idim_iv_ros.statistics.smoothing import smooth
 from tests.report.sample_gap import sample_gap
 
 

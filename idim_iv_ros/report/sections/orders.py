@@ -40,7 +40,9 @@ def _figure(result: GapResult, series: GapSeries, index: int) -> Figure | None:
     unit = torque_unit(result, series.joint)
     wave = spectrum.wave_number
     slides = unit_in(result, "rad", series.joint) == "m"
-    title = "Wave number, 1/m (÷ 2π: periods per metre)" if slides else "Wave number, 1/rad = 1/turn"
+    title = (
+        "Wave number, 1/m (÷ 2π: periods per metre)" if slides else "Wave number, 1/rad = 1/turn"
+    )
     # Without effects at this joint there is no extended model to draw.
     drawn = zip(spectrum.amplitudes, (ORANGE, BLUE), ("refit", "extended"), strict=False)
     data = [

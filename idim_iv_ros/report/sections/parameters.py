@@ -40,9 +40,7 @@ def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
     ordered = sorted(result.parameters, key=lambda parameter: not parameter.essential)
     minor = sum(not parameter.essential for parameter in ordered)
     ordinary = result.estimator == "idim-ls"
-    impossible = [
-        p.name for p in result.parameters if IMPOSSIBLE in (p.remark, p.essential_remark)
-    ]
+    impossible = [p.name for p in result.parameters if IMPOSSIBLE in (p.remark, p.essential_remark)]
     figure = _forest(result)
     return {
         "misspecified": [
@@ -57,7 +55,6 @@ def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
         "with_essential": any(known(p.essential_value) for p in result.parameters),
         "with_refined": bool(refined),
         "with_given": any(known(p.given_value) for p in result.parameters),
-        "with_remarks": any(p.remark for p in result.parameters),
         "essential": len(ordered) - minor,
         "minor": minor,
         "folded": minor > 0 and len(ordered) > _LONG_TABLE,
@@ -109,7 +106,9 @@ def _row(
         "relative": _cell(percent(relative), relative),
         "remark": parameter.remark,
         "essential": essential,
-        "refined": _measured(None, None) if refined is None else _measured(refined.value, refined.std),
+        "refined": _measured(None, None)
+        if refined is None
+        else _measured(refined.value, refined.std),
         "ls": _cell(beside(ls_value, std), ls_value),
         "given": _cell(beside(given, std) if known(given) else number(None), given),
     }
@@ -187,7 +186,7 @@ def _forest(result: IdentificationResult) -> Figure | None:
             zeroline=True,
             zerolinecolor=GREY,
         ),
-        "yaxis": axis(autorange="reversed", type="category", dtick=1, showgrid=True),
+        "yaxis": axis(range=[len(shown) - 0.4, -0.6], type="category", dtick=1, showgrid=True),
     }
     words = "Other estimates and given values relative to the estimate"
     return Figure("forest", 70 + _ROW * max(3, len(shown)), words, data, layout(axes))

@@ -67,7 +67,10 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
         return None
     opened = _worth_seeing(result)
     return {
-        "legend": [Mark("line", FORWARD, "forwards (speed > 0)"), Mark("line", BACKWARD, "backwards")],
+        "legend": [
+            Mark("line", FORWARD, "forwards (speed > 0)"),
+            Mark("line", BACKWARD, "backwards"),
+        ],
         "plots": [
             (
                 series.joint,

@@ -62,15 +62,18 @@ def _context(report: Report[Any]) -> dict[str, Any] | None:
     rows = _of_diagnosis(result) if isinstance(result, GapResult) else _of_identification(result)
     if not rows:
         return None
+    left = "Gap" if isinstance(result, GapResult) else "Residual"
     plots = [
-        (each.joint, each.words, _figure(each, index, torque_unit(result, each.joint), report.session))
+        (
+            each.joint,
+            each.words,
+            _figure(each, index, torque_unit(result, each.joint), report.session, left),
+        )
         for index, each in enumerate(rows)
     ]
     models = {model.name: model.colour for each in rows for model in each.models}
-    left = "residual" if isinstance(result, IdentificationResult) else "gap"
     return {
         "diagnosis": isinstance(result, GapResult),
-        "left": left,
         "session": report.session.words,
         "legend": [
             Mark("line", INK, "measured"),
@@ -115,7 +118,7 @@ def _models(series: GapSeries) -> list[Model]:
     return models
 
 
-def _figure(rows: _Rows, index: int, unit: str, session: SessionAxis) -> Figure:
+def _figure(rows: _Rows, index: int, unit: str, session: SessionAxis, left: str) -> Figure:
     residuals = [rows.measured - model.torque for model in rows.models]
     torques = [model.torque for model in rows.models]
     thinned = curves(
@@ -141,13 +144,13 @@ def _figure(rows: _Rows, index: int, unit: str, session: SessionAxis) -> Figure:
     for place, (model, torque, residual) in enumerate(zip(rows.models, above, below, strict=True)):
         same = {"same": first} if place else thinned.time
         data.append(line(same, torque, model.colour, 2.4, f"{model.name} {hover}"))
-        left = f"measured − {model.name} {hover}"
-        data.append(line({"same": first}, residual, model.colour, 1.0, left, yaxis="y2"))
+        beyond = f"measured − {model.name} {hover}"
+        data.append(line({"same": first}, residual, model.colour, 1.0, beyond, yaxis="y2"))
     data.append(line({"same": first}, measured, INK, 0.9, f"measured {hover}"))
     axes = {
         "xaxis": axis("Time, s", anchor="y2"),
         "yaxis": axis(f"{torque_word(unit)}, {unit}", domain=[0.42, 1.0], nticks=6),
-        "yaxis2": axis(f"Measured − model, {unit}", domain=[0.0, 0.34], nticks=4),
+        "yaxis2": axis(f"{left}, {unit}", domain=[0.0, 0.34], nticks=4),
     }
     words = f"Measured torque of {rows.joint} and that of the models over time"
     return Figure(f"torque-{index}", _HEIGHT, words, data, layout(axes, **session.marks()))

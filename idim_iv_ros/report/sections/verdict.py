@@ -119,7 +119,7 @@ def _diagnosis(report: Report[GapResult]) -> dict[str, Any]:
             (
                 each.joint,
                 100.0 * each.share,
-                percent(each.relative_percent),
+                percent(each.relative_percent, 3),
                 with_unit(each.noise_floor, torque_unit(result, each.joint)),
                 each.floor_origin,
             )
@@ -139,7 +139,7 @@ def _diagnosis_tiles(result: GapResult) -> Sequence[Tile]:
         unit = torque_unit(result, worst.joint)
         before, after = (number(each.torque_rms.get(worst.joint)) for each in ends)
         note = "torque gap there, rms on held-out data: first and last model"
-        tiles.append(("Before → after", f"{before} → {after} {unit}", note))
+        tiles.append((f"Before → after, {unit}", f"{before} → {after}", note))
     bags = _recordings(len(result.bags))
     untestable = "effects that this recording cannot show"
     return [
