@@ -12,6 +12,7 @@ from idim_iv_ros.effects.effect import in_words
 from idim_iv_ros.excitation.separation import separating_motion
 from idim_iv_ros.report import gap_report_html
 from idim_iv_ros.report.figures import typed
+from idim_iv_ros.report.gap_words import stage_words
 from idim_iv_ros.report.sections.tracking import tracking_figure
 from tests.report.sample_gap import sample_gap
 from tests.report.test_html import Page
@@ -83,3 +84,18 @@ def test_notes_are_sentences_and_name_bags_as_they_are() -> None:
     text = re.sub(r"\s+", " ", Page(gap_report_html(result)).text)
     assert "Control law pd as configured." in text
     assert "session.mcap: something was left out." in text
+
+
+def test_stages_are_named_in_words() -> None:
+    assert stage_words("given") == "nominal model"
+    assert stage_words("+position_ripple[joint_2]") == "+ position ripple at joint_2"
+    assert stage_words("+payload") == "+ payload"
+    assert stage_words("+stribeck[a[1]]") == "+ stribeck at a[1]"
+
+
+def test_motions_that_separate_two_effects() -> None:
+    assert "creep and reversals" in separating_motion("stribeck", "presliding")
+    assert "payload of known mass" in separating_motion("torque_gain", "payload")
+    # Both are revealed by the same segments alone: these are named.
+    assert "multisine" in separating_motion("elasticity", "time_delay")
+    assert separating_motion("not", "known") == ""

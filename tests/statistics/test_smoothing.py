@@ -1,11 +1,9 @@
-"""The numbers behind the figures of a diagnosis."""
+"""Curves and spectra of residuals."""
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from idim_iv_ros.excitation.separation import separating_motion
-from idim_iv_ros.report.gap_words import stage_words
 from idim_iv_ros.statistics.order_spectrum import order_spectrum
 from idim_iv_ros.statistics.smoothing import smooth
 from tests.report.sample_gap import sample_gap
@@ -59,18 +57,3 @@ def test_a_joint_that_stands_still_has_no_spectrum() -> None:
     still = np.ones(100)
     assert order_spectrum(still, 0.0 * still, [still], 0.02) is None
     assert order_spectrum(np.zeros(0), np.zeros(0), [np.zeros(0)], 0.02) is None
-
-
-def test_stages_are_named_in_words() -> None:
-    assert stage_words("given") == "nominal model"
-    assert stage_words("+position_ripple[joint_2]") == "+ position ripple at joint_2"
-    assert stage_words("+payload") == "+ payload"
-    assert stage_words("+stribeck[a[1]]") == "+ stribeck at a[1]"
-
-
-def test_motions_that_separate_two_effects() -> None:
-    assert "creep and reversals" in separating_motion("stribeck", "presliding")
-    assert "payload of known mass" in separating_motion("torque_gain", "payload")
-    # Both are revealed by the same segments alone: these are named.
-    assert "multisine" in separating_motion("elasticity", "time_delay")
-    assert separating_motion("not", "known") == ""
