@@ -1,7 +1,6 @@
 """Files and pages made of a result."""
 
-from idim_iv_ros.report.gap_html import gap_report_html
-from idim_iv_ros.report.html import report_html
+from idim_iv_ros.report.page import gap_report_html, report_html
 from idim_iv_ros.report.write import require_writable, write_gap_report, write_report
 
 __all__ = [

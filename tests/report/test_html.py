@@ -73,7 +73,7 @@ def test_the_page_loads_nothing_from_anywhere() -> None:
         assert (attributes.get("href") or "#").startswith("#")
     styles = re.findall(r"<style>(.*?)</style>", text, re.DOTALL)
     assert not any("url(" in style or "@import" in style for style in styles)
-    assert len(text.encode()) < 6_000_000
+    assert len(text.encode()) < 3_000_000
 
 
 def test_every_link_of_the_page_has_its_target() -> None:
