@@ -58,6 +58,14 @@ def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> t
     return tuple(sorted(found, key=lambda name: (not sounds_like_reference(name), name)))
 
 
+def reference_advice(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> str:
+    """Say what to write where the reference is not on the topic that was named."""
+    found = unused_references(bag, used, joints)
+    if found:
+        return f"; if the reference is on {found[0]}, write `reference: {found[0]}` under signals"
+    return "; name that of the reference in signals.reference, or leave it out"
+
+
 def _holds(message: bytes, joints: Sequence[str]) -> bool:
     try:
         layout = read_layout(message, JOINT_STATE)
