@@ -35,11 +35,12 @@ docs: $(VENV)/ready-docs
 tests: $(VENV)/ready-kernels
 	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-# Both in dist/; the tests build them again, from a copy of the sources, and run what they install.
+# Both in dist/. The tests build them again from a copy of the sources, and install the wheel with what
+# it depends on into an empty environment: a minute.
 package: $(VENV)/ready-test
 	rm -rf dist build
 	$(BIN)/python -m build --no-isolation .
-	$(BIN)/pytest tests/packaging
+	$(BIN)/pytest -m "slow or not slow" tests/packaging
 
 # Monte Carlo studies and long recordings: about half an hour.
 slow: $(VENV)/ready-test

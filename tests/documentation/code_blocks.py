@@ -11,7 +11,7 @@ PAGES = sorted(
     for path in [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("bags/*.md")]
 )
 BLOCK = re.compile(r"^```(\S*)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
-MARK = re.compile(r"<!-- (not run|slow): (.+?) -->\s*\Z", flags=re.DOTALL)
+MARK = re.compile(r"<!-- (not run|slow): ([^>]+) -->\s*\Z")
 NUMBER = re.compile(r"[-−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 

@@ -20,6 +20,8 @@ ALONE = {
     if name not in ("PYTHONPATH", "NUMBA_CACHE_DIR", "VIRTUAL_ENV")
 }
 
+WHERE = "import idim_iv_ros; print(idim_iv_ros.__file__)"
+
 
 def run(*command: str | Path, cwd: Path) -> str:
     """Standard output of a command that must succeed."""
@@ -74,26 +76,44 @@ def test_source_distribution_gives_the_wheel_of_the_sources(sources: Path, built
     assert contents(folder / wheel.name) == contents(wheel)
 
 
-@pytest.fixture(scope="module")
-def environment(
-    built: Path, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[tuple[Path, Path]]:
-    """A new environment with the wheel and what it asks for, and an empty folder."""
-    folder = tmp_path_factory.mktemp("environment")
-    empty = tmp_path_factory.mktemp("empty")
-    run(sys.executable, "-m", "venv", folder, cwd=empty)
-    (wheel,) = built.glob("*.whl")
-    run(folder / "bin" / "python", "-m", "pip", "install", "-q", wheel, cwd=empty)
-    yield folder, empty
-    shutil.rmtree(folder)  # most of a gigabyte
+@pytest.fixture
+def folders(tmp_path: Path) -> Iterator[tuple[Path, Path]]:
+    """Where an environment is made, and an empty folder to work in."""
+    (tmp_path / "empty").mkdir()
+    yield tmp_path / "environment", tmp_path / "empty"
+    shutil.rmtree(tmp_path / "environment")  # up to a gigabyte
 
 
-def test_installed_wheel_identifies_the_arm_of_the_demo(environment: tuple[Path, Path]) -> None:
-    folder, empty = environment
-    command = folder / "bin" / "idim-iv"
-    call = [ROOT / "bags" / "arm6.mcap", "--config", folder / "share/idim_iv_ros/config/arm6.yaml"]
+def identify_the_arm(environment: Path, empty: Path) -> None:
+    """The demo, with nothing but what is installed."""
+    place = run(environment / "bin" / "python", "-c", WHERE, cwd=empty)
+    assert Path(place.strip()).is_relative_to(environment)
+    command, share = environment / "bin" / "idim-iv", environment / "share" / "idim_iv_ros"
+    call = [ROOT / "bags" / "arm6.mcap", "--config", share / "config" / "arm6.yaml"]
     assert run(command, "--version", cwd=empty).startswith("idim-iv ")
     assert "Usable." in run(command, "check", *call, cwd=empty)
     run(command, "identify", *call, "--out", "results", cwd=empty)
     assert (empty / "results" / "result.json").is_file()
     assert "<html" in (empty / "results" / "report.html").read_text(encoding="utf-8")
+
+
+def test_wheel_identifies_the_arm_of_the_demo(built: Path, folders: tuple[Path, Path]) -> None:
+    """The project from the wheel alone; what it depends on from the environment of the tests."""
+    environment, empty = folders
+    run(sys.executable, "-m", "venv", "--without-pip", environment, cwd=empty)
+    (wheel,) = built.glob("*.whl")
+    pip = [sys.executable, "-m", "pip", "--python", environment / "bin" / "python"]
+    run(*pip, "install", "-q", "--no-deps", wheel, cwd=empty)
+    (site,) = environment.glob("lib/python*/site-packages")
+    borrowed = [path for path in sys.path if path.endswith("site-packages")]
+    (site / "borrowed.pth").write_text("\n".join(borrowed), encoding="utf-8")
+    identify_the_arm(environment, empty)
+
+
+@pytest.mark.slow
+def test_wheel_brings_what_it_depends_on(built: Path, folders: tuple[Path, Path]) -> None:
+    environment, empty = folders
+    run(sys.executable, "-m", "venv", environment, cwd=empty)
+    (wheel,) = built.glob("*.whl")
+    run(environment / "bin" / "python", "-m", "pip", "install", "-q", wheel, cwd=empty)
+    identify_the_arm(environment, empty)
