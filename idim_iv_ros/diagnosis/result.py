@@ -8,7 +8,6 @@ from pydantic import Field
 from idim_iv_ros.documents import Document, HighEnd, LowEnd, Number, Unsaved
 from idim_iv_ros.effects.cause import EffectParameter as EffectParameter
 from idim_iv_ros.effects.cause import Family as Family
-from idim_iv_ros.effects.cause import Indistinguishable as Indistinguishable
 from idim_iv_ros.effects.cause import Kind as Kind
 from idim_iv_ros.files import GAP_FORMAT
 from idim_iv_ros.recording import SessionPart
@@ -39,6 +38,18 @@ class Evidence:
     p_value: Number
     held_out_gain: float | None
     folds_positive: str
+
+
+@dataclass(frozen=True)
+class Indistinguishable:
+    """An effect that explains the recording as well as the accepted one.
+
+    `correlation`: of the torques that both would add, less what the model absorbs, 0 to 1.
+    """
+
+    effect: str
+    joint: str | None
+    correlation: Number
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from idim_iv_ros.documents import Number
 from idim_iv_ros.effects.contribution import Contribution, Law
 from idim_iv_ros.errors import UsageError
 
@@ -23,18 +22,6 @@ class EffectParameter:
     value: float
     std: float | None
     unit: str
-
-
-@dataclass(frozen=True)
-class Indistinguishable:
-    """An effect that explains the recording as well as the accepted one.
-
-    `correlation`: of the torques that both would add, less what the model absorbs, 0 to 1.
-    """
-
-    effect: str
-    joint: str | None
-    correlation: Number
 
 
 @dataclass(frozen=True)
@@ -115,7 +102,7 @@ class Cause(ABC):
     confounders: ClassVar[tuple[str, ...]] = ()
     same_as: ClassVar[tuple[str, ...]] = ()
     # What to record so that it shows: in words, and as kinds of segment of the designed motion
-    # (`excitation.segment`); where no segment shows it, `beyond_motion` says what does.
+    # (`excitation.segments`); where no segment shows it, `beyond_motion` says what does.
     excitation: ClassVar[str]
     segments: ClassVar[tuple[str, ...]] = ()
     beyond_motion: ClassVar[str] = ""

@@ -3,14 +3,16 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from idim_iv_ros.effects.cause import Cause, EffectParameter, GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import LawChange
-from idim_iv_ros.signals import JointSignals
 from idim_iv_ros.types import FloatArray
+
+if TYPE_CHECKING:  # a simulation, which has all effects, needs no filters
+    from idim_iv_ros.signals import JointSignals
 
 GROUPS = ("kp", "kd", "ki", "feedforward_acceleration", "feedforward_velocity")
 LAG = "lag"
@@ -80,7 +82,7 @@ class ControllerMismatch(Cause):
         return [LawChange(**given.value)]
 
     def parts(
-        self, signals: JointSignals, law: ConfiguredLaw, joint: int, speed: FloatArray
+        self, signals: "JointSignals", law: ConfiguredLaw, joint: int, speed: FloatArray
     ) -> CommandParts:
         """Evaluate the law with a speed (n_samples,); the recording must have references."""
         reference = signals.position_reference

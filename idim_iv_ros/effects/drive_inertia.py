@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from idim_iv_ros.effects.cause import Indistinguishable, ParameterSpec
+from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.parametric_effect import (
     Change,
     Estimated,
@@ -46,11 +46,11 @@ class DriveInertia(ParametricEffect):
         """Where no armature is given."""
         return bool(space.bare_drives)
 
-    def inseparable_from(self, space: ParameterSpace) -> tuple[Indistinguishable, ...]:
+    def inseparable_from(self, space: ParameterSpace) -> tuple[tuple[str, str], ...]:
         """Links of the joints whose drive has no base parameter of its own (ZZ1 + Ia1)."""
         joints, names = space.model.robot.joints, space.model.base.names
         grouped = [drive for drive in sorted(space.bare_drives) if f"Ia{drive + 1}" not in names]
-        return tuple(Indistinguishable("link_inertia", joints[drive], 1.0) for drive in grouped)
+        return tuple(("link_inertia", joints[drive]) for drive in grouped)
 
     def subject(self, place: str) -> str:
         """Of one drive, or of all."""

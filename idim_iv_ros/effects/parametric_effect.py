@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.effects.cause import Cause, EffectParameter, Indistinguishable
+from idim_iv_ros.effects.cause import Cause, EffectParameter
 from idim_iv_ros.model import InverseModel, StandardParameter
 from idim_iv_ros.types import FloatArray
 
@@ -150,8 +150,8 @@ class ParametricEffect(Cause):
         """Whether the configuration itself says that the nominal model lacks these numbers."""
         return False
 
-    def inseparable_from(self, space: ParameterSpace) -> tuple[Indistinguishable, ...]:
-        """What shares base parameters with these numbers, where it was known to be left out."""
+    def inseparable_from(self, space: ParameterSpace) -> tuple[tuple[str, str], ...]:
+        """Effects and joints that share its base parameters, where it was known to be left out."""
         return ()
 
     def subject(self, place: str) -> str:

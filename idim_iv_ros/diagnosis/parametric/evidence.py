@@ -125,7 +125,10 @@ def causes_of(
             before=before,
             after=after,
             sizes=changes.sizes,
-            indistinguishable_from=hypothesis.effect.inseparable_from(changes.space)
+            indistinguishable_from=tuple(
+                Indistinguishable(effect, joint, 1.0)
+                for effect, joint in hypothesis.effect.inseparable_from(changes.space)
+            )
             if hypothesis.effect.known_to_be_left_out(changes.space)
             else _indistinguishable(joints, changes, rest, this, tried),
             torque=_torque(changes, hypothesis, this),
