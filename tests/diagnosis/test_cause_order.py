@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.cause_order import leading, strongest_first
 from idim_iv_ros.diagnosis.result import Cause, Evidence, Gap, JointChange
-from idim_iv_ros.diagnosis.verdict import summary_of
+from idim_iv_ros.diagnosis.sentences import summary
+from idim_iv_ros.diagnosis.verdict import leading, strongest_first
 from tests.diagnosis.test_verdict import GAPS, cause
 
 # Torques of 10 and 1 N m rms.
@@ -72,11 +72,11 @@ def test_summary_tells_the_widest_and_counts_the_others(monkeypatch: pytest.Monk
     causes = [LARGE, SMALL, FIRST, SECOND]
     told = leading(causes, DATA)  # type: ignore[arg-type]
     assert names(told) == ["payload", "stribeck"]
-    text = summary_of("both", told, None, GAPS, (), more=2)
+    text = summary("both", told, None, GAPS, (), more=2)
     assert "2 smaller causes are listed beside these." in text
     assert "elasticity" not in text
-    assert "smaller" not in summary_of("both", told, None, GAPS, ())
-    assert "1 smaller cause is listed" in summary_of("both", told, None, GAPS, (), more=1)
+    assert "smaller" not in summary("both", told, None, GAPS, ())
+    assert "1 smaller cause is listed" in summary("both", told, None, GAPS, (), more=1)
 
 
 def test_drive_inertia_that_the_configuration_leaves_out_stands_before_all() -> None:

@@ -7,11 +7,9 @@ import pinocchio as pin
 import pytest
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.other_causes import parametric_results
-from idim_iv_ros.diagnosis.parametric.causes import parametric_causes
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.parametric.causes import parametric_causes, parametric_results
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from tests.estimation.test_simulated_arms import recorded
 from tests.simulated_arms import arm2, arm6
@@ -112,7 +110,10 @@ def test_direct_drives_without_inertia_have_no_cause(data) -> None:
 
 def test_the_sentence_names_every_drive(data) -> None:
     (cause,) = parametric_results(
-        data, found(data, 1, drives(data)), [NoiseFloor(0.01, "lower bound", "")] * len(data.joints)
+        data,
+        found(data, 1, drives(data)),
+        [NoiseFloor(0.01, "lower bound", "")] * len(data.joints),
+        [],
     )
     assert cause.sentence.startswith("the drives have inertia that the nominal model lacks")
     for joint in data.joints:

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.recording import Recording
 from tests import simulated_arms

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.refit.bandwidth import widened
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
-from idim_iv_ros.diagnosis.refit.slip import simulated_slips
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.processing import widened
+from idim_iv_ros.diagnosis.refit.smooth_motion import simulated_slips
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.diagnosis.motions import synthetic

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from idim_iv_ros import identify_recordings
-from idim_iv_ros.diagnosis.refit.baseline import baseline
+from idim_iv_ros.diagnosis.refit.baseline import baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import REPEATS, noise_floors, repeats_of
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.tracking import simulated_tracking
 from idim_iv_ros.errors import DataError, UsageError

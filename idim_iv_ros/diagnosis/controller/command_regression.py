@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed
+from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, comparable_rows
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
 from idim_iv_ros.estimation.rows import JointRows
@@ -125,25 +125,6 @@ def command_regression(
         recording=which,
         time=np.concatenate(times),
     )
-
-
-def comparable_rows(motion: Motion, law: ControlLaw, joint: int) -> NDArray[np.bool_]:
-    """Decimated samples (m,) at which a command is measured and not at the torque limit."""
-    signals = motion.signals
-    limit = settings.LIMITED_COMMAND * float(law.torque_limit[joint])
-    bad = ~signals.valid[:, joint] | (np.abs(signals.torque[:, joint]) >= limit)
-    return _apart(bad[motion.span], motion)
-
-
-def _apart(bad: NDArray[np.bool_], motion: Motion) -> NDArray[np.bool_]:
-    """Decimated samples without a bad one near them, nor near the ends."""
-    factor = motion.decimation.factor
-    sums = np.concatenate([[0], np.cumsum(bad)])
-    first = np.maximum(motion.decimation.kept - factor, 0)
-    last = np.minimum(motion.decimation.kept + factor + 1, len(bad))
-    kept = sums[last] == sums[first]
-    kept[:2] = kept[-2:] = False
-    return np.asarray(kept)
 
 
 def _stretches(kept: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -38,7 +38,7 @@ class LawChange:
 
 
 def law_change(rows: CommandRegression, law: ControlLaw, joint: int, period: float) -> LawChange:
-    """Add the best group until none is worth it, and drop those that are not needed.
+    """Add the best group until none is acceptable, and drop those that are not needed.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def _chosen(rows: CommandRegression, law: ControlLaw, joint: int, period: float)
             names = (*chosen, name)
             larger = rows.fit(names, with_lag=True)
             certain = _certain(rows, law, joint, names, larger, period)
-            if certain and worth(rows, fit, larger):
+            if certain and acceptable(rows, fit, larger):
                 better[name] = larger
         if not better:
             break
@@ -75,12 +75,12 @@ def _chosen(rows: CommandRegression, law: ControlLaw, joint: int, period: float)
     for name in chosen:
         rest = tuple(other for other in chosen if other != name)
         smaller = rows.fit(rest, with_lag=True)
-        if not worth(rows, smaller, fit):
+        if not acceptable(rows, smaller, fit):
             chosen, fit = rest, smaller
     return LawChange(rows, chosen, plain, fit)
 
 
-def worth(rows: CommandRegression, smaller: Fit, larger: Fit) -> bool:
+def acceptable(rows: CommandRegression, smaller: Fit, larger: Fit) -> bool:
     """Whether one number more is supported and takes enough of the energy."""
     gain = larger.log_likelihood - smaller.log_likelihood - 0.5 * float(np.log(len(rows.rest)))
     share = 1.0 - (rms(larger) / max(rms(smaller), 1e-300)) ** 2

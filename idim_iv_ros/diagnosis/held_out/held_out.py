@@ -9,7 +9,7 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat
+from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat, common_floor
 from idim_iv_ros.diagnosis.result import Gap, Stage
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression, white_noise_models
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor, stacked_r_factor
@@ -97,9 +97,7 @@ class HeldOut:
         which = list(range(len(self.joints))) if joint is None else [joint]
         first = [self._energies[before][j] for j in which]
         second = [self._energies[after][j] for j in which]
-        levels = [self.floors[j].sigma for j in which]
-        known = [level for level in levels if level is not None]
-        floor = float(np.sqrt(np.sum(np.square(known)))) if len(known) == len(levels) else None
+        floor = common_floor([self.floors[j] for j in which])
         one = _root(*(sums.sum(axis=0) for sums in first))
         two = _root(*(sums.sum(axis=0) for sums in second))
         share = float(shrinkage(np.array(one), np.array(two), floor))

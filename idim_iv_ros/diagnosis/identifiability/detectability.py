@@ -1,4 +1,4 @@
-"""The smallest size of each effect that a motion shows, and which effects look alike on it.
+"""The smallest size of each effect that a motion shows, and how effects correlate on it.
 
 Only columns and noise enter: the model's own parameters absorb a part of each column, and what is
 left must stand out of the noise.
@@ -29,7 +29,7 @@ class ShapedEffect:
 
 @dataclass(frozen=True)
 class Detectability:
-    """What the motion tells of one effect.
+    """What the motion shows of one effect.
 
     Attributes
     ----------
@@ -72,12 +72,12 @@ class _Remainder:
 def detectability(
     scan: Scan, effects: Sequence[ShapedEffect], rows: int, scale: JointScale
 ) -> tuple[list[Detectability], FloatArray]:
-    """Tell what the motion shows of all effects at one joint.
+    """Say what the motion shows of all effects at one joint.
 
     Parameters
     ----------
     scan
-        Of the refit; its colours are the noise.
+        Of the refit; its noise models count.
     rows
         Of the joint.
 

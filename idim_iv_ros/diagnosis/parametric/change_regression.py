@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.identifiability.motion_limits import too_little
+from idim_iv_ros.diagnosis.identifiability.testability import too_little
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range
+from idim_iv_ros.diagnosis.structural.candidate import operating_range
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParameterSpace
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor

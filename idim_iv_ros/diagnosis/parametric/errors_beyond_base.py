@@ -1,8 +1,8 @@
-"""Wrong numbers that new base parameters cannot absorb: they show in the refit's residual.
+"""Parameter errors that new base parameters cannot absorb: they show in the refit's residual.
 
 A wrong torque constant of one joint contradicts the rows of the others, and a tilted base moves
 gravity out of the parameters' span. They are looked for beside the effects, so that no effect is
-named for them; what they are is then told from the change of the parameters.
+named for them; what they are is then read from the change of the parameters.
 """
 
 from dataclasses import replace
@@ -44,7 +44,7 @@ class ErrorBeyondBase(Effect):
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
-        """None: they are told from the change of the parameters."""
+        """None: they are read from the change of the parameters."""
         return {}
 
 

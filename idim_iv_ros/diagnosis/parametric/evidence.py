@@ -1,4 +1,4 @@
-"""What each wrong part of the given numbers explains, and what it cannot be told from."""
+"""What each parameter error explains, and from which it is indistinguishable."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ from idim_iv_ros.types import FloatArray
 
 @dataclass(frozen=True)
 class ParametricCause:
-    """One way in which the given numbers are wrong.
+    """One error of the nominal model's parameters.
 
     Attributes
     ----------
@@ -40,15 +40,15 @@ class ParametricCause:
     statistic : float
         Wald statistic beside the other causes.
     p_value : float
-        Of the statistic, with the choice among all causes paid for (Bonferroni).
+        Of the statistic, corrected for the choice among all causes (Bonferroni).
     share : float
         Of the energy of the nominal model's gap that goes with it, each joint by its torque.
     before, after : (n_joints,)
         RMS of the residual with the causes before this one, and with it, N m (N).
     sizes : (n_joints,)
         RMS of the recorded torque, N m (N).
-    rivals : tuple of Indistinguishable
-        Other wrong numbers.
+    indistinguishable_from : tuple of Indistinguishable
+        Other parameter errors.
     torque : (r_j,) or None
         What it adds at its joint, N m (N); None where it belongs to none.
     """
@@ -79,10 +79,10 @@ def causes_of(
     kept: Sequence[Hypothesis],
     catalogue: Sequence[ParametricEffect],
 ) -> tuple[ParametricCause, ...]:
-    """Tell what each hypothesis explains beside the others; strongest first.
+    """Say what each hypothesis explains beside the others; strongest first.
 
-    What the configuration itself leaves out stands before all others; it has only those rivals
-    that no recording tells from it.
+    What the configuration itself leaves out comes first; it is indistinguishable only from what no
+    recording separates from it.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def causes_of(
     count = len({each.key for each in hypotheses(changes, catalogue)})
     sure, numbers = _sure(changes, kept)
     if kept and not sure:
-        # Most numbers are in error, and no few of them stand out: joint by joint, then.
+        # Most numbers are in error, and no few of them are significant: joint by joint, then.
         known = [each for each in kept if each.effect.known_to_be_left_out(changes.space)]
         sure, numbers = _sure(changes, [*known, *of_base_parameters(changes, catalogue, known)])
     kept = sure
@@ -126,7 +126,7 @@ def causes_of(
             sizes=changes.sizes,
             indistinguishable_from=hypothesis.effect.inseparable_from(changes.space)
             if hypothesis.effect.known_to_be_left_out(changes.space)
-            else _rivals(joints, changes, rest, this, tried),
+            else _indistinguishable(joints, changes, rest, this, tried),
             torque=_torque(changes, hypothesis, this),
         )
         causes.append((cause, hypothesis))
@@ -162,23 +162,23 @@ def _torque(changes: ChangeRegression, hypothesis: Hypothesis, this: Trial) -> F
     return np.asarray(changes.columns[hypothesis.joint] @ this.contribution)
 
 
-def _rivals(
+def _indistinguishable(
     joints: Sequence[str],
     changes: ChangeRegression,
     rest: Sequence[Hypothesis],
     this: Trial,
     tried: Sequence[Trial],
 ) -> tuple[Indistinguishable, ...]:
-    """Hypotheses that would do as well in this one's place, with a torque alike."""
-    rivals = []
+    """Hypotheses that would do as well in this one's place, with much the same torque."""
+    others = []
     for trial in tried:
         if trial.support < this.support - settings.INDISTINGUISHABLE_SUPPORT:
             continue
         correlation = _correlation(changes, rest, this, trial)
         if correlation >= settings.INDISTINGUISHABLE_CORRELATION:
             name = _name(joints, trial.hypothesis)
-            rivals.append(Indistinguishable(trial.hypothesis.effect.name, name, correlation))
-    return tuple(rivals)
+            others.append(Indistinguishable(trial.hypothesis.effect.name, name, correlation))
+    return tuple(others)
 
 
 def _one_after_the_other(

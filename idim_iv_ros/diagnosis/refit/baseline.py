@@ -1,5 +1,6 @@
 """The refit: the model that every candidate is added to, and the rows that it leaves."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -8,10 +9,15 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.refit.bandwidth import widened
-from idim_iv_ros.diagnosis.refit.reversals import may_count, reason_for_margin, with_margin
-from idim_iv_ros.diagnosis.refit.slip import simulated_slips
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, smooth_motions
+from idim_iv_ros.diagnosis.refit.processing import (
+    may_count,
+    reason_for_margin,
+    widened,
+    with_margin,
+)
+from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, simulated_slips, smooth_motions
+from idim_iv_ros.diagnosis.result import EffectParameter, JointChange
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv
 from idim_iv_ros.estimation.observation import observation_rows
 from idim_iv_ros.estimation.rows import JointRows
@@ -77,6 +83,32 @@ class Baseline:
             np.maximum(self.prepared.minimum_speed, settings.LEAST_SPEED_SHARE * peaks)
         )
 
+    def unit_at(self, joint: int, unit: str) -> str:
+        """Translate units, also within words, from those of a joint that turns, torque in N m."""
+        slides = self.prepared.model.robot.joint_types[joint] == "prismatic"
+        effort = self.prepared.configuration.signals.effort_unit
+        if effort == "N m":
+            if slides:
+                unit = unit.replace("kg m²", "kg").replace("N m", "N")
+        else:
+            unit = unit.replace("kg m²", f"{effort} s²/rad").replace("N m", effort)
+        return re.sub(r"\brad\b", "m", unit) if slides else unit
+
+    def in_units_at(
+        self, joint: int, parameters: dict[str, EffectParameter]
+    ) -> dict[str, EffectParameter]:
+        """Parameters of an effect with the units that they have at a joint."""
+        return {
+            name: replace(parameter, unit=self.unit_at(joint, parameter.unit))
+            for name, parameter in parameters.items()
+        }
+
+    def joint_change(self, joint: int, before: float, after: float) -> JointChange:
+        """What takes the torque gap of a joint from `before` to `after`, N m (N)."""
+        energy = float(before) ** 2 - float(after) ** 2
+        share = float(np.sign(energy) * np.sqrt(abs(energy))) / self.torque_sizes[joint]
+        return JointChange(self.joints[joint], float(before), float(after), share)
+
     def counting(self, joint: int, values: Sequence[FloatArray]) -> FloatArray:
         """Rows of one joint (r, …) from decimated values (m, …) of each recording."""
         return np.concatenate(
@@ -88,7 +120,7 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
     """Refit the model by IDIM-IV, with torque offsets.
 
     Unless the user says how far rows keep from a reversal, they count there if, and only if, the
-    closed loop could be simulated: see `gap.reversals`.
+    closed loop could be simulated: see `refit.processing`.
 
     Raises
     ------
@@ -185,3 +217,29 @@ def _recordings(prepared: PreparedRegression, joint: int) -> NDArray[np.int64]:
 
 def _places(prepared: PreparedRegression, joint: int) -> NDArray[np.int64]:
     return np.concatenate([np.flatnonzero(m.kept[:, joint]) for m in prepared.motions])
+
+
+def nominal_residuals(data: Baseline, regression: Regression) -> tuple[FloatArray, ...] | None:
+    """Measured torque less that of the nominal model: (r_j,) N m (N) of each joint."""
+    values = data.prepared.given
+    if values is None:
+        return None
+    return tuple(rows.torque - rows.matrix @ values[rows.columns] for rows in regression.joints)
+
+
+def smooth_regression(data: Baseline) -> Regression:
+    """Regress the measured torque on the smooth motion, with friction that sticks."""
+    model = data.prepared.model
+    parts: list[list[np.ndarray]] = [[] for _ in data.joints]
+    for motion in data.motions:
+        matrices = model.joint_matrices(motion.position, motion.velocity, motion.acceleration)
+        for joint, matrix in enumerate(matrices):
+            names = [model.base.names[column] for column in data.rows[joint].columns]
+            if f"Fc{joint + 1}" in names:
+                matrix[:, names.index(f"Fc{joint + 1}")] = motion.slip[:, joint]
+            parts[joint].append(motion.rows(matrix)[motion.kept[:, joint]])
+    joints = tuple(
+        JointRows(np.concatenate(part), rows.torque, rows.columns, rows.segments, rows.name)
+        for rows, part in zip(data.rows, parts, strict=True)
+    )
+    return Regression(joints, len(model.base.columns))

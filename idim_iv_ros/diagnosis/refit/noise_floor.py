@@ -88,6 +88,12 @@ def noise_floors(
     return tuple(floors)
 
 
+def common_floor(floors: Sequence[NoiseFloor]) -> float | None:
+    """Noise of several joints together, root of the sum of squares; None where one is unknown."""
+    known = [floor.sigma for floor in floors if floor.sigma is not None]
+    return float(np.sqrt(np.sum(np.square(known)))) if len(known) == len(floors) else None
+
+
 def difference_energy(difference: FloatArray, drifting: FloatArray) -> tuple[float, float]:
     """Energy of a difference (n,) beyond columns (n, c), and its degrees of freedom."""
     scale = np.linalg.norm(drifting, axis=0)

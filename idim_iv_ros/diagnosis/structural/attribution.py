@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.identifiability.motion_limits import cannot_show
+from idim_iv_ros.diagnosis.identifiability.testability import cannot_show
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.structural.candidate import Candidate
-from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range
+from idim_iv_ros.diagnosis.structural.candidate import Candidate, operating_range
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression, Scan
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
 from idim_iv_ros.diagnosis.structural.search import Grids, Search
@@ -19,7 +18,7 @@ from idim_iv_ros.types import FloatArray
 
 @dataclass(frozen=True)
 class Found:
-    """An accepted effect and what cannot be told from it."""
+    """An accepted effect and the candidates that are indistinguishable from it."""
 
     candidate: Candidate
     indistinguishable_from: tuple[tuple[Candidate, float], ...]
@@ -58,7 +57,7 @@ def attribute(
     catalogue: Sequence[Effect],
     progress: Callable[[str, float], None] | None = None,
 ) -> Attribution:
-    """Accept the best effect beside those accepted before, until none is worth it."""
+    """Accept the best effect beside those accepted before, until none is acceptable."""
     refit = regression.fit()
     covered = operating_range(data)
     found: list[Found] = []
@@ -72,12 +71,12 @@ def attribute(
         search = Search(data, covered, current, fit, grids)
         candidates = _all(search, catalogue, found, known, progress)
         tried = tried or sum(each.tried for each in candidates)
-        candidates = [each for each in candidates if _not_a_patch(each, found)]
-        best = named_first(with_reach(candidates))
+        candidates = [each for each in candidates if _own_cause(each, found)]
+        best = preferred(with_most_of_gap(candidates))
         best = None if best is None else search.again(best)
-        if best is None or not worth(best):
+        if best is None or not acceptable(best):
             break
-        found.append(Found(best, alike(search, best, candidates)))
+        found.append(Found(best, indistinguishable(search, best, candidates)))
         current, fit = current.with_columns(best.columns), best.fit
         if len(found) > 1:
             found, current, fit = _revised(search, regression, refit, found, catalogue)
@@ -85,36 +84,35 @@ def attribute(
     return Attribution(regression, refit, tuple(found), current, fit, tried)
 
 
-def named_first(candidates: Sequence[Candidate]) -> Candidate | None:
-    """Return the best effect of the catalogue, unless a competitor without a name is far better.
+def preferred(candidates: Sequence[Candidate]) -> Candidate | None:
+    """Return the best effect of the catalogue, unless a nonparametric alternative is far better.
 
     The true shape is seldom that of the catalogue: a flexible function then fits a little better
     than the right effect. It fits much better than every wrong one.
     """
     named = [each for each in candidates if not isinstance(each.effect, Nonparametric)]
-    nameless = [each for each in candidates if isinstance(each.effect, Nonparametric)]
+    flexible = [each for each in candidates if isinstance(each.effect, Nonparametric)]
     best = max(named, key=lambda each: each.support, default=None)
-    rival = max(nameless, key=lambda each: each.support, default=None)
-    if best is None or rival is None:
-        return best or rival
-    least = (
-        settings.CATALOGUE_OVER_NONPARAMETRIC * rival.support - settings.INDISTINGUISHABLE_SUPPORT
-    )
-    return best if best.support >= least else rival
+    alternative = max(flexible, key=lambda each: each.support, default=None)
+    if best is None or alternative is None:
+        return best or alternative
+    least = settings.CATALOGUE_OVER_NONPARAMETRIC * alternative.support
+    least -= settings.INDISTINGUISHABLE_SUPPORT
+    return best if best.support >= least else alternative
 
 
-def with_reach(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return the candidates that close most of the gap.
+def with_most_of_gap(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return the acceptable candidates that explain most of the gap.
 
     The likelihood alone prefers what is fast and small, where there is little noise, to what is
     slow and large. That is found too, once the large is in the model.
     """
-    able = [each for each in candidates if worth(each)]
-    widest = max((each.closed for each in able), default=0.0)
-    return [each for each in able if each.closed >= settings.LEAST_OF_LARGEST * widest]
+    able = [each for each in candidates if acceptable(each)]
+    largest = max((each.explained for each in able), default=0.0)
+    return [each for each in able if each.explained >= settings.LEAST_OF_LARGEST * largest]
 
 
-def worth(candidate: Candidate) -> bool:
+def acceptable(candidate: Candidate) -> bool:
     """Whether a candidate is supported and large enough to matter."""
     rows = sum(len(candidate.fit.residuals[joint]) for joint in candidate.own_joints)
     share = 1.0 - np.exp(-2.0 * candidate.gain / rows)
@@ -124,14 +122,14 @@ def worth(candidate: Candidate) -> bool:
     return bool(
         candidate.support >= least
         and share >= settings.LEAST_SHARE_OF_EFFECT
-        and candidate.closed >= settings.LEAST_SHARE_OF_EFFECT
+        and candidate.explained >= settings.LEAST_SHARE_OF_EFFECT
     )
 
 
-def alike(
+def indistinguishable(
     search: Search, best: Candidate, candidates: Sequence[Candidate]
 ) -> tuple[tuple[Candidate, float], ...]:
-    """Candidates as good as the best whose torque is much the same: (candidate, correlation)."""
+    """Candidates as good as the best, with much the same torque: (candidate, correlation)."""
     least = best.support - settings.INDISTINGUISHABLE_SUPPORT
     close = []
     for other in candidates:
@@ -185,8 +183,8 @@ def _all(
     return [candidate for candidate in candidates if candidate is not None]
 
 
-def _not_a_patch(candidate: Candidate, found: Sequence[Found]) -> bool:
-    """Whether a function without a name is more than the misfit of a named effect.
+def _own_cause(candidate: Candidate, found: Sequence[Found]) -> bool:
+    """Whether a nonparametric function is more than the misfit of an accepted effect.
 
     The shape of an effect is never exactly that of the catalogue: what a flexible function of the
     same family explains beside it, or a little beside it at the same joint, is no other cause.
@@ -219,7 +217,7 @@ def _revised(
     found: list[Found],
     catalogue: Sequence[Effect],
 ) -> tuple[list[Found], Regression, Fit]:
-    """Look at each effect again beside the others: its shape, its rivals, whether it is needed."""
+    """Look at each effect again beside the others: its shape, alternatives, if it is needed."""
     data, covered, grids = before.data, before.covered, before.grids
     newest = found[-1]
     by_name = {effect.name: effect for effect in catalogue}
@@ -242,8 +240,8 @@ def _revised(
             for place in by_name[name].places(len(data.joints)):
                 if name in this.candidate.effect.confounders and place.joint == joint:
                     options[(name, place.joint, place.other)] = (by_name[name], place)
-        for rival, _ in this.indistinguishable_from:
-            options[rival.key] = (rival.effect, rival.place)
+        for close, _ in this.indistinguishable_from:
+            options[close.key] = (close.effect, close.place)
         taken = {other.candidate.key for other in kept if other is not this}
         again = [
             search.best(effect, place)
@@ -251,12 +249,12 @@ def _revised(
             if key not in taken
         ]
         usable = [candidate for candidate in again if candidate is not None]
-        best = named_first(with_reach(usable))
-        if best is None or not worth(best):
+        best = preferred(with_most_of_gap(usable))
+        if best is None or not acceptable(best):
             kept.remove(this)
         else:
             kept[number] = replace(
-                this, candidate=best, indistinguishable_from=alike(search, best, usable)
+                this, candidate=best, indistinguishable_from=indistinguishable(search, best, usable)
             )
     current = regression
     for each in kept:

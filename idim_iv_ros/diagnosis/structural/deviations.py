@@ -16,8 +16,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.significance import any_differs
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.diagnosis.structural.candidate import Candidate
-from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range, rows_of
+from idim_iv_ros.diagnosis.structural.candidate import Candidate, operating_range, rows_of
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.types import FloatArray

@@ -1,4 +1,4 @@
-"""Competitors without a name: flexible functions of one family each.
+"""Nonparametric alternatives: flexible functions of one family each.
 
 Where one of them explains the residual better than any effect of the catalogue, in spite of its
 many coefficients, the cause is not in the catalogue: it is described instead of misnamed.
@@ -86,13 +86,15 @@ class Stop(Nonparametric):
             float(covered.low[place.joint]),
             float(covered.high[place.joint]),
         )
-        reach = settings.STOP_RANGE * (high - low)
+        length = settings.STOP_RANGE * (high - low)
         if high <= low:
             return []
         upper: list[Shape] = [
-            (1.0, float(p)) for p in np.linspace(high - reach, high - 0.02 * reach, 25)
+            (1.0, float(p)) for p in np.linspace(high - length, high - 0.02 * length, 25)
         ]
-        return upper + [(-1.0, float(p)) for p in np.linspace(low + 0.02 * reach, low + reach, 25)]
+        return upper + [
+            (-1.0, float(p)) for p in np.linspace(low + 0.02 * length, low + length, 25)
+        ]
 
     def neighbours(
         self, shape: Shape, step: float, place: Place, covered: OperatingRange
@@ -203,7 +205,7 @@ NONPARAMETRIC: tuple[Nonparametric, ...] = (
         "differs between the directions and depends on the speed", _speed, _one, _speeds,
     ),
     Curve(
-        "torque over position", "position", "depends on the position, alike in both directions",
+        "torque over position", "position", "depends on the position, the same in both directions",
         _position, _one, _positions,
     ),
     Curve(

@@ -8,8 +8,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.structural.candidate import Candidate
-from idim_iv_ros.diagnosis.structural.candidate_rows import rows_of
+from idim_iv_ros.diagnosis.structural.candidate import Candidate, rows_of
 from idim_iv_ros.diagnosis.structural.likelihood import (
     Columns,
     Fit,
@@ -110,7 +109,7 @@ class Search:
             columns,
             fit,
             gain=larger.gain_of_last(fit),
-            closed=self._closed(larger, place),
+            explained=self._explained(larger, place),
             numbers=width + effect.free_numbers(shape),
             tried=tried,
         )
@@ -124,7 +123,7 @@ class Search:
         """Of least torque gap, without a candidate."""
         return self.regression.fit(self._white, steps=0)
 
-    def _closed(self, larger: Regression, place: Place) -> float:
+    def _explained(self, larger: Regression, place: Place) -> float:
         """Mean over the joints of the effect."""
         after = larger.fit(self._white, steps=0).residuals
         joints = [place.joint] if place.other is None else [place.joint, place.other]

@@ -1,17 +1,24 @@
-"""A nominal model without gravity of a robot that feels it."""
+"""Parameters that the configuration itself leaves out: gravity, and the inertia of the drives.
 
-from dataclasses import dataclass
+They are in the model before other causes are looked for, which would else take their place: the
+inertia of six bare drives passes for a payload with moments of inertia.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut
-from idim_iv_ros.diagnosis.parametric.change_regression import unit_gravity_rows
+from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, unit_gravity_rows
+from idim_iv_ros.diagnosis.parametric.hypotheses import Hypothesis, changes_of, hypotheses
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.types import FloatArray
 
 
@@ -25,7 +32,7 @@ class MissingGravity:
         In the base frame, with the masses of the nominal model.
     statistic, p_value : float
         Wald, with the noise of the model that has gravity: without it a joint's residual is so
-        smooth that its colour takes it for noise, and the likelihood hardly tells them apart.
+        smooth that its noise model takes it for noise, and the likelihood hardly separates them.
     """
 
     acceleration: FloatArray
@@ -51,7 +58,6 @@ class MissingGravity:
             f"gravity_{axis}": EffectParameter(float(value), float(std), "m/s²")
             for axis, value, std in numbers
         }
-        found = ", ".join(f"{value:.2g}" for value in self.acceleration)
         return Cause(
             effect="gravity_direction",
             kind="parametric",
@@ -62,11 +68,7 @@ class MissingGravity:
             indistinguishable_from=(),
             torque_gap=Gap(before, after, None, 1.0 - after / before, None),
             simulation_gap=None,
-            sentence=(
-                f"the nominal model has no gravity, but the recordings show it: ({found}) m/s² "
-                "with the given masses. Everything else was diagnosed with gravity in this "
-                "direction"
-            ),
+            sentence=sentences.missing_gravity(self.acceleration),
         )
 
 
@@ -100,3 +102,42 @@ def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | 
         statistic=wald,
         p_value=float(stats.chi2.sf(wald, 3)),
     )
+
+
+def missing_parameters(
+    changes: ChangeRegression, catalogue: Sequence[ParametricEffect]
+) -> list[Hypothesis]:
+    """Causes that the configuration names, where the recordings show any of them."""
+    return [
+        each
+        for each in hypotheses(changes, catalogue)
+        if each.effect.known_to_be_left_out(changes.space)
+        and _support(changes, each) >= settings.LEAST_SUPPORT
+    ]
+
+
+def _support(changes: ChangeRegression, hypothesis: Hypothesis) -> float:
+    alone = changes.explain(hypothesis.changes)
+    return 0.5 * alone.statistic - 0.5 * alone.rank * float(np.log(changes.rows))
+
+
+def without_negative_drives(
+    changes: ChangeRegression, known: Sequence[Hypothesis], found: Sequence[Hypothesis]
+) -> ChangeRegression:
+    """Take the drives whose inertia would be negative out of those that were left out.
+
+    Parameters
+    ----------
+    known
+        See `missing_parameters`.
+    found
+        The other causes.
+    """
+    estimates = changes.explain(changes_of([*known, *found])).found
+    names = {
+        each.change.name for each in estimates[: len(changes_of(known))] if each.clearly_negative
+    }
+    joints = changes.space.model.robot.joints
+    negative = {joint for joint in changes.space.bare_drives if joints[joint] in names}
+    space = replace(changes.space, bare_drives=changes.space.bare_drives - negative)
+    return replace(changes, space=space)
