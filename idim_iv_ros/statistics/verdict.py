@@ -191,8 +191,8 @@ def judge_all(
             "run idim-iv diagnose, which looks for it.",
         )
     if inconclusive:
-        where = "all joints" if len(inconclusive) == len(joints) else _names(inconclusive)
-        sentence = f"Whether the estimates are right was not tested at {where}"
+        where = "any joint" if len(inconclusive) == len(joints) else _names(inconclusive)
+        sentence = f"The estimates could not be tested at {where}"
         reason = None if instruments is None else instruments.reason
         sentence += f": {reason}." if reason else "; the reason is given with each joint."
         return OverallVerdict("inconclusive", sentence)

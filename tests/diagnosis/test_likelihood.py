@@ -7,7 +7,8 @@ import pytest
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import lfilter
 
-from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.structural.scan import Scan
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import AutoregressiveModel
 
@@ -37,6 +38,11 @@ def world(
         segments = (slice(0, rows // 3), slice(rows // 3, rows))
         made.append(JointRows(matrix, matrix @ VALUES[columns] + noise, columns, segments))
     return Regression(tuple(made), 3 if joints == 2 else 2)
+
+
+def scan_of(regression: Regression, fit: Fit) -> Scan:
+    """Candidates beside this fit."""
+    return Scan(regression, fit.noise_models, fit.residuals)
 
 
 def test_estimate_and_covariance_are_those_of_the_dense_solution() -> None:
@@ -126,7 +132,7 @@ def test_score_is_the_energy_that_a_fit_with_the_same_noise_models_takes_off(pol
     noise_models = [autoregressive(pole, 0.3)] * 2
     fit = regression.fit(noise_models, steps=0)
     both = {j: np.random.default_rng(7 + j).standard_normal((400, 2)) for j in (0, 1)}
-    score, coefficients = regression.scan(fit).score(both)
+    score, coefficients = scan_of(regression, fit).score(both)
     wider = regression.with_columns(both).fit(noise_models, steps=0)
 
     def energy(residuals: tuple[np.ndarray, ...]) -> float:
@@ -150,7 +156,7 @@ def test_score_is_twice_the_gain_where_the_noise_is_known_to_be_white() -> None:
     sigma = float(np.std(regression.fit([white(1.0)], steps=0).residuals[0]))
     start = [white(sigma)]
     fit = regression.fit(start, steps=0)
-    score, _ = regression.scan(fit).score(column)
+    score, _ = scan_of(regression, fit).score(column)
     gain = regression.with_columns(column).fit(start, steps=0).log_likelihood - fit.log_likelihood
     assert score == pytest.approx(40.0, rel=0.5)  # n (0.03 / 0.3)²
     assert score == pytest.approx(2.0 * gain, rel=0.02)
@@ -158,7 +164,7 @@ def test_score_is_twice_the_gain_where_the_noise_is_known_to_be_white() -> None:
 
 def test_columns_that_the_model_absorbs_count_for_nothing() -> None:
     regression = world(10)
-    scan = regression.scan(regression.fit())
+    scan = scan_of(regression, regression.fit())
     random = np.random.default_rng(12)
     inside = regression.joints[0].matrix @ np.array([[2.0], [-1.0]])
     # Joint 1 has a column of its own for parameter 2, but parameter 0 moves joint 0 alone.
@@ -173,7 +179,7 @@ def test_columns_that_the_model_absorbs_count_for_nothing() -> None:
 
 def test_columns_that_are_not_finite_and_empty_ones_are_harmless() -> None:
     regression = world(13)
-    scan = regression.scan(regression.fit())
+    scan = scan_of(regression, regression.fit())
     column = np.random.default_rng(14).standard_normal((400, 1))
     for bad in (np.nan, np.inf):
         broken = column.copy()

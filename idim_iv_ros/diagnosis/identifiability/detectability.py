@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.structural.likelihood import Columns, Scan
+from idim_iv_ros.diagnosis.structural.likelihood import Columns
+from idim_iv_ros.diagnosis.structural.scan import Scan
 from idim_iv_ros.effects.effect import Effect, JointScale, Place, Shape
 from idim_iv_ros.types import FloatArray
 

@@ -14,7 +14,8 @@ from idim_iv_ros.diagnosis.identifiability.detectability import (
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Confusability, NotTestable
 from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of, spread_shapes
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression, Scan
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.structural.scan import Scan
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place
 from idim_iv_ros.signals import AutoregressiveModel
 

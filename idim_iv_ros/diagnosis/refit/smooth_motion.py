@@ -22,11 +22,7 @@ from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
 from idim_iv_ros.estimation.instruments import Instruments, SimulatedLoop
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
-from idim_iv_ros.signals import (
-    Motion,
-    ParallelDecimation,
-    zero_phase_butterworth,
-)
+from idim_iv_ros.signals import Motion, ParallelDecimation, zero_phase_butterworth
 from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, mass_matrix
 from idim_iv_ros.simulation.replay import replay
 from idim_iv_ros.types import FloatArray

@@ -9,8 +9,9 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.identifiability.testability import cannot_show
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.candidate import Candidate, operating_range
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression, Scan
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
+from idim_iv_ros.diagnosis.structural.scan import Scan
 from idim_iv_ros.diagnosis.structural.search import Grids, Search
 from idim_iv_ros.effects.effect import Effect, Place
 from idim_iv_ros.types import FloatArray

@@ -13,9 +13,9 @@ from idim_iv_ros.diagnosis.structural.likelihood import (
     Columns,
     Fit,
     Regression,
-    Scan,
     white_noise_models,
 )
+from idim_iv_ros.diagnosis.structural.scan import Scan
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
@@ -49,7 +49,7 @@ class Search:
     @cached_property
     def scan(self) -> Scan:
         """Score of candidates beside the model."""
-        return self.regression.scan(self.fit)
+        return Scan(self.regression, self.fit.noise_models, self.fit.residuals)
 
     def best(self, effect: Effect, place: Place) -> Candidate | None:
         """Return the candidate with its best shape, None where no shape is possible."""
