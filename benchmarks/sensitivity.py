@@ -28,8 +28,9 @@ from idim_iv_ros import load_configuration
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.assembly import assembled
-from idim_iv_ros.diagnosis.diagnose import attributed, concluded
+from idim_iv_ros.diagnosis.diagnose import concluded
 from idim_iv_ros.diagnosis.refit.refit import refitted
+from idim_iv_ros.diagnosis.structural.attribution import attributed
 from idim_iv_ros.identification.prepare import read_configured
 from idim_iv_ros.progress import Stopwatch
 
@@ -111,17 +112,14 @@ def answers_of(
     watch = Stopwatch(None)
     recordings = read_configured(sorted(folder.glob("*.mcap")), configuration)
 
-    def refit():
-        return refitted(
-            recordings, configuration, may_lack_gravity="gravity_direction" not in without
-        )
-
-    base = refit()
-    attribution = attributed(base, without)
+    base = refitted(recordings, configuration, without)
+    attribution = attributed(base.data, base.regression, without)
 
     def answer(step: str) -> Answer:
-        here = refit() if step == "refit" else base
-        there = attribution if step == "conclusion" else attributed(here, without)
+        here = refitted(recordings, configuration, without) if step == "refit" else base
+        there = (
+            attribution if step == "conclusion" else attributed(here.data, here.regression, without)
+        )
         result = assembled(concluded(here, there, configuration, without, watch))
         causes = [f"{cause.effect}[{cause.joint or ''}]" for cause in result.causes]
         return {"verdict": result.verdict, "causes": causes}

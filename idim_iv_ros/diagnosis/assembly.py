@@ -12,6 +12,7 @@ from idim_iv_ros.diagnosis.controller.check import LawCheck, why_not_checked
 from idim_iv_ros.diagnosis.localisation.residual_split import motion_at_rows
 from idim_iv_ros.diagnosis.localisation.unexplained import (
     small_nonparametric,
+    unexplained,
     unexplained_residual,
 )
 from idim_iv_ros.diagnosis.localisation.where import Localisation
@@ -30,13 +31,12 @@ from idim_iv_ros.diagnosis.result import (
     GapSeries,
     NotTestable,
     Stage,
-    Unexplained,
     Where,
 )
 from idim_iv_ros.diagnosis.structural.causes import NamedModel
 from idim_iv_ros.diagnosis.structural.confirmation import Confirmed
 from idim_iv_ros.diagnosis.tracking import Tracking, tracking_series, with_tracking
-from idim_iv_ros.diagnosis.verdict import leading, verdict_of
+from idim_iv_ros.diagnosis.verdict import leading, strongest_first, verdict_of
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING
 
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
@@ -57,10 +57,8 @@ class Diagnosis:
     tracked : sequence of Tracking
         Simulated motion of every stage.
     causes : sequence of Cause
-        Strongest first.
     parametric : ParametricOutcome
     law : LawCheck
-    unexplained : Unexplained or None
     where : Where
     confusability : tuple of Confusability
     not_testable : tuple of NotTestable
@@ -74,7 +72,6 @@ class Diagnosis:
     causes: Sequence[Cause]
     parametric: ParametricOutcome
     law: LawCheck
-    unexplained: Unexplained | None
     where: Localisation
     confusability: tuple[Confusability, ...]
     not_testable: tuple[NotTestable, ...]
@@ -83,22 +80,22 @@ class Diagnosis:
 def assembled(found: Diagnosis) -> GapResult:
     """Build the result."""
     refit, model = found.refit, found.held.model
-    data, law, causes = refit.data, found.law, found.causes
+    data, law = refit.data, found.law
+    causes = strongest_first(found.causes, data)
+    outside = unexplained(data, model)
     session = data.prepared.session.parts
     errors = parameter_errors(data, found.parametric)
     not_named = remaining(errors)
     stages = with_tracking(found.held.tested.stages(), found.tracked)
     residual = unexplained_residual(data, stages, found.held.floors)
-    verdict = verdict_of(
-        causes, found.unexplained, parameters=bool(not_named), unexplained=bool(residual)
-    )
+    verdict = verdict_of(causes, outside, parameters=bool(not_named), unexplained=bool(residual))
     listed = leading(causes, data)
     summary = [
         sentences.capitalised(ARMATURE_MISSING) + "." if data.prepared.armature_missing else "",
         sentences.summary(
             verdict,
             listed,
-            found.unexplained,
+            outside,
             found.where.joint_gaps,
             found.without,
             more=len(causes) - len(listed),
@@ -123,7 +120,7 @@ def assembled(found: Diagnosis) -> GapResult:
         verdict=verdict,
         summary=" ".join(part for part in summary if part),
         causes=tuple(causes),
-        unexplained=found.unexplained,
+        unexplained=outside,
         where=Where(found.where.joint_gaps, found.where.regimes),
         findings=tuple(sentences.finding(each, session) for each in found.where.findings),
         not_testable=tuple(
@@ -203,7 +200,7 @@ def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
         *prepared.advice,
         *prepared.reasons,
         *(
-            sentences.small_nonparametric(data, each)
+            sentences.small_nonparametric(data, each.candidate)
             for each in small_nonparametric(data, found.held.model)
         ),
     ]

@@ -5,27 +5,20 @@ from collections.abc import Sequence
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.assembly import Diagnosis, assembled
-from idim_iv_ros.diagnosis.controller.check import LawCheck, check_law, controller_causes
+from idim_iv_ros.diagnosis.controller.check import check_law, controller_causes
 from idim_iv_ros.diagnosis.identifiability.testability import shown_by_motion
-from idim_iv_ros.diagnosis.localisation.unexplained import unexplained
 from idim_iv_ros.diagnosis.localisation.where import where
 from idim_iv_ros.diagnosis.parametric.causes import parametric_causes, parametric_results
-from idim_iv_ros.diagnosis.parametric.errors_beyond_base import ERRORS_BEYOND_BASE
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
 from idim_iv_ros.diagnosis.result import GapResult
-from idim_iv_ros.diagnosis.structural.attribution import Attribution, attribute
+from idim_iv_ros.diagnosis.structural.attribution import Attribution, attributed
 from idim_iv_ros.diagnosis.structural.causes import structural_causes
 from idim_iv_ros.diagnosis.structural.confirmation import confirmation
-from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC
 from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages
-from idim_iv_ros.diagnosis.verdict import strongest_first
-from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
-from idim_iv_ros.effects.gravity_direction import GravityDirection
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.files import FilePaths
 from idim_iv_ros.identification.prepare import read_configured
 from idim_iv_ros.progress import Progress, Stopwatch
-from idim_iv_ros.recording import Recording
 
 
 def diagnose(
@@ -53,37 +46,17 @@ def diagnose(
     UsageError, DataError
         As `identify`.
     """
+    excluded = tuple(without)
     with one_thread(), Stopwatch(progress) as watch:
         watch.stage("reading", 0.0)
         recordings = read_configured(bags, configuration, progress)
-        result = assembled(diagnosis_of(recordings, configuration, tuple(without), watch))
+        watch.stage("refit", 0.1)
+        refit = refitted(recordings, configuration, excluded)
+        watch.stage("attribution", 0.2)
+        attribution = attributed(refit.data, refit.regression, excluded, watch.progress)
+        result = assembled(concluded(refit, attribution, configuration, excluded, watch))
     result.timing.update(watch.timing)
     return result
-
-
-def diagnosis_of(
-    recordings: Sequence[Recording],
-    configuration: Configuration,
-    without: tuple[str, ...],
-    watch: Stopwatch,
-) -> Diagnosis:
-    """Take every step from the refit to the causes; see `diagnose`."""
-    watch.stage("refit", 0.1)
-    refit = refitted(
-        recordings, configuration, may_lack_gravity=GravityDirection.name not in without
-    )
-    watch.stage("attribution", 0.2)
-    attribution = attributed(refit, without, watch.progress)
-    return concluded(refit, attribution, configuration, without, watch)
-
-
-def attributed(
-    refit: Refit, without: tuple[str, ...], progress: Progress | None = None
-) -> Attribution:
-    """Look for effects beside the refit: of the catalogue, and nonparametric alternatives."""
-    structural = [*STRUCTURAL, *ERRORS_BEYOND_BASE]
-    candidates = [effect for effect in structural if effect.name not in without]
-    return attribute(refit.data, refit.regression, [*candidates, *NONPARAMETRIC], progress)
 
 
 def concluded(
@@ -104,18 +77,16 @@ def concluded(
 
     watch.stage("simulated motion", 0.85)
     tracked = tracked_stages(data, model, data.prepared.given)
+    simulated = simulation_gaps(model, tracked)
 
     parametric = parametric_causes(data, *model.for_parameters(data), parameters)
-    law = check_law(data) if ControllerMismatch.name not in without else LawCheck()
+    law = check_law(data, without)
     causes = [
-        *structural_causes(
-            data, model, held.tested, simulation_gaps(model, tracked), attribution.tried
-        ),
+        *structural_causes(data, model, held.tested, simulated, attribution.tried),
         *parametric_results(data, parametric.causes, held.floors, effects),
         *controller_causes(data, law, [each.candidate for each in model.found]),
         *refit.gravity_causes(held.tested),
     ]
-
     shown, not_testable = shown_by_motion(data, regression, effects, held.noise(attribution.refit))
 
     watch.stage("where", 0.95)
@@ -125,10 +96,9 @@ def concluded(
         refit=refit,
         held=held,
         tracked=tracked,
-        causes=strongest_first(causes, data),
+        causes=causes,
         parametric=parametric,
         law=law,
-        unexplained=unexplained(data, model),
         where=where(data, regression, attribution.refit, held.floors),
         confusability=shown,
         not_testable=not_testable,

@@ -17,27 +17,37 @@ from idim_iv_ros.diagnosis.result import (
     Unexplained,
     Verdict,
 )
-from idim_iv_ros.diagnosis.structural.attribution import Found
+from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric, StopShape
 from idim_iv_ros.effects.link_inertia import LinkInertia
 from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.types import FloatArray
 
 
-def structural_cause(data: Baseline, found: Found, gap: Gap, gain: float) -> str:
-    """Where an effect is and how far the gap shrinks; `gain`: on held-out data, 0 to 1."""
-    place = found.candidate.place
+def structural_cause(
+    data: Baseline, effect: Candidate, others: Sequence[Candidate], gap: Gap, gain: float
+) -> str:
+    """Where an effect is and how far the gap shrinks.
+
+    Parameters
+    ----------
+    others
+        Candidates that are indistinguishable from it.
+    gain
+        Share of the residual's energy that goes on held-out data.
+    """
+    place = effect.place
     joint, unit = data.joints[place.joint], data.unit_at(place.joint, "N m")
     where = joint if place.other is None else f"{joint} and {data.joints[place.other]}"
     text = (
-        f"{_spaced(found.candidate.effect.name)} at {where}: the torque gap at {joint} falls from "
+        f"{_spaced(effect.effect.name)} at {where}: the torque gap at {joint} falls from "
         f"{gap.before:.3g} to {gap.after:.3g} {unit} on data not used to fit"
     )
     if gap.noise_floor is not None:
         text += f" (noise {gap.noise_floor:.3g} {unit})"
     text += _indistinguishable(
         f"{_spaced(other.effect.name)} at {data.joints[other.place.joint]}"
-        for other, _ in found.indistinguishable_from
+        for other in others
         if not isinstance(other.effect, Nonparametric)
     )
     if gain <= 0.0:
@@ -142,9 +152,9 @@ def unexplained_residual(data: Baseline, lacking: Sequence[tuple[int, float, flo
     return listed and f"Unexplained residual: {listed}; the causes are not the whole gap there."
 
 
-def nonparametric(data: Baseline, found: Found) -> str:
+def nonparametric(data: Baseline, candidate: Candidate) -> str:
     """What a function that is no effect of the catalogue describes, and where."""
-    candidate, joint = found.candidate, found.candidate.place.joint
+    joint = candidate.place.joint
     assert isinstance(candidate.effect, Nonparametric)
     text = f"{data.joints[joint]}: a torque that {candidate.effect.words}"
     shape = candidate.shape
@@ -154,10 +164,10 @@ def nonparametric(data: Baseline, found: Found) -> str:
     return text
 
 
-def small_nonparametric(data: Baseline, found: Found) -> str:
+def small_nonparametric(data: Baseline, candidate: Candidate) -> str:
     """The same where it is too small to matter."""
-    share = 100.0 * found.candidate.share_of_torque(data.torque_sizes)
-    return f"{nonparametric(data, found)}: {share:.2g} % of its torque, too small to matter"
+    share = 100.0 * candidate.share_of_torque(data.torque_sizes)
+    return f"{nonparametric(data, candidate)}: {share:.2g} % of its torque, too small to matter"
 
 
 def events(joint: str, share: float, recording: str, time: float) -> str:

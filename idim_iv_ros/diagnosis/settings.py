@@ -199,6 +199,9 @@ LEAST_TIME_BLOCK = Setting(1.0, "s", "blocks of the bootstrap, at least", CHOSEN
 MOST_TIME_BLOCKS = Count(20, "blocks", "blocks of the bootstrap in one recording, at most", CHOSEN)
 RESAMPLES = Count(200, "", "resamples of the bootstrap", NUMERICAL)
 
+LEAST_ROOM = Setting(1e-3, "gap",
+    "what must lie above the noise floor for a shrinkage to be said", NUMERICAL)
+
 # Significance.
 NORMAL_95 = Setting(1.96, "standard deviations",
     "half-width of a 95 % interval: a number beyond differs from zero", CONVENTION)
@@ -220,6 +223,8 @@ PARAMETER_ERROR_OVER_REFIT = Setting(1.5, "gap of the refit",
     "gap with all causes from which on a parameter error remains", CHOSEN)
 ENOUGH_OF_CHANGE = Setting(0.9, "change that the refit explains",
     "what the causes must explain together, at least", CHOSEN)
+CHANGE_DEVIATIONS = Setting(2.0, "standard deviations",
+    "what may be missing to that by chance", CONVENTION)
 LEAST_PART_OF_CHANGE = Setting(0.02, "change that the refit explains",
     "what each cause must explain of it, at least", CHOSEN)
 MOST_PARAMETRIC_CAUSES = Count(6, "causes",

@@ -5,10 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from idim_iv_ros.formats import GAP
 
 from idim_iv_ros.errors import ReportWarning, UsageError
-from idim_iv_ros.files import REPORT
+from idim_iv_ros.files import GAP, REPORT
 from idim_iv_ros.report import page, require_writable, write_gap_report, write_report
 from tests.report.sample_gap import sample_gap
 from tests.report.sample_result import sample_result

@@ -138,7 +138,11 @@ def shrinkage(before: FloatArray, after: FloatArray, floor: float | None) -> Flo
     least = 0.0 if floor is None else floor
     room = before - least
     return np.asarray(
-        np.where(room > 1e-3 * before, (before - after) / np.where(room > 0, room, 1.0), np.nan)
+        np.where(
+            room > settings.LEAST_ROOM * before,
+            (before - after) / np.where(room > 0, room, 1.0),
+            np.nan,
+        )
     )
 
 

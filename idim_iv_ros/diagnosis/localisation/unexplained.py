@@ -68,7 +68,7 @@ def _described(data: Baseline, found: Found) -> Unexplained:
         joint=data.joints[joint],
         family=candidate.effect.family,
         share=share,
-        where=sentences.nonparametric(data, found),
+        where=sentences.nonparametric(data, candidate),
     )
 
 

@@ -264,5 +264,5 @@ def _gap(data: Baseline, cause: ParametricCause, floors: Sequence[NoiseFloor]) -
     after = float(np.sqrt(np.sum(cause.after[which] ** 2)))
     floor = common_floor([floors[joint] for joint in which])
     room = before - (floor or 0.0)
-    shrinkage = (before - after) / room if room > 1e-3 * before else None
+    shrinkage = (before - after) / room if room > settings.LEAST_ROOM * before else None
     return Gap(before, after, floor, shrinkage, None)

@@ -189,5 +189,7 @@ def explains_enough(explained: Explained, refit: Explained, start: Explained) ->
     missing = refit.statistic - explained.statistic - free
     explainable = (refit.statistic - start.statistic) - (refit.rank - start.rank)
     return bool(
-        missing <= (1.0 - settings.ENOUGH_OF_CHANGE) * explainable + 2.0 * np.sqrt(2.0 * free)
+        missing
+        <= (1.0 - settings.ENOUGH_OF_CHANGE) * explainable
+        + settings.CHANGE_DEVIATIONS * np.sqrt(2.0 * free)
     )

@@ -1,6 +1,6 @@
 """The refit on the smooth motion: its effort aligned, and gravity where it was missing."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from idim_iv_ros.configuration import Configuration
@@ -11,6 +11,7 @@ from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.diagnosis.result import Cause
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.effects.gravity_direction import GravityDirection
 from idim_iv_ros.recording import Recording
 
 
@@ -45,14 +46,15 @@ class Refit:
 
 
 def refitted(
-    recordings: Sequence[Recording], configuration: Configuration, *, may_lack_gravity: bool
+    recordings: Sequence[Recording], configuration: Configuration, without: Collection[str]
 ) -> Refit:
     """Refit the nominal model and align the effort.
 
     Parameters
     ----------
-    may_lack_gravity
-        Whether gravity is looked for where the configuration has none.
+    without
+        Effects that are left out of the catalogue: gravity is looked for where the configuration
+        has none, unless its direction is among them.
 
     Raises
     ------
@@ -61,7 +63,8 @@ def refitted(
     """
     data = baseline(recordings, configuration)
     regression = smooth_regression(data)
-    gravity = missing_gravity(data, regression) if may_lack_gravity else None
+    may_lack = GravityDirection.name not in without
+    gravity = missing_gravity(data, regression) if may_lack else None
     if gravity is None:
         return Refit(*aligned(data, regression))
     weightless = _nominal_and_refit(data, regression)

@@ -1,19 +1,22 @@
 """Which effects explain what the refit leaves, found one after the other."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.identifiability.testability import cannot_show
+from idim_iv_ros.diagnosis.parametric.errors_beyond_base import ERRORS_BEYOND_BASE
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.candidate import Candidate, operating_range
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
-from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
+from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC, Nonparametric
 from idim_iv_ros.diagnosis.structural.scan import Scan
 from idim_iv_ros.diagnosis.structural.search import Grids, Search
 from idim_iv_ros.effects.effect import Effect, Place
+from idim_iv_ros.effects.registry import STRUCTURAL
+from idim_iv_ros.progress import Progress
 from idim_iv_ros.types import FloatArray
 
 
@@ -52,11 +55,23 @@ class Attribution:
     tried: int
 
 
+def attributed(
+    data: Baseline,
+    regression: Regression,
+    without: Collection[str],
+    progress: Progress | None = None,
+) -> Attribution:
+    """Look for effects of the catalogue beside the refit, and for nonparametric alternatives."""
+    structural = [*STRUCTURAL, *ERRORS_BEYOND_BASE]
+    effects = [effect for effect in structural if effect.name not in without]
+    return attribute(data, regression, [*effects, *NONPARAMETRIC], progress)
+
+
 def attribute(
     data: Baseline,
     regression: Regression,
     catalogue: Sequence[Effect],
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Attribution:
     """Accept the best effect beside those accepted before, until none is acceptable."""
     refit = regression.fit()
@@ -163,7 +178,7 @@ def _all(
     catalogue: Sequence[Effect],
     found: Sequence[Found],
     known: dict[tuple[Effect, Place], Candidate | None],
-    progress: Callable[[str, float], None] | None,
+    progress: Progress | None,
 ) -> list[Candidate]:
     taken = {each.candidate.key for each in found}
     jobs: list[tuple[Effect, Place]] = [

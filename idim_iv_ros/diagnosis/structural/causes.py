@@ -190,6 +190,7 @@ def structural_causes(
         numbers = parameters_of(
             data, model.regression, model.fit, candidate, sum(model.regression.widths[:number])
         )
+        others = [other for other, _ in found.indistinguishable_from]
         statistic = max(2.0 * candidate.gain, 0.0)
         causes.append(
             Cause(
@@ -213,7 +214,7 @@ def structural_causes(
                 ),
                 torque_gap=gap,
                 simulation_gap=simulation,
-                sentence=sentences.structural_cause(data, found, gap, gain),
+                sentence=sentences.structural_cause(data, candidate, others, gap, gain),
                 joint_gaps=(data.joint_change(place.joint, gap.before, gap.after),),
             )
         )
