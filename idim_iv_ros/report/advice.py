@@ -161,7 +161,14 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
             steps += _parametric_step(cause.effect, result, values, report.config)
     if not result.causes and result.verdict == "parametric":
         steps += _urdf_steps(values, report.config)
-    return [*steps[: _MOST_STEPS - 1], _recording_step(result, report.config)]
+    recording = _recording_step(result, report.config)
+    if steps:
+        return [*steps[: _MOST_STEPS - 1], recording]
+    if result.verdict == "none":
+        command = _command("identify", *result.bags, "--config", report.config, "--out", "results")
+        return [Step("See how well each parameter is known:", command), recording]
+    command = _command("check", *result.bags, "--config", report.config)
+    return [Step("Look for gaps and clipped efforts in the recordings:", command), recording]
 
 
 def _simulated(cause: Cause) -> bool:

@@ -17,7 +17,7 @@ CASES = ("white", "coloured", "rejected", "untested")
 class Page(HTMLParser):
     """Elements, text outside scripts, and whether every element is closed."""
 
-    VOID = frozenset({"meta", "input", "br"})
+    VOID = frozenset({"meta", "input", "br", "wbr"})
 
     def __init__(self, page: str) -> None:
         super().__init__()

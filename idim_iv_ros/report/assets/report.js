@@ -41,6 +41,8 @@ const resolved = drawing => {
 
 const draw = place => {
   const drawing = resolved(figures.get(place));
+  // On paper there is no time to follow a width that changes.
+  if (root.classList.contains('print')) drawing.layout.width = place.clientWidth;
   return Plotly.react(place, drawing.data, drawing.layout, config);
 };
 const redraw = () => figures.forEach((_, place) => { if (place.data) draw(place); });
@@ -76,11 +78,10 @@ const start = async () => {
 start().catch(error => missing(error.message));
 
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
-// Paper is white.
+// Paper is white, and narrower than a screen.
 const printing = on => () => {
   root.classList.toggle('print', on);
   redraw();
-  figures.forEach((_, place) => { if (place.data) Plotly.Plots.resize(place); });
 };
 addEventListener('beforeprint', printing(true));
 addEventListener('afterprint', printing(false));
