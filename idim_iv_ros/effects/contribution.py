@@ -97,7 +97,7 @@ class DriveLaw:
 class EncoderLaw:
     """What an encoder adds to a position and its slope, compiled: (p, q) -> (error, slope).
 
-    Written with NumPy's functions, for `error.py_func` is called with arrays, too.
+    `error.py_func` is called with arrays, too: it uses NumPy's functions and no compiled ones.
     """
 
     error: Callable[..., Any]

