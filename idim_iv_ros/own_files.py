@@ -4,7 +4,8 @@
 file                    known by
 ======================  ==========================================================================
 ``.json``               its key ``format``, which begins with ``idim_iv_ros/``
-``.html``               ``<meta name="generator" content="idim_iv_ros">``
+``.html``, ``.svg``     ``<meta name="generator" content="idim_iv_ros">``
+``.png``                its text chunk ``Software``
 ``.mcap``               the library that its header names (a recorded bag is never replaced)
 ``.csv``, ``.yaml``     its digest in the JSON file of the same name beside it (a motion), or in
                         its own first line (a configuration): once edited, it is the user's
@@ -22,6 +23,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.formats import PROGRAM
 
 GENERATOR = f'<meta name="generator" content="{PROGRAM}">'
+PNG_SOFTWARE = b"Software\0" + PROGRAM.encode()  # content of the text chunk of a picture
 FILES = "files"  # key of a JSON file that holds the digests of the files beside it
 
 _HEAD = 4096  # characters of an HTML file in which the generator is looked for
@@ -68,7 +70,13 @@ def _kind(path: Path) -> str | None:
 
 def is_own(path: Path) -> bool:
     """Whether this program wrote the file and nobody changed it in a way that can be seen."""
-    known = {".json": _own_json, ".html": _own_html, ".mcap": _own_mcap}
+    known = {
+        ".json": _own_json,
+        ".html": _own_html,
+        ".svg": _own_html,
+        ".png": _own_png,
+        ".mcap": _own_mcap,
+    }
     try:
         return known.get(path.suffix, _own_digest)(path)
     except (OSError, ValueError, RecursionError):
@@ -98,6 +106,11 @@ def _own_json(path: Path) -> bool:
 def _own_html(path: Path) -> bool:
     with path.open(encoding="utf-8") as file:
         return GENERATOR in file.read(_HEAD)
+
+
+def _own_png(path: Path) -> bool:
+    with path.open("rb") as file:
+        return PNG_SOFTWARE in file.read(_HEAD)
 
 
 def _own_mcap(path: Path) -> bool:

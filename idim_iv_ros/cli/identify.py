@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from idim_iv_ros.cli.arguments import AsJson, Bags, Config, Force, OutOrJson, Quiet, Verbose
+from idim_iv_ros.cli.arguments import (
+    AsJson,
+    Bags,
+    Config,
+    Force,
+    OutOrJson,
+    Picture,
+    Quiet,
+    Verbose,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -31,6 +40,7 @@ def identify_command(
     estimator: Annotated[
         EstimatorName, typer.Option(help="Instrumental variables, or least squares.")
     ] = EstimatorName.idim_iv,
+    picture: Picture = None,
     force: Force = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -51,12 +61,16 @@ def identify_command(
         from idim_iv_ros.cli.report_warnings import report_warnings
         from idim_iv_ros.identification.identify import identify
         from idim_iv_ros.report import result_document, write_report
+        from idim_iv_ros.report.picture import require_picture, write_picture
 
+        require_picture(picture, force=force)
         with require_destination(out, (RESULT, REPORT), as_json=as_json, force=force):
             result = identify(bags, configuration, estimator=estimator.value, progress=progress)
             if out is not None:
                 with report_warnings():
-                    numbers, page = write_report(result, out, force=force)
+                    numbers, page = write_report(result, out, force=force, config=config)
+            if picture is not None:
+                write_picture(result, picture)
     output.document(result_document(result))
     output.warn_quietly([*result.doubts, *data_warnings(result)])
     print_parameters(output.console, result, whole=verbose)

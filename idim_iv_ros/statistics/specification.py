@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from idim_iv_ros.statistics.basis import independent_basis
 from idim_iv_ros.statistics.gls import gls_regression_from_rest
@@ -29,6 +30,7 @@ _MOST_DIRECTIONS = 15
 _CAUTION = 0.1
 # Of the largest: a direction with less of the candidates' variation is what the model holds.
 _LEAST_VARIATION = 0.02
+_FAR_APART = 3.0  # σ of the difference of two estimates
 
 
 def specification_tests(
@@ -144,3 +146,14 @@ def _directions(instruments: FloatArray, functions: FloatArray) -> tuple[FloatAr
     order = np.argsort(values)[::-1][:spare]
     order = order[values[order] > _LEAST_VARIATION**2 * float(np.sum(moving))]
     return np.asarray(beyond @ vectors[:, order]), spare
+
+
+def beyond_noise(
+    first: FloatArray, first_std: FloatArray, second: FloatArray, second_std: FloatArray
+) -> NDArray[np.bool_]:
+    """Whether two estimates of the same parameters differ by more than noise explains, (b,).
+
+    Hausman's comparison parameter by parameter, on the safe side: the estimates are taken as
+    independent, though they come from the same rows, and 3 of the joint deviations are asked for.
+    """
+    return np.asarray(np.abs(first - second) > _FAR_APART * np.hypot(first_std, second_std))

@@ -11,7 +11,7 @@ from rich.console import Console
 from idim_iv_ros.cli.identify import print_next, print_parameters, print_remarks, print_verdict
 from idim_iv_ros.identification.result import IMPOSSIBLE, NOT_SIGNIFICANT, IdentificationResult
 from idim_iv_ros.model import build_inverse_model
-from idim_iv_ros.report.html import report_html
+from idim_iv_ros.report import report_html
 from idim_iv_ros.report.json_result import result_document
 from idim_iv_ros.statistics import OverallVerdict
 from tests.report.sample_result import sample_result
@@ -61,7 +61,7 @@ def test_a_value_says_why_not_to_rely_on_it(
     assert (parameter["remark"], parameter["essential_remark"]) == (remark, remark)
     (line,) = [line for line in printed(result).splitlines() if "FvX" in line]
     html = report_html(result)
-    row = html[html.index(">FvX<") :].split("</tr>")[0]
+    row = html[html.index(">FvX<", html.index('<section id="parameters"')) :].split("</tr>")[0]
     for each in (IMPOSSIBLE, NOT_SIGNIFICANT):
         assert (each in line) == (each == remark)
         assert (each in row) == (each == remark)

@@ -6,6 +6,7 @@ import statsmodels.api as sm
 
 from idim_iv_ros.statistics import JointRows, specification_tests
 from idim_iv_ros.statistics.gls import gls_regression_from_rest
+from idim_iv_ros.statistics.specification import beyond_noise
 from tests.statistics.worlds import autocorrelated_world, autoregressive
 
 
@@ -104,3 +105,10 @@ def test_too_few_rows_are_said_to_be_too_few():
     test = specification_tests([rows], np.zeros(8), [{"speed": slow_functions(rng, 30, 3)}])[0]
     assert test.accepted is None
     assert "too few" in test.reason
+
+
+def test_two_estimates_differ_beyond_noise_from_three_joint_deviations_on() -> None:
+    # Joint deviation of 3 and 4: 5.
+    first, second = np.array([0.0, 0.0, 0.0]), np.array([14.9, 15.1, -15.1])
+    far = beyond_noise(first, np.full(3, 3.0), second, np.full(3, 4.0))
+    assert list(far) == [False, True, True]
