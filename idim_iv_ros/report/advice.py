@@ -11,7 +11,7 @@ from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
 from idim_iv_ros.report.changes import RECORDING, ChangedValue, changed_values
 from idim_iv_ros.report.gap_words import effect_at, effect_words
 from idim_iv_ros.report.numerals import known, measured, percent, round_number
-from idim_iv_ros.report.section import Report
+from idim_iv_ros.report.section import R, Report
 from idim_iv_ros.statistics.verdict import Verdict
 
 # Badge of each verdict on an identification: class, sign; in the order of `Verdict`.
@@ -134,7 +134,7 @@ def identification_steps(report: Report[IdentificationResult]) -> list[Step]:
         command = _command("excite", "--config", config, "--out", "motion")
         steps.append(Step("Record a motion that shows all parameters:", command))
     if colour in ("good", "fair"):
-        steps += _urdf_steps(changed_values(result, report.nominal), config)
+        steps += _value_steps(report, changed_values(result, report.nominal))
         command = _command("diagnose", *bags, "--config", config, "--out", "why")
         steps.append(Step("See what the nominal model lacks, and why:", command))
     if len(steps) == 1:
@@ -158,9 +158,9 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
         if group == "structural":
             steps.append(_structural_step([e for e in structural if _simulated(e)], report.config))
         else:
-            steps += _parametric_step(cause.effect, result, values, report.config)
+            steps += _parametric_step(cause.effect, report, values)
     if not result.causes and result.verdict == "parametric":
-        steps += _urdf_steps(values, report.config)
+        steps += _value_steps(report, values)
     recording = _recording_step(result, report.config)
     if steps:
         return [*steps[: _MOST_STEPS - 1], recording]
@@ -184,9 +184,10 @@ def _structural_step(causes: Sequence[Cause], config: str) -> Step:
 
 
 def _parametric_step(
-    effect: str, result: GapResult, values: Sequence[ChangedValue], config: str
+    effect: str, report: Report[GapResult], values: Sequence[ChangedValue]
 ) -> list[Step]:
     """What to write where for all causes of one effect."""
+    result, config, urdf = report.result, report.config, report.nominal.urdf
     causes = [each for each in result.causes if each.effect == effect]
     sources = {f"cause: {effect_at(effect, each.joint)}" for each in causes}
     rows = [row for row in values if row.source in sources and row.key]
@@ -201,14 +202,17 @@ def _parametric_step(
         )
         return [Step(f"Subtract the constant torque of {places} in your simulator:", numbers)]
     if effect == "friction_level" and rows:
-        return [Step(f"Set the friction of {places} in the URDF:", _dynamics(rows))]
+        return [Step(f"Set the friction of {places} in {urdf}:", _dynamics(rows))]
     if effect == "payload" and rows:
         code = _assignments(rows)
-        return [Step(f"Add the payload at {places} to the URDF:", code)]
+        return [Step(f"Add a link for the payload at {places} to {urdf}:", code)]
     files = {row.file for row in rows}
     if not rows and effect == "link_inertia":
-        words = f"Correct the inertia of the link after {places} in the URDF:"
-        return [Step(words, "new values: section “Given and new values”, sums of link parameters")]
+        found = {name for each in causes for name in each.parameters}
+        sums = [row for row in values if f"change_of_base_{row.name}" in found and row.significant]
+        sums.sort(key=lambda row: -abs(row.distance or 0.0))
+        words = f"Change the link after {places} in {urdf} until these sums hold:"
+        return [Step(words, _assignments(sums))]
     if not rows:
         numbers = "\n".join(
             f"{name.replace('_', ' ')} = {_value(each.value, each.std, each.unit)}"
@@ -216,23 +220,25 @@ def _parametric_step(
         )
         words = f"Correct the {effect_words(effect)} of {places} in the nominal model:"
         return [Step(words, numbers)]
-    place = config if files == {"configuration"} else "the URDF"
+    place = config if files == {"configuration"} else urdf
     return [Step(f"Correct the {effect_words(effect)} of {places} in {place}:", _assignments(rows))]
 
 
-def _urdf_steps(values: Sequence[ChangedValue], config: str) -> list[Step]:
+def _value_steps(report: Report[R], values: Sequence[ChangedValue]) -> list[Step]:
     """Significant changes of single elements and keys, as one step."""
     rows = [row for row in values if row.key and row.source == RECORDING and row.significant]
     if not rows:
         return []
     first = sorted(rows, key=lambda row: -abs(row.distance or 0.0))
-    words = f"Write the new values into {config} and the URDF, those farthest off first:"
+    places = " and ".join(dict.fromkeys((report.config, report.nominal.urdf)))
+    words = f"Write the new values into {places}, those farthest off first:"
     return [Step(words, _assignments(first))]
 
 
 def _assignments(rows: Sequence[ChangedValue]) -> str:
     lines = [
-        f"{row.key} = {_value(row.new, row.std, row.unit)}{_was(row)}" for row in rows[:_FEW_VALUES]
+        f"{row.key or row.words} = {_value(row.new, row.std, row.unit)}{_was(row)}"
+        for row in rows[:_FEW_VALUES]
     ]
     more = len(rows) - _FEW_VALUES
     return "\n".join([*lines, *([f"… and {more} more below"] if more > 0 else [])])

@@ -209,7 +209,7 @@ def _friction(cause: Cause, joint: int, place: str, nominal: Nominal) -> Iterato
 def _payload(
     parameters: Mapping[str, EffectParameter], joint: int, nominal: Nominal
 ) -> Iterator[ChangedValue]:
-    """A body to add to the last link: its mass, and its centre where both are known.
+    """A link to fix to the last one: its mass, and its centre where both are known.
 
     The ± of the centre holds whatever the correlation of mass and moment is.
     """
@@ -217,10 +217,8 @@ def _payload(
     mass = parameters.get("mass")
     if mass is None:
         return
-    words = f"mass to add to {link}"
-    yield ChangedValue(
-        "", f"{link}/inertial/mass", _URDF, words, 0.0, mass.value, mass.std, mass.unit, ""
-    )
+    key, words = "payload/inertial/mass", f"mass of a link to fix to {link}"
+    yield ChangedValue("", key, _URDF, words, 0.0, mass.value, mass.std, mass.unit, "")
     for name, letter in _MOMENTS.items():
         moment = parameters.get(name)
         if moment is None or mass.value == 0.0:
@@ -229,7 +227,7 @@ def _payload(
         std = None
         if moment.std is not None and mass.std is not None:
             std = (moment.std + abs(centre) * mass.std) / abs(mass.value)
-        key, words = f"{link}/inertial/origin@xyz", f"{letter} of its centre in the frame of {link}"
+        key, words = "payload/inertial/origin@xyz", f"{letter} of its centre in the frame of {link}"
         yield ChangedValue("", f"{key} ({letter})", _URDF, words, None, centre, std, "m", "")
 
 

@@ -28,6 +28,12 @@ class Nominal:
     skeleton: Skeleton | None
     missing: str
 
+    @property
+    def urdf(self) -> str:
+        """What to call the URDF in an instruction."""
+        path = None if self.configuration is None else self.configuration.robot.urdf
+        return "the URDF" if path is None else path.name
+
 
 def read_nominal(document: Mapping[str, object]) -> Nominal:
     """Read the nominal model of a configuration as a result holds it.

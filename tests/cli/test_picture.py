@@ -33,14 +33,8 @@ def test_diagnose_refuses_a_picture_before_the_work(config, tmp_path: Path) -> N
             effects=EFFECTS,
             picture=tmp_path / "gap.gif",
         )
-    picture = tmp_path / "gap.svg"
+    picture, diagnose = tmp_path / "gap.svg", StandIn("both")
     run_diagnosis(
-        [],
-        config(),
-        tmp_path / "why",
-        (),
-        diagnose=StandIn("both"),
-        effects=EFFECTS,
-        picture=picture,
+        [], config(), tmp_path / "why", (), diagnose=diagnose, effects=EFFECTS, picture=picture
     )
     assert "parametric and structural" in picture.read_text(encoding="utf-8")
