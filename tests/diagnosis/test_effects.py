@@ -285,7 +285,7 @@ def test_a_joint_that_slides_has_screws_plays_and_bristles_of_its_own_size() -> 
 
 
 def test_shapes_are_refined_in_the_range_of_their_own_joint() -> None:
-    """3 rad beside 0.2 m: a wave is told from another by a period more or less in its range."""
+    """3 rad beside 0.2 m: waves differ by a period more or less in its range."""
     covered = replace(
         operating_range_of(synthetic()),
         low=np.array([-1.0, 0.3]),
@@ -394,7 +394,7 @@ IN_ORDER = (
 
 
 def test_the_catalogue_has_every_file_in_the_order_that_they_give() -> None:
-    """Where two explain alike the first counts: the order is a part of the result."""
+    """Where two explain equally well the first counts: the order is a part of the result."""
     names = [effect.name for effect in (*PARAMETRIC, *STRUCTURAL)]
     assert [name for name in names if name in IN_ORDER] == list(IN_ORDER)
     for kind in (PARAMETRIC, STRUCTURAL):
@@ -451,7 +451,7 @@ def test_what_is_simulated_uses_the_laws_that_the_file_declares(cause: Cause) ->
             assert len(torque) == len(Torque._fields) and np.isfinite(torque).all()
 
 
-def test_every_effect_has_a_name_of_its_own_and_known_look_alikes() -> None:
+def test_every_effect_has_a_name_of_its_own_and_known_confounders() -> None:
     names = [effect.name for effect in (*PARAMETRIC, *STRUCTURAL)] + ["controller_mismatch"]
     assert sorted(names) == sorted(EFFECTS)
     assert len(set(names)) == len(names)
