@@ -7,17 +7,17 @@ INTERFACES := $(wildcard idim_iv_interfaces/*.* idim_iv_interfaces/*/*.*)
 # Compiled kernels stay with the environment, and with it outlive a fresh clone. Not for `demo`: the
 # commands that a user gives afterwards look beside the sources.
 KERNELS := $(CURDIR)/$(VENV)/numba
-SOURCES := $(wildcard idim_iv_ros/simulation/*.py)
+SOURCES := $(wildcard $(addprefix idim_iv_ros/,compilation.py simulation/*.py effects/*.py model/*.py))
 tests slow load bench $(VENV)/ready-kernels: export NUMBA_CACHE_DIR := $(KERNELS)
 
-.PHONY: demo test slow load lint types tests bench clean
+.PHONY: demo test slow load lint types docs tests package bench clean
 
 demo: $(VENV)/ready
 	$(BIN)/python -m bags.demo --out out/demo
 
-# The kernels compile while mypy runs: two cores.
-test: lint
-	@$(MAKE) --no-print-directory -j2 types $(VENV)/ready-kernels
+# The kernels compile while mypy and mkdocs run: two cores.
+test: lint $(VENV)/ready-docs
+	@$(MAKE) --no-print-directory -j2 types docs $(VENV)/ready-kernels
 	@$(MAKE) --no-print-directory tests
 
 lint: $(VENV)/ready-test
@@ -27,9 +27,20 @@ lint: $(VENV)/ready-test
 types: $(VENV)/ready-test
 	$(BIN)/mypy
 
+# A broken link or a docstring that cannot be read fails; nothing is imported.
+docs: $(VENV)/ready-docs
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
 # Two workers, each with whole files; in the order of the folders, because the longest come first.
 tests: $(VENV)/ready-kernels
 	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
+
+# Both in dist/. The tests build them again from a copy of the sources, and install the wheel with what
+# it depends on into an empty environment: a minute.
+package: $(VENV)/ready-test
+	rm -rf dist build
+	$(BIN)/python -m build --no-isolation .
+	$(BIN)/pytest -m "slow or not slow" tests/packaging
 
 # Monte Carlo studies and long recordings: about half an hour.
 slow: $(VENV)/ready-test
@@ -74,6 +85,11 @@ $(VENV)/ready-test: $(VENV)/ready-ros
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[test]"
 	@touch $@
 
+$(VENV)/ready-docs: $(VENV)/ready
+	@echo "== installing the documentation's tools from PyPI"
+	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[docs]"
+	@touch $@
+
 $(VENV)/ready-kernels: $(VENV)/ready-test $(SOURCES)
 	@echo "== compiling the kernels of the simulation"
 	@$(BIN)/python -m tests.compile_kernels
@@ -85,4 +101,4 @@ $(VENV)/ready-bench: $(VENV)/ready-ros
 	@touch $@
 
 clean:
-	rm -rf $(VENV) out build *.egg-info
+	rm -rf $(VENV) out build dist *.egg-info

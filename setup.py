@@ -1,6 +1,7 @@
 """Build entry for pip and colcon; pyproject.toml holds the metadata.
 
-colcon reads ``python_requires`` and the version only from here.
+colcon reads ``python_requires`` and the version only from here. The licence stands here because
+setuptools 68, which a ROS 2 Jazzy installation brings, and 77 disagree on its form in pyproject.
 """
 
 from pathlib import Path
@@ -22,6 +23,7 @@ for name in ("pyproject.toml", "README.md"):
 setup(
     version="0.1.0",
     python_requires=">=3.10",
+    license="Apache-2.0",
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/idim_iv_ros"]),
         ("share/idim_iv_ros", ["package.xml"]),

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from idim_iv_ros import identify, load_configuration, write_report
 from idim_iv_ros.cli.identify import print_parameters, print_remarks, print_verdict
-from idim_iv_ros.cli.progress import shown_progress
+from idim_iv_ros.cli.output import shown_progress
 from idim_iv_ros.errors import IdimError
 
 FOLDER = Path(__file__).parent

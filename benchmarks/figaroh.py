@@ -79,8 +79,9 @@ def peer(samples: int) -> None:
 
 
 def ours(samples: int) -> None:
-    from idim_iv_ros.estimation.least_squares import solve_triangles
-    from idim_iv_ros.estimation.triangles import JointTriangle, fold
+    from idim_iv_ros.estimation.least_squares import solve_least_squares
+    from idim_iv_ros.estimation.qr import streamed_r_factor
+    from idim_iv_ros.estimation.rows import JointRows
     from idim_iv_ros.model import (
         InverseModel,
         StandardRegressor,
@@ -98,17 +99,18 @@ def ours(samples: int) -> None:
     regressor = StandardRegressor(robot, layout)
     model = InverseModel(robot, regressor, find_base_parameters(regressor))
     columns = [np.flatnonzero(active) for active in model.base.active]
-    triangles = [np.zeros((0, len(active) + 1)) for active in columns]
+    factors = [np.zeros((0, len(active) + 1)) for active in columns]
     for start in range(0, samples, CHUNK):
         block = slice(start, start + CHUNK)
         matrices = model.joint_matrices(q[block], dq[block], ddq[block])
         for joint, matrix in enumerate(matrices):
-            triangles[joint] = fold(triangles[joint], matrix, tau[block, joint])
+            rows = np.column_stack([matrix, tau[block, joint]])
+            factors[joint] = streamed_r_factor((factors[joint], rows), rows.shape[1])
     folded = [
-        JointTriangle(active, triangle, samples)
-        for active, triangle in zip(columns, triangles, strict=True)
+        JointRows(factor[:, :-1], factor[:, -1], active, represented=samples)
+        for active, factor in zip(columns, factors, strict=True)
     ]
-    solve_triangles(folded, len(model.base.columns), weighted=False)
+    solve_least_squares(folded, len(model.base.columns), weighted=False)
     report_case(time.perf_counter() - started, base=len(model.base.columns))
 
 
@@ -116,8 +118,8 @@ def make_bag() -> None:
     """Nine seconds of arm6 at 5 kHz, controlled at the same rate."""
     from dataclasses import replace
 
+    from bags import simulated_arms
     from idim_iv_ros.recording import JointTopic, write_bag
-    from tests import simulated_arms
 
     arm = simulated_arms.arm6(seconds=IV_SAMPLES / RATE, rate=RATE)
     arm = replace(arm, law=replace(arm.law, period=1.0 / RATE))

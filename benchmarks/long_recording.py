@@ -17,8 +17,8 @@ BAG = Path(tempfile.gettempdir()) / "idim_iv_one_hour.mcap"
 
 def make_bag() -> None:
     """A minute of the seven-joint arm, repeated."""
+    from bags import simulated_arms
     from idim_iv_ros.recording import JointTopic, write_bag
-    from tests import simulated_arms
 
     arm = simulated_arms.arm7(seconds=60.0)
     record = simulated_arms.record(arm, 1)

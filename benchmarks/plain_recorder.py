@@ -15,7 +15,7 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
-from idim_iv_ros.recording.bags.channel import TopicChannel
+from idim_iv_ros.recording.writing.write import TopicChannel
 
 
 def main() -> None:

@@ -1,11 +1,14 @@
-"""How the simulation is compiled, and how numba's cache stays true over several files."""
+"""How numbers are computed: compiled loops and their cache, and linear algebra in one thread."""
 
 import hashlib
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from numba import njit
+from threadpoolctl import threadpool_limits
 
 # Divisions in the kernels are guarded where they need to be: no check for zero in each. Arrays come
 # from Python, and none is made here: without numba's runtime (`_nrt`) none is counted, which takes
@@ -27,3 +30,37 @@ def source_digest(*modules: ModuleType) -> str:
     for module in modules:
         digest.update(Path(str(module.__file__)).read_bytes())
     return digest.hexdigest()
+
+
+def one_thread() -> AbstractContextManager[object]:
+    """One thread for linear algebra: its matrices are small, and waiting for threads is not.
+
+    Results then do not depend on the number of cores either. The limit holds for the libraries
+    that are loaded: scipy's comes with `scipy.linalg`, which is therefore imported here.
+    """
+    import scipy.linalg  # noqa: F401
+
+    limits: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
+    return limits
+
+
+def dispatcher(functions: Mapping[int, Callable[..., Any]], arguments: str) -> Callable[..., Any]:
+    """Return a compiled ``f(kind, …)`` that calls the compiled function of a kind.
+
+    numba cannot call what it finds in a list at run time: the branches are written out, and as
+    machine code they are those of a function that was written by hand.
+
+    Parameters
+    ----------
+    functions
+        By kind; `f` must be called with none but these.
+    arguments
+        Names of what they take, separated by commas.
+    """
+    *others, last = functions
+    calls = [f"    if kind == {kind}:\n        return f{kind}({arguments})" for kind in others]
+    lines = [f"def call(kind, {arguments}):", *calls, f"    return f{last}({arguments})"]
+    names: dict[str, Any] = {f"f{kind}": function for kind, function in functions.items()}
+    exec("\n".join(lines), names)
+    compiled: Callable[..., Any] = kernel(names["call"])
+    return compiled

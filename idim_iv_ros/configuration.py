@@ -1,33 +1,50 @@
-"""One YAML file a robot, checked key by key (design: Configuration)."""
+"""One YAML file a robot, checked key by key."""
 
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from idim_iv_ros.configuration_file import first_problem, read_mapping, shortened
-from idim_iv_ros.configuration_values import (
-    Acceleration,
-    Delay,
-    FilePath,
-    Fraction,
-    Frequency,
-    Gains,
-    Levels,
-    Matrix,
-    Name,
-    NotZero,
-    Number,
-    Period,
-    PositiveValues,
-    Rate,
-    Vector,
-)
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.file_paths import FilePath as GivenPath
+from idim_iv_ros.files import FilePath
 
 # Steps of the simulated plant in one control period.
 _MOST_STEPS = 100
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("holds characters that cannot be shown")
+    return text
+
+
+def _not_zero(value: float) -> float:
+    if abs(value) < 1e-12:
+        raise ValueError("must not be zero")
+    return value
+
+
+# No quantity of a robot is larger in SI units; products of larger ones overflow.
+_LARGEST = 1e9
+Number = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST)]
+NotNegative = Annotated[float, Field(ge=0.0, le=_LARGEST)]
+Positive = Annotated[float, Field(ge=1e-6, le=_LARGEST)]
+NotZero = Annotated[Number, AfterValidator(_not_zero)]
+# No recorder of a robot is faster than 100 kHz, and no control of its joints than 20 kHz; what is
+# slower than 0.01 Hz is no motion.
+Frequency = Annotated[float, Field(ge=0.01, le=1e5)]
+Period = Annotated[float, Field(ge=5e-5, le=10.0)]
+Delay = Annotated[float, Field(ge=0.0, le=1.0)]
+Acceleration = Annotated[float, Field(ge=-1000.0, le=1000.0)]
+Fraction = Annotated[float, Field(gt=0.0, lt=1.0)]
+Name = Annotated[str, Field(min_length=1, max_length=255), AfterValidator(_printable)]
+# Read from YAML as text, in any mode of pydantic.
+YamlPath = Annotated[Path, Field(strict=False)]
+Vector = list[Number]
+Matrix = list[list[Number]]
+Levels = list[NotNegative]
+PositiveValues = list[Positive]
 
 
 class Section(BaseModel):
@@ -46,7 +63,7 @@ class RobotSection(Section):
     """Geometry, joints and transmission; every list is in the order of `joints`."""
 
     name: Name | None = None
-    urdf: FilePath | None = None
+    urdf: YamlPath | None = None
     joints: Annotated[list[Name], Field(min_length=1, max_length=100)]
     gravity: Annotated[list[Acceleration], Field(min_length=3, max_length=3)] = [0.0, 0.0, -9.81]
     position_offset: Vector | None = None
@@ -88,7 +105,7 @@ class SimulatedRobotSection(Section):
     """
 
     parameters: dict[Name, Number] = {}
-    rate: Rate | None = None
+    rate: Frequency | None = None
     position_noise: Levels | None = None
     encoder_resolution: Levels | None = None
     torque_noise: Levels | None = None
@@ -109,8 +126,8 @@ class ControllerSection(Section):
 
     type: Literal["pd", "cascade", "unknown"] = "unknown"
     kp: PositiveValues | None = None
-    kd: Gains | None = None
-    ki: Gains | None = None
+    kd: Levels | None = None
+    ki: Levels | None = None
     kv: PositiveValues | None = None
     drive_gain: PositiveValues | None = None
     velocity_reference: bool = True
@@ -149,7 +166,7 @@ class ProcessingSection(Section):
     """Filters (Hz), reversal speed (rad/s or m/s) and seconds cut from each end.
 
     `decimation_edge` is where the decimation filter ends, as a share of the new Nyquist frequency:
-    at 0.95 white noise stays white, at MATLAB's 0.8 the empty band above the edge colours it.
+    at 0.95 white noise stays white, at MATLAB's 0.8 the empty band above autocorrelates it.
     `decimation_phase` chooses which sample of each group is kept: ``first`` as SciPy does,
     ``last`` as MATLAB's decimate does. `reversal_margin` is the number of decimated samples that
     are dropped on either side of a slow one, for the decimation filter smears what happens there;
@@ -191,7 +208,7 @@ class Configuration(Section):
     signals: SignalsSection = SignalsSection()
     processing: ProcessingSection = ProcessingSection()
     identification: IdentificationSection = IdentificationSection()
-    source: Annotated[FilePath | None, Field(exclude=True)] = None
+    source: Annotated[YamlPath | None, Field(exclude=True)] = None
 
     @model_validator(mode="after")
     def _lengths(self) -> "Configuration":
@@ -243,7 +260,7 @@ class Configuration(Section):
             )
 
 
-def load_configuration(path: GivenPath) -> Configuration:
+def load_configuration(path: FilePath) -> Configuration:
     """Read and check a robot's YAML file; the URDF path becomes absolute.
 
     Raises

@@ -9,7 +9,7 @@ from ruamel.yaml.error import YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, ScalarEvent
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.text_file import read_text
+from idim_iv_ros.files import read_text
 
 # A configuration has a few hundred lines and three levels.
 _LARGEST_FILE = 0.1  # MB, for which the reader of YAML takes 1 to 2 s

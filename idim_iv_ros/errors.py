@@ -1,4 +1,7 @@
-"""The two ways in which a request can fail, each with one line for the user, and a warning."""
+"""The two ways in which a request can fail, each with one line for the user, and warnings."""
+
+import os
+import warnings
 
 
 class IdimError(Exception):
@@ -26,3 +29,14 @@ class DataError(IdimError):
 
 class ReportWarning(UserWarning):
     """A part of a report cannot be drawn or written; the numbers are complete all the same."""
+
+
+def silence_foreign_warnings() -> None:
+    """Show no Python warning from here on, unless someone asked for it.
+
+    They are for developers of the libraries beneath. What a user must know is a note of the result,
+    or one line of ours. The filter comes after all others: ``python -W``, ``PYTHONWARNINGS`` and a
+    test's own filters hold, and with ``IDIM_IV_TRACEBACK`` everything is shown.
+    """
+    if not os.environ.get("IDIM_IV_TRACEBACK"):
+        warnings.simplefilter("ignore", append=True)

@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 AFTER = """
-from idim_iv_ros.one_thread import one_thread
+from idim_iv_ros.compilation import one_thread
 with one_thread():
     import scipy.linalg, scipy.signal, scipy.stats
     from threadpoolctl import threadpool_info

@@ -93,8 +93,8 @@ def _wald(name: str, rejected: frozenset[str]) -> Callable[[Reproduction], Outco
 
 def specification(run: Reproduction) -> Outcome:
     """Where the residual follows the motion, once gravity is left out."""
-    verdicts = run.results[MODEL_ERROR].verdicts
-    found = frozenset(v.joint for v in verdicts if v.verdict == "model error here")
+    verdicts = run.results[MODEL_ERROR].residuals
+    found = frozenset(v.joint for v in verdicts if v.verdict == "misspecified")
     wanted = {"joint_1", "joint_2", "joint_3"}
     return Outcome(f"model error at {_joints(found)}", found >= wanted)
 
@@ -123,13 +123,13 @@ def _gaussian(name: str) -> Callable[[Reproduction], Outcome]:
     return measure
 
 
-def coloured(run: Reproduction) -> Outcome:
-    """Every joint's residual is coloured."""
+def autocorrelated(run: Reproduction) -> Outcome:
+    """Every joint's residual is autocorrelated."""
     residuals = run.results[INAPPROPRIATE].residuals
     first = [float(r.acf[1]) for r in residuals]
     return Outcome(
-        f"correlation of neighbours {min(first):.2f} to {max(first):.2f}, coloured at "
-        f"{sum(r.white is False for r in residuals)} of 6 joints",
+        f"correlation of neighbours {min(first):.2f} to {max(first):.2f}, "
+        f"autocorrelated at {sum(r.white is False for r in residuals)} of 6 joints",
         all(r.white is False for r in residuals),
     )
 
@@ -156,10 +156,10 @@ def honest_again(run: Reproduction) -> Outcome:
     first = {p.name: p for p in run.results[APPROPRIATE].parameters}
     known = [p for p in refined.parameters if p.name in TABLE_1]
     ratio = float(np.median([p.std / first[p.name].white_std for p in known]))
-    coloured = float(np.median([p.std / first[p.name].std for p in known]))
+    corrected = float(np.median([p.std / first[p.name].std for p in known]))
     return Outcome(
-        f"median {ratio:.2f} of the white formula's, as the paper compares; {coloured:.2f} of "
-        "those with the colour taken into account",
+        f"median {ratio:.2f} of the white formula's, as the paper compares; {corrected:.2f} of "
+        "those with the autocorrelation taken into account",
         abs(ratio - 1.0) <= 0.15,
     )
 
@@ -238,7 +238,7 @@ CLAIMS = (
         _wald(INAPPROPRIATE, frozenset()),
         "Tested on rows no denser than the loop is fast; on all rows a right model is rejected.",
     ),
-    Claim("V.C", "the residual is coloured", "figure 3", coloured),
+    Claim("V.C", "the residual is autocorrelated", "figure 3", autocorrelated),
     Claim(
         "V.C",
         "AIC finds an autoregressive order near 50",

@@ -1,10 +1,11 @@
 """The report: each number beside the paper's."""
 
 from collections.abc import Sequence
-from importlib import resources
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from plotly.offline import get_plotlyjs
+from markupsafe import Markup
 
 from benchmarks.paper_tx40.claims import CLAIMS
 from benchmarks.paper_tx40.experiment import (
@@ -17,206 +18,127 @@ from benchmarks.paper_tx40.experiment import (
 )
 from benchmarks.paper_tx40.published import TABLE_1, TABLE_2, TABLE_3
 from idim_iv_ros import IdentificationResult
-from idim_iv_ros.report.figures import BLUE, INK, ORANGE, Figure, axis, embed, figure, typed
-from idim_iv_ros.report.markup import Html, join, section, tag
-from idim_iv_ros.report.numerals import cell, fixed, number
-from idim_iv_ros.report.script import SCRIPT
+from idim_iv_ros.files import GENERATOR
+from idim_iv_ros.report.figures import BLUE, INK, ORANGE, SHADE, Figure, axis, layout, line, typed
+from idim_iv_ros.report.numerals import fixed, number
+from idim_iv_ros.report.page import environment, page_parts
 
+_TEMPLATE = Path(__file__).with_name("page.html.j2")
 _FIGURES = ((APPROPRIATE, 1), (INAPPROPRIATE, 3), (MODEL_ERROR, 5))
 _BINS = 41
+_HEIGHT = 260
 
 
 def page(runs: Sequence[Reproduction]) -> str:
     """Return the comparison as one self-contained HTML document."""
-    css = resources.files("idim_iv_ros.report").joinpath("report.css").read_text("utf-8")
-    head = tag(
-        "head",
-        tag("meta", charset="utf-8"),
-        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        tag("title", "The paper's experiment on a simulated TX40"),
-        tag("style", Html(css)),
-        tag("script", Html(get_plotlyjs())),
-    )
     first = runs[0]
-    body = tag(
-        "body",
-        tag(
-            "header",
-            tag("h1", "TX40", tag("span", " the paper's experiment, simulated")),
-            tag(
-                "p",
-                "Section V of Brunot, Janot, Carrillo and Garnier on a simulated robot whose true "
-                "parameters are those of the paper's Table 1; 10 s at 5 kHz, noise seeds "
-                f"{', '.join(str(run.seed) for run in runs)}.",
-            ),
-        ),
-        tag(
-            "main",
-            _sentences(runs),
-            _table_1(first),
-            _table_2(first),
-            _table_3(first),
-            _figures(first),
-            _reports(runs),
-        ),
-        tag("script", Html(SCRIPT)),
-    )
-    return join(Html("<!DOCTYPE html>\n"), tag("html", head, body, lang="en"), "\n")
+    seeds = ", ".join(str(run.seed) for run in runs)
+    section = environment().from_string(_TEMPLATE.read_text("utf-8")).render(
+        claims=[_claim(claim, runs) for claim in CLAIMS],
+        table_1=_table_1(first),
+        table_2=_table_2(first),
+        table_3=_table_3(first),
+        figures=_figures(first),
+        reports=[
+            (f"seed-{run.seed}/{name}/report.html", f"seed {run.seed}: {TITLES[name]}")
+            for run in runs
+            for name in SITUATIONS
+        ],
+    )  # fmt: skip
+    return environment().get_template("page.html.j2").render(
+        generator=Markup(GENERATOR),
+        robot="TX40",
+        subject="the paper's experiment, simulated",
+        subtitle="Section V of Brunot, Janot, Carrillo and Garnier on a simulated robot whose true "
+        f"parameters are those of the paper's Table 1; 10 s at 5 kHz, noise seeds {seeds}.",
+        links=[],
+        sections=[Markup(section)],
+        **page_parts(),
+    )  # fmt: skip
 
 
-def _sentences(runs: Sequence[Reproduction]) -> Html:
-    rows = []
-    for claim in CLAIMS:
-        outcomes = [claim.measure(run) for run in runs]
-        holds = sum(outcome.holds for outcome in outcomes)
-        several = len({outcome.ours for outcome in outcomes}) > 1
-        ours = [
-            tag("div", f"seed {run.seed}: {outcome.ours}" if several else outcome.ours)
-            for run, outcome in zip(runs, outcomes, strict=True)
-        ]
-        words = f"{holds} of {len(runs)}"
-        remark = tag("div", claim.remark, css="explanation") if claim.remark else ""
-        rows.append(
-            tag(
-                "tr",
-                tag("td", claim.section),
-                tag("td", claim.sentence, remark, css="words"),
-                tag("td", claim.paper, css="words"),
-                tag("td", ours if several else ours[:1], css="words"),
-                tag("td", tag("b", words) if holds == len(runs) else words),
-            )
-        )
-    heads = [tag("th", text, scope="col") for text in ("", "Sentence", "Paper", "Here", "Holds")]
-    table = tag("table", tag("thead", tag("tr", heads)), tag("tbody", rows))
-    return section(
-        "Sentence by sentence",
-        "sentences",
-        tag(
-            "p",
-            "The robot, its gains and its noise were fixed before anything was identified. The "
-            "motion is a random one with the peak speeds of a real record of this robot; motions "
-            "designed for their condition number alone were slower, and the inertias of the wrist "
-            "could not be told on them. Where a sentence does not hold on every seed, the reason "
-            "stands below it.",
-            css="explanation",
-        ),
-        table,
-    )
+def _claim(claim: Any, runs: Sequence[Reproduction]) -> dict[str, Any]:
+    outcomes = [claim.measure(run) for run in runs]
+    several = len({outcome.ours for outcome in outcomes}) > 1
+    ours = [
+        f"seed {run.seed}: {outcome.ours}" if several else outcome.ours
+        for run, outcome in zip(runs, outcomes, strict=True)
+    ]
+    holds = sum(outcome.holds for outcome in outcomes)
+    return {
+        "claim": claim,
+        "ours": ours if several else ours[:1],
+        "holds": f"{holds} of {len(runs)}",
+        "always": holds == len(runs),
+    }
 
 
-def _table_1(run: Reproduction) -> Html:
+def _table_1(run: Reproduction) -> list[tuple[str, ...]]:
     right = {p.name: p for p in run.results[APPROPRIATE].parameters}
     dense = {p.name: p for p in run.results[INAPPROPRIATE].parameters}
     rows = []
     for name, (value, app, inap) in TABLE_1.items():
         ours, oversampled = right[name], dense[name]
         rows.append(
-            tag(
-                "tr",
-                tag("th", name, scope="row"),
-                cell(fixed(value, 2)),
-                cell(number(ours.value, 3)),
-                cell(f"{(ours.value - run.truth[name]) / ours.std:+.1f}"),
-                cell(number(app, 2)),
-                cell(number(100.0 * ours.white_std / abs(ours.value), 2)),
-                cell(number(100.0 * ours.std / abs(ours.value), 2)),
-                cell(number(inap, 2)),
-                cell(number(100.0 * oversampled.white_std / abs(oversampled.value), 2)),
-                tag("td", ours.unit),
+            (
+                name,
+                fixed(value, 2),
+                number(ours.value, 3),
+                f"{(ours.value - run.truth[name]) / ours.std:+.1f}",
+                number(app, 2),
+                number(100.0 * ours.white_std / abs(ours.value), 2),
+                number(100.0 * ours.std / abs(ours.value), 2),
+                number(inap, 2),
+                number(100.0 * oversampled.white_std / abs(oversampled.value), 2),
+                ours.unit,
             )
         )
-    heads = (
-        "",
-        "Table 1 (truth here)",
-        "estimate",
-        "off by, σ",
-        "App, paper %",
-        "App, here % (white)",
-        "App, here % (coloured)",
-        "Inap, paper %",
-        "Inap, here % (white)",
-        "unit",
-    )
-    return _table(
-        "Table 1: estimates and relative standard deviations",
-        "table-1",
-        heads,
-        rows,
-        "White: computed as if the residual were white, as the paper does. Coloured: with the "
-        "colour of the residual taken into account. All 60 base parameters are estimated.",
-    )
+    return rows
 
 
-def _table_2(run: Reproduction) -> Html:
+def _table_2(run: Reproduction) -> list[tuple[str, ...]]:
     refined = run.results[INAPPROPRIATE].refined
     assert refined is not None
     ours = {p.name: p for p in refined.parameters}
-    rows = [
-        tag(
-            "tr",
-            tag("th", name, scope="row"),
-            cell(fixed(value, 2)),
-            cell(number(ours[name].value, 3)),
-            cell(number(percent, 3)),
-            cell(number(100.0 * ours[name].std / abs(ours[name].value), 3)),
-            tag("td", ours[name].unit),
+    return [
+        (
+            name,
+            fixed(value, 2),
+            number(ours[name].value, 3),
+            number(percent, 3),
+            number(100.0 * ours[name].std / abs(ours[name].value), 3),
+            ours[name].unit,
         )
         for name, (value, percent) in TABLE_2.items()
     ]
-    return _table(
-        "Table 2: refined estimates after inappropriate filtering",
-        "table-2",
-        ("", "paper", "here", "%σ, paper", "%σ, here", "unit"),
-        rows,
-        "",
-    )
 
 
-def _table_3(run: Reproduction) -> Html:
+def _table_3(run: Reproduction) -> list[tuple[str, ...]]:
     ours = {p.name: p for p in run.results[MODEL_ERROR].parameters}
-    rows = [
-        tag(
-            "tr",
-            tag("th", name, scope="row"),
-            cell(fixed(run.truth[name], 2)),
-            cell(fixed(value, 2)),
-            cell(number(ours[name].value, 3)),
-            cell(f"{(ours[name].value - run.truth[name]) / ours[name].std:+.1f}"),
-            cell(number(percent, 3)),
-            cell(number(100.0 * ours[name].std / abs(ours[name].value), 3)),
-            tag("td", ours[name].unit),
+    return [
+        (
+            name,
+            fixed(run.truth[name], 2),
+            fixed(value, 2),
+            number(ours[name].value, 3),
+            f"{(ours[name].value - run.truth[name]) / ours[name].std:+.1f}",
+            number(percent, 3),
+            number(100.0 * ours[name].std / abs(ours[name].value), 3),
+            ours[name].unit,
         )
         for name, (value, percent) in TABLE_3.items()
     ]
-    return _table(
-        "Table 3: estimates with gravity and off-diagonal inertias left out",
-        "table-3",
-        ("", "Table 1", "Table 3", "here", "off Table 1 by, σ", "%σ, paper", "%σ, here", "unit"),
-        rows,
-        "",
-    )
 
 
-def _table(
-    title: str, anchor: str, heads: Sequence[str], rows: Sequence[Html], explanation: str
-) -> Html:
-    head = [tag("th", text, scope="col", css="num" if text else None) for text in heads]
-    table = tag("table", tag("thead", tag("tr", head)), tag("tbody", rows))
-    words = tag("p", explanation, css="explanation") if explanation else ""
-    return section(title, anchor, words, table)
-
-
-def _figures(run: Reproduction) -> Html:
-    parts: list[Html] = []
-    for name, first in _FIGURES:
-        result = run.results[name]
-        residual = _pooled(result)
-        parts.append(tag("h3", f"{TITLES[name]}: figures {first} and {first + 1}"))
-        parts.append(
-            embed(_acf(result), f"acf-{name}", 260, f"Autocorrelation of the residuals, {name}")
+def _figures(run: Reproduction) -> list[tuple[str, Figure, Figure]]:
+    return [
+        (
+            f"{TITLES[name]}: figures {first} and {first + 1}",
+            _acf(run.results[name], name),
+            _histogram(_pooled(run.results[name]), name),
         )
-        parts.append(embed(_histogram(residual), f"histogram-{name}", 260, f"Histogram, {name}"))
-    return section("Figures 1 to 6", "figures", *parts)
+        for name, first in _FIGURES
+    ]
 
 
 def _pooled(result: IdentificationResult) -> np.ndarray:
@@ -229,19 +151,22 @@ def _pooled(result: IdentificationResult) -> np.ndarray:
     )
 
 
-def _acf(result: IdentificationResult) -> Figure:
+def _acf(result: IdentificationResult, name: str) -> Figure:
     data = [
-        {
-            "type": "scatter",
-            "mode": "lines+markers",
-            "name": residual.joint,
-            "x": typed(np.arange(len(residual.acf), dtype=float)),
-            "y": typed(residual.acf),
-            "marker": {"size": 4},
-            "line": {"width": 1},
-        }
+        line(
+            np.arange(len(residual.acf), dtype=float),
+            residual.acf,
+            BLUE,
+            1.0,
+            f"{residual.joint}: %{{y:.3f}}",
+            mode="lines+markers",
+            name=residual.joint,
+            marker={"size": 4},
+        )
         for residual in result.residuals
     ]
+    for trace in data:
+        del trace["line"]["color"]  # plotly's own: one for each joint
     bound = float(max(residual.acf_bound for residual in result.residuals))
     band = {
         "type": "rect",
@@ -250,14 +175,16 @@ def _acf(result: IdentificationResult) -> Figure:
         "x1": 1,
         "y0": -bound,
         "y1": bound,
-        "fillcolor": "rgba(120, 130, 140, 0.2)",
+        "fillcolor": SHADE,
         "line": {"width": 0},
     }
     axes = {"xaxis": axis("Lag, rows"), "yaxis": axis("Autocorrelation", range=[-0.4, 1.05])}
-    return figure(data, axes, shapes=[band], showlegend=True)
+    words = f"Autocorrelation of the residuals, {name}"
+    look = layout(axes, shapes=[band], showlegend=True)
+    return Figure(f"acf-{name}", _HEIGHT, words, data, look)
 
 
-def _histogram(residual: np.ndarray) -> Figure:
+def _histogram(residual: np.ndarray, name: str) -> Figure:
     edges = np.linspace(-5.0, 5.0, _BINS + 1)
     density, _ = np.histogram(residual, edges, density=True)
     middle = 0.5 * (edges[1:] + edges[:-1])
@@ -268,30 +195,11 @@ def _histogram(residual: np.ndarray) -> Figure:
         "marker": {"color": BLUE},
         "name": "residual",
     }
-    gaussian = {
-        "type": "scatter",
-        "mode": "lines",
-        "x": typed(middle),
-        "y": typed(np.exp(-0.5 * middle**2) / np.sqrt(2.0 * np.pi)),
-        "line": {"color": ORANGE, "width": 2},
-        "name": "Gaussian",
-    }
+    gauss = np.exp(-0.5 * middle**2) / np.sqrt(2.0 * np.pi)
+    gaussian = line(middle, gauss, ORANGE, 2.0, "Gaussian: %{y:.3f}", name="Gaussian")
     axes = {
         "xaxis": axis("Residual over its standard deviation, all joints"),
         "yaxis": axis("Density", zerolinecolor=INK),
     }
-    return figure([bars, gaussian], axes, bargap=0.05, showlegend=True)
-
-
-def _reports(runs: Sequence[Reproduction]) -> Html:
-    links = [
-        tag(
-            "li",
-            tag(
-                "a", f"seed {run.seed}: {TITLES[name]}", href=f"seed-{run.seed}/{name}/report.html"
-            ),
-        )
-        for run in runs
-        for name in SITUATIONS
-    ]
-    return section("Reports of every identification", "reports", tag("ul", links))
+    look = layout(axes, bargap=0.05, showlegend=True)
+    return Figure(f"histogram-{name}", _HEIGHT, f"Histogram, {name}", [bars, gaussian], look)

@@ -67,8 +67,8 @@ def _figures(cells: list[Judged]) -> list[str]:
     six = [cell.seconds for cell in cells if cell.label["robot"] == "arm6"]
     poor = [cell for cell in of.get("poor", []) if cell.label["effects"]]
     quiet = {
-        name: [cell for cell in of.get(name, []) if not cell.label["effects"]]
-        for name in ("coloured", "jitter")
+        words: [cell for cell in of.get(group, []) if not cell.label["effects"]]
+        for group, words in (("coloured", "autocorrelated noise"), ("jitter", "jitter"))
     }
     rows = [
         ("false alarm on none, given parameters", share(map(_alarm, none)), "≤ 5 %"),

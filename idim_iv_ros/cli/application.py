@@ -10,8 +10,7 @@ from idim_iv_ros.cli.excite import excite_command
 from idim_iv_ros.cli.identify import identify_command
 from idim_iv_ros.cli.import_table import import_command
 from idim_iv_ros.cli.init import init_command
-from idim_iv_ros.cli.record import record_command
-from idim_iv_ros.cli.serve import serve_command
+from idim_iv_ros.cli.nodes import record_command, serve_command
 from idim_iv_ros.cli.simulate import simulate_command
 
 application = typer.Typer(

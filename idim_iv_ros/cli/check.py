@@ -29,8 +29,7 @@ def check_command(
 
     Example: idim-iv check run1.mcap --config ur5.yaml
     """
-    from idim_iv_ros.cli.next_command import next_command
-    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.cli.output import Output, next_command
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.errors import DataError
 
@@ -38,10 +37,9 @@ def check_command(
     configuration = load_configuration(config)
     with output.progress() as progress:
         from idim_iv_ros.identification.check import check
-        from idim_iv_ros.report import check_document
 
         report = check(bags, configuration, progress)
-    output.document(check_document(report))
+    output.document(report.to_document())
     _print_findings(output.console, report)
     _print_parameters(output.console, report, verbose)
     if not report.usable:

@@ -8,15 +8,24 @@ from typing import TYPE_CHECKING, Annotated, Protocol
 
 import typer
 
-from idim_iv_ros.cli.arguments import AsJson, Bags, Config, Force, OutOrJson, Quiet, Verbose
+from idim_iv_ros.cli.arguments import (
+    AsJson,
+    Bags,
+    Config,
+    Force,
+    OutOrJson,
+    Picture,
+    Quiet,
+    Verbose,
+)
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.formats import GAP, REPORT
+from idim_iv_ros.files import GAP, REPORT
 
 if TYPE_CHECKING:
     from idim_iv_ros.cli.output import Output
     from idim_iv_ros.configuration import Configuration
     from idim_iv_ros.diagnosis.result import GapResult
-    from idim_iv_ros.file_paths import FilePaths
+    from idim_iv_ros.files import FilePaths
     from idim_iv_ros.progress import Progress
 
 
@@ -47,6 +56,7 @@ def diagnose_command(
             show_default=False,
         ),
     ] = None,
+    picture: Picture = None,
     force: Force = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -60,7 +70,7 @@ def diagnose_command(
     """
     from idim_iv_ros.cli.output import Output
     from idim_iv_ros.diagnosis.diagnose import diagnose
-    from idim_iv_ros.effects.catalogue import EFFECTS
+    from idim_iv_ros.effects.registry import EFFECTS
 
     output = Output(quiet=quiet, as_json=as_json, verbose=verbose)
     run_diagnosis(
@@ -70,6 +80,7 @@ def diagnose_command(
         without or (),
         diagnose=diagnose,
         effects=EFFECTS,
+        picture=picture,
         force=force,
         output=output,
     )
@@ -83,6 +94,7 @@ def run_diagnosis(
     *,
     diagnose: Diagnose,
     effects: Sequence[str],
+    picture: Path | None = None,
     force: bool = False,
     output: Output | None = None,
 ) -> None:
@@ -94,24 +106,27 @@ def run_diagnosis(
         What makes a `GapResult` of the bags.
     effects
         Names that `without` may hold.
+    picture
+        File of a picture of the summary, if one is wanted.
 
     Raises
     ------
     UsageError
-        An effect that the catalogue does not have, or as `load_configuration` and
-        `require_destination`.
+        An effect that the catalogue does not have, or as `load_configuration`,
+        `require_destination` and `require_picture`.
     """
     from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
-    from idim_iv_ros.cli.output import Output, require_destination
-    from idim_iv_ros.cli.report_warnings import report_warnings
+    from idim_iv_ros.cli.output import Output, report_warnings, require_destination
     from idim_iv_ros.configuration import load_configuration
-    from idim_iv_ros.report import gap_document, write_gap_report
+    from idim_iv_ros.report import write_gap_report
+    from idim_iv_ros.report.picture import require_picture, write_picture
 
     output = output or Output()
     for name in without:
         if name not in effects:
             raise UsageError(f"--without {name}: no such effect; there are {', '.join(effects)}")
     configuration = load_configuration(config)
+    require_picture(picture, force=force)
     destination = require_destination(out, (GAP, REPORT), as_json=output.as_json, force=force)
     numbers = page = None
     with destination:
@@ -120,8 +135,10 @@ def run_diagnosis(
             result = diagnose(bags, configuration, without=left_out, progress=progress)
         if out is not None:
             with report_warnings():
-                numbers, page = write_gap_report(result, out, force=force)
-    output.document(gap_document(result))
+                numbers, page = write_gap_report(result, out, force=force, config=config)
+        if picture is not None:
+            write_picture(result, picture)
+    output.document(result.to_document())
     print_diagnosis(output.console, result, whole=output.verbose)
     if page is not None:
         output.line(f"Report: {page}")

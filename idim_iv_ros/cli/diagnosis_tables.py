@@ -16,7 +16,7 @@ from idim_iv_ros.report.gap_words import (
 )
 from idim_iv_ros.report.numerals import measured
 
-_COLOURS = {"good": "green", "fair": "blue", "bad": "red", "open": "yellow"}
+_STYLES = {"good": "green", "fair": "blue", "bad": "red", "open": "yellow"}
 _MOST_UNTESTABLE = 10
 _FEW_STAGES = 3  # the nominal model, the refit, and all that was found
 _MOST_ROWS = 24
@@ -25,8 +25,8 @@ _MOST_NUMBERS = 4  # of one cause
 
 def print_diagnosis(console: Console, result: GapResult, *, whole: bool = True) -> None:
     """Verdict, causes, stages, and what could not be tested; long tables `whole` or their start."""
-    colour, _, words = VERDICTS[result.verdict]
-    console.print(f"[bold {_COLOURS[colour]}]Verdict: {words}.[/]", highlight=False)
+    tone, _, words = VERDICTS[result.verdict]
+    console.print(f"[bold {_STYLES[tone]}]Verdict: {words}.[/]", highlight=False)
     console.print(escape(result.summary), highlight=False)
     for finding in result.findings:
         console.print(f"  {escape(finding)}", highlight=False)
@@ -45,7 +45,7 @@ def _print_causes(console: Console, result: GapResult) -> None:
         Column("effect, joint"),
         Column("parameters (± 95 %)"),
         Column("torque gap, shrinkage"),
-        Column("cannot be told from"),
+        Column("indistinguishable from"),
     ]
     rows = []
     for cause in result.causes:
@@ -55,7 +55,7 @@ def _print_causes(console: Console, result: GapResult) -> None:
                 f"{effect_words(cause.effect)}\n{', '.join(joints) or 'all joints'}",
                 "\n".join(_parameters(cause)),
                 "\n".join(unbroken(line) for line in _gaps(result, cause)),
-                _rivals(cause),
+                _confounders(cause),
             )
         )
     print_table(console, "Causes, strongest first", columns, rows)
@@ -98,14 +98,14 @@ def _shrinkage(gap: Gap) -> str:
     return f"{100.0 * gap.shrinkage:.0f} %{interval} less"
 
 
-def _rivals(cause: Cause) -> str:
-    rivals = [
+def _confounders(cause: Cause) -> str:
+    names = [
         f"{effect_words(each.effect)} at {each.joint}"
         if each.joint and each.joint != cause.joint
         else effect_words(each.effect)
         for each in cause.indistinguishable_from
     ]
-    return "\n".join(rivals) or "–"
+    return "\n".join(names) or "–"
 
 
 def _print_stages(console: Console, result: GapResult, whole: bool) -> None:

@@ -4,8 +4,8 @@ from rich.console import Console
 
 from idim_iv_ros.cli.table import Column, print_table, unbroken
 from idim_iv_ros.excitation import Diagnosis, Excitation, LimitUse, MotionLimits
-from idim_iv_ros.excitation.prediction import BAD_DEVIATION, BAD_SHARE
-from idim_iv_ros.excitation.segment import NOT_REVEALED
+from idim_iv_ros.excitation.criterion import BAD_DEVIATION, BAD_SHARE
+from idim_iv_ros.excitation.segments import NOT_REVEALED
 from idim_iv_ros.model import InverseModel
 
 
@@ -38,7 +38,7 @@ def print_excitation(
     print_table(console, "", columns, rows)
     if excitation.criterion == "condition":
         console.print(
-            "A condition number does not tell a slow motion from a fast one: --criterion precision "
+            "A slow motion and a fast one have the same condition number: --criterion precision "
             "finds the motion with the smallest standard deviations."
         )
     print_use(console, model, limits, design.use)
@@ -87,14 +87,14 @@ def _print_parameters(console: Console, excitation: Excitation, whole: bool) -> 
     valued = sum(parameter.relative_std is not None for parameter in parameters)
     console.print(
         f"Predicted under torque noise of {100 * excitation.torque_noise:g} % of each limit: "
-        f"{valued} of {len(parameters)} base parameters have a given value; {len(bad)} are seen "
-        f"poorly, or small: σ above {100 * BAD_DEVIATION:g} % of the given value, or less than "
+        f"{valued} of {len(parameters)} base parameters have a nominal value; {len(bad)} are seen "
+        f"poorly, or small: σ above {100 * BAD_DEVIATION:g} % of the nominal value, or less than "
         f"{100 * BAD_SHARE:g} % of the column unexplained by the others",
         highlight=False,
     )
     if not bad:
         return
-    headings = ("given", "predicted σ", "%σ", "unexplained")
+    headings = ("nominal", "predicted σ", "%σ", "unexplained")
     columns = [Column("parameter"), *(Column(each, right=True) for each in headings)]
     columns.append(Column("unit"))
     rows = []

@@ -42,7 +42,7 @@ def excite_command(
         ),
     ],
     purpose: Annotated[
-        Purpose, typer.Option("--for", help="Estimate parameters, or tell causes of a gap apart.")
+        Purpose, typer.Option("--for", help="Estimate parameters, or separate the causes of a gap.")
     ] = Purpose.identification,
     floor: Annotated[
         float | None, typer.Option(help="Height all moving frames stay above, m in the base frame.")
@@ -107,9 +107,8 @@ def excite_command(
     """
     import numpy as np
 
-    from idim_iv_ros.cli.doubts import print_doubts
     from idim_iv_ros.cli.excitation_tables import print_diagnosis, print_excitation
-    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.cli.output import Output, print_doubts
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.excitation import (
         DesignSettings,

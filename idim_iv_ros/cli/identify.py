@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from idim_iv_ros.cli.arguments import AsJson, Bags, Config, Force, OutOrJson, Quiet, Verbose
+from idim_iv_ros.cli.arguments import (
+    AsJson,
+    Bags,
+    Config,
+    Force,
+    OutOrJson,
+    Picture,
+    Quiet,
+    Verbose,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -31,6 +40,7 @@ def identify_command(
     estimator: Annotated[
         EstimatorName, typer.Option(help="Instrumental variables, or least squares.")
     ] = EstimatorName.idim_iv,
+    picture: Picture = None,
     force: Force = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -42,22 +52,26 @@ def identify_command(
     """
     from idim_iv_ros.cli.output import Output, require_destination
     from idim_iv_ros.configuration import load_configuration
-    from idim_iv_ros.formats import REPORT, RESULT
+    from idim_iv_ros.files import REPORT, RESULT
 
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
     numbers = page = None
     with output.progress() as progress:
-        from idim_iv_ros.cli.report_warnings import report_warnings
+        from idim_iv_ros.cli.output import report_warnings
         from idim_iv_ros.identification.identify import identify
-        from idim_iv_ros.report import result_document, write_report
+        from idim_iv_ros.report import write_report
+        from idim_iv_ros.report.picture import require_picture, write_picture
 
+        require_picture(picture, force=force)
         with require_destination(out, (RESULT, REPORT), as_json=as_json, force=force):
             result = identify(bags, configuration, estimator=estimator.value, progress=progress)
             if out is not None:
                 with report_warnings():
-                    numbers, page = write_report(result, out, force=force)
-    output.document(result_document(result))
+                    numbers, page = write_report(result, out, force=force, config=config)
+            if picture is not None:
+                write_picture(result, picture)
+    output.document(result.to_document())
     output.warn_quietly([*result.doubts, *data_warnings(result)])
     print_parameters(output.console, result, whole=verbose)
     print_remarks(output.console, result)
@@ -140,7 +154,7 @@ def print_verdict(console: Console, result: IdentificationResult) -> None:
     """The verdict, the fit, where the instruments came from, and what was left out."""
     from rich.markup import escape
 
-    from idim_iv_ros.cli.doubts import print_doubts
+    from idim_iv_ros.cli.output import print_doubts
 
     fit = result.fit
     console.print(
@@ -185,8 +199,8 @@ def print_next(
     """Name the command that looks for the cause of a model error, with its arguments."""
     from rich.text import Text
 
-    from idim_iv_ros.cli.next_command import next_command
+    from idim_iv_ros.cli.output import next_command
 
-    if result.verdict.verdict == "model error here":
+    if result.verdict.verdict == "misspecified":
         text = Text(f"Next: {next_command('diagnose', bags, config, '--out', 'why')}")
         console.print(text, soft_wrap=True)

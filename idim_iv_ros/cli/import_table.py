@@ -9,7 +9,7 @@ import typer
 
 from idim_iv_ros.cli.arguments import AsJson, Force, Quiet
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.formats import IMPORT_FORMAT
+from idim_iv_ros.files import IMPORT_FORMAT
 
 
 def import_command(

@@ -38,10 +38,8 @@ def init_command(
 
     Example: idim-iv init run1.mcap --urdf ur5.urdf --out ur5.yaml
     """
-    from idim_iv_ros.atomic_files import require_file_place
-    from idim_iv_ros.cli.next_command import next_command
-    from idim_iv_ros.cli.output import Output
-    from idim_iv_ros.formats import INIT_FORMAT
+    from idim_iv_ros.cli.output import Output, next_command
+    from idim_iv_ros.files import INIT_FORMAT, require_file_place
 
     output = Output(quiet=quiet, as_json=as_json)
     require_file_place([out], force=force)

@@ -22,8 +22,7 @@ def main() -> None:
     with interruption_ends_process():
         # Here, so that Ctrl-C has its answer while they are imported.
         from idim_iv_ros.cli.application import application
-        from idim_iv_ros.errors import IdimError
-        from idim_iv_ros.foreign_warnings import silence_foreign_warnings
+        from idim_iv_ros.errors import IdimError, silence_foreign_warnings
 
         silence_foreign_warnings()
         try:

@@ -1,16 +1,25 @@
 """Where a command's words go: tables for people, one JSON document for programs, or nothing."""
 
 import json
+import shlex
 import sys
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+import threading
+import time
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
+from typing import TextIO
 
+from rich import progress as bars
 from rich.console import Console
+from rich.markup import escape
 from rich.text import Text
 
-from idim_iv_ros.cli.progress import Report, shown_progress
-from idim_iv_ros.errors import UsageError
+from idim_iv_ros.errors import ReportWarning, UsageError
+from idim_iv_ros.progress import Progress
+
+INTERVAL = 5.0  # s between lines where stderr is not a terminal
 
 
 class Output:
@@ -28,7 +37,7 @@ class Output:
         self.quiet, self.as_json, self.verbose = quiet, as_json, verbose
         self.console = Console(quiet=quiet or as_json, highlight=False)
 
-    def progress(self) -> AbstractContextManager[Report]:
+    def progress(self) -> AbstractContextManager[Progress]:
         """Progress on stderr; it is gone, or stays as lines, when the work ends."""
         return shown_progress(self.quiet)
 
@@ -71,3 +80,95 @@ def require_destination(
     if not as_json:
         raise UsageError("give --out FOLDER for the report, or --json for the result on stdout")
     return nullcontext()
+
+
+@contextmanager
+def shown_progress(quiet: bool = False) -> Iterator[Progress]:
+    """Show stage, share and time: a bar on a terminal, else a line every few seconds."""
+    if quiet:
+        yield lambda stage, share: None
+        return
+    with _bar() if sys.stderr.isatty() else _lines() as report:
+        yield report
+
+
+@contextmanager
+def _bar() -> Iterator[Progress]:
+    columns = (
+        bars.TextColumn("{task.description:<28}"),
+        bars.BarColumn(),
+        bars.TimeElapsedColumn(),
+    )
+    with bars.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("loading", total=1.0)
+
+        def report(stage: str, share: float) -> None:
+            bar.update(task, description=stage, completed=share)
+
+        yield report
+
+
+@contextmanager
+def _lines() -> Iterator[Progress]:
+    """A line after each interval, also where a stage says nothing for long."""
+    begin, done = time.monotonic(), threading.Event()
+    latest = ("loading", 0.0)
+
+    def report(stage: str, share: float) -> None:
+        nonlocal latest
+        latest = (stage, share)
+
+    def print_lines() -> None:
+        while not done.wait(INTERVAL):
+            stage, share = latest
+            print(
+                f"{time.monotonic() - begin:.0f} s: {stage}, {100.0 * share:.0f} %",
+                file=sys.stderr,
+                flush=True,
+            )
+
+    printer = threading.Thread(target=print_lines, daemon=True)
+    printer.start()
+    try:
+        yield report
+    finally:
+        done.set()
+        printer.join()
+
+
+@contextmanager
+def report_warnings() -> Iterator[None]:
+    """Print each `ReportWarning` as one line on stderr; others as they were before."""
+    console = Console(stderr=True, soft_wrap=True, highlight=False)
+    with warnings.catch_warnings():
+        otherwise = warnings.showwarning
+
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
+            if issubclass(category, ReportWarning):
+                text = escape(" ".join(str(message).split()))
+                console.print(f"[bold yellow]idim-iv: warning:[/] {text}")
+            else:
+                otherwise(message, category, filename, lineno, file, line)
+
+        warnings.showwarning = show
+        warnings.simplefilter("always", ReportWarning)
+        yield
+
+
+def print_doubts(console: Console, doubts: Sequence[str]) -> None:
+    """One line for each doubt."""
+    for doubt in doubts:
+        console.print(f"[yellow]Warning:[/] {escape(doubt)}", highlight=False, soft_wrap=True)
+
+
+def next_command(command: str, bags: Sequence[Path], config: Path | str, *options: str) -> str:
+    """Return ``idim-iv COMMAND BAG… --config FILE OPTIONS``."""
+    words = [command, *map(str, bags), "--config", str(config), *options]
+    return f"idim-iv {shlex.join(words)}"

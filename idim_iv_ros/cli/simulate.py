@@ -50,15 +50,13 @@ def simulate_command(
 ) -> None:
     """Write the recording of a simulated robot, whose true parameters are known.
 
-    The robot is that of the URDF, with what the configuration says under `simulated_robot`. Beside
-    the bag stands BAG.truth.json with its true base parameters. With --effects it is the extended
-    model of `idim-iv diagnose`.
+    The robot is that of the URDF, with what the configuration says under `simulated_robot`. Its
+    true base parameters are written beside the bag, to BAG.truth.json. With --effects it is the
+    extended model of `idim-iv diagnose`.
 
     Example: idim-iv simulate --config config/tx40.yaml --out tx40.mcap --effects gap.json --seed 1
     """
-    from idim_iv_ros.cli.doubts import print_doubts
-    from idim_iv_ros.cli.next_command import next_command
-    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.cli.output import Output, next_command, print_doubts
     from idim_iv_ros.configuration import load_configuration
 
     output = Output(quiet=quiet, as_json=as_json)
@@ -114,6 +112,7 @@ def _doubts(configuration: Configuration) -> tuple[str, ...]:
 
 def _print_largest(console: Console, joints: list[str], bags: Sequence[SimulatedBag]) -> None:
     from idim_iv_ros.cli.table import Column, print_table, unbroken
+    from idim_iv_ros.model.units import unit_at
 
     columns = [
         Column("joint"),
@@ -124,8 +123,8 @@ def _print_largest(console: Console, joints: list[str], bags: Sequence[Simulated
     for column, joint in enumerate(joints):
         torque = max(float(bag.peak_torque[column]) for bag in bags)
         error = max(float(bag.peak_error[column]) for bag in bags)
-        prismatic = bags[0].joint_types[column] == "prismatic"
-        units = ("N", "mm") if prismatic else ("N m", "mrad")
-        cells = (f"{torque:.3g} {units[0]}", f"{1e3 * error:.3g} {units[1]}")
-        rows.append((joint, *map(unbroken, cells)))
+        units = (unit_at(unit, bags[0].joint_types[column]) for unit in ("N m", "mrad"))
+        cells = (f"{torque:.3g}", f"{1e3 * error:.3g}")
+        shown = (f"{cell} {unit}" for cell, unit in zip(cells, units, strict=True))
+        rows.append((joint, *map(unbroken, shown)))
     print_table(console, "Largest over the recording", columns, rows)

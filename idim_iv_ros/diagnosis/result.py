@@ -1,26 +1,19 @@
-"""What a diagnosis found: plain values that are saved, reported and published."""
+"""What a diagnosis found: the document gap.json, and the series that its report draws."""
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
 
-from idim_iv_ros.formats import GAP_FORMAT
+from pydantic import Field
+
+from idim_iv_ros.documents import Document, HighEnd, LowEnd, Number, Unsaved
+from idim_iv_ros.effects.cause import EffectParameter as EffectParameter
+from idim_iv_ros.effects.cause import Family as Family
+from idim_iv_ros.effects.cause import Kind as Kind
+from idim_iv_ros.files import GAP_FORMAT
 from idim_iv_ros.recording import SessionPart
 from idim_iv_ros.types import FloatArray
 
-FORMAT = GAP_FORMAT
-
 Verdict = Literal["none", "parametric", "structural", "both", "unknown"]
-Kind = Literal["parametric", "structural"]
-Family = Literal["velocity", "position", "load", "time", "frequency", "event"]
-
-
-@dataclass(frozen=True)
-class EffectParameter:
-    """One number of an effect; `std` is None where it cannot be told."""
-
-    value: float
-    std: float | None
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -33,16 +26,16 @@ class Evidence:
         Twice the logarithm of the likelihood ratio, of whitened residuals, with and without
         (structural); Wald statistic of the change of the parameters (parametric).
     p_value : float
-        With the choice among all candidates paid for (Bonferroni).
+        Corrected for the choice among all candidates (Bonferroni).
     held_out_gain : float or None
-        Share of the energy of the whitened residual that goes, on blocks not used to fit; None
-        where it cannot be told.
+        Share of the energy of the whitened residual that the effect removes, on blocks not used to
+        fit; None where there are no such blocks.
     folds_positive : str
         On how many of the held-out blocks the effect helps: ``5 of 6``.
     """
 
-    statistic: float
-    p_value: float
+    statistic: Number
+    p_value: Number
     held_out_gain: float | None
     folds_positive: str
 
@@ -56,7 +49,7 @@ class Indistinguishable:
 
     effect: str
     joint: str | None
-    correlation: float
+    correlation: Number
 
 
 @dataclass(frozen=True)
@@ -76,11 +69,20 @@ class Gap:
         Of the shrinkage, by a bootstrap over blocks of time.
     """
 
-    before: float
-    after: float
+    before: Number
+    after: Number
     noise_floor: float | None
     shrinkage: float | None
-    ci95: tuple[float, float] | None
+    ci95: tuple[Number, Number] | None
+
+
+@dataclass(frozen=True)
+class SimulationGap(Gap):
+    """A tracking error before and after; nothing says which part of it is noise."""
+
+    noise_floor: Annotated[None, Field(exclude=True)] = None
+    shrinkage: float | None = None
+    ci95: tuple[Number, Number] | None = None
 
 
 @dataclass(frozen=True)
@@ -98,9 +100,9 @@ class JointChange:
     """
 
     joint: str
-    before: float
-    after: float
-    share_of_torque: float
+    before: Number
+    after: Number
+    share_of_torque: Number
 
 
 @dataclass(frozen=True)
@@ -123,14 +125,14 @@ class ParameterError:
     """
 
     joint: str
-    given: float
-    named: float
-    refit: float
-    remaining: float
-    share_of_torque: float
+    given: Number
+    named: Number
+    refit: Number
+    remaining: Number
+    share_of_torque: Number
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Cause:
     """One accepted cause of the gap.
 
@@ -143,44 +145,44 @@ class Cause:
         None where the cause belongs to no joint.
     other_joint : str or None
         The second joint of a coupling.
+    sentence : str
+        What a robot engineer should read: where, what, how large, how far the gap shrinks.
     parameters : dict of str to EffectParameter
     evidence : Evidence
     indistinguishable_from : tuple of Indistinguishable
     torque_gap : Gap
         At the joint; over all joints where it belongs to none.
-    simulation_gap : Gap or None
-        Tracking error of the simulated closed loop against the recorded one; None where the
-        loop cannot be simulated.
-    sentence : str
-        What a robot engineer should read: where, what, how large, how far the gap shrinks.
     joint_gaps : tuple of JointChange
         Joints whose torque gap it changes noticeably, its own first.
+    simulation_gap : SimulationGap or None
+        Tracking error of the simulated closed loop against the recorded one; None where the
+        loop cannot be simulated.
     """
 
     effect: str
     kind: Kind
     joint: str | None
     other_joint: str | None
+    sentence: str
     parameters: dict[str, EffectParameter]
     evidence: Evidence
     indistinguishable_from: tuple[Indistinguishable, ...]
     torque_gap: Gap
-    simulation_gap: Gap | None
-    sentence: str
     joint_gaps: tuple[JointChange, ...] = ()
+    simulation_gap: SimulationGap | None
 
 
 @dataclass(frozen=True)
 class Unexplained:
     """What no effect of the catalogue explains.
 
-    `share`: of the energy of the whitened residual at that joint, 0 to 1: what a function without
-    a name takes off that of the refit; of events, what the largest hundredth of the samples hold.
+    `share`: of the energy of the whitened residual at that joint, 0 to 1: what the nonparametric
+    alternative takes off that of the refit; of events, what the largest 1 % of the samples hold.
     """
 
     joint: str
     family: Family
-    share: float
+    share: Number
     where: str
 
 
@@ -206,7 +208,7 @@ class JointGap:
     joint: str
     rms: float
     relative_percent: float | None
-    share: float
+    share: Number
     noise_floor: float | None
     floor_origin: str
 
@@ -222,7 +224,7 @@ class Regime:
         ``speed``, ``direction``, ``position``, ``load``, ``time``, ``reversal`` (distance since
         the last one) or ``frequency``.
     low, high : float
-        Of the axis, in `unit`.
+        Of the axis, in `unit`; infinite where the end is open.
     unit : str
     energy_share, occupancy : float
         Share of the joint's gap energy, and of its samples, 0 to 1.
@@ -234,13 +236,21 @@ class Regime:
 
     joint: str
     axis: str
-    low: float
-    high: float
+    low: LowEnd
+    high: HighEnd
     unit: str
-    energy_share: float
-    occupancy: float
-    lift: float
-    ci95: tuple[float, float] | None
+    energy_share: Number
+    occupancy: Number
+    lift: Number
+    ci95: tuple[Number, Number] | None
+
+
+@dataclass(frozen=True)
+class Where:
+    """Where the gap lies: joint by joint, and the regimes, largest lift first."""
+
+    joints: tuple[JointGap, ...]
+    regimes: tuple[Regime, ...]
 
 
 @dataclass(frozen=True)
@@ -260,7 +270,7 @@ class NotTestable:
 
 @dataclass(frozen=True)
 class Stage:
-    """One model on the way from the given to the extended one.
+    """One model on the way from the nominal to the extended one.
 
     Attributes
     ----------
@@ -276,16 +286,16 @@ class Stage:
         Why something is missing; empty otherwise.
     """
 
-    name: str
-    torque_rms: dict[str, float]
-    torque_ci95: dict[str, tuple[float, float]]
-    tracking_rms: dict[str, float] | None
+    name: Annotated[str, Field(alias="stage")]
+    torque_rms: dict[str, Number]
+    torque_ci95: dict[str, tuple[Number, Number]]
+    tracking_rms: dict[str, Number] | None
     note: str
 
 
 @dataclass(frozen=True)
 class Confusability:
-    """How alike candidates are on this recording, from the motion alone.
+    """Which candidates this recording confuses, from the motion alone.
 
     Attributes
     ----------
@@ -367,6 +377,46 @@ class SignalChain:
 
 
 @dataclass(frozen=True)
+class Difference:
+    """A parametric cause by which one recording differs from the others: theirs is the nominal."""
+
+    effect: str
+    joint: str | None
+    parameters: dict[str, EffectParameter]
+
+
+@dataclass(frozen=True)
+class RecordingAgreement:
+    """Whether the parameters of the other recordings hold for this one.
+
+    Attributes
+    ----------
+    bag : str
+    agrees : bool
+    statistic : float
+        F, of H0: one set of base parameters holds for it and the others.
+    df, df_denom : int
+    p_value : float
+    joint : str
+        Where it differs most.
+    share_of_torque : float
+        How much there, on blocks of time that were not fitted, as a share of the torque (rms).
+    differences : tuple of Difference
+        What differs; empty where it agrees, or where nothing of the catalogue explains it.
+    """
+
+    bag: str
+    agrees: bool
+    statistic: Number
+    df: int
+    df_denom: int
+    p_value: Number
+    joint: str
+    share_of_torque: Number
+    differences: tuple[Difference, ...] = ()
+
+
+@dataclass(frozen=True)
 class TrackingSeries:
     """Tracking error of one joint in one recording, thinned for the figures; (s,) each, rad."""
 
@@ -378,16 +428,19 @@ class TrackingSeries:
     after: FloatArray | None
 
 
-@dataclass(frozen=True)
-class GapResult:
-    """Outcome of a diagnosis; see the classes above.
+@dataclass(frozen=True, kw_only=True)
+class GapResult(Document):
+    """Outcome of a diagnosis: gap.json, and what its report draws.
 
     Attributes
     ----------
+    format : str
     robot : str
     joints, joint_types : tuple of str
     bags : tuple of str
-    software, configuration : dict
+    session : tuple of SessionPart
+        Where each recording lies in the time of the session, in the order of `bags`.
+    software : dict
     without : tuple of str
         Effects that were left out of the catalogue.
     verdict : str
@@ -396,54 +449,70 @@ class GapResult:
     causes : tuple of Cause
         Strongest first.
     unexplained : Unexplained or None
-    joint_gaps : tuple of JointGap
-    regimes : tuple of Regime
-        Largest lift first.
+    parameter_errors : tuple of ParameterError
+        One for each joint; empty without a nominal model.
+    signal_chain : SignalChain or None
+    recordings : tuple of RecordingAgreement
+        In the order of `bags`; empty of a single recording.
+    where : Where
     findings : tuple of str
         The top regimes in words.
     not_testable : tuple of NotTestable
     stages : tuple of Stage
-    confusability : tuple of Confusability
-    series : tuple of GapSeries
-    tracking : tuple of TrackingSeries
     notes : tuple of str
         What could not be done and why.
     extended_parameters : dict of str to EffectParameter
         Base parameters of the extended model.
+    configuration : dict
     timing : dict of str to float
         Seconds by stage.
-    recorded : float or None
-        Length of all recordings together, without the pauses between them, s.
-    session : tuple of SessionPart
-        Where each recording lies in the time of the session, in the order of `bags`.
-    parameter_errors : tuple of ParameterError
-        One for each joint; empty without a nominal model.
-    signal_chain : SignalChain or None
+    confusability : tuple of Confusability
+    series : tuple of GapSeries
+    tracking : tuple of TrackingSeries
+        These three are for the report and not in the document.
     """
 
+    what: ClassVar[str] = "a diagnosis"
+    written_by: ClassVar[str] = "diagnose"
+
+    format: Literal["idim_iv_ros/gap/1"] = GAP_FORMAT
     robot: str
     joints: tuple[str, ...]
     joint_types: tuple[str, ...]
     bags: tuple[str, ...]
+    session: tuple[SessionPart, ...] = ()
     software: dict[str, str]
-    configuration: dict[str, object]
     without: tuple[str, ...]
     verdict: Verdict
     summary: str
     causes: tuple[Cause, ...]
     unexplained: Unexplained | None
-    joint_gaps: tuple[JointGap, ...]
-    regimes: tuple[Regime, ...]
+    parameter_errors: tuple[ParameterError, ...] = ()
+    signal_chain: SignalChain | None = None
+    recordings: tuple[RecordingAgreement, ...] = ()
+    where: Where
     findings: tuple[str, ...]
     not_testable: tuple[NotTestable, ...]
     stages: tuple[Stage, ...]
-    confusability: tuple[Confusability, ...]
-    series: tuple[GapSeries, ...]
-    tracking: tuple[TrackingSeries, ...]
     notes: tuple[str, ...]
     extended_parameters: dict[str, EffectParameter]
-    timing: dict[str, float] = field(default_factory=dict)
-    recorded: float | None = None
-    session: tuple[SessionPart, ...] = ()
-    parameter_errors: tuple[ParameterError, ...] = ()
-    signal_chain: SignalChain | None = None
+    configuration: dict[str, object]
+    timing: dict[str, Number] = field(default_factory=dict)
+    confusability: Unsaved[tuple[Confusability, ...]] = field(default=(), compare=False)
+    series: Unsaved[tuple[GapSeries, ...]] = field(default=(), compare=False)
+    tracking: Unsaved[tuple[TrackingSeries, ...]] = field(default=(), compare=False)
+
+    @property
+    def joint_gaps(self) -> tuple[JointGap, ...]:
+        """The gap of the nominal model, joint by joint."""
+        return self.where.joints
+
+    @property
+    def regimes(self) -> tuple[Regime, ...]:
+        """Parts of the joints' samples, largest lift first."""
+        return self.where.regimes
+
+    @property
+    def recorded(self) -> float | None:
+        """Length of all recordings together, without the pauses, s; None where not known."""
+        return sum(part.duration for part in self.session) if self.session else None

@@ -5,18 +5,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import Gap, Stage, TrackingSeries
+from idim_iv_ros.diagnosis.result import EffectParameter, SimulationGap, Stage, TrackingSeries
+from idim_iv_ros.diagnosis.structural.causes import NamedModel, effect_parameters, simulated_effects
+from idim_iv_ros.effects.effect import Place
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.estimation import SimulatedLoop
-from idim_iv_ros.signals import Motion, central_differences
-from idim_iv_ros.simulation import ControlLaw, SimulatedEffect, simulate_closed_loop
+from idim_iv_ros.estimation.instruments import SimulatedLoop
+from idim_iv_ros.signals import Motion
+from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
+from idim_iv_ros.simulation.replay import replay
 from idim_iv_ros.types import FloatArray
-
-MOST_POINTS = 1500
-# A loop further from the recorded motion than this many times its spread has not followed it.
-_LOST = 1.0
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,9 @@ def simulated_tracking(
         positions.append(position[motion.span])
         errors.append(error)
         spread = np.ptp(measured, axis=0)
-        lost = np.flatnonzero(np.abs(error).max(axis=0) > _LOST * np.maximum(spread, 1e-3))
+        lost = np.flatnonzero(
+            np.abs(error).max(axis=0) > settings.SIMULATION_LOST * np.maximum(spread, 1e-3)
+        )
         if len(lost):
             problem = f"{motion.signals.name}: simulated {data.joints[lost[0]]} leaves the motion"
             return Tracking(data.joints, (), (), rates, problem)
@@ -116,27 +118,20 @@ def _simulated(
     start_time: float,
 ) -> tuple[FloatArray | None, str]:
     """Positions (n_samples, n_joints) of the whole record, or why there are none."""
-    model, signals = data.prepared.model, motion.signals
-    if signals.position_reference is None:
-        return None, f"not simulated: {signals.name} has no reference"
-    velocity, _ = central_differences(motion.position, rate=signals.rate, start=0, stop=1)
+    model, name = data.prepared.model, motion.signals.name
     try:
-        result = simulate_closed_loop(
+        result = replay(
             model.robot,
             model.dynamic_parameters(values),
             law,
-            rate=signals.rate,
-            position_reference=signals.position_reference,
-            velocity_reference=signals.velocity_reference,
-            initial_position=motion.position[0],
-            initial_velocity=velocity[0],
-            effects=list(effects),
+            motion,
+            effects=effects,
             start_time=start_time,
         )
     except UsageError as error:
         return None, f"not simulated: {error}"
     if result.diverged is not None:
-        return None, f"the simulation diverges: {signals.name}: {result.diverged}"
+        return None, f"the simulation diverges: {name}: {result.diverged}"
     return motion.filtered(result.position), ""
 
 
@@ -148,7 +143,7 @@ def with_tracking(stages: Sequence[Stage], tracked: Sequence[Tracking]) -> tuple
     )
 
 
-def simulation_gap(before: Tracking, after: Tracking, joint: int | None) -> Gap | None:
+def simulation_gap(before: Tracking, after: Tracking, joint: int | None) -> SimulationGap | None:
     """Tracking error before and after, at a joint or (root of the sum of squares) at all."""
     if before.note or after.note:
         return None
@@ -160,10 +155,10 @@ def simulation_gap(before: Tracking, after: Tracking, joint: int | None) -> Gap 
     pair = np.column_stack(sums)
     one, two = (float(np.sqrt(total / seconds)) for total in pair.sum(axis=0))
     if one <= 0.0:
-        return Gap(one, two, None, None, None)
+        return SimulationGap(one, two)
     draws = resampled(pair)
     ratio = 1.0 - np.sqrt(draws[:, 1] / np.maximum(draws[:, 0], 1e-300))
-    return Gap(one, two, None, 1.0 - two / one, interval(ratio))
+    return SimulationGap(one, two, None, 1.0 - two / one, interval(ratio))
 
 
 def tracking_series(
@@ -176,7 +171,7 @@ def tracking_series(
         if reference is None:
             continue
         wanted = reference[motion.span]
-        thin = slice(None, None, -(-len(wanted) // MOST_POINTS))
+        thin = slice(None, None, -(-len(wanted) // settings.MOST_POINTS))
         simulated = [
             None if each is None or each.note else wanted - each.positions[number]
             for each in (before, after)
@@ -195,3 +190,41 @@ def tracking_series(
                 )
             )
     return tuple(made)
+
+
+def tracked_stages(data: Baseline, model: NamedModel, given: FloatArray | None) -> list[Tracking]:
+    """Tracking of every stage, in their order.
+
+    Parameters
+    ----------
+    given
+        (b,) base parameters of the nominal model; None where there is none, nor its stage.
+    """
+    tracked = [] if given is None else [simulated_tracking(data, given)]
+    effects: list[tuple[str, Place, dict[str, EffectParameter]]] = []
+    for number, fit in enumerate(model.fits):
+        if number > 0:
+            candidate = model.found[number - 1].candidate
+            parameters = effect_parameters(model, number - 1)
+            effects.append((candidate.effect.name, candidate.place, parameters))
+        simulated = simulated_effects(data, effects)
+        tracked.append(simulated_tracking(data, fit.values, simulated))
+        if number > 0 and tracked[-1].note and not tracked[-2].note:
+            # The stages that follow do without it, rather than without any simulation.
+            dropped = effects.pop()[0]
+            kept = simulated_tracking(data, fit.values, simulated_effects(data, effects))
+            if not kept.note:
+                note = f"simulated without {dropped}: {tracked[-1].note}"
+                tracked[-1] = replace(kept, caveat=note)
+    return tracked
+
+
+def simulation_gaps(model: NamedModel, tracked: Sequence[Tracking]) -> list[SimulationGap | None]:
+    """Gap of the simulated motion at the joint of each effect, before and after it."""
+    refit = len(tracked) - len(model.fits)
+    return [
+        simulation_gap(
+            tracked[refit + number], tracked[refit + number + 1], found.candidate.place.joint
+        )
+        for number, found in enumerate(model.found)
+    ]

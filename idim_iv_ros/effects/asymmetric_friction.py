@@ -2,19 +2,35 @@
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape, ShareOf, column, number
+from idim_iv_ros.compilation import kernel
+from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
+from idim_iv_ros.effects.effect import (
+    OperatingRange,
+    Place,
+    Shape,
+    ShareOf,
+    StructuralEffect,
+    column,
+)
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
 
-class AsymmetricFriction(Effect):
+@kernel
+def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
+    """Values: offset, viscous."""
+    return Torque(0.0, at.direction * p[1], p[0], 0.0)
+
+
+_LAW = TorqueLaw(_torque)
+
+
+class AsymmetricFriction(StructuralEffect[Shape]):
     """viscous · |dq|: half the difference of viscous friction between the directions.
 
     Half the difference of dry friction is a constant torque, which the model has: it is a
-    `torque_offset`, which no recording separates from it.
-
-    Simulated by `simulation.effect_kernel.effect_torques`.
+    `torque_offset`, which no recording separates from it. The simulator has it as `offset`.
     """
 
     name = "asymmetric_friction"
@@ -22,20 +38,22 @@ class AsymmetricFriction(Effect):
     family = "velocity"
     confounders = ("spring",)
     excitation = "the same path in both directions, at several speeds and postures"
+    segments = ("range_sweep", "plateau")
     typical = ShareOf("dry friction", 0.1)  # 5 to 20 %
+    specs = (
+        ParameterSpec("offset", "N m", "constant torque"),
+        ParameterSpec(
+            "viscous", "N m s/rad", "half of viscous friction forwards less that backwards"
+        ),
+    )
+    laws = (_LAW,)
 
     def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
-        """One."""
-        return [()]
+        """Return the only one."""
+        return [Shape()]
 
-    def neighbours(
-        self, shape: Shape, step: float, place: Place, covered: OperatingRange
-    ) -> list[Shape]:
-        """None."""
-        return []
-
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
-        """See the class."""
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """|dq|."""
         return column(place.joint, np.abs(motion.velocity[:, place.joint]))
 
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
@@ -46,4 +64,9 @@ class AsymmetricFriction(Effect):
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
         """Half the difference."""
-        return {"viscous": number(coefficients[0], deviations[0], "N m s/rad")}
+        return self.numbers(viscous=(coefficients[0], deviations[0]))
+
+    def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
+        """Friction that is not dry."""
+        values = (given.value["offset"], given.value["viscous"])
+        return [TorqueTerm(_LAW, values, friction=True)]

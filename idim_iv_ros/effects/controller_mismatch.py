@@ -1,25 +1,37 @@
 """A robot that is controlled otherwise than its configuration says."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.signals import JointSignals
-from idim_iv_ros.simulation import ControlLaw
+from idim_iv_ros.effects.cause import Cause, EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.contribution import LawChange
 from idim_iv_ros.types import FloatArray
+
+if TYPE_CHECKING:  # a simulation, which has all effects, needs no filters
+    from idim_iv_ros.signals import JointSignals
 
 GROUPS = ("kp", "kd", "ki", "feedforward_acceleration", "feedforward_velocity")
 LAG = "lag"
-_UNITS = {
-    "kp": "N m/rad",
-    "kd": "N m s/rad",
-    "ki": "N m/(rad s)",
-    "feedforward_acceleration": "kg m²",
-    "feedforward_velocity": "N m s/rad",
-    LAG: "s",
-}
+
+
+class ConfiguredLaw(Protocol):
+    """What is used of a control law (`simulation.ControlLaw`)."""
+
+    @property
+    def torque_gains(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """kp, kd, ki from errors to torque, (n_joints,) each."""
+
+    @property
+    def uses_velocity_reference(self) -> bool:
+        """Whether kd acts on the error of the speed."""
+
+    @property
+    def feedforward(self) -> FloatArray | None:
+        """(n_samples, n_joints) N m (N)."""
 
 
 @dataclass(frozen=True)
@@ -44,19 +56,33 @@ class CommandParts:
     groups: dict[str, FloatArray]
 
 
-class ControllerMismatch:
-    """Recorded command = law + changes of gains + feedforward − lag · d(command)/dt.
-
-    Simulated by `simulation.effect_signals.mismatched` and `simulation.effect_signals.lags`.
-    """
+class ControllerMismatch(Cause):
+    """Recorded command = law + changes of gains + feedforward − lag · d(command)/dt."""
 
     name = "controller_mismatch"
     kind = "structural"
+    order = 200
     confounders = ("time_delay",)
     excitation = "references that change quickly enough to leave a tracking error"
+    segments = ("multisine",)
+    # Gains that are not named stay as configured.
+    specs = (
+        ParameterSpec("kp", "N m/rad", "kp in use", math.nan),
+        ParameterSpec("kd", "N m s/rad", "kd in use", math.nan),
+        ParameterSpec("ki", "N m/(rad s)", "ki in use", math.nan),
+        ParameterSpec(
+            "feedforward_acceleration", "kg m²", "feedforward over reference acceleration"
+        ),
+        ParameterSpec("feedforward_velocity", "N m s/rad", "feedforward over reference velocity"),
+        ParameterSpec(LAG, "s", "lag of the command", bound="not negative"),
+    )
+
+    def contributions(self, given: GivenNumbers) -> list[LawChange]:
+        """The law that the robot runs."""
+        return [LawChange(**given.value)]
 
     def parts(
-        self, signals: JointSignals, law: ControlLaw, joint: int, speed: FloatArray
+        self, signals: "JointSignals", law: ConfiguredLaw, joint: int, speed: FloatArray
     ) -> CommandParts:
         """Evaluate the law with a speed (n_samples,); the recording must have references."""
         reference = signals.position_reference
@@ -85,7 +111,7 @@ class ControllerMismatch:
         return CommandParts(command, np.gradient(command, step), acceleration, groups)
 
     def parameters(
-        self, law: ControlLaw, joint: int, changes: Mapping[str, tuple[float, float]]
+        self, law: ConfiguredLaw, joint: int, changes: Mapping[str, tuple[float, float]]
     ) -> dict[str, EffectParameter]:
         """Return what the robot really uses, from (change, std) by group.
 
@@ -93,7 +119,9 @@ class ControllerMismatch:
         """
         kp, kd, ki = (float(gain[joint]) for gain in law.torque_gains)
         given = {"kp": kp, "kd": kd, "ki": ki}
-        return {
-            name: EffectParameter(given.get(name, 0.0) + change, std, _UNITS[name])
-            for name, (change, std) in changes.items()
-        }
+        return self.numbers(
+            **{
+                name: (given.get(name, 0.0) + change, std)
+                for name, (change, std) in changes.items()
+            }
+        )

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from idim_iv_ros.diagnosis.result import Indistinguishable
+from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.parametric_effect import (
     Change,
     Estimated,
@@ -16,15 +16,15 @@ class DriveInertia(ParametricEffect):
 
     Where the configuration gives no armature, the nominal model lacks the inertia of every drive:
     that is one cause without a joint, with one number for each drive. The inertials of the URDF
-    are taken as they are, since a link about its own axis cannot be told from its drive.
-
-    Simulated with the base parameters, which hold it.
+    are taken as they are, since no torque separates a link about its own axis from its drive.
     """
 
     name = "drive_inertia"
     order = 50
     confounders = ("link_inertia", "payload", "time_delay")
     excitation = "fast motion of this joint and of those it is coupled to"
+    segments = ("multisine",)
+    specs = (ParameterSpec("change_of_drive_inertia", "kg m²", "drive inertia less the given one"),)
 
     def places(self, space: ParameterSpace) -> list[int | None]:
         """Each joint, or none where no drive has an inertia."""
@@ -46,11 +46,11 @@ class DriveInertia(ParametricEffect):
         """Where no armature is given."""
         return bool(space.bare_drives)
 
-    def inseparable_from(self, space: ParameterSpace) -> tuple[Indistinguishable, ...]:
+    def inseparable_from(self, space: ParameterSpace) -> tuple[tuple[str, str], ...]:
         """Links of the joints whose drive has no base parameter of its own (ZZ1 + Ia1)."""
         joints, names = space.model.robot.joints, space.model.base.names
         grouped = [drive for drive in sorted(space.bare_drives) if f"Ia{drive + 1}" not in names]
-        return tuple(Indistinguishable("link_inertia", joints[drive], 1.0) for drive in grouped)
+        return tuple(("link_inertia", joints[drive]) for drive in grouped)
 
     def subject(self, place: str) -> str:
         """Of one drive, or of all."""

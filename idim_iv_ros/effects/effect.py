@@ -1,16 +1,39 @@
-"""What every effect of the catalogue tells about itself."""
+"""What every structural effect declares about itself: physics that the nominal model lacks."""
 
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import ClassVar, Literal
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.result import EffectParameter, Family
+from idim_iv_ros.effects.cause import Cause, EffectParameter, Family
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
-Shape = tuple[float, ...]
+_LEAST_SPEED = 0.25  # rad/s: Stribeck speeds of arms are 0.02 to 0.3 rad/s
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What enters the torque of an effect otherwise than linearly: fields of floats and choices.
+
+    A choice (`bool`) is not searched in small steps, and a tuple of floats belongs to terms that
+    are added (see `StructuralEffect.longer`).
+    """
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """All of them, choices as 0 and 1."""
+        values = (getattr(self, field.name) for field in fields(self))
+        return tuple(
+            float(number)
+            for value in values
+            for number in (value if isinstance(value, tuple) else (value,))
+        )
+
+
+S = TypeVar("S", bound=Shape)
 
 
 @dataclass(frozen=True)
@@ -65,6 +88,14 @@ class OperatingRange:
         """Unit of the positions of a joint."""
         return "rad" if float(self.lever[joint]) == 1.0 else "m"
 
+    def too_slow_to_bend(self, joint: int) -> str:
+        """Why a joint's motion cannot show friction that bends with the speed; empty if it may."""
+        fastest = float(self.fastest[joint])
+        if fastest >= _LEAST_SPEED * float(self.lever[joint]):
+            return ""
+        length = self.length(joint)
+        return f"the joint moves at most {fastest:.2g} {length}/s: too slow to show bent friction"
+
 
 @dataclass(frozen=True)
 class JointScale:
@@ -101,24 +132,20 @@ class ShareOf:
         return self.share * (scale.dry_friction if self.of == "dry friction" else scale.peak)
 
 
-class Effect(ABC):
+class StructuralEffect(Cause, Generic[S]):
     """One effect that a simulator may lack.
 
-    Its torque is linear in its coefficients for a given *shape*, a tuple of numbers that enter
-    otherwise (a speed, a wave number, a delay); shapes are searched on a grid and refined.
+    Its torque is linear in its coefficients for a given *shape* (a speed, a wave number, a delay);
+    shapes are searched on a grid and refined.
     """
 
-    name: ClassVar[str]
-    # Place in the catalogue: where two explain alike, the lower one counts.
-    order: ClassVar[int]
+    kind = "structural"
     family: ClassVar[Family]
-    confounders: ClassVar[tuple[str, ...]] = ()
-    excitation: ClassVar[str]
     # Whether its law has a constant part, which is no torque offset then.
     with_constant: ClassVar[bool] = False
-    # Logarithm of the likelihood that the effect must bring beyond its penalty. More where its
-    # torque is made of high derivatives: noise of the encoders is then in both sides.
-    least_support: ClassVar[float] = 8.0
+    # Whether its torque is made of high derivatives: noise of the encoders is then in both sides,
+    # and the diagnosis asks for more support.
+    of_high_derivatives: ClassVar[bool] = False
     # Whether the shape may vary beside the coefficients; not where one stands for its change.
     free_shape: ClassVar[bool] = True
     # Where its size sits: in the coefficients, in one coefficient that scales a shape (which holds
@@ -132,42 +159,40 @@ class Effect(ABC):
         return [Place(joint) for joint in range(joints)]
 
     @abstractmethod
-    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+    def grid(self, place: Place, covered: OperatingRange) -> Sequence[S]:
         """Shapes to try first."""
 
-    def branches(self, grid: list[Shape]) -> list[list[Shape]]:
+    def branches(self, grid: Sequence[S]) -> list[Sequence[S]]:
         """Parts of the grid that are searched apart, for shapes of different kinds."""
         return [grid]
 
     @abstractmethod
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: S) -> dict[int, FloatArray]:
         """Torque of unit coefficients, (s, k) by joint: what the motor must bring up more."""
 
     @abstractmethod
     def parameters(
-        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+        self, shape: S, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
         """Numbers that mean something to an engineer; deviations are those of the coefficients."""
 
-    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+    def admissible(self, shape: S, coefficients: FloatArray) -> bool:
         """Whether physics allows these coefficients: by default the first is not negative."""
         return bool(coefficients[0] >= 0.0)
 
-    def free_numbers(self, shape: Shape) -> int:
-        """How many numbers of the shape the search may choose."""
-        return len(shape)
+    def free_numbers(self, shape: S) -> int:
+        """How many numbers of the shape the search may choose: all by default."""
+        return len(shape.numbers)
 
-    def neighbours(
-        self, shape: Shape, step: float, place: Place, covered: OperatingRange
-    ) -> list[Shape]:
+    def neighbours(self, shape: S, step: float, place: Place, covered: OperatingRange) -> list[S]:
         """Shapes near one: each number larger and smaller by the factor 1 + step."""
-        near = []
-        for k, number in enumerate(shape):
-            for factor in (1.0 + step, 1.0 / (1.0 + step)):
-                near.append((*shape[:k], number * factor, *shape[k + 1 :]))
-        return near
+        return [
+            replace(shape, **{name: value})
+            for name, given in vars(shape).items()
+            for value in _varied(given, 1.0 + step)
+        ]
 
-    def settled(self, shape: Shape, coefficients: FloatArray) -> Shape:
+    def settled(self, shape: S, coefficients: FloatArray) -> S:
         """Shape with about the same torque for coefficients that physics allows; itself by default.
 
         Asked where the search ends at coefficients that it does not allow.
@@ -177,12 +202,12 @@ class Effect(ABC):
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
         """Why a joint's motion cannot show it whatever its size; empty where it may.
 
-        What holds for every effect is in `gap.motion_limits`.
+        What holds for every effect is in `diagnosis.identifiability.motion_limits`.
         """
         return ""
 
     def plausible(
-        self, shape: Shape, coefficients: FloatArray, torque: float, scale: JointScale
+        self, shape: S, coefficients: FloatArray, torque: float, scale: JointScale
     ) -> bool:
         """Whether arms may well have it in this size: any, unless `typical` bounds the torque.
 
@@ -195,19 +220,35 @@ class Effect(ABC):
         """
         return self.typical is None or torque <= self.typical.torque(scale)
 
-    def size_in_words(self, shape: Shape, coefficients: FloatArray, torque: float) -> str:
+    def size_in_words(self, shape: S, coefficients: FloatArray, torque: float) -> str:
         """First number that is fitted and not zero, with its unit and the largest torque."""
         found = self.parameters(shape, coefficients, np.zeros(len(coefficients)))
         return in_words(found, torque)
 
-    def longer(self, shape: Shape, place: Place, covered: OperatingRange) -> list[Shape]:
-        """Shapes with one more term; none by default."""
+    def size_of(self, shape: S) -> float:
+        """Size of an effect that has it in its shape (see `size_in`): the first number."""
+        return shape.numbers[0]
+
+    def longer(self, shape: S, place: Place, covered: OperatingRange) -> list[tuple[S, S]]:
+        """Shapes with one term more, each with the shape of that term alone; none by default."""
         return []
 
 
-def direction(speed: FloatArray) -> FloatArray:
-    """Sign of the speed."""
-    return np.asarray(np.sign(speed))
+def _varied(given: bool | float | tuple[float, ...], factor: float) -> list[Any]:
+    """Values of a field near a given one: larger and smaller, of a tuple each number."""
+    if isinstance(given, bool):
+        return []
+    if isinstance(given, tuple):
+        return [
+            (*given[:k], value, *given[k + 1 :])
+            for k, number in enumerate(given)
+            for value in (number * factor, number / factor)
+        ]
+    return [given * factor, given / factor]
+
+
+# One of any shape, for those who hand its shapes back to it.
+Effect = StructuralEffect[Any]
 
 
 def column(joint: int, values: FloatArray) -> dict[int, FloatArray]:
@@ -218,11 +259,6 @@ def column(joint: int, values: FloatArray) -> dict[int, FloatArray]:
 def logarithmic(low: float, high: float, count: int) -> FloatArray:
     """Count numbers from low to high, evenly spaced in their logarithm."""
     return np.asarray(np.geomspace(low, max(high, 1.01 * low), count))
-
-
-def number(value: float, std: float | None, unit: str) -> EffectParameter:
-    """One parameter, as plain floats."""
-    return EffectParameter(float(value), None if std is None else float(std), unit)
 
 
 def in_words(found: dict[str, EffectParameter], torque: float) -> str:

@@ -1,10 +1,14 @@
 """An encoder disc off its centre."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place, Shape, number
+from idim_iv_ros.compilation import kernel
+from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.contribution import EncoderError, EncoderLaw
+from idim_iv_ros.effects.effect import JointScale, OperatingRange, Place, Shape, StructuralEffect
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
 _NAMES = ("sine", "cosine", "sine_2", "cosine_2")
@@ -12,12 +16,28 @@ _TYPICAL = 0.002  # rad, of 0.01 to 5 mrad
 _LEAST_TURN = 0.5  # rad
 
 
-class EncoderEccentricity(Effect):
-    """q_measured = q + sine sin q + cosine cos q (+ twice a turn); shape: 1 or 2 terms.
+@dataclass(frozen=True)
+class DiscShape(Shape):
+    """Whether the error also turns twice a turn."""
+
+    twice: bool
+
+
+@kernel
+def _error(p: FloatArray, q: float) -> tuple[float, float]:
+    """Values: sine, cosine, sine_2, cosine_2."""
+    s1, c1, s2, c2 = np.sin(q), np.cos(q), np.sin(2.0 * q), np.cos(2.0 * q)
+    error = p[0] * s1 + p[1] * c1 + p[2] * s2 + p[3] * c2
+    return error, p[0] * c1 - p[1] * s1 + 2.0 * (p[2] * c2 - p[3] * s2)
+
+
+_LAW = EncoderLaw(_error)
+
+
+class EncoderEccentricity(StructuralEffect[DiscShape]):
+    """q_measured = q + sine sin q + cosine cos q (+ twice a turn).
 
     The model is evaluated at the wrong position: to first order all torques move.
-
-    Simulated by `simulation.effect_kernel.measure`.
     """
 
     name = "encoder_eccentricity"
@@ -25,19 +45,19 @@ class EncoderEccentricity(Effect):
     family = "position"
     confounders = ("spring", "position_ripple")
     excitation = "fast full turns, or a second encoder on the link"
+    segments = ("range_sweep",)
+    specs = tuple(
+        ParameterSpec(name, "rad", f"encoder error with {words}")
+        for name, words in zip(_NAMES, ("sin q", "cos q", "sin 2q", "cos 2q"), strict=True)
+    )
+    laws = (_LAW,)
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+    def grid(self, place: Place, covered: OperatingRange) -> list[DiscShape]:
         """Once, or once and twice a turn."""
-        return [(1.0,), (2.0,)]
+        return [DiscShape(False), DiscShape(True)]
 
-    def neighbours(
-        self, shape: Shape, step: float, place: Place, covered: OperatingRange
-    ) -> list[Shape]:
-        """None."""
-        return []
-
-    def free_numbers(self, shape: Shape) -> int:
-        """See the grid."""
+    def free_numbers(self, shape: DiscShape) -> int:
+        """None: both shapes are on the grid."""
         return 0
 
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
@@ -47,12 +67,12 @@ class EncoderEccentricity(Effect):
             return ""
         return f"the joint moves {span:.2g} {length}: an error of once a turn looks constant"
 
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
-        """See the class."""
+    def columns(self, motion: RobotMotion, place: Place, shape: DiscShape) -> dict[int, FloatArray]:
+        """Change of all torques with each part of the error, 1 rad."""
         q = motion.position[:, place.joint]
         small = 1e-4
         errors = [np.sin(q), np.cos(q)]
-        if shape[0] == 2.0:
+        if shape.twice:
             errors += [np.sin(2 * q), np.cos(2 * q)]
         parts = [motion.moved(place.joint, -small * e, links=False) / small for e in errors]
         return {
@@ -60,21 +80,27 @@ class EncoderEccentricity(Effect):
             for joint in range(motion.position.shape[1])
         }
 
-    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+    def admissible(self, shape: DiscShape, coefficients: FloatArray) -> bool:
         """Small errors only: no disc is further out than 50 mrad."""
         return bool(np.max(np.abs(coefficients)) < 0.05)
 
     def plausible(
-        self, shape: Shape, coefficients: FloatArray, torque: float, scale: JointScale
+        self, shape: DiscShape, coefficients: FloatArray, torque: float, scale: JointScale
     ) -> bool:
         """Amplitudes up to the middle of what encoders have."""
         return bool(np.max(np.abs(coefficients)) <= _TYPICAL)
 
     def parameters(
-        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+        self, shape: DiscShape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
         """Amplitudes."""
-        return {
-            name: number(coefficients[k], deviations[k], "rad")
-            for k, name in enumerate(_NAMES[: len(coefficients)])
-        }
+        return self.numbers(
+            **{
+                name: (value, std)
+                for name, value, std in zip(_NAMES, coefficients, deviations, strict=False)
+            }
+        )
+
+    def contributions(self, given: GivenNumbers) -> list[EncoderError]:
+        """What the encoder shows beyond the position."""
+        return [EncoderError(_LAW, tuple(given.value[name] for name in _NAMES))]

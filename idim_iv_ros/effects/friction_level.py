@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.parametric_effect import (
     Change,
     Estimated,
@@ -13,15 +14,17 @@ _NAMES = {"Fv": "change_of_viscous", "Fc": "change_of_coulomb"}
 
 
 class FrictionLevel(ParametricEffect):
-    """Changes of both friction parameters of one joint.
-
-    Simulated with the base parameters, which hold it.
-    """
+    """Changes of both friction parameters of one joint."""
 
     name = "friction_level"
     order = 40
     confounders = ("torque_gain", "stribeck", "load_dependent_friction")
     excitation = "slow and fast motion in both directions"
+    segments = ("plateau",)
+    specs = (
+        ParameterSpec("change_of_viscous", "N m s/rad", "viscous friction less the given one"),
+        ParameterSpec("change_of_coulomb", "N m", "Coulomb friction less the given one"),
+    )
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """Both together."""

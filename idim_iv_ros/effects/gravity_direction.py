@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.parametric_effect import (
     Change,
     Estimated,
@@ -15,15 +16,19 @@ _LARGEST = 0.6  # rad: beyond it the small rotation that is assumed is none
 
 
 class GravityDirection(ParametricEffect):
-    """Small rotation of gravity about two axes of the base frame that are level.
-
-    Simulated with the base parameters, which hold it.
-    """
+    """Small rotation of gravity about two axes of the base frame that are level."""
 
     name = "gravity_direction"
     order = 20
     confounders = ("payload", "link_inertia", "spring")
     excitation = "slow motion through the whole range of all joints"
+    segments = ("range_sweep",)
+    specs = tuple(
+        ParameterSpec(
+            f"rotation_about_{axis}", "rad", f"rotation of gravity about {axis} of the base"
+        )
+        for axis in "xyz"
+    )
 
     def places(self, space: ParameterSpace) -> list[int | None]:
         """At no joint."""

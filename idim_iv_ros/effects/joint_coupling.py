@@ -1,76 +1,109 @@
 """A transmission part that turns with two joints and has friction of its own."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.effects.effect import (
-    Effect,
-    OperatingRange,
-    Place,
-    Shape,
-    ShareOf,
-    direction,
-    number,
+from idim_iv_ros.compilation import kernel
+from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.contribution import (
+    LEAST_SPEED,
+    CouplingTerm,
+    Instant,
+    Torque,
+    TorqueLaw,
 )
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
 
-class JointCoupling(Effect):
-    """coulomb sign(w) + viscous |w|^power sign(w), w = dq_a ± dq_b, on both joints.
+@dataclass(frozen=True)
+class CouplingShape(Shape):
+    """Whether the part turns with the sum of both speeds (1) or their difference (−1); power."""
 
-    Shape: direction ±1, power.
+    direction: float
+    power: float
 
-    Simulated by `simulation.effect_kernel.effect_torques`.
-    """
+
+@kernel
+def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
+    """Values: coulomb, viscous, power; where both signs meet, their sum resists."""
+    if p[2] < 1.0:  # its slope at rest has no bound
+        return Torque(p[0] + p[1] * at.speed ** p[2], 0.0, 0.0, 0.0)
+    speed = max(at.speed, LEAST_SPEED)
+    level = max(p[0], 0.0)
+    damping = p[1] * at.speed ** (p[2] - 1.0) + min(p[0], 0.0) / speed
+    return Torque(level, max(damping, -level / speed), 0.0, 0.0)
+
+
+_LAW = TorqueLaw(_torque)
+
+
+class JointCoupling(StructuralEffect[CouplingShape]):
+    """coulomb sign(w) + viscous |w|^power sign(w), w = dq_a ± dq_b, on both joints."""
 
     name = "joint_coupling"
     order = 150
     family = "velocity"
     confounders = ("nonlinear_viscous", "stribeck")
     excitation = "both joints in the same and in opposite directions"
+    segments = ("plateau",)
+    joints_needed = 2
     typical = ShareOf("dry friction", 0.5)
+    specs = (
+        ParameterSpec(
+            "direction", "", "friction of the sum (1) or the difference (−1) of both speeds",
+            1.0, "1 or -1",
+        ),
+        ParameterSpec("coulomb", "N m", "Coulomb friction of the coupling"),
+        ParameterSpec("viscous", "N m at 1 rad/s", "friction of the coupling beyond that"),
+        ParameterSpec("power", "", "power of the speed", 1.0, "positive"),
+    )  # fmt: skip
+    laws = (_LAW,)
 
     def places(self, joints: int) -> list[Place]:
         """Every pair."""
         return [Place(a, b) for a in range(joints) for b in range(a + 1, joints)]
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+    def grid(self, place: Place, covered: OperatingRange) -> list[CouplingShape]:
         """Both directions, linear."""
-        return [(1.0, 1.0), (-1.0, 1.0)]
+        return [CouplingShape(1.0, 1.0), CouplingShape(-1.0, 1.0)]
 
     def neighbours(
-        self, shape: Shape, step: float, place: Place, covered: OperatingRange
-    ) -> list[Shape]:
+        self, shape: CouplingShape, step: float, place: Place, covered: OperatingRange
+    ) -> list[CouplingShape]:
         """The power between 0.5 and 1.6."""
-        sign, power = shape
-        near = (power * (1.0 + step), power / (1.0 + step))
-        return [(sign, min(max(p, 0.5), 1.6)) for p in near]
+        near = (shape.power * (1.0 + step), shape.power / (1.0 + step))
+        return [replace(shape, power=min(max(power, 0.5), 1.6)) for power in near]
 
-    def free_numbers(self, shape: Shape) -> int:
-        """See the grid."""
-        return 2
-
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
-        """See the class."""
-        sign, power = shape
+    def columns(
+        self, motion: RobotMotion, place: Place, shape: CouplingShape
+    ) -> dict[int, FloatArray]:
+        """Dry and viscous friction of one, on both joints."""
         a, b = place.joint, place.other
         assert b is not None
-        w = motion.velocity[:, a] + sign * motion.velocity[:, b]
-        both = np.column_stack([direction(w), np.abs(w) ** power * direction(w)])
-        return {a: both, b: sign * both}
+        w = motion.velocity[:, a] + shape.direction * motion.velocity[:, b]
+        both = np.column_stack([np.sign(w), np.abs(w) ** shape.power * np.sign(w)])
+        return {a: both, b: shape.direction * both}
 
-    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+    def admissible(self, shape: CouplingShape, coefficients: FloatArray) -> bool:
         """It takes energy on the whole."""
         return bool(np.sum(coefficients) > 0.0)
 
     def parameters(
-        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+        self, shape: CouplingShape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
         """Friction of the common part."""
-        return {
-            "direction": number(shape[0], None, ""),
-            "coulomb": number(coefficients[0], deviations[0], "N m"),
-            "viscous": number(coefficients[1], deviations[1], "N m at 1 rad/s"),
-            "power": number(shape[1], None, ""),
-        }
+        return self.numbers(
+            direction=(shape.direction, None),
+            coulomb=(coefficients[0], deviations[0]),
+            viscous=(coefficients[1], deviations[1]),
+            power=(shape.power, None),
+        )
+
+    def contributions(self, given: GivenNumbers) -> list[CouplingTerm]:
+        """Friction between both joints, dry where it has a level or no bound at rest."""
+        values = tuple(given.value[name] for name in ("coulomb", "viscous", "power"))
+        dry = given.value["coulomb"] > 0.0 or given.value["power"] < 1.0
+        return [CouplingTerm(_LAW, values, given.value["direction"], dry)]

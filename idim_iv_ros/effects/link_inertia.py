@@ -1,5 +1,6 @@
 """A link whose mass, centre of mass or inertia is not as given."""
 
+import re
 from collections.abc import Sequence
 
 from idim_iv_ros.effects.parametric_effect import (
@@ -17,20 +18,26 @@ _POSITIVE = ("M", "XX", "YY", "ZZ")
 class LinkInertia(ParametricEffect):
     """Changes of the inertial parameters of one link, those that the motion shows.
 
-    The standard ones; where most links are wrong, the base parameters that have its name, with
-    what is grouped into them of the links that it carries: no torque tells then which of them a
+    The standard ones; where most links are in error, the base parameters that have its name, with
+    what is grouped into them of the links that it carries: no torque shows then which of them a
     mass belongs to.
-
-    Simulated with the base parameters, which hold it.
     """
 
     name = "link_inertia"
     order = 60
     confounders = ("payload", "drive_inertia", "torque_gain")
     excitation = "all joints, fast and in many poses"
+    segments = ("repeat", "multisine")
+
+    def parameter_words(self, name: str) -> str:
+        """Which of the link's parameters, and whether those of other links are grouped into it."""
+        changed = re.fullmatch(r"change_of_(base_)?([A-Z]+\d+)", name)
+        if changed is None:
+            return super().parameter_words(name)
+        return f"{changed[2]}{' (grouped)' if changed[1] else ''} less the given one"
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
-        """All ten."""
+        """All ten together."""
         assert joint is not None
         changes = [
             change

@@ -1,81 +1,129 @@
 """Dry friction that grows with the load of the transmission."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place, Shape, number
+from idim_iv_ros.compilation import kernel
+from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
+from idim_iv_ros.effects.effect import JointScale, OperatingRange, Place, Shape, StructuralEffect
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
 _TYPICAL = 0.1  # of the load: 3 to 40 %
 
 
-class LoadDependentFriction(Effect):
-    """sign(dq) · scale (|τ| / scale)^exponent · (driving or driven); τ: torque of the links.
+@dataclass(frozen=True)
+class LoadShape(Shape):
+    """How friction follows the load.
 
-    Shape: exponent, scale (the largest load), 1 where both directions of the power flow have a
-    coefficient of their own (a gear that is driven loses less or more than one that drives), and
-    1 where the load is the motor's whole torque instead of that of the links.
-
-    Simulated by `simulation.effect_kernel.effect_torques`.
+    Attributes
+    ----------
+    exponent : float
+    scale : float
+        The largest load, N m.
+    two_directions : bool
+        Whether both directions of the power flow have a coefficient of their own: a gear that is
+        driven loses less or more than one that drives.
+    of_motor : bool
+        Whether the load is the motor's whole torque instead of that of the links.
     """
+
+    exponent: float
+    scale: float
+    two_directions: bool
+    of_motor: bool
+
+
+@kernel
+def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
+    """Values: driving, driven, exponent, scale."""
+    share = p[0] if at.load * at.direction > 0.0 else p[1]
+    return Torque(share * p[3] * (abs(at.load) / p[3]) ** p[2], 0.0, 0.0, 0.0)
+
+
+_LAW = TorqueLaw(_torque)
+
+
+class LoadDependentFriction(StructuralEffect[LoadShape]):
+    """sign(dq) · scale (|τ| / scale)^exponent · (driving or driven); τ: torque of the links."""
 
     name = "load_dependent_friction"
     order = 40
     family = "load"
     confounders = ("position_dependent_friction", "torque_saturation")
     excitation = "one path with two payloads, or slowly through postures of high and low gravity"
+    segments = ("range_sweep", "plateau")
+    specs = (
+        ParameterSpec("driving", "", "friction over load while the motor drives the load"),
+        ParameterSpec("driven", "", "friction over load while the load drives the motor"),
+        ParameterSpec("exponent", "", "power of load over scale", 1.0, "positive"),
+        ParameterSpec("scale", "N m", "scale of the load", 1.0, "positive"),
+        ParameterSpec(
+            "motor_torque", "", "load taken as the motor's torque (1) or the links' (0)",
+            bound="0 or 1",
+        ),
+    )  # fmt: skip
+    laws = (_LAW,)
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+    def grid(self, place: Place, covered: OperatingRange) -> list[LoadShape]:
         """Exponents about one, one or two coefficients."""
         scale = float(covered.load[place.joint])
         if scale <= 0.0:
             return []
-        both = (0.0, 1.0)
-        return [(e, scale, two, all_) for e in (0.8, 1.0, 1.3) for two in both for all_ in both]
+        both = (False, True)
+        return [
+            LoadShape(e, scale, two, all_) for e in (0.8, 1.0, 1.3) for two in both for all_ in both
+        ]
 
     def neighbours(
-        self, shape: Shape, step: float, place: Place, covered: OperatingRange
-    ) -> list[Shape]:
+        self, shape: LoadShape, step: float, place: Place, covered: OperatingRange
+    ) -> list[LoadShape]:
         """Exponents between 0.6 and 1.6."""
-        exponent, scale, two, motor = shape
-        near = (exponent * (1.0 + step), exponent / (1.0 + step))
-        return [(min(max(e, 0.6), 1.6), scale, two, motor) for e in near]
+        near = (shape.exponent * (1.0 + step), shape.exponent / (1.0 + step))
+        return [replace(shape, exponent=min(max(e, 0.6), 1.6)) for e in near]
 
-    def free_numbers(self, shape: Shape) -> int:
-        """See the grid."""
+    def free_numbers(self, shape: LoadShape) -> int:
+        """The exponent: the scale goes with the coefficients."""
         return 1
 
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
-        """See the class."""
-        exponent, scale, two, motor = shape
+    def columns(self, motion: RobotMotion, place: Place, shape: LoadShape) -> dict[int, FloatArray]:
+        """Friction of coefficients of one, by direction of the power flow where it has two."""
         v = motion.velocity[:, place.joint]
-        load = (motion.torque if motor else motion.load)[:, place.joint]
-        whole = scale * (np.abs(load) / scale) ** exponent * motion.slip[:, place.joint]
-        if not two:
+        load = (motion.torque if shape.of_motor else motion.load)[:, place.joint]
+        share = (np.abs(load) / shape.scale) ** shape.exponent
+        whole = shape.scale * share * motion.slip[:, place.joint]
+        if not shape.two_directions:
             return {place.joint: whole[:, None]}
         driving = load * v > 0.0
         return {place.joint: np.column_stack([whole * driving, whole * ~driving])}
 
-    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+    def admissible(self, shape: LoadShape, coefficients: FloatArray) -> bool:
         """Friction: both grow with the load."""
         return bool(np.all(coefficients >= 0.0))
 
     def plausible(
-        self, shape: Shape, coefficients: FloatArray, torque: float, scale: JointScale
+        self, shape: LoadShape, coefficients: FloatArray, torque: float, scale: JointScale
     ) -> bool:
         """Coefficients up to the middle of what gears have."""
         return bool(max(coefficients[0], coefficients[-1]) <= _TYPICAL)
 
     def parameters(
-        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+        self, shape: LoadShape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
         """Coefficients of friction when driving and when driven."""
-        last = len(coefficients) - 1
-        return {
-            "driving": number(coefficients[0], deviations[0], ""),
-            "driven": number(coefficients[last], deviations[last], ""),
-            "exponent": number(shape[0], None, ""),
-            "scale": number(shape[1], None, "N m"),
-            "motor_torque": number(shape[3], None, ""),
-        }
+        return self.numbers(
+            driving=(coefficients[0], deviations[0]),
+            driven=(coefficients[-1], deviations[-1]),
+            exponent=(shape.exponent, None),
+            scale=(shape.scale, None),
+            motor_torque=(shape.of_motor, None),
+        )
+
+    def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
+        """Dry friction."""
+        names = ("driving", "driven", "exponent", "scale")
+        values = tuple(given.value[name] for name in names)
+        of_motor = given.value["motor_torque"] == 1.0
+        return [TorqueTerm(_LAW, values, friction=True, dry=True, of_motor=of_motor)]

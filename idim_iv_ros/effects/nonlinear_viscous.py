@@ -1,22 +1,49 @@
 """Viscous friction that is not proportional to the speed."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.effects.bent_friction import too_slow_to_bend
-from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape, ShareOf, column, number
+from idim_iv_ros.compilation import kernel
+from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
+from idim_iv_ros.effects.effect import (
+    OperatingRange,
+    Place,
+    Shape,
+    ShareOf,
+    StructuralEffect,
+    column,
+)
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
 _POWERS = (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0)
 
 
-class NonlinearViscous(Effect):
-    """coefficient · |dq|^power · sign(dq); shape: power.
+@dataclass(frozen=True)
+class PowerShape(Shape):
+    """Power of the speed."""
+
+    power: float
+
+
+@kernel
+def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
+    """Values: coefficient, power."""
+    if p[1] >= 1.0:
+        return Torque(0.0, p[0] * at.speed ** (p[1] - 1.0), 0.0, 0.0)
+    # Its slope at rest has no bound.
+    return Torque(p[0] * at.speed ** p[1], 0.0, 0.0, 0.0)
+
+
+_LAW = TorqueLaw(_torque)
+
+
+class NonlinearViscous(StructuralEffect[PowerShape]):
+    """coefficient · |dq|^power · sign(dq).
 
     Friction that grows more slowly than the speed is common: powers below one belong to it.
-
-    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "nonlinear_viscous"
@@ -24,34 +51,45 @@ class NonlinearViscous(Effect):
     family = "velocity"
     confounders = ("stribeck", "friction_drift")
     excitation = "stretches of constant speed over the whole range of speeds"
+    segments = ("plateau",)
     typical = ShareOf("dry friction", 0.5)
+    specs = (
+        ParameterSpec("coefficient", "N m at 1 rad/s", "friction"),
+        ParameterSpec("power", "", "power of the speed", 2.0, "positive"),
+    )
+    laws = (_LAW,)
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+    def grid(self, place: Place, covered: OperatingRange) -> list[PowerShape]:
         """Powers from 0.3 to 3, not around 1, which the model has."""
-        return [(power,) for power in _POWERS]
+        return [PowerShape(power) for power in _POWERS]
 
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
         """It needs speed."""
-        return too_slow_to_bend(joint, covered)
+        return covered.too_slow_to_bend(joint)
 
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
-        """See the class."""
+    def columns(
+        self, motion: RobotMotion, place: Place, shape: PowerShape
+    ) -> dict[int, FloatArray]:
+        """Friction of a coefficient of one."""
         v = motion.velocity[:, place.joint]
-        return column(place.joint, np.abs(v) ** shape[0] * motion.slip[:, place.joint])
+        return column(place.joint, np.abs(v) ** shape.power * motion.slip[:, place.joint])
 
     def neighbours(
-        self, shape: Shape, step: float, place: Place, covered: OperatingRange
-    ) -> list[Shape]:
+        self, shape: PowerShape, step: float, place: Place, covered: OperatingRange
+    ) -> list[PowerShape]:
         """Powers stay between 0.2 and 4, and away from one."""
         near = super().neighbours(shape, step, place, covered)
-        low, high = (0.2, 0.8) if shape[0] < 1.0 else (1.25, 4.0)
-        return [(min(max(power, low), high),) for (power,) in near]
+        low, high = (0.2, 0.8) if shape.power < 1.0 else (1.25, 4.0)
+        return [PowerShape(min(max(each.power, low), high)) for each in near]
 
     def parameters(
-        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+        self, shape: PowerShape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
         """Torque at 1 rad/s, and the power."""
-        return {
-            "coefficient": number(coefficients[0], deviations[0], "N m at 1 rad/s"),
-            "power": number(shape[0], None, ""),
-        }
+        return self.numbers(coefficient=(coefficients[0], deviations[0]), power=(shape.power, None))
+
+    def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
+        """Friction, dry where its slope at rest has no bound."""
+        power = given.value["power"]
+        values = (given.value["coefficient"], power)
+        return [TorqueTerm(_LAW, values, friction=True, dry=power < 1.0)]

@@ -1,14 +1,12 @@
-"""What every parametric effect tells about itself: a change of numbers the nominal model has."""
+"""What every parametric effect declares: a change of parameters that the nominal model has."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.parametric.significance import differs
-from idim_iv_ros.diagnosis.result import EffectParameter, Indistinguishable
+from idim_iv_ros.effects.cause import Cause, EffectParameter
 from idim_iv_ros.model import InverseModel, StandardParameter
 from idim_iv_ros.types import FloatArray
 
@@ -43,7 +41,7 @@ class Estimated:
 
     @property
     def determined(self) -> bool:
-        """Whether the recording tells this number from the others."""
+        """Whether the recording determines this number beside the others."""
         return self.std is not None
 
     @property
@@ -53,13 +51,8 @@ class Estimated:
 
     @property
     def certainty(self) -> float:
-        """Distance from zero in standard deviations; 0 where the recording does not tell."""
+        """Distance from zero in standard deviations; 0 where it is not determined."""
         return abs(self.value) / self.std if self.std else 0.0
-
-    @property
-    def tells(self) -> bool:
-        """Whether it is known to differ from zero, at 95 %."""
-        return self.std is not None and differs(self.value, self.std)
 
     def above(self, least: float) -> bool | None:
         """Whether it may lie above `least`; None where it is not determined."""
@@ -140,17 +133,14 @@ class ParameterSpace:
         return direction
 
 
-class ParametricEffect(ABC):
-    """One way in which the given numbers may be wrong."""
+class ParametricEffect(Cause):
+    """One way in which the given parameters may be in error.
 
-    name: ClassVar[str]
-    # Place in the catalogue: where two explain alike, the lower one counts.
-    order: ClassVar[int]
-    kind: ClassVar[str] = "parametric"
-    confounders: ClassVar[tuple[str, ...]] = ()
-    # Structural effects that no recording separates from it: part of their torque is the same.
-    same_as: ClassVar[tuple[str, ...]] = ()
-    excitation: ClassVar[str]
+    The simulator has it with the base parameters, unless it says otherwise.
+    """
+
+    kind = "parametric"
+    in_base_parameters = True
 
     def places(self, space: ParameterSpace) -> list[int | None]:
         """Where it may sit: at each joint; None: at no joint in particular."""
@@ -164,8 +154,8 @@ class ParametricEffect(ABC):
         """Whether the configuration itself says that the nominal model lacks these numbers."""
         return False
 
-    def inseparable_from(self, space: ParameterSpace) -> tuple[Indistinguishable, ...]:
-        """What shares base parameters with these numbers, where it was known to be left out."""
+    def inseparable_from(self, space: ParameterSpace) -> tuple[tuple[str, str], ...]:
+        """Effects and joints that share its base parameters, where it was known to be left out."""
         return ()
 
     def subject(self, place: str) -> str:

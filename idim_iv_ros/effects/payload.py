@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.parametric_effect import (
     Change,
     Estimated,
@@ -17,15 +18,26 @@ _NAMES = {"M": "mass", "MX": "moment_x", "MY": "moment_y", "MZ": "moment_z"}
 
 
 class Payload(ParametricEffect):
-    """Mass, first moments and, where they are needed, moments of inertia, in the link's frame.
-
-    Simulated with the base parameters, which hold it.
-    """
+    """Mass, first moments and, where they are needed, moments of inertia, in the link's frame."""
 
     name = "payload"
     order = 10
     confounders = ("link_inertia", "torque_gain", "gravity_direction")
     excitation = "all joints, in poses that move the last link through all directions of gravity"
+    segments = ("repeat",)
+    specs = (
+        ParameterSpec("mass", "kg", "mass"),
+        *(
+            ParameterSpec(f"moment_{axis}", "kg m", f"mass times its {axis} in the link's frame")
+            for axis in "xyz"
+        ),
+        *(
+            ParameterSpec(
+                f"inertia_{axes}", "kg m²", f"moment of inertia {axes} about the link's frame"
+            )
+            for axes in ("xx", "xy", "xz", "yy", "yz", "zz")
+        ),
+    )
 
     def places(self, space: ParameterSpace) -> list[int | None]:
         """Links that carry no other."""

@@ -1,101 +1,145 @@
 """Dry friction that depends on the position: a bent shaft, a worn or tight spot."""
 
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape, ShareOf, number
+from idim_iv_ros.compilation import kernel
+from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.effects.waves import (
-    MOST_WAVES,
+    Waves,
     near_waves,
-    wave_numbers,
+    one_wave_more,
+    wave,
+    wave_columns,
+    wave_grid,
     wave_parameters,
-    waves,
+    wave_specs,
+    wave_values,
 )
 from idim_iv_ros.types import FloatArray
 
 _PERIODS = 0.7  # in the range of the joint, at least
 _BEYOND = 0.2  # of the range: a spot may lie outside, its flank inside
-_SPOT = -1.0  # first number of the shape of a tight spot; wave numbers are positive
 
 
-class PositionDependentFriction(Effect):
-    """sign(dq) · (waves of the position, or height · exp(−((q − centre) / width)²)).
+@dataclass(frozen=True)
+class TightSpot(Shape):
+    """Centre and width of a tight spot, rad."""
 
-    Shape: wave numbers n_k, or −1, centre, width of a tight spot.
+    centre: float
+    width: float
 
-    Simulated by `simulation.effect_kernel.effect_torques`.
-    """
+
+@kernel
+def _waves(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
+    return Torque(wave(p, at.position), 0.0, 0.0, 0.0)
+
+
+@kernel
+def _spot(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
+    """Values: centre, width, height."""
+    return Torque(p[2] * math.exp(-(((at.position - p[0]) / p[1]) ** 2)), 0.0, 0.0, 0.0)
+
+
+_WAVES, _SPOT = TorqueLaw(_waves), TorqueLaw(_spot)
+
+
+class PositionDependentFriction(StructuralEffect[Waves | TightSpot]):
+    """sign(dq) · (waves of the position, or height · exp(−((q − centre) / width)²))."""
 
     name = "position_dependent_friction"
     order = 50
     family = "position"
     confounders = ("load_dependent_friction", "position_ripple")
     excitation = "the same places in both directions, slowly"
+    segments = ("range_sweep",)
     typical = ShareOf("dry friction", 0.1)  # 5 to 15 %
+    specs = (
+        *wave_specs("friction"),
+        ParameterSpec("centre", "rad", "centre of the spot"),
+        ParameterSpec("width", "rad", "width of the spot", 1.0, "positive"),
+        ParameterSpec("height", "N m", "friction there beyond that elsewhere"),
+    )
+    laws = (_SPOT, _WAVES)
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+    def grid(self, place: Place, covered: OperatingRange) -> list[Waves | TightSpot]:
         """One wave, or one spot."""
         low, high = covered.low[place.joint], covered.high[place.joint]
         span = float(high - low)
         if span <= 0.0:
             return []
-        spots: list[Shape] = [
-            (_SPOT, float(centre), width * span)
+        spots = [
+            TightSpot(float(centre), width * span)
             for width in (0.06, 0.15, 0.35)
             for centre in np.linspace(low - _BEYOND * span, high + _BEYOND * span, 31)
             if low - width * span < centre < high + width * span
         ]
-        waves_: list[Shape] = [(float(n),) for n in wave_numbers(place, covered, _PERIODS)]
-        return waves_ + spots
+        return [*wave_grid(place, covered, _PERIODS), *spots]
 
-    def branches(self, grid: list[Shape]) -> list[list[Shape]]:
+    def branches(self, grid: Sequence[Waves | TightSpot]) -> list[Sequence[Waves | TightSpot]]:
         """Waves and spots: one wave may fit worse than a spot, and two better."""
-        spots = [shape for shape in grid if shape[0] == _SPOT]
-        return [[shape for shape in grid if shape[0] != _SPOT], spots]
+        return [[each for each in grid if isinstance(each, kind)] for kind in (Waves, TightSpot)]
 
     def neighbours(
-        self, shape: Shape, step: float, place: Place, covered: OperatingRange
-    ) -> list[Shape]:
+        self, shape: Waves | TightSpot, step: float, place: Place, covered: OperatingRange
+    ) -> list[Waves | TightSpot]:
         """Nearby wave numbers, centres and widths."""
-        if shape[0] != _SPOT:
-            return near_waves(shape, step, covered.span(place.joint))
-        _, centre, width = shape
-        moved: list[Shape] = [(_SPOT, centre + sign * step * width, width) for sign in (1.0, -1.0)]
-        moved += [(_SPOT, centre, width * (1 + step)), (_SPOT, centre, width / (1 + step))]
-        low, high = (
-            float(covered.low[place.joint]),
-            float(covered.high[place.joint]),
-        )
-        return [each for each in moved if low - each[2] < each[1] < high + each[2]]
+        if isinstance(shape, Waves):
+            return list(near_waves(shape, step, covered.span(place.joint)))
+        centre, width = shape.centre, shape.width
+        moved = [TightSpot(centre + sign * step * width, width) for sign in (1.0, -1.0)]
+        moved += [TightSpot(centre, width * (1 + step)), TightSpot(centre, width / (1 + step))]
+        low, high = float(covered.low[place.joint]), float(covered.high[place.joint])
+        return [each for each in moved if low - each.width < each.centre < high + each.width]
 
-    def longer(self, shape: Shape, place: Place, covered: OperatingRange) -> list[Shape]:
+    def free_numbers(self, shape: Waves | TightSpot) -> int:
+        """Wave numbers; centre, width and that it is a spot."""
+        return 3 if isinstance(shape, TightSpot) else len(shape.wave_numbers)
+
+    def longer(
+        self, shape: Waves | TightSpot, place: Place, covered: OperatingRange
+    ) -> list[tuple[Waves | TightSpot, Waves | TightSpot]]:
         """One wave more."""
-        if shape[0] == _SPOT or len(shape) >= MOST_WAVES:
+        if isinstance(shape, TightSpot):
             return []
-        return [(*shape, float(n)) for n in wave_numbers(place, covered, _PERIODS)]
+        return list(one_wave_more(shape, wave_grid(place, covered, _PERIODS)))
 
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
-        """See the class."""
+    def columns(
+        self, motion: RobotMotion, place: Place, shape: Waves | TightSpot
+    ) -> dict[int, FloatArray]:
+        """Friction of amplitudes of one."""
         q = motion.position[:, place.joint]
         sign = motion.slip[:, place.joint]
-        if shape[0] == _SPOT:
-            _, centre, width = shape
-            return {place.joint: (np.exp(-(((q - centre) / width) ** 2)) * sign)[:, None]}
-        return {place.joint: waves(q, shape) * sign[:, None]}
+        if isinstance(shape, Waves):
+            return {place.joint: wave_columns(q, shape) * sign[:, None]}
+        bump = np.exp(-(((q - shape.centre) / shape.width) ** 2))
+        return {place.joint: (bump * sign)[:, None]}
 
-    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+    def admissible(self, shape: Waves | TightSpot, coefficients: FloatArray) -> bool:
         """Any phase; a spot may be tight or loose."""
         return True
 
     def parameters(
-        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+        self, shape: Waves | TightSpot, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
         """Wave numbers and amplitudes, or place, width and height of the spot."""
-        if shape[0] != _SPOT:
-            return wave_parameters(shape, coefficients, deviations)
-        return {
-            "centre": number(shape[1], None, "rad"),
-            "width": number(shape[2], None, "rad"),
-            "height": number(coefficients[0], deviations[0], "N m"),
-        }
+        if isinstance(shape, Waves):
+            return self.numbers(**wave_parameters(shape, coefficients, deviations))
+        return self.numbers(
+            centre=(shape.centre, None),
+            width=(shape.width, None),
+            height=(coefficients[0], deviations[0]),
+        )
+
+    def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
+        """Dry friction of the spot and of each wave."""
+        spot = tuple(given.value[name] for name in ("centre", "width", "height"))
+        yield TorqueTerm(_SPOT, spot, friction=True, dry=True)
+        for values in wave_values(given):
+            yield TorqueTerm(_WAVES, values, friction=True, dry=True)

@@ -1,22 +1,33 @@
 """Pre-sliding: dry friction that builds up over a small displacement after a reversal."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
 from numba import njit
 
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.result import EffectParameter
+from idim_iv_ros.compilation import kernel
+from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import (
-    Effect,
     OperatingRange,
     Place,
     Shape,
     ShareOf,
+    StructuralEffect,
     logarithmic,
-    number,
 )
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
 _MOST = 3
+
+
+@dataclass(frozen=True)
+class BristleShape(Shape):
+    """Spans after which the bristles slip, rad."""
+
+    spans: tuple[float, ...]
 
 
 @njit(cache=True)
@@ -29,13 +40,47 @@ def bristle(position: FloatArray, span: float) -> FloatArray:
     return deflection
 
 
-class Presliding(Effect):
-    """Σ level_k (z_k − sign(dq)), z_k a bristle that slips after span_k; shape: the spans.
+@kernel
+def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
+    """Values: span, level; state: deflection, direction in which it slides or 0 while it bends."""
+    if state[1] != 0.0:
+        return Torque(0.0, 0.0, p[1] * state[1], 0.0)
+    bent = state[0] + 0.5 * at.step * at.velocity / p[0]
+    return Torque(0.0, 0.0, p[1] * bent, p[1] / p[0])
+
+
+@kernel
+def _advance(p: FloatArray, state: FloatArray, dq: float, ddq: float, step: float) -> None:
+    moved = step * (dq + 0.5 * step * ddq) / p[0]
+    bent = min(max(state[0] + moved, -1.0), 1.0)
+    state[0] = bent
+    outward = abs(bent) == 1.0 and bent * (dq + step * ddq) > 0.0
+    state[1] = bent if outward else 0.0
+
+
+@kernel
+def _turns(p: FloatArray, state: FloatArray, dq: float, ddq: float, step: float) -> bool:
+    """Whether one that was taken to bend slides in the middle of this step, or turned.
+
+    Bristles are stiffer than any prediction of where they will be.
+    """
+    moved = 0.5 * step * (dq + 0.5 * step * ddq) / p[0]
+    if state[1] == 0.0 and abs(state[0] + moved) > 1.0:
+        state[1] = np.sign(state[0] + moved)
+        return True
+    if state[1] * moved < 0.0:
+        state[1] = 0.0
+        return True
+    return False
+
+
+_LAW = TorqueLaw(_torque, _advance, _turns)
+
+
+class Presliding(StructuralEffect[BristleShape]):
+    """Σ level_k (z_k − sign(dq)), z_k a bristle that slips after span_k.
 
     Replaces as much of the Coulomb friction by springs that slip (Maxwell-slip).
-
-    Simulated by `simulation.effect_kernel.effect_torques` and
-    `simulation.effect_kernel.slide_bristles`.
     """
 
     name = "presliding"
@@ -43,21 +88,31 @@ class Presliding(Effect):
     family = "velocity"
     confounders = ("stribeck", "backlash")
     excitation = "many small reversals of different sizes, at different rates"
+    segments = ("reversals",)
     typical = ShareOf("dry friction", 0.5)
+    specs = (
+        ParameterSpec("span_k", "rad", "distance to full slip", None, "positive"),
+        ParameterSpec("level_k", "N m", "part of the Coulomb friction", None, "not negative"),
+    )
+    laws = (_LAW,)
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+    def grid(self, place: Place, covered: OperatingRange) -> list[BristleShape]:
         """Spans from 0.1 mrad (10 µm) to a tenth of the range."""
         span = float(covered.high[place.joint] - covered.low[place.joint])
         if span <= 0.0:
             return []
         least = 1e-4 * float(covered.lever[place.joint])
-        return [(float(s),) for s in logarithmic(least, max(0.15 * span, 10.0 * least), 16)]
+        spans = logarithmic(least, max(0.15 * span, 10.0 * least), 16)
+        return [BristleShape((float(each),)) for each in spans]
 
-    def longer(self, shape: Shape, place: Place, covered: OperatingRange) -> list[Shape]:
+    def longer(
+        self, shape: BristleShape, place: Place, covered: OperatingRange
+    ) -> list[tuple[BristleShape, BristleShape]]:
         """One more bristle."""
-        if len(shape) >= _MOST:
+        if len(shape.spans) >= _MOST:
             return []
-        return [(*shape, *other) for other in self.grid(place, covered)]
+        terms = self.grid(place, covered)
+        return [(BristleShape(shape.spans + term.spans), term) for term in terms]
 
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
         """It needs to be known where joints stick."""
@@ -65,22 +120,32 @@ class Presliding(Effect):
             return ""
         return "where joints stick is not known, for the closed loop is not simulated"
 
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
-        """See the class."""
+    def columns(
+        self, motion: RobotMotion, place: Place, shape: BristleShape
+    ) -> dict[int, FloatArray]:
+        """Each bristle less the dry friction that it replaces."""
         q = np.ascontiguousarray(motion.position[:, place.joint])
         sign = motion.slip[:, place.joint]
-        return {place.joint: np.column_stack([bristle(q, span) - sign for span in shape])}
+        return {place.joint: np.column_stack([bristle(q, span) - sign for span in shape.spans])}
 
-    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+    def admissible(self, shape: BristleShape, coefficients: FloatArray) -> bool:
         """All bristles are springs."""
         return bool(np.all(coefficients >= 0.0))
 
     def parameters(
-        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+        self, shape: BristleShape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
         """Spans and levels."""
-        found: dict[str, EffectParameter] = {}
-        for k, span in enumerate(shape):
-            found[f"span_{k + 1}"] = number(span, None, "rad")
-            found[f"level_{k + 1}"] = number(coefficients[k], deviations[k], "N m")
-        return found
+        found: dict[str, tuple[float, float | None]] = {}
+        for k, span in enumerate(shape.spans):
+            found[f"span_{k + 1}"] = (span, None)
+            found[f"level_{k + 1}"] = (coefficients[k], deviations[k])
+        return self.numbers(**found)
+
+    def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
+        """Bristles in the place of Coulomb friction, which they cannot exceed."""
+        total = sum(term["level_k"] for term in given.terms)
+        part = min(1.0, max(given.coulomb, 0.0) / total) if total else 0.0
+        for term in given.terms:
+            level = part * term["level_k"]
+            yield TorqueTerm(_LAW, (term["span_k"], level), friction=True, replaced=level)

@@ -1,28 +1,63 @@
 """A spring on the joint: a gravity compensator, a cable, a hose."""
 
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
 import numpy as np
 
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape, ShareOf, number
+from idim_iv_ros.compilation import kernel
+from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
-_CUBIC, _HARDENING, _SOFTENING = 0.0, 1.0, 2.0
 _CENTRES = 9
 _WIDTHS = (0.1, 0.2, 0.4, 0.8)  # of the range
-_NAMES = ("linear", "quadratic", "cubic")
-_UNITS = ("N m/rad", "N m/rad²", "N m/rad³")
 
 
-class Spring(Effect):
+@dataclass(frozen=True)
+class CubicShape(Shape):
+    """Lowest and highest position, rad: outside them a cubic polynomial is constant."""
+
+    lowest: float
+    highest: float
+
+
+@dataclass(frozen=True)
+class BentShape(Shape):
+    """linear q + bent sinh((q − centre) / width) where it hardens, arctan where it softens."""
+
+    hardens: bool
+    lowest: float
+    highest: float
+    centre: float
+    width: float
+
+
+@kernel
+def _polynomial(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
+    """Values: constant, linear, quadratic, cubic, lowest, highest."""
+    x = min(max(at.position, p[4]), p[5])
+    return Torque(0.0, 0.0, p[0] + x * (p[1] + x * (p[2] + x * p[3])), 0.0)
+
+
+@kernel
+def _bent(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
+    """Values: bent, centre, width, hardening, lowest, highest."""
+    x = (min(max(at.position, p[4]), p[5]) - p[1]) / p[2]
+    return Torque(0.0, 0.0, p[0] * (math.sinh(x) if p[3] != 0.0 else math.atan(x)), 0.0)
+
+
+_POLYNOMIAL, _BENT = TorqueLaw(_polynomial), TorqueLaw(_bent)
+
+
+class Spring(StructuralEffect[CubicShape | BentShape]):
     """A smooth function of the position, the same in both directions.
 
-    Shape: law, lowest and highest position (outside them it is constant), centre, width; law 0: a
-    cubic polynomial, 1: linear q + bent sinh((q − centre) / width) (it hardens), 2: the same with
-    arctan (it softens). Its constant is the model's offset; of a linear spring the model absorbs
-    what looks like gravity, too.
-
-    Simulated by `simulation.effect_kernel.effect_torques`.
+    Its constant is the model's offset; of a linear spring the model absorbs what looks like
+    gravity, too.
     """
 
     name = "spring"
@@ -31,71 +66,92 @@ class Spring(Effect):
     confounders = ("position_ripple", "asymmetric_friction")
     with_constant = True
     excitation = "the whole range of the joint, slowly"
+    segments = ("range_sweep",)
     typical = ShareOf("peak", 0.1)
+    specs = (
+        ParameterSpec("constant", "N m", "constant torque"),
+        ParameterSpec("linear", "N m/rad", "coefficient of q"),
+        ParameterSpec("quadratic", "N m/rad²", "coefficient of q²"),
+        ParameterSpec("cubic", "N m/rad³", "coefficient of q³"),
+        ParameterSpec("bent", "N m", "coefficient of the bent part"),
+        ParameterSpec("lowest", "rad", "constant below", -math.inf, "unbounded"),
+        ParameterSpec("highest", "rad", "constant above", math.inf, "unbounded"),
+        ParameterSpec("hardening", "", "bent part hardens (1) or softens (0)", 1.0, "0 or 1"),
+        ParameterSpec("centre", "rad", "centre of the bent part"),
+        ParameterSpec("width", "rad", "width of the bent part", 1.0, "positive"),
+    )
+    laws = (_POLYNOMIAL, _BENT)
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
-        """All laws, centres over the range, four widths."""
-        low, high = (
-            float(covered.low[place.joint]),
-            float(covered.high[place.joint]),
-        )
+    def grid(self, place: Place, covered: OperatingRange) -> list[CubicShape | BentShape]:
+        """A polynomial, and both bends with centres over the range and four widths."""
+        low, high = float(covered.low[place.joint]), float(covered.high[place.joint])
         if high <= low:
             return []
         bent = [
-            (law, low, high, float(centre), width * (high - low))
-            for law in (_HARDENING, _SOFTENING)
+            BentShape(hardens, low, high, float(centre), width * (high - low))
+            for hardens in (True, False)
             for centre in np.linspace(low, high, _CENTRES)
             for width in _WIDTHS
         ]
-        return [(_CUBIC, low, high, 0.0, 1.0), *bent]
+        return [CubicShape(low, high), *bent]
 
-    def free_numbers(self, shape: Shape) -> int:
+    def free_numbers(self, shape: CubicShape | BentShape) -> int:
         """Centre and width of the bent ones."""
-        return 0 if shape[0] == _CUBIC else 2
+        return 2 if isinstance(shape, BentShape) else 0
 
     def neighbours(
-        self, shape: Shape, step: float, place: Place, covered: OperatingRange
-    ) -> list[Shape]:
+        self, shape: CubicShape | BentShape, step: float, place: Place, covered: OperatingRange
+    ) -> list[CubicShape | BentShape]:
         """Nearby centres and widths."""
-        law, low, high, centre, width = shape
-        if law == _CUBIC:
+        if isinstance(shape, CubicShape):
             return []
-        widest, narrowest = (high - low), 0.05 * (high - low)
+        centre, width, span = shape.centre, shape.width, shape.highest - shape.lowest
         return [
-            (law, low, high, centre + step * width, width),
-            (law, low, high, centre - step * width, width),
-            (law, low, high, centre, min(width * (1.0 + step), widest)),
-            (law, low, high, centre, max(width / (1.0 + step), narrowest)),
+            replace(shape, centre=centre + step * width),
+            replace(shape, centre=centre - step * width),
+            replace(shape, width=min(width * (1.0 + step), span)),
+            replace(shape, width=max(width / (1.0 + step), 0.05 * span)),
         ]
 
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
-        """See the class."""
-        law, low, high, centre, width = shape
-        q = np.clip(motion.position[:, place.joint], low, high)
-        if law == _CUBIC:
+    def columns(
+        self, motion: RobotMotion, place: Place, shape: CubicShape | BentShape
+    ) -> dict[int, FloatArray]:
+        """Powers of the position, or the position and the bend."""
+        q = np.clip(motion.position[:, place.joint], shape.lowest, shape.highest)
+        if isinstance(shape, CubicShape):
             return {place.joint: np.column_stack([q, q**2, q**3])}
-        bend = np.sinh if law == _HARDENING else np.arctan
-        return {place.joint: np.column_stack([q, bend((q - centre) / width)])}
+        bend = np.sinh if shape.hardens else np.arctan
+        return {place.joint: np.column_stack([q, bend((q - shape.centre) / shape.width)])}
 
-    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+    def admissible(self, shape: CubicShape | BentShape, coefficients: FloatArray) -> bool:
         """Any: the model absorbs what looks like gravity, and what is left has no sign."""
         return True
 
     def parameters(
-        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+        self, shape: CubicShape | BentShape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
         """Coefficients, and the range in which they hold."""
-        law, low, high, centre, width = shape
-        names = _NAMES if law == _CUBIC else (_NAMES[0], "bent")
-        units = _UNITS if law == _CUBIC else (_UNITS[0], "N m")
-        found = {
-            name: number(value, std, unit)
-            for name, value, std, unit in zip(names, coefficients, deviations, units, strict=True)
+        cubic = isinstance(shape, CubicShape)
+        names = ("linear", "quadratic", "cubic") if cubic else ("linear", "bent")
+        found: dict[str, tuple[float, float | None]] = {
+            name: (value, std)
+            for name, value, std in zip(names, coefficients, deviations, strict=True)
         }
-        found["lowest"] = number(low, None, "rad")
-        found["highest"] = number(high, None, "rad")
-        if law != _CUBIC:
-            found["hardening"] = number(1.0 if law == _HARDENING else 0.0, None, "")
-            found["centre"] = number(centre, None, "rad")
-            found["width"] = number(width, None, "rad")
-        return found
+        found |= {"lowest": (shape.lowest, None), "highest": (shape.highest, None)}
+        if isinstance(shape, BentShape):
+            found["hardening"] = (shape.hardens, None)
+            found |= {"centre": (shape.centre, None), "width": (shape.width, None)}
+        return self.numbers(**found)
+
+    def refused(self, value: Mapping[str, float]) -> str:
+        """The range must not be empty."""
+        return "" if value["lowest"] < value["highest"] else "lowest is not below highest"
+
+    def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
+        """The polynomial, and the bent part where there is one."""
+        v = given.value
+        names = ("constant", "linear", "quadratic", "cubic", "lowest", "highest")
+        yield TorqueTerm(_POLYNOMIAL, tuple(v[name] for name in names))
+        if v["bent"] != 0.0:
+            names = ("bent", "centre", "width", "hardening", "lowest", "highest")
+            yield TorqueTerm(_BENT, tuple(v[name] for name in names))

@@ -1,31 +1,49 @@
 """Stribeck effect: dry friction that falls as a joint starts to slide."""
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.effects.bent_friction import too_slow_to_bend
+from idim_iv_ros.compilation import kernel
+from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import (
-    Effect,
     OperatingRange,
     Place,
     Shape,
     ShareOf,
+    StructuralEffect,
     column,
     logarithmic,
-    number,
 )
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
 _EXPONENTS = (0.6, 1.0, 2.0)
 
 
-class Stribeck(Effect):
-    """excess · exp(−(|dq| / speed)^exponent) · sign(dq); shape: speed, exponent.
+@dataclass(frozen=True)
+class StribeckShape(Shape):
+    """Stribeck speed, rad/s, and exponent of the speed over it."""
+
+    speed: float
+    exponent: float
+
+
+@kernel
+def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
+    """Values: excess, speed, exponent."""
+    return Torque(p[0] * math.exp(-((at.speed / p[1]) ** p[2])), 0.0, 0.0, 0.0)
+
+
+_LAW = TorqueLaw(_torque)
+
+
+class Stribeck(StructuralEffect[StribeckShape]):
+    """excess · exp(−(|dq| / speed)^exponent) · sign(dq).
 
     Static friction exceeds sliding friction: the excess is not negative.
-
-    Simulated by `simulation.effect_kernel.effect_torques`.
     """
 
     name = "stribeck"
@@ -33,39 +51,51 @@ class Stribeck(Effect):
     family = "velocity"
     confounders = ("nonlinear_viscous", "presliding")
     excitation = "slow sweeps in both directions: a fifth of the time below the Stribeck speed"
+    segments = ("creep",)
     typical = ShareOf("dry friction", 0.2)  # static over dry friction 1.05 to 1.6
+    specs = (
+        ParameterSpec("excess", "N m", "dry friction at rest beyond that in motion"),
+        ParameterSpec("speed", "rad/s", "Stribeck speed", None, "positive"),
+        ParameterSpec("exponent", "", "exponent of speed over Stribeck speed", 2.0, "positive"),
+    )
+    laws = (_LAW,)
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+    def grid(self, place: Place, covered: OperatingRange) -> list[StribeckShape]:
         """Speeds from the slowest that counts to a third of the fastest."""
         j = place.joint
         speeds = logarithmic(covered.slowest[j], 0.35 * covered.fastest[j], 8)
-        return [(float(speed), exponent) for speed in speeds for exponent in _EXPONENTS]
+        return [StribeckShape(float(v), exponent) for v in speeds for exponent in _EXPONENTS]
 
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
         """It needs speed."""
-        return too_slow_to_bend(joint, covered)
+        return covered.too_slow_to_bend(joint)
 
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
-        """See the class."""
-        speed, exponent = shape
-        v = motion.velocity[:, place.joint]
-        return column(
-            place.joint, np.exp(-((np.abs(v) / speed) ** exponent)) * motion.slip[:, place.joint]
-        )
+    def columns(
+        self, motion: RobotMotion, place: Place, shape: StribeckShape
+    ) -> dict[int, FloatArray]:
+        """Friction of an excess of one."""
+        v = np.abs(motion.velocity[:, place.joint])
+        falling = np.exp(-((v / shape.speed) ** shape.exponent))
+        return column(place.joint, falling * motion.slip[:, place.joint])
 
     def neighbours(
-        self, shape: Shape, step: float, place: Place, covered: OperatingRange
-    ) -> list[Shape]:
+        self, shape: StribeckShape, step: float, place: Place, covered: OperatingRange
+    ) -> list[StribeckShape]:
         """Exponents stay between 0.5 and 2.5."""
         near = super().neighbours(shape, step, place, covered)
-        return [(speed, min(max(exponent, 0.5), 2.5)) for speed, exponent in near]
+        return [StribeckShape(each.speed, min(max(each.exponent, 0.5), 2.5)) for each in near]
 
     def parameters(
-        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+        self, shape: StribeckShape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
         """Excess, speed and exponent."""
-        return {
-            "excess": number(coefficients[0], deviations[0], "N m"),
-            "speed": number(shape[0], None, "rad/s"),
-            "exponent": number(shape[1], None, ""),
-        }
+        return self.numbers(
+            excess=(coefficients[0], deviations[0]),
+            speed=(shape.speed, None),
+            exponent=(shape.exponent, None),
+        )
+
+    def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
+        """Dry friction."""
+        values = (given.value["excess"], given.value["speed"], given.value["exponent"])
+        return [TorqueTerm(_LAW, values, friction=True, dry=True)]

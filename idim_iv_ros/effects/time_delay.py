@@ -1,10 +1,13 @@
 """A torque that acts later than its command."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place, Shape, number
+from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.contribution import CommandDelay
+from idim_iv_ros.effects.effect import JointScale, OperatingRange, Place, Shape, StructuralEffect
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
 _TERMS = 3  # of the Taylor series: the rows end where 2π f delay is about one
@@ -12,65 +15,79 @@ _DELAYS = (0.0003, 0.0006, 0.001, 0.002, 0.004, 0.008, 0.012)
 _TYPICAL_DELAY = 0.002  # s, of 0.25 to 20 ms
 
 
-class TimeDelay(Effect):
-    """The logged command leads the torque by `delay`: τ(t + delay) − τ(t); shape: delay, s.
+@dataclass(frozen=True)
+class DelayShape(Shape):
+    """Delay, s."""
+
+    delay: float
+
+
+class TimeDelay(StructuralEffect[DelayShape]):
+    """The logged command leads the torque by `delay`: τ(t + delay) − τ(t).
 
     The slow current loop of a drive is the same to first order.
-
-    Simulated by `simulation.effect_signals.delays`.
     """
 
     name = "time_delay"
     order = 100
     family = "frequency"
     confounders = ("elasticity", "nonlinear_viscous")
-    least_support = 25.0
+    of_high_derivatives = True
     excitation = "energy above 2 Hz and sharp reversals"
+    segments = ("multisine",)
     size_in = "scale"
+    specs = (ParameterSpec("delay", "s", "delay of the torque", bound="not negative"),)
+    everywhere = True
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+    def grid(self, place: Place, covered: OperatingRange) -> list[DelayShape]:
         """From 0.3 to 12 ms."""
-        return [(delay,) for delay in _DELAYS]
+        return [DelayShape(delay) for delay in _DELAYS]
 
-    def free_numbers(self, shape: Shape) -> int:
+    def free_numbers(self, shape: DelayShape) -> int:
         """None: for short delays only their product with the coefficient counts."""
         return 0
 
     def neighbours(
-        self, shape: Shape, step: float, place: Place, covered: OperatingRange
-    ) -> list[Shape]:
+        self, shape: DelayShape, step: float, place: Place, covered: OperatingRange
+    ) -> list[DelayShape]:
         """Delays down to a tenth of a millisecond."""
         near = super().neighbours(shape, step, place, covered)
-        return [(max(delay, 1e-4),) for (delay,) in near]
+        return [DelayShape(max(each.delay, 1e-4)) for each in near]
 
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
-        """See the class."""
+    def columns(
+        self, motion: RobotMotion, place: Place, shape: DelayShape
+    ) -> dict[int, FloatArray]:
+        """Taylor series of the change of the torque."""
         torque = motion.torque[:, place.joint]
         change = np.zeros_like(torque)
         term, factor = torque, 1.0
         # Central differences: where friction jumps, interpolation between samples would ring.
         for order in range(1, _TERMS + 1):
-            term, factor = np.gradient(term, 1.0 / motion.rate), factor * shape[0] / order
+            term, factor = np.gradient(term, 1.0 / motion.rate), factor * shape.delay / order
             change += factor * term
         return {place.joint: change[:, None]}
 
-    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+    def admissible(self, shape: DelayShape, coefficients: FloatArray) -> bool:
         """The whole torque is late, not a part of it (the shape bends with longer delays)."""
         return bool(0.4 < coefficients[0] < 2.5)
 
-    def settled(self, shape: Shape, coefficients: FloatArray) -> Shape:
+    def settled(self, shape: DelayShape, coefficients: FloatArray) -> DelayShape:
         """The delay that both make; its whole torque is then late."""
-        delay = float(shape[0] * coefficients[0])
-        return (delay,) if _DELAYS[0] <= delay <= _DELAYS[-1] else shape
+        delay = float(shape.delay * coefficients[0])
+        return DelayShape(delay) if _DELAYS[0] <= delay <= _DELAYS[-1] else shape
 
     def plausible(
-        self, shape: Shape, coefficients: FloatArray, torque: float, scale: JointScale
+        self, shape: DelayShape, coefficients: FloatArray, torque: float, scale: JointScale
     ) -> bool:
         """Delays up to the middle of what drives have."""
-        return bool(shape[0] * coefficients[0] <= _TYPICAL_DELAY)
+        return bool(shape.delay * coefficients[0] <= _TYPICAL_DELAY)
 
     def parameters(
-        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+        self, shape: DelayShape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
         """The delay, to first order: shape times coefficient."""
-        return {"delay": number(shape[0] * coefficients[0], shape[0] * deviations[0], "s")}
+        return self.numbers(delay=(shape.delay * coefficients[0], shape.delay * deviations[0]))
+
+    def contributions(self, given: GivenNumbers) -> list[CommandDelay]:
+        """A command that arrives later."""
+        return [CommandDelay(given.value["delay"])]

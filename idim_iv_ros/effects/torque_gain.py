@@ -2,27 +2,42 @@
 
 from collections.abc import Sequence
 
-from idim_iv_ros.diagnosis.result import EffectParameter
+from idim_iv_ros.compilation import kernel
+from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.contribution import DriveCurve, DriveLaw
 from idim_iv_ros.effects.parametric_effect import (
     Change,
     Estimated,
     ParameterSpace,
     ParametricEffect,
 )
+from idim_iv_ros.types import FloatArray
 
 _LARGEST = 0.6  # of the recorded torque that is needed, more or less
 
 
-class TorqueGain(ParametricEffect):
-    """Actual torque = factor · recorded torque: the recording holds torque / factor.
+@kernel
+def _curve(p: FloatArray, command: float) -> float:
+    """Values: factor."""
+    acting: float = p[0] * command
+    return acting
 
-    Simulated by `simulation.effect_kernel.acting_torque`.
-    """
+
+_LAW = DriveLaw(_curve)
+
+
+class TorqueGain(ParametricEffect):
+    """Actual torque = factor · recorded torque: the recording holds torque / factor."""
 
     name = "torque_gain"
     order = 30
     confounders = ("payload", "link_inertia", "friction_level")
     excitation = "a known load: gravity and inertia that the nominal model is right about"
+    beyond_motion = "needs a known load: repeat the motion with a payload of known mass"
+    specs = (ParameterSpec("factor", "", "actual torque over recorded torque", 1.0, "positive"),)
+    in_base_parameters = False
+    everywhere = True
+    laws = (_LAW,)
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """One number."""
@@ -39,9 +54,13 @@ class TorqueGain(ParametricEffect):
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
     ) -> dict[str, EffectParameter]:
         """The factor, from the share that the recorded torque is larger."""
-        named = {}
+        named: dict[str, EffectParameter] = {}
         for each in found:
             if each.std is not None:
                 factor = 1.0 / (1.0 + each.value)
-                named["factor"] = EffectParameter(factor, each.std * factor**2, "")
+                named |= self.numbers(factor=(factor, each.std * factor**2))
         return named
+
+    def contributions(self, given: GivenNumbers) -> list[DriveCurve]:
+        """A factor on what the drive gives."""
+        return [DriveCurve(_LAW, (given.value["factor"],), rank=1)]

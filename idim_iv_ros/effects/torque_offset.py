@@ -1,13 +1,11 @@
 """A constant torque that the nominal model does not have: of the sensor, the drive or a cable."""
 
+from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.parametric_effect import Change, ParameterSpace, ParametricEffect
 
 
 class TorqueOffset(ParametricEffect):
-    """Recorded torque of one joint = that of the nominal model + offset.
-
-    Simulated with the base parameters, which hold it.
-    """
+    """Recorded torque of one joint = that of the nominal model + offset."""
 
     name = "torque_offset"
     order = 35
@@ -15,6 +13,8 @@ class TorqueOffset(ParametricEffect):
     # Dry friction of Fc + d one way and Fc - d the other is Fc, and a constant torque d.
     same_as = ("asymmetric_friction",)
     excitation = "the whole range of the joint, slowly, in both directions"
+    segments = ("range_sweep",)
+    specs = (ParameterSpec("offset", "N m", "constant torque beyond the nominal model's"),)
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """One number."""

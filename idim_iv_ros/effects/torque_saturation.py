@@ -1,19 +1,48 @@
 """A motor that gives less than commanded at high torque."""
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape, ShareOf, column, number
+from idim_iv_ros.compilation import kernel
+from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.contribution import DriveCurve, DriveLaw
+from idim_iv_ros.effects.effect import (
+    OperatingRange,
+    Place,
+    Shape,
+    ShareOf,
+    StructuralEffect,
+    column,
+)
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
 
-class TorqueSaturation(Effect):
-    """Command beyond the knee: the acting torque rises with a smaller slope; shape: knee, N m.
+@dataclass(frozen=True)
+class KneeShape(Shape):
+    """Torque from which on it saturates, N m."""
+
+    knee: float
+
+
+@kernel
+def _curve(p: FloatArray, command: float) -> float:
+    """Values: knee, slope."""
+    size = abs(command)
+    if size > p[0]:
+        size = p[0] + p[1] * (size - p[0])
+    return math.copysign(size, command)
+
+
+_LAW = DriveLaw(_curve)
+
+
+class TorqueSaturation(StructuralEffect[KneeShape]):
+    """Command beyond the knee: the acting torque rises with a smaller slope.
 
     For the torque τ that acts, the command is τ + coefficient · (|τ| − knee)₊ sign(τ).
-
-    Simulated by `simulation.effect_kernel.acting_torque`.
     """
 
     name = "torque_saturation"
@@ -21,31 +50,38 @@ class TorqueSaturation(Effect):
     family = "load"
     confounders = ("load_dependent_friction", "nonlinear_viscous")
     excitation = "high accelerations with a payload, up to the torque limit"
+    beyond_motion = "needs torques near the limit: add a payload, or raise --margin"
     typical = ShareOf("peak", 0.05)  # 0 to 15 %
+    specs = (
+        ParameterSpec("knee", "N m", "torque from which on it saturates", None, "positive"),
+        ParameterSpec("slope", "", "share of the torque beyond that acts", bound="not negative"),
+    )
+    laws = (_LAW,)
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+    def grid(self, place: Place, covered: OperatingRange) -> list[KneeShape]:
         """Knees from 15 to 95 % of the largest torque."""
-        return [
-            (float(share * covered.torque[place.joint]),) for share in np.linspace(0.15, 0.95, 17)
-        ]
+        largest = covered.torque[place.joint]
+        return [KneeShape(float(share * largest)) for share in np.linspace(0.15, 0.95, 17)]
 
     def neighbours(
-        self, shape: Shape, step: float, place: Place, covered: OperatingRange
-    ) -> list[Shape]:
+        self, shape: KneeShape, step: float, place: Place, covered: OperatingRange
+    ) -> list[KneeShape]:
         """A smaller step: the tail is short."""
         return super().neighbours(shape, 0.3 * step, place, covered)
 
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
-        """See the class."""
+    def columns(self, motion: RobotMotion, place: Place, shape: KneeShape) -> dict[int, FloatArray]:
+        """Torque beyond the knee."""
         torque = motion.torque[:, place.joint]
-        return column(place.joint, np.sign(torque) * np.maximum(np.abs(torque) - shape[0], 0.0))
+        beyond = np.maximum(np.abs(torque) - shape.knee, 0.0)
+        return column(place.joint, np.sign(torque) * beyond)
 
     def parameters(
-        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+        self, shape: KneeShape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
         """Knee and slope beyond it."""
         slope = 1.0 / (1.0 + max(float(coefficients[0]), 0.0))
-        return {
-            "knee": number(shape[0], None, "N m"),
-            "slope": number(slope, deviations[0] * slope**2, ""),
-        }
+        return self.numbers(knee=(shape.knee, None), slope=(slope, deviations[0] * slope**2))
+
+    def contributions(self, given: GivenNumbers) -> list[DriveCurve]:
+        """Saturation of the command."""
+        return [DriveCurve(_LAW, (given.value["knee"], given.value["slope"]), rank=0)]

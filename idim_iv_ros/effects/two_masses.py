@@ -8,7 +8,7 @@ what the transmission gives.
 import numpy as np
 from numba import njit
 
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
 _LEAST_INERTIA = 0.05  # of the largest along the motion
@@ -16,7 +16,7 @@ _STEPS_PER_PERIOD = 25.0  # of the transmission's natural frequency
 
 
 def transmitted(
-    motion: SmoothMotion, joint: int, stiffness: float, damping: float, gap: float
+    motion: RobotMotion, joint: int, stiffness: float, damping: float, gap: float
 ) -> dict[int, FloatArray]:
     """Change of all torques (s, 1) by joint, against a rigid transmission.
 

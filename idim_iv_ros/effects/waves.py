@@ -1,59 +1,101 @@
 """Sums of waves over a joint's position, for ripple and for friction that depends on position."""
 
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
 import numpy as np
 
-from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, number
+from idim_iv_ros.compilation import kernel
+from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape
 from idim_iv_ros.types import FloatArray
 
-MOST_WAVES = 3
+_MOST_WAVES = 3
 _FINEST = 3.0  # steps of the grid in one period of resolution, 2π / range
 _MOST = 400
 _HIGHEST = 250.0  # 1/rad: finer than the teeth of a gear; 2500 1/m: than the pitch of a screw
 
 
-def wave_numbers(place: Place, covered: OperatingRange, periods: float) -> FloatArray:
-    """Wave numbers 1/rad (1/m) from that many periods in the range of the joint on.
+@dataclass(frozen=True)
+class Waves(Shape):
+    """Wave numbers n_k, 1/rad (1/m)."""
+
+    wave_numbers: tuple[float, ...]
+
+
+def wave_specs(of: str) -> tuple[ParameterSpec, ...]:
+    """Parameters of a sum of waves; `of`: what it is a sum of, in words."""
+    return (
+        ParameterSpec("wave_number_k", "1/rad", "wave number", default=None),
+        ParameterSpec("sine_k", "N m", f"{of} with the sine"),
+        ParameterSpec("cosine_k", "N m", f"{of} with the cosine"),
+    )
+
+
+@kernel
+def wave(p: FloatArray, position: float) -> float:
+    """One wave, compiled; values: wave number, sine, cosine."""
+    phase = p[0] * position
+    value: float = p[1] * math.sin(phase) + p[2] * math.cos(phase)
+    return value
+
+
+def wave_values(given: GivenNumbers) -> Iterable[tuple[float, ...]]:
+    """Values of each wave for `wave`."""
+    for term in given.terms:
+        yield term["wave_number_k"], term["sine_k"], term["cosine_k"]
+
+
+def wave_grid(place: Place, covered: OperatingRange, periods: float) -> list[Waves]:
+    """One wave each, with wave numbers from that many periods in the range of the joint on.
 
     The finest is what the slowest motion that counts shows below the rows' Nyquist frequency.
     """
     span = float(covered.high[place.joint] - covered.low[place.joint])
     if span <= 0.0:
-        return np.zeros(0)
+        return []
     low = periods * 2.0 * np.pi / span
     visible = np.pi * covered.row_rate / max(3.0 * covered.slowest[place.joint], 1e-6)
     high = min(_HIGHEST / float(covered.lever[place.joint]), max(visible, low))
     step = max(2.0 * np.pi / span / _FINEST, (high - low) / _MOST)
-    return np.asarray(np.arange(low, high, step))
+    return [Waves((float(each),)) for each in np.arange(low, high, step)]
 
 
-def waves(position: FloatArray, numbers: Shape) -> FloatArray:
+def one_wave_more(shape: Waves, grid: list[Waves]) -> list[tuple[Waves, Waves]]:
+    """Return a shape with each wave of a grid beside its own, and that wave alone."""
+    if len(shape.wave_numbers) >= _MOST_WAVES:
+        return []
+    return [(Waves(shape.wave_numbers + term.wave_numbers), term) for term in grid]
+
+
+def near_waves(shape: Waves, step: float, span: float) -> list[Waves]:
+    """Each wave number a little higher and lower, by a share of the resolution 2π / span."""
+    move = step * 2.0 * np.pi / span
+    own = shape.wave_numbers
+    return [
+        Waves((*own[:k], max(own[k] + sign * move, 1e-3), *own[k + 1 :]))
+        for k in range(len(own))
+        for sign in (1.0, -1.0)
+    ]
+
+
+def wave_columns(position: FloatArray, shape: Waves) -> FloatArray:
     """Sine and cosine of each wave number, (s, 2 k)."""
-    phase = np.outer(position, numbers)
-    both = np.empty((len(position), 2 * len(numbers)))
+    phase = np.outer(position, shape.wave_numbers)
+    both = np.empty((len(position), 2 * len(shape.wave_numbers)))
     np.sin(phase, out=both[:, ::2])
     np.cos(phase, out=both[:, 1::2])
     return both
 
 
-def near_waves(shape: Shape, step: float, span: float) -> list[Shape]:
-    """Each wave number a little higher and lower, by a share of the resolution 2π / span."""
-    move = step * 2.0 * np.pi / span
-    return [
-        (*shape[:k], max(shape[k] + sign * move, 1e-3), *shape[k + 1 :])
-        for k in range(len(shape))
-        for sign in (1.0, -1.0)
-    ]
-
-
 def wave_parameters(
-    shape: Shape, coefficients: FloatArray, deviations: FloatArray
-) -> dict[str, EffectParameter]:
-    """wave_number_k, sine_k, cosine_k."""
-    found: dict[str, EffectParameter] = {}
-    for k, wave_number in enumerate(shape):
-        found[f"wave_number_{k + 1}"] = number(wave_number, None, "1/rad")
-        for part, name in enumerate(("sine", "cosine")):
-            i = 2 * k + part
-            found[f"{name}_{k + 1}"] = number(coefficients[i], deviations[i], "N m")
+    shape: Waves, coefficients: FloatArray, deviations: FloatArray
+) -> dict[str, tuple[float, float | None]]:
+    """Values and deviations of wave_number_k, sine_k, cosine_k, for `Cause.numbers`."""
+    found: dict[str, tuple[float, float | None]] = {}
+    for k, wave_number in enumerate(shape.wave_numbers):
+        found[f"wave_number_{k + 1}"] = (wave_number, None)
+        for i, name in enumerate(("sine", "cosine"), start=2 * k):
+            found[f"{name}_{k + 1}"] = (coefficients[i], deviations[i])
     return found

@@ -1,60 +1,21 @@
 """How uncertain the estimates are: one estimator of their covariance a class.
 
-All work on triangles: the rows of each joint are reduced by QR once, and ZᵀZ or ZᵀX is never
-formed, which would square the condition number.
+All work on R factors: ZᵀZ or ZᵀX is never formed, which would square the condition number.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from idim_iv_ros.estimation.r_factor import r_factor, spread
+from idim_iv_ros.estimation.least_squares import projected_on_instruments
+from idim_iv_ros.estimation.qr import independent_basis, r_factor, stacked_r_factor
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals.autoregression import AutoregressiveModel
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import FloatArray, IntArray
 
-IntArray = NDArray[np.integer[Any]]
-
-_COLUMNS, _ROWS = 4, 5_000
-
-
-@dataclass(frozen=True)
-class JointBlock:
-    """The rows of one joint as a covariance needs them.
-
-    Attributes
-    ----------
-    regressor, instruments : (r_j, c_j)
-        X_j and Z_j: only the columns that are not structurally zero for this joint.
-    columns : (c_j,) int
-        Places of these columns among all b parameters.
-    sigma : float
-        Standard deviation of this joint's residual; the rows are weighted by 1/sigma.
-    """
-
-    regressor: FloatArray
-    instruments: FloatArray
-    columns: IntArray
-    sigma: float
-
-
-@dataclass(frozen=True)
-class AutocorrelatedBlock(JointBlock):
-    """The unfiltered rows of one joint and the colour of its residual.
-
-    Attributes
-    ----------
-    autoregression : AutoregressiveModel
-        Fitted on the residual of this joint, in its unit.
-    positions : (r_j,) increasing int
-        Place of each row on the regular decimated grid; recordings far apart.
-    """
-
-    autoregression: AutoregressiveModel
-    positions: IntArray
+_COLUMNS = 4
 
 
 @dataclass(frozen=True)
@@ -62,16 +23,51 @@ class WhiteCovariance:
     """Σ = (ZᵀWX)⁻¹ ZᵀWZ (XᵀWZ)⁻¹, W = blkdiag(I/σ_j²): right if every residual is white.
 
     With Z = X it is the covariance of (weighted) least squares, σ²(XᵀX)⁻¹.
+
+    Attributes
+    ----------
+    rows : sequence of JointRows
+    sigma : (n_joints,)
+        Standard deviation of each joint's residual.
+    parameters : int
+        b.
     """
 
-    blocks: Sequence[JointBlock]
-    n_parameters: int
+    rows: Sequence[JointRows]
+    sigma: FloatArray
+    parameters: int
+
+    @property
+    def matrix(self) -> FloatArray:
+        """(b, b), in the products of the parameters' units.
+
+        Raises
+        ------
+        DataError
+            The instruments do not determine all parameters.
+        """
+        _, projected, _ = projected_on_instruments(self.rows, self.parameters, self.sigma)
+        root = np.linalg.inv(projected)
+        return np.asarray(root @ root.T)
+
+
+@dataclass(frozen=True)
+class RefinedCovariance:
+    """Σ = (Z_fᵀ W Z_f)⁻¹ of the refined estimate (paper, equation 12), joint by joint weighted.
+
+    The rows are filtered by Ĉ_j(z⁻¹), and sigma is that of the whitened residual; with one σ for
+    all joints it is the paper's σ̂²(Z_fᵀZ_f)⁻¹.
+    """
+
+    rows: Sequence[JointRows]
+    sigma: FloatArray
+    parameters: int
 
     @property
     def matrix(self) -> FloatArray:
         """(b, b), in the products of the parameters' units."""
-        _, projected = _reduce(self.blocks, self.n_parameters)
-        root = np.linalg.inv(projected)
+        upper, _, _ = projected_on_instruments(self.rows, self.parameters, self.sigma)
+        root = independent_basis(upper).inverse_root(self.parameters)
         return root @ root.T
 
 
@@ -82,108 +78,57 @@ class AutocorrelatedCovariance:
     A = (ZᵀWX)⁻¹ and S = Σ_j σ_j⁻⁴ Z_jᵀ R_j Z_j, with R_j the covariance of the joint's residual
     at the places of its rows; Z_jᵀ R_j Z_j = σ²_N,j ‖H_jᵀ Z_j‖² with H_j = 1/Ĉ_j on the regular
     grid, where Z_j is zero at the dropped rows.
+
+    Attributes
+    ----------
+    rows : sequence of JointRows
+        Unfiltered, with their `position`.
+    sigma : (n_joints,)
+        Standard deviation of each joint's residual: the weights of the estimate.
+    models : sequence of AutoregressiveModel
+        Fitted on the residual of each joint, in its unit.
+    parameters : int
+        b.
     """
 
-    blocks: Sequence[AutocorrelatedBlock]
-    n_parameters: int
+    rows: Sequence[JointRows]
+    sigma: FloatArray
+    models: Sequence[AutoregressiveModel]
+    parameters: int
 
     @property
     def matrix(self) -> FloatArray:
         """(b, b), in the products of the parameters' units."""
-        return self.restricted(np.arange(self.n_parameters))
+        return self.restricted(np.arange(self.parameters))
 
     def restricted(self, kept: IntArray) -> FloatArray:
         """Covariance (b_e, b_e) of the estimate with only the parameters `kept`, same weights."""
-        both = np.concatenate([kept, kept + self.n_parameters])
-        triangle, projected = _split(r_factor(self._stacked[:, both]), len(kept))
+        rows = [joint.reduced.keep(kept) for joint in self.rows]
+        upper, projected, _ = projected_on_instruments(rows, len(kept), self.sigma)
         spectrum = r_factor(self._spectrum[:, kept])
         # A = (Rᵀ QᵀX)⁻¹ = (QᵀX)⁻¹ R⁻ᵀ, so that Σ = BᵀB with B = S^½ R⁻¹ (QᵀX)⁻ᵀ.
-        root = np.linalg.solve(projected, np.linalg.solve(triangle.T, spectrum.T)).T
+        root = np.linalg.solve(projected, np.linalg.solve(upper.T, spectrum.T)).T
         return np.asarray(root.T @ root)
-
-    @cached_property
-    def _stacked(self) -> FloatArray:
-        return _stack(self.blocks, self.n_parameters)
 
     @cached_property
     def _spectrum(self) -> FloatArray:
         """S^½, upper triangular (b, b)."""
-        pieces = []
-        for block in self.blocks:
-            scale = np.sqrt(block.autoregression.innovation_variance) / block.sigma**2
-            small = _coloured_triangle(block) * scale
-            pieces.append(spread(small, block.columns, self.n_parameters))
-        return r_factor(np.vstack(pieces))
+        factors = [
+            _shaped_r_factor(joint, model) * np.sqrt(model.innovation_variance) / sigma**2
+            for joint, sigma, model in zip(self.rows, self.sigma, self.models, strict=True)
+        ]
+        return stacked_r_factor(factors, [joint.columns for joint in self.rows], self.parameters)
 
 
-@dataclass(frozen=True)
-class RefinedCovariance:
-    """Σ = (Z_fᵀ W Z_f)⁻¹ of the refined estimate (paper, equation 12), joint by joint weighted.
-
-    The blocks hold rows filtered by Ĉ_j(z⁻¹), and sigma is that of the whitened residual; with
-    one σ for all joints it is the paper's σ̂²(Z_fᵀZ_f)⁻¹.
-    """
-
-    blocks: Sequence[JointBlock]
-    n_parameters: int
-
-    @property
-    def matrix(self) -> FloatArray:
-        """(b, b), in the products of the parameters' units."""
-        triangle, _ = _reduce(self.blocks, self.n_parameters)
-        root = np.linalg.inv(triangle)
-        return root @ root.T
-
-
-def _reduce(blocks: Sequence[JointBlock], n_parameters: int) -> tuple[FloatArray, FloatArray]:
-    """Return R and QᵀX of the stacked, weighted Z = Q R, both (b, b).
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the instruments do not determine all parameters.
-    """
-    return _split(_stack(blocks, n_parameters), n_parameters)
-
-
-def _stack(blocks: Sequence[JointBlock], n_parameters: int) -> FloatArray:
-    """R of the stacked, weighted [Z X], with 2 b columns."""
-    pieces = []
-    for block in blocks:
-        if block.instruments is block.regressor:
-            single = r_factor(block.instruments)
-            small = np.hstack([single, single]) / block.sigma
-        else:
-            small = r_factor(np.hstack([block.instruments, block.regressor])) / block.sigma
-        places = np.concatenate([block.columns, block.columns + n_parameters])
-        pieces.append(spread(small, places, 2 * n_parameters))
-    return r_factor(np.vstack(pieces))
-
-
-def _split(triangle: FloatArray, n_parameters: int) -> tuple[FloatArray, FloatArray]:
-    if len(triangle) < n_parameters:
-        raise np.linalg.LinAlgError("fewer rows than parameters")
-    square = triangle[:n_parameters, :n_parameters]
-    projected = triangle[:n_parameters, n_parameters:]
-    pivots = np.abs(np.diag(square))
-    scale = np.linalg.norm(square, axis=0)
-    if np.any(pivots <= np.finfo(float).eps * n_parameters * scale):
-        raise np.linalg.LinAlgError("the instruments do not determine all parameters")
-    return square, projected
-
-
-def _coloured_triangle(block: AutocorrelatedBlock) -> FloatArray:
+def _shaped_r_factor(rows: JointRows, model: AutoregressiveModel) -> FloatArray:
     """R of H_jᵀ Z_j, a few columns and a few rows at a time for the sake of memory."""
-    width = block.instruments.shape[1]
-    coloured: FloatArray | None = None
+    assert rows.position is not None
+    width = len(rows.columns)
+    shaped = np.zeros((0, width))
     for start in range(0, width, _COLUMNS):
-        columns = block.instruments[:, start : start + _COLUMNS]
-        part = block.autoregression.colour_adjoint(columns, block.positions)
-        if coloured is None:
-            coloured = np.empty((len(part), width))
-        coloured[:, start : start + _COLUMNS] = part
-    triangle = np.zeros((0, width))
-    for start in range(0, 0 if coloured is None else len(coloured), _ROWS):
-        assert coloured is not None
-        triangle = r_factor(np.vstack([triangle, coloured[start : start + _ROWS]]))
-    return triangle
+        columns = rows.instruments[:, start : start + _COLUMNS]
+        part = model.shaping_adjoint(columns, rows.position)
+        if not len(shaped):
+            shaped = np.empty((len(part), width))
+        shaped[:, start : start + _COLUMNS] = part
+    return r_factor(shaped)

@@ -6,7 +6,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from idim_iv_ros.estimation.instruments import Instruments, differentiated
-from idim_iv_ros.estimation.rows import instrument_rows
+from idim_iv_ros.estimation.observation import instrument_rows
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Motion, zero_phase_butterworth
 from idim_iv_ros.simulation import ReferenceFilter, filter_reference

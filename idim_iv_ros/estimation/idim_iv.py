@@ -6,15 +6,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.estimation.covariance import WhiteCovariance
 from idim_iv_ros.estimation.essential import restrict
 from idim_iv_ros.estimation.instruments import Instruments, InstrumentSource, SourceFailure
 from idim_iv_ros.estimation.least_squares import (
     LinearEstimate,
     solve_instrumental_variables,
-    solve_weighted_least_squares,
+    solve_least_squares,
 )
-from idim_iv_ros.estimation.rows import ObservationRows
-from idim_iv_ros.estimation.triangles import JointTriangle, triangles_of_rows, white_covariance
+from idim_iv_ros.estimation.rows import JointRows, with_instruments
 from idim_iv_ros.types import FloatArray
 
 # Parameters with a relative deviation above this do not decide about convergence.
@@ -74,7 +74,7 @@ class IdimIvEstimate:
 
 
 def idim_iv(
-    rows: Sequence[ObservationRows],
+    rows: Sequence[JointRows],
     sources: Sequence[InstrumentSource],
     starts: Sequence[Start],
     *,
@@ -100,13 +100,12 @@ def idim_iv(
         No source can make instruments, or there are too few rows.
     """
     parameters = len(starts[0].values)
-    least_squares = solve_weighted_least_squares(rows, parameters)
-    triangles = triangles_of_rows(rows)
+    least_squares = solve_least_squares(rows, parameters)
     failures: list[str] = []
     for source in sources:
         for start in starts:
             step = _Iteration(
-                rows, triangles, source, start, least_squares, tolerance, max_iterations, progress
+                rows, source, start, least_squares, tolerance, max_iterations, progress
             )
             try:
                 return step.run(tuple(failures))
@@ -120,8 +119,7 @@ def idim_iv(
 
 @dataclass(frozen=True)
 class _Iteration:
-    rows: Sequence[ObservationRows]
-    triangles: Sequence[JointTriangle]
+    rows: Sequence[JointRows]
     source: InstrumentSource
     start: Start
     least_squares: LinearEstimate
@@ -211,11 +209,11 @@ class _Iteration:
 
     def _solve(self, instruments: Instruments, sigma: FloatArray) -> LinearEstimate:
         parameters = len(self.least_squares.values)
-        matrices = instruments.matrices
+        rows = with_instruments(self.rows, instruments.matrices)
         try:
-            linear = solve_instrumental_variables(self.rows, matrices, parameters, sigma)
+            linear = solve_instrumental_variables(rows, parameters, sigma)
             # Once more, so that the weights are those of the IV residual.
-            return solve_instrumental_variables(self.rows, matrices, parameters, linear.sigma)
+            return solve_instrumental_variables(rows, parameters, linear.sigma)
         except DataError as error:
             raise SourceFailure(str(error)) from error
 
@@ -230,4 +228,4 @@ class _Iteration:
         return IterationStep(float(change[worst]), worst)
 
     def _white_covariance(self, linear: LinearEstimate) -> FloatArray:
-        return white_covariance(self.triangles, len(linear.values), linear.sigma)
+        return WhiteCovariance(self.rows, linear.sigma, len(linear.values)).matrix

@@ -11,10 +11,11 @@ from typing import Protocol
 
 import numpy as np
 
-from idim_iv_ros.estimation.rows import States, instrument_rows
+from idim_iv_ros.estimation.observation import States, instrument_rows
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Motion, central_differences
-from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, joint_inertia, simulate_closed_loop
+from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, joint_inertia
+from idim_iv_ros.simulation.replay import replay
 from idim_iv_ros.types import FloatArray
 
 # Gains are rescaled only while the simulated inertia is further than this from the robot's.
@@ -138,7 +139,7 @@ class SimulatedLoop:
         ----------
         values, covariance
             (b,) estimate and (b, b) covariance, that of the measurement noise alone: a model
-            error inflates the residual, and must not excuse itself.
+            error inflates the residual, and would otherwise hide itself.
 
         Returns
         -------
@@ -197,23 +198,11 @@ class SimulatedLoop:
         parameters = self.model.dynamic_parameters(values)
         positions = []
         for motion, law in zip(self.motions, self.laws, strict=True):
-            signals = motion.signals
-            if signals.position_reference is None:
-                raise SourceFailure(f"{signals.name} has no reference")
-            start, velocity, _ = _initial(motion)
-            result = simulate_closed_loop(
-                self.model.robot,
-                parameters,
-                law.scaled(scale),
-                rate=signals.rate,
-                position_reference=signals.position_reference,
-                velocity_reference=signals.velocity_reference,
-                initial_position=start,
-                initial_velocity=velocity,
-                accelerations=False,
+            result = replay(
+                self.model.robot, parameters, law.scaled(scale), motion, accelerations=False
             )
             if result.diverged is not None:
-                raise SourceFailure(f"{signals.name}: {result.diverged}")
+                raise SourceFailure(f"{motion.signals.name}: {result.diverged}")
             positions.append(motion.filtered(result.position))
         return positions
 
@@ -230,13 +219,6 @@ class SimulatedLoop:
         usable = (simulated > 0.0) & (actual > 0.0)
         ratio = np.where(usable, simulated / np.where(usable, actual, 1.0), 1.0)
         return np.where(np.abs(ratio - 1.0) > _SAME_INERTIA, ratio, 1.0)
-
-
-def _initial(motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
-    velocity, acceleration = central_differences(
-        motion.position, rate=motion.signals.rate, start=0, stop=1
-    )
-    return motion.position[0], velocity[0], acceleration[0]
 
 
 def differentiated(

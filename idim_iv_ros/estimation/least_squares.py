@@ -1,4 +1,8 @@
-"""Linear estimators on the rows of all joints: IDIM-LS and one step of IDIM-IV (equation 9)."""
+"""Linear estimators on the rows of all joints: IDIM-LS and one step of IDIM-IV (equation 9).
+
+All work on R factors: the rows of each joint are reduced once, and rows that are reduced already
+(`JointRows.reduced`, `streamed_rows`) serve as well.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,19 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.estimation.r_factor import r_factor, spread
-from idim_iv_ros.estimation.rows import ObservationRows
-from idim_iv_ros.estimation.triangles import (
-    InstrumentTriangle,
-    JointTriangle,
-    instrument_triangles,
-    residual_sigma,
-    stacked,
-    triangles_of_rows,
-)
+from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, stacked_r_factor
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.types import FloatArray
 
-_LARGEST_CONDITION = 1e12
+# Rounds of new weights; the estimate hardly depends on them.
+_WEIGHTINGS = 3
 
 
 @dataclass(frozen=True)
@@ -39,118 +36,113 @@ class LinearEstimate:
     sigma: FloatArray
 
 
-def solve_triangles(
-    triangles: Sequence[JointTriangle], parameters: int, *, weighted: bool = True
-) -> tuple[FloatArray, FloatArray]:
+def solve_least_squares(
+    rows: Sequence[JointRows], parameters: int, *, weighted: bool = True
+) -> LinearEstimate:
     """IDIM-LS, ordinary or with each joint weighted by the inverse of its residual's σ.
-
-    Returns
-    -------
-    values : (b,)
-    sigma : (n_joints,) N m
 
     Raises
     ------
     DataError
         Fewer rows than parameters.
     """
-    total = sum(joint.rows for joint in triangles)
-    _require_rows(total, parameters)
-    torque = max(float(np.linalg.norm(joint.triangle[:, -1])) for joint in triangles)
-    largest = torque / np.sqrt(total)
-    weights: FloatArray | None = None
-    for _ in range(3 if weighted else 1):
-        triangle = stacked(triangles, parameters, weights)
-        square, right = triangle[:parameters, :parameters], triangle[:parameters, -1]
-        values = np.asarray(np.linalg.solve(square, right), dtype=np.float64)
-        sigma = _floor(residual_sigma(triangles, values), largest)
+    total = _number_of_rows(rows, parameters)
+    # The b estimated parameters are charged to the joints in proportion to their rows.
+    share = max(1.0 - parameters / total, 1.0 / total)
+    weights = np.ones(len(rows))
+    for _ in range(_WEIGHTINGS if weighted else 1):
+        factor = stacked(rows, parameters, weights)
+        values = independent_basis(factor[:, :-1]).solve(factor[:, -1], parameters)
+        sigma = _sigma(rows, values, share, total)
         weights = 1.0 / sigma
-    return values, sigma
-
-
-def solve_least_squares(rows: Sequence[ObservationRows], parameters: int) -> LinearEstimate:
-    """Ordinary IDIM-LS: all rows weighted alike."""
-    values, sigma = solve_triangles(triangles_of_rows(rows), parameters, weighted=False)
-    return LinearEstimate(values, _residuals(rows, values), sigma)
-
-
-def solve_weighted_least_squares(
-    rows: Sequence[ObservationRows], parameters: int
-) -> LinearEstimate:
-    """IDIM-LS with each joint weighted by the inverse of its residual's standard deviation."""
-    values, sigma = solve_triangles(triangles_of_rows(rows), parameters)
     return LinearEstimate(values, _residuals(rows, values), sigma)
 
 
 def solve_instrumental_variables(
-    rows: Sequence[ObservationRows],
-    instruments: Sequence[FloatArray],
-    parameters: int,
-    sigma: FloatArray,
+    rows: Sequence[JointRows], parameters: int, sigma: FloatArray
 ) -> LinearEstimate:
     """β = (ZᵀΩ⁻¹X)⁻¹ ZᵀΩ⁻¹y with Ω = blkdiag(σ_j² I) (equation 9, weighted joint by joint).
 
-    Solved on the triangle of [Z X y]: with Z = QR it is (QᵀX)⁻¹ Qᵀy.
+    Solved on the R factor of [Z X y]: with Z = QR it is (QᵀX)⁻¹ Qᵀy.
 
     Raises
     ------
     DataError
         Fewer rows than parameters, or the instruments do not determine the parameters.
     """
-    triangles = instrument_triangles(rows, instruments)
-    values, deviations = solve_instrument_triangles(triangles, parameters, sigma)
-    return LinearEstimate(values, _residuals(rows, values), deviations)
+    total = _number_of_rows(rows, parameters)
+    _, projected, right = projected_on_instruments(rows, parameters, sigma)
+    values = np.asarray(np.linalg.solve(projected, right), dtype=np.float64)
+    share = 1.0 - parameters / total
+    return LinearEstimate(values, _residuals(rows, values), _sigma(rows, values, share, total))
 
 
-def solve_instrument_triangles(
-    triangles: Sequence[InstrumentTriangle], parameters: int, sigma: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Solve equation 9 on the triangles of [Z_j X_j y_j], joint j weighted by 1/`sigma[j]`.
-
-    Returns
-    -------
-    values : (b,)
-    sigma : (n_joints,)
-        Standard deviation of each joint's residual.
+def projected_on_instruments(
+    rows: Sequence[JointRows], parameters: int, sigma: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """R, QᵀX, both (b, b), and Qᵀy of the stacked Z = Q R, joint j weighted by 1/`sigma[j]`.
 
     Raises
     ------
     DataError
-        See `solve_instrumental_variables`.
+        The instruments do not determine the parameters.
     """
-    total = sum(joint.rows for joint in triangles)
-    _require_rows(total, parameters)
-    parts = []
-    for joint, deviation in zip(triangles, sigma, strict=True):
-        places = np.concatenate([joint.columns, joint.columns + parameters, [2 * parameters]])
-        parts.append(spread(joint.triangle / deviation, places, 2 * parameters + 1))
-    triangle = r_factor(np.vstack(parts))
-    projected = triangle[:parameters, parameters : 2 * parameters]
-    scale = np.linalg.norm(projected, axis=0)
-    if np.any(scale == 0.0) or np.linalg.cond(projected / scale) > _LARGEST_CONDITION:
+    parts, places = [], []
+    for joint, deviation in zip(rows, sigma, strict=True):
+        few = joint.reduced
+        parts.append(np.column_stack([few.instruments, few.matrix, few.torque]) / deviation)
+        places.append(np.concatenate([few.columns, few.columns + parameters, [2 * parameters]]))
+    factor = stacked_r_factor(parts, places, 2 * parameters + 1)
+    instruments = independent_basis(factor[:, :parameters])
+    projected = instruments.vectors.T @ factor[:, parameters:-1]
+    if independent_basis(projected).rank < parameters:
         raise DataError("the instruments do not determine all parameters")
-    values = np.asarray(np.linalg.solve(projected, triangle[:parameters, -1]), dtype=np.float64)
-    share = 1.0 - parameters / total
-    deviations = np.empty(len(triangles))
-    for number, joint in enumerate(triangles):
-        residual = joint.torque - joint.regressor @ values[joint.columns]
-        deviations[number] = np.sqrt(float(residual @ residual) / max(joint.rows * share, 1.0))
-    largest = max(float(np.linalg.norm(joint.torque)) for joint in triangles)
-    return values, _floor(deviations, largest / np.sqrt(total))
+    return instruments.upper, projected, instruments.vectors.T @ factor[:, -1]
 
 
-def _residuals(rows: Sequence[ObservationRows], values: FloatArray) -> tuple[FloatArray, ...]:
-    return tuple(joint.torque - joint.matrix @ values[joint.columns] for joint in rows)
+def stacked(
+    rows: Sequence[JointRows], parameters: int, weights: FloatArray | None = None
+) -> FloatArray:
+    """R factor (b + 1 columns) of [X y] of all joints, joint j multiplied by `weights[j]`."""
+    factors = [joint.r_factor for joint in rows]
+    if weights is not None:
+        factors = [factor * weight for factor, weight in zip(factors, weights, strict=True)]
+    return stacked_r_factor(factors, [joint.places for joint in rows], parameters + 1)
 
 
-def _floor(sigma: FloatArray, torque: float) -> FloatArray:
-    """A residual that is zero to rounding must not get an infinite weight."""
+def unseen_parameters(rows: Sequence[JointRows], parameters: int) -> list[int]:
+    """Base parameters whose columns depend on those before them in these rows."""
+    columns = stacked(rows, parameters)[:, :parameters]
+    norms = np.linalg.norm(columns, axis=0)
+    columns[:, norms <= NOT_SHOWN * norms.max()] = 0.0
+    shown = independent_basis(columns, tolerance=NOT_SHOWN).kept
+    return sorted(set(range(parameters)) - set(shown.tolist()))
+
+
+def condition_number(rows: Sequence[JointRows], parameters: int) -> float:
+    """Condition number of the stacked, unweighted observation matrix X."""
+    return float(np.linalg.cond(stacked(rows, parameters)[:parameters, :parameters]))
+
+
+def _sigma(rows: Sequence[JointRows], values: FloatArray, share: float, total: int) -> FloatArray:
+    """Standard deviation of each joint's residual; not so small that its weight is infinite."""
+    sigma = [
+        np.linalg.norm(joint.reduced.residual(values)) / np.sqrt(max(len(joint) * share, 1.0))
+        for joint in rows
+    ]
+    torque = max(float(np.linalg.norm(joint.reduced.torque)) for joint in rows) / np.sqrt(total)
     return np.maximum(sigma, max(1e-12 * torque, 1e-300))
 
 
-def _require_rows(total: int, parameters: int) -> None:
+def _residuals(rows: Sequence[JointRows], values: FloatArray) -> tuple[FloatArray, ...]:
+    return tuple(joint.residual(values) for joint in rows)
+
+
+def _number_of_rows(rows: Sequence[JointRows], parameters: int) -> int:
+    total = sum(len(joint) for joint in rows)
     if total <= parameters:
         raise DataError(
             f"{total} decimated rows cannot determine {parameters} parameters; record for longer "
             "or raise processing.decimation_cutoff"
         )
+    return total

@@ -1,160 +1,153 @@
-"""Decimated rows of the regression, joint by joint (paper, equation 5)."""
+"""The rows of one joint's regression: the one type that estimators, tests and diagnosis share."""
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
-from idim_iv_ros.model import InverseModel
-from idim_iv_ros.signals import Motion
+from idim_iv_ros.estimation.qr import BLOCK, r_factor, streamed_r_factor
+from idim_iv_ros.signals.autoregression import AutoregressiveModel
 from idim_iv_ros.types import FloatArray, IntArray
 
-# Full-rate samples for which the regressor is held at once.
-CHUNK = 30_000
-# Decimated samples between two recordings on the common grid: no residual remembers that far.
-_APART = 10_000
-_THREADS = 2
 
-States = Callable[[int, int], tuple[FloatArray, FloatArray, FloatArray]]
-
-
-@dataclass(frozen=True)
-class ObservationRows:
-    """The rows of one joint, from all recordings.
+@dataclass(frozen=True, eq=False)
+class JointRows:
+    """One joint's part of y = X β + ε and, where there are instruments, of X = Z Π + V.
 
     Attributes
     ----------
-    joint : int
-    columns : (c,) int
-        Base parameters on which the torque of this joint depends.
     matrix : (r, c)
-        Observation matrix X (or instruments Z), only the columns above.
-    torque : (r,)
-        Measured torque y, decimated likewise, N m.
-    runs : tuple of slice
-        Stretches of rows that are contiguous in time.
-    position : (r,) int
+        Regressor X: only the columns that are not structurally zero for this joint.
+    torque : (r,) N m (N for a prismatic joint)
+        y.
+    columns : (c,) int
+        Places of these columns among all b parameters.
+    segments : tuple of slice
+        Rows that are contiguous in time, covering all of them in order.
+    name : str
+        Of the joint.
+    position : (r,) int, optional
         Place of each row on the uniform decimated grid; recordings lie far apart.
+    instrument_matrix : (r, c), optional
+        Z; None where X is its own instrument.
+    represented : int, optional
+        How many rows were reduced to these by QR; None where these are the rows themselves.
     """
 
-    joint: int
-    columns: IntArray
     matrix: FloatArray
     torque: FloatArray
-    runs: tuple[slice, ...]
-    position: IntArray
+    columns: IntArray
+    segments: tuple[slice, ...] = ()
+    name: str = ""
+    position: IntArray | None = None
+    instrument_matrix: FloatArray | None = None
+    represented: int | None = None
 
     def __len__(self) -> int:
-        return len(self.torque)
+        """How many rows these are or, reduced, stand for."""
+        return len(self.torque) if self.represented is None else self.represented
 
+    @property
+    def instruments(self) -> FloatArray:
+        """(r, c) Z, or X where there are no others."""
+        return self.matrix if self.instrument_matrix is None else self.instrument_matrix
 
-@dataclass(frozen=True)
-class RowBlock:
-    """Rows of one chunk of one motion.
+    @property
+    def places(self) -> IntArray:
+        """(c + 1,) places of the columns of `r_factor`; the torque is the last, −1."""
+        return np.append(self.columns, -1)
 
-    Attributes
-    ----------
-    kept : (k, n_joints) bool
-        Which of its decimated samples count for each joint.
-    matrices : one (r_j, c_j) array for each joint
-    """
+    def prediction(self, parameters: FloatArray) -> FloatArray:
+        """(r,) X β: the torque predicted with the measured motion; `parameters` (b,)."""
+        return self.matrix @ parameters[self.columns]
 
-    kept: NDArray[np.bool_]
-    matrices: tuple[FloatArray, ...]
+    def residual(self, parameters: FloatArray) -> FloatArray:
+        """(r,) y − X β; `parameters` (b,)."""
+        return self.torque - self.prediction(parameters)
 
+    def with_instruments(self, matrix: FloatArray) -> "JointRows":
+        """Return the same rows with Z (r, c)."""
+        return replace(self, instrument_matrix=None if matrix is self.matrix else matrix)
 
-def row_blocks(model: InverseModel, motion: Motion, states: States) -> Iterator[RowBlock]:
-    """Decimated regressor rows chunk by chunk; the full-rate regressor is never held whole.
+    def whitened(self, model: AutoregressiveModel) -> "JointRows":
+        """Return the same rows with Ĉ(z⁻¹) applied to y, X and Z alike."""
+        return self._of(model.whiten(self._table(slice(None)), self.segments))
 
-    Parameters
-    ----------
-    states
-        (first, last) → q, dq, ddq of those samples of the motion's span.
-    """
-    done = 0
-    for chunk in motion.decimation.chunks(CHUNK):
-        kept = motion.kept[done : done + len(chunk.kept)]
-        full = model.joint_matrices(*states(chunk.first, chunk.last))
-        decimate = partial(motion.decimation.apply, chunk=chunk)
-        with ThreadPoolExecutor(_THREADS) as pool:  # the filter frees the lock
-            decimated = list(pool.map(decimate, full))
-        rows = zip(decimated, kept.T, strict=True)
-        yield RowBlock(kept, tuple(matrix[counts] for matrix, counts in rows))
-        done += len(chunk.kept)
-
-
-def torque_rows(motion: Motion) -> list[FloatArray]:
-    """Decimated torque of the samples that count, one (r_j,) array for each joint."""
-    return [
-        motion.decimation.whole(torque)[kept]
-        for torque, kept in zip(motion.torque.T, motion.kept.T, strict=True)
-    ]
-
-
-def observation_rows(model: InverseModel, motions: Sequence[Motion]) -> tuple[ObservationRows, ...]:
-    """Regressor of the measured motion and measured torque, decimated in parallel."""
-    matrices = instrument_rows(model, motions, [motion.derivatives for motion in motions])
-    torques = [torque_rows(motion) for motion in motions]
-    rows = []
-    for joint, matrix in enumerate(matrices):
-        position = _grid([motion.kept[:, joint] for motion in motions])
-        rows.append(
-            ObservationRows(
-                joint=joint,
-                columns=np.flatnonzero(model.base.active[joint]),
-                matrix=matrix,
-                torque=np.concatenate([torque[joint] for torque in torques]),
-                runs=_runs(position),
-                position=position,
-            )
+    def beside(self, columns: FloatArray, places: IntArray) -> "JointRows":
+        """Return the same rows with more columns (r, k) at these places."""
+        return replace(
+            self,
+            matrix=np.hstack([self.matrix, columns]),
+            columns=np.concatenate([self.columns, places]),
         )
-    return tuple(rows)
+
+    def keep(self, parameters: IntArray) -> "JointRows":
+        """Return the same rows with only some base parameters, renumbered in their order."""
+        inside = np.isin(self.columns, parameters)
+        z = self.instrument_matrix
+        return replace(
+            self,
+            matrix=self.matrix[:, inside],
+            columns=np.searchsorted(parameters, self.columns[inside]),
+            instrument_matrix=None if z is None else z[:, inside],
+        )
+
+    @cached_property
+    def reduced(self) -> "JointRows":
+        """The R factor of [Z X y]: it replaces these rows where their order does not matter."""
+        width = self._table(slice(0, 0)).shape[1]
+        rows = self._of(streamed_r_factor(self._blocks(), width))
+        return replace(rows, segments=(), position=None, represented=len(self))
+
+    @cached_property
+    def r_factor(self) -> FloatArray:
+        """R factor (≤ c + 1, c + 1) of [X y]."""
+        rows = self if self.instrument_matrix is None else replace(self, instrument_matrix=None)
+        reduced = rows.reduced
+        return np.column_stack([reduced.matrix, reduced.torque])
+
+    def standardized_r_factor(self, noise: AutoregressiveModel) -> FloatArray:
+        """R factor of [X y] whitened to unit variance; kept as long as the model of the noise is.
+
+        A search fits many models that differ at one joint only.
+        """
+        factor = self._standardized.get(noise)
+        if factor is None:
+            whitened = noise.whiten(self._by_columns, self.segments)
+            factor = self._standardized[noise] = r_factor(whitened) / noise.sigma
+        return factor
+
+    @cached_property
+    def _by_columns(self) -> FloatArray:
+        """[X y], each column contiguous: filtered many times."""
+        return np.asfortranarray(np.column_stack([self.matrix, self.torque]))
+
+    @cached_property
+    def _standardized(self) -> WeakKeyDictionary[AutoregressiveModel, FloatArray]:
+        return WeakKeyDictionary()
+
+    def _blocks(self) -> Iterator[FloatArray]:
+        for start in range(0, len(self.torque), BLOCK):
+            yield self._table(slice(start, start + BLOCK))
+
+    def _table(self, rows: slice) -> FloatArray:
+        """[Z X y] of some rows, [X y] where Z is X."""
+        z = [] if self.instrument_matrix is None else [self.instrument_matrix[rows]]
+        return np.column_stack([*z, self.matrix[rows], self.torque[rows]])
+
+    def _of(self, table: FloatArray) -> "JointRows":
+        """Rows with the columns of `_table`."""
+        width = len(self.columns)
+        z = None if self.instrument_matrix is None else table[:, :width]
+        return replace(
+            self, matrix=table[:, -width - 1 : -1], torque=table[:, -1], instrument_matrix=z
+        )
 
 
-def instrument_rows(
-    model: InverseModel, motions: Sequence[Motion], states: Sequence[States]
-) -> tuple[FloatArray, ...]:
-    """Instruments Z (equation 8): the same rows and columns, from simulated states.
-
-    Parameters
-    ----------
-    states
-        One for each motion: (first, last) → q, dq, ddq of those samples of the span.
-
-    Returns
-    -------
-    One (r, c) array for each joint, as `ObservationRows.matrix`.
-    """
-    joints = range(len(model.robot.joints))
-    counts = [sum(int(motion.kept[:, joint].sum()) for motion in motions) for joint in joints]
-    matrices = tuple(
-        np.empty((count, int(active.sum())))
-        for count, active in zip(counts, model.base.active, strict=True)
-    )
-    done = [0] * len(counts)
-    for motion, simulated in zip(motions, states, strict=True):
-        for block in row_blocks(model, motion, simulated):
-            for joint, part in enumerate(block.matrices):
-                matrices[joint][done[joint] : done[joint] + len(part)] = part
-                done[joint] += len(part)
-    return matrices
-
-
-def _grid(kept: Sequence[NDArray[np.bool_]]) -> IntArray:
-    offset = 0
-    places = []
-    for keep in kept:
-        places.append(offset + np.flatnonzero(keep))
-        offset += len(keep) + _APART
-    return np.concatenate(places)
-
-
-def _runs(position: IntArray) -> tuple[slice, ...]:
-    if len(position) == 0:
-        return ()
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(position) != 1) + 1])
-    stops = np.concatenate([starts[1:], [len(position)]])
-    return tuple(slice(int(a), int(b)) for a, b in zip(starts, stops, strict=True))
+def with_instruments(
+    rows: Sequence[JointRows], matrices: Sequence[FloatArray]
+) -> tuple[JointRows, ...]:
+    """Rows of all joints with the instruments Z of each."""
+    return tuple(joint.with_instruments(z) for joint, z in zip(rows, matrices, strict=True))

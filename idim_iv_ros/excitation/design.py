@@ -1,21 +1,19 @@
 """Design of a periodic motion that identifies all base parameters well."""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.excitation.criterion import ConditionNumbers
-from idim_iv_ros.excitation.design_settings import DesignSettings, require_possible
-from idim_iv_ros.excitation.heights import moving_frames
-from idim_iv_ros.excitation.limit_use import LimitUse, limit_use
+from idim_iv_ros.excitation.limit_use import LimitUse, limit_use, moving_frames
 from idim_iv_ros.excitation.limits import MotionLimits
-from idim_iv_ros.excitation.search import Search
+from idim_iv_ros.excitation.search import DesignSettings, Search, require_possible
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
-from idim_iv_ros.one_thread import one_thread
+from idim_iv_ros.progress import Progress
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,7 @@ def design_excitation(
     model: InverseModel,
     limits: MotionLimits,
     settings: DesignSettings,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Design:
     """Find the motion with the least condition number of the weighted base regressor.
 

@@ -1,23 +1,24 @@
-"""A motion whose labelled segments tell the causes of a gap apart."""
+"""A motion whose labelled segments separate the causes of a gap."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.configuration import Configuration, ControllerSection
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation.diagnosis_plan import DiagnosisPlanner
-from idim_iv_ros.excitation.heights import MovingFrames, moving_frames, require_reachable
-from idim_iv_ros.excitation.limit_use import LimitUse, limit_use
-from idim_iv_ros.excitation.limits import MotionLimits
-from idim_iv_ros.excitation.loop_bandwidth import loop_bandwidth
-from idim_iv_ros.excitation.sampling import require_sampling
-from idim_iv_ros.excitation.segment import Segment, SegmentPlan, effects_of
-from idim_iv_ros.excitation.shapes import Shape, rest_to_rest
-from idim_iv_ros.excitation.start_posture import require_inside
-from idim_iv_ros.excitation.trajectory import Trajectory
+from idim_iv_ros.excitation.limit_use import (
+    LimitUse,
+    MovingFrames,
+    limit_use,
+    moving_frames,
+    require_reachable,
+)
+from idim_iv_ros.excitation.limits import MotionLimits, require_inside
+from idim_iv_ros.excitation.segments import Segment, SegmentPlan, Shape, effects_of, rest_to_rest
+from idim_iv_ros.excitation.trajectory import Trajectory, require_sampling
 from idim_iv_ros.model import InverseModel
+from idim_iv_ros.progress import Progress
 from idim_iv_ros.simulation import mass_matrix
 from idim_iv_ros.types import FloatArray
 
@@ -25,6 +26,8 @@ SHORTEST, LONGEST = 90.0, 3600.0  # s
 _TRIALS = 6
 _REST = 0.5  # s before and after every segment
 _SHORTEST_MOVE = 0.3  # s
+
+UNKNOWN_BANDWIDTH = 6.0  # Hz, where the controller is not known
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,7 @@ def design_diagnosis(
     rate: float = 1000.0,
     seed: int = 1,
     start: FloatArray | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Diagnosis:
     """Compose a motion of labelled segments, at rest between them, within all limits.
 
@@ -107,8 +110,21 @@ def design_diagnosis(
     return Diagnosis(trajectory, segments, use, bandwidth, known)
 
 
+def loop_bandwidth(controller: ControllerSection, inertia: FloatArray) -> tuple[FloatArray, bool]:
+    """Bandwidth of the position loops (n_joints,) Hz, and whether it is known.
+
+    pd: √(kp / inertia) / 2π; cascade: kp / 2π; unknown controllers: 6 Hz.
+    """
+    if controller.kp is None:
+        return np.full(len(inertia), UNKNOWN_BANDWIDTH), False
+    gain = np.asarray(controller.kp, dtype=float)
+    if controller.type == "cascade":
+        return gain / (2.0 * np.pi), True
+    return np.sqrt(gain / np.maximum(inertia, 1e-9)) / (2.0 * np.pi), True
+
+
 def _fill(
-    planner: DiagnosisPlanner, duration: float, report: Callable[[str, float], None]
+    planner: DiagnosisPlanner, duration: float, report: Progress
 ) -> tuple[Trajectory, tuple[Segment, ...]]:
     """Size the segments so that they, with the moves between, take nearly `duration` s."""
     seconds, best = 0.7 * duration, None

@@ -6,12 +6,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.excitation.heights import MovingFrames
-from idim_iv_ros.excitation.limit_use import limit_use
+from idim_iv_ros.excitation.limit_use import MovingFrames, limit_use
 from idim_iv_ros.excitation.limits import MotionLimits
-from idim_iv_ros.excitation.segment import SegmentPlan
-from idim_iv_ros.excitation.shapes import Shape, rest_to_rest, there_and_back
-from idim_iv_ros.excitation.small_motions import multisine, reversals
+from idim_iv_ros.excitation.segments import (
+    SegmentPlan,
+    Shape,
+    multisine,
+    rest_to_rest,
+    reversals,
+    there_and_back,
+)
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.types import FloatArray

@@ -1,23 +1,42 @@
-"""The files of a motion: trajectory for the robot, table and figures for people; all or none."""
+"""The files of a motion, all or none.
 
+``.csv``, the trajectory; ``.yaml``, a trajectory_msgs/msg/JointTrajectory for ``ros2 topic pub``;
+``.json``, its figures.
+"""
+
+import csv
 import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TextIO
 
-from idim_iv_ros.atomic_files import probe_place, write_together
+import numpy as np
+
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation.joint_trajectory import write_joint_trajectory
+from idim_iv_ros.excitation.diagnosis import Diagnosis
+from idim_iv_ros.excitation.limit_use import LimitUse
+from idim_iv_ros.excitation.limits import MotionLimits
+from idim_iv_ros.excitation.segments import NOT_REVEALED, Segment
 from idim_iv_ros.excitation.trajectory import Trajectory, write_csv
-from idim_iv_ros.file_paths import FilePath, as_file
-from idim_iv_ros.own_files import FILES, digests, require_replaceable
+from idim_iv_ros.files import (
+    FILES,
+    FilePath,
+    as_file,
+    digests,
+    probe_place,
+    require_replaceable,
+    write_together,
+)
 
 ENDINGS = ("csv", "yaml", "json")
 
+FORMAT = "idim_iv_ros/excitation/1"
+
 
 def motion_stem(out: FilePath) -> Path:
-    """Path without ending that the files of a motion share: ``run.csv`` and ``run`` alike.
+    """Path without ending that the files of a motion share: of ``run.csv`` and of ``run``.
 
     Raises
     ------
@@ -116,6 +135,117 @@ def write_motion(
     return tuple(paths)
 
 
+def write_joint_trajectory(trajectory: Trajectory, file: TextIO, *, rate: float) -> None:
+    """Write the message; its points are every k-th sample and the last one.
+
+    ``ros2 topic pub --once --yaml-file FILE TOPIC trajectory_msgs/msg/JointTrajectory`` and
+    ``"$(cat FILE)"`` accept the text. A joint_trajectory_controller interpolates between the
+    points (quintic splines where points have accelerations, as here).
+
+    Parameters
+    ----------
+    rate
+        Points per second; the nearest that divides the trajectory's rate is used.
+
+    Raises
+    ------
+    UsageError
+        `rate` is not between 0 and the rate of the trajectory.
+    """
+    require_message_rate(rate, trajectory.rate)
+    samples = len(trajectory.position)
+    kept = np.arange(0, samples, max(1, round(trajectory.rate / rate)))
+    if kept[-1] != samples - 1:
+        kept = np.append(kept, samples - 1)
+    file.write("header: {stamp: {sec: 0, nanosec: 0}, frame_id: ''}\n")
+    file.write(f"joint_names: {json.dumps(trajectory.joints, ensure_ascii=False)}\n")
+    file.write("points:\n")
+    for sample in kept:
+        nanoseconds = round(sample / trajectory.rate * 1e9)
+        file.write(
+            f"- {{positions: {_numbers(trajectory.position[sample])},\n"
+            f"   velocities: {_numbers(trajectory.velocity[sample])},\n"
+            f"   accelerations: {_numbers(trajectory.acceleration[sample])},\n"
+            f"   effort: [], time_from_start: {{sec: {nanoseconds // 10**9}, "
+            f"nanosec: {nanoseconds % 10**9}}}}}\n"
+        )
+
+
+def require_message_rate(points: float, samples: float) -> None:
+    """Refuse a rate of points that is not above 0 and up to the rate of samples, per second.
+
+    Raises
+    ------
+    UsageError
+    """
+    if not 0.0 < points <= samples:
+        raise UsageError(
+            f"{points:g} points per second: a rate above 0 and up to that of the trajectory, "
+            f"{samples:g} per second, is needed"
+        )
+
+
+def diagnosis_document(
+    robot: str, limits: MotionLimits, diagnosis: Diagnosis, seed: int
+) -> dict[str, object]:
+    """Figures of a motion for diagnosis: segments, effects, limits and what is used of them."""
+    return {
+        "format": FORMAT,
+        "purpose": "diagnosis",
+        "robot": robot,
+        "joints": list(diagnosis.trajectory.joints),
+        "settings": {"rate": diagnosis.trajectory.rate, "seed": seed},
+        "duration": diagnosis.trajectory.duration,
+        "loop_bandwidth": [float(f) for f in diagnosis.bandwidth],
+        "loop_bandwidth_known": diagnosis.bandwidth_known,
+        "segments": [segment.document() for segment in diagnosis.segments],
+        "not_revealed": [
+            {"effect": effect, "excitation_needed": needed}
+            for effect, needed in NOT_REVEALED.items()
+        ],
+        "limits": limits_document(limits),
+        "use": use_document(diagnosis.use),
+    }
+
+
+def segment_table(segments: Sequence[Segment]) -> str:
+    """CSV of the segments: name, kind, start and end in s, effects separated by spaces."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["name", "kind", "start", "end", "effects"])
+    for segment in segments:
+        plan = segment.plan
+        ends = (f"{segment.start:.9g}", f"{segment.end:.9g}")
+        table.writerow([plan.name, plan.kind, *ends, " ".join(segment.effects)])
+    return text.getvalue()
+
+
+def limits_document(limits: MotionLimits) -> dict[str, object]:
+    """Limits for JSON, in rad, rad/s, rad/s², N m and m."""
+    names = ("lower", "upper", "velocity", "acceleration", "torque")
+    arrays = {name: [float(v) for v in getattr(limits, name)] for name in names}
+    return {
+        **arrays,
+        "floor": limits.floor,
+        "margin": limits.margin,
+        "torque_checked": limits.torque_known,
+    }
+
+
+def use_document(use: LimitUse) -> dict[str, object]:
+    """Shares of the limits for JSON."""
+    shares = {
+        name: None if values is None else [float(v) for v in values]
+        for name, values in (
+            ("position", use.position),
+            ("velocity", use.velocity),
+            ("acceleration", use.acceleration),
+            ("torque", use.torque),
+        )
+    }
+    return {**shares, "lowest_frame": use.lowest_frame, "lowest_height": use.lowest_height}
+
+
 def _files(stem: Path, endings: Iterable[str]) -> list[Path]:
     return [stem.with_name(f"{stem.name}.{ending}") for ending in endings]
 
@@ -123,3 +253,8 @@ def _files(stem: Path, endings: Iterable[str]) -> list[Path]:
 def _refusal(out: Path, error: OSError) -> UsageError:
     reason = error.strerror or str(error)
     return UsageError(f"{out}: cannot write the trajectory there: {reason}; give another --out")
+
+
+def _numbers(values: Iterable[float]) -> str:
+    # A decimal point in every number: YAML would read 0 as an integer and 1e-05 as text.
+    return "[" + ", ".join(f"{value + 0.0:.7f}" for value in values) + "]"

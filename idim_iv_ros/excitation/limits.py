@@ -164,3 +164,22 @@ def _default_acceleration(model: InverseModel, limits: MotionLimits) -> FloatArr
     inertia = np.mean(np.diagonal(mass, axis1=1, axis2=2), axis=0)
     strong = SHARE_OF_TORQUE * limits.torque / np.maximum(inertia, 1e-9)
     return np.asarray(np.minimum(quick, strong))
+
+
+def require_inside(start: FloatArray, limits: MotionLimits, joints: tuple[str, ...]) -> None:
+    """Refuse a start posture (n_joints,) that leaves no room within the position limits.
+
+    Raises
+    ------
+    UsageError
+        One line: wrong length, or the first joint outside its limits with the margin.
+    """
+    if len(start) != len(joints):
+        raise UsageError(f"start has {len(start)} values for {len(joints)} joints")
+    inner = limits.margin * limits.half_range
+    for joint, value, middle, room in zip(joints, start, limits.middle, inner, strict=True):
+        if not abs(value - middle) < room:
+            raise UsageError(
+                f"start of joint {joint}, {value:g}, lies outside {middle - room:.4g} to "
+                f"{middle + room:.4g} (its limits with the margin)"
+            )

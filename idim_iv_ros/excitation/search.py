@@ -1,24 +1,25 @@
-"""Search for a motion: random starts, their improvement, the scaling to the limits."""
+"""Search for a motion: what is asked for, random starts, their improvement, the scaling."""
 
 import math
 import time
-from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 
-from idim_iv_ros.errors import DataError
-from idim_iv_ros.excitation.cost import ExcitationCost
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.excitation.cost import Criterion, ExcitationCost
 from idim_iv_ros.excitation.criterion import ConditionNumbers, condition_numbers
-from idim_iv_ros.excitation.design_settings import SAMPLES_PER_HARMONIC, DesignSettings
 from idim_iv_ros.excitation.fourier import FourierBasis
-from idim_iv_ros.excitation.heights import MovingFrames, require_reachable
-from idim_iv_ros.excitation.limit_use import limit_use
-from idim_iv_ros.excitation.limits import MotionLimits
-from idim_iv_ros.excitation.trajectory import Trajectory
+from idim_iv_ros.excitation.limit_use import MovingFrames, limit_use, require_reachable
+from idim_iv_ros.excitation.limits import MotionLimits, require_inside
+from idim_iv_ros.excitation.trajectory import MOST_SAMPLES, Trajectory, require_sampling
 from idim_iv_ros.model import InverseModel
+from idim_iv_ros.progress import Progress
 from idim_iv_ros.types import FloatArray
+
+SAMPLES_PER_HARMONIC = 16
+_MOST_HARMONICS = 100  # the search has two coefficients for each, at every joint
 
 # p of the criterion, weight of the penalties, iterations: from smooth and lenient to sharp.
 _FIRST = (1.0, 10.0, 40)
@@ -31,6 +32,79 @@ _INSIDE = 0.995
 _LARGEST_EXPONENT = 700.0  # a motion far outside the limits costs more than a float can show
 
 
+@dataclass(frozen=True)
+class DesignSettings:
+    """What is asked of a motion for identification.
+
+    Attributes
+    ----------
+    period : float
+        s; a whole number of samples.
+    repeats : int
+        Periods, one after the other.
+    rate : float
+        Samples per second.
+    harmonics : int
+        Of 1 / period.
+    seed : int
+        Of the random starts.
+    time_limit : float
+        s, after which the best so far is taken.
+    start : (n_joints,) or None
+        Posture at rest in rad (m); None: chosen by the design.
+    criterion : "condition" or "precision"
+        Least condition number, or least standard deviations.
+    """
+
+    period: float = 10.0
+    repeats: int = 3
+    rate: float = 1000.0
+    harmonics: int = 5
+    seed: int = 1
+    time_limit: float = 120.0
+    start: FloatArray | None = None
+    criterion: Criterion = "condition"
+
+
+def require_possible(
+    settings: DesignSettings, limits: MotionLimits, joints: tuple[str, ...]
+) -> None:
+    """Refuse settings outside their range.
+
+    Raises
+    ------
+    UsageError
+        One line that names the setting.
+    """
+    FourierBasis(settings.period, settings.harmonics)
+    if settings.repeats < 1:
+        raise UsageError(f"repeats {settings.repeats}: at least 1 is needed")
+    if settings.repeats > MOST_SAMPLES:
+        raise UsageError(
+            f"the motion has more than {MOST_SAMPLES} repeats: no more samples are possible"
+        )
+    if not (np.isfinite(settings.rate) and settings.rate > 0.0):
+        raise UsageError(f"rate {settings.rate:g}: samples per second above 0 are needed")
+    if settings.harmonics > _MOST_HARMONICS:
+        raise UsageError(f"harmonics {settings.harmonics}: at most {_MOST_HARMONICS} are possible")
+    require_sampling(settings.rate, settings.period * settings.repeats, "the motion")
+    if not 0.0 < settings.time_limit < np.inf:
+        raise UsageError(f"time limit {settings.time_limit:g}: a finite number above 0 is needed")
+    samples = settings.period * settings.rate
+    if abs(samples - round(samples)) > 1e-6 * samples:
+        raise UsageError(
+            f"a period of {settings.period:g} s at {settings.rate:g} per second is no whole "
+            "number of samples; change the one or the other"
+        )
+    if samples < SAMPLES_PER_HARMONIC * settings.harmonics:
+        raise UsageError(
+            f"{settings.rate:g} samples per second: {settings.harmonics} harmonics of "
+            f"{settings.period:g} s need {SAMPLES_PER_HARMONIC * settings.harmonics} a period"
+        )
+    if settings.start is not None:
+        require_inside(settings.start, limits, joints)
+
+
 class Search:
     """Random starts, their improvement, and the scaling to the limits."""
 
@@ -40,7 +114,7 @@ class Search:
         limits: MotionLimits,
         frames: MovingFrames,
         settings: DesignSettings,
-        progress: Callable[[str, float], None],
+        progress: Progress,
     ) -> None:
         self.basis = FourierBasis(settings.period, settings.harmonics)
         self.frames = frames
@@ -81,7 +155,7 @@ class Search:
         first.sort(key=lambda x: replace(self.cost, power=_FIRST[0], weight=_FIRST[1])(x)[0])
         later = [self._improve(x, _LATER, deadline) for x in first[:_KEPT]]
         self.progress("checking every sample", 1.0)
-        # An unfinished search may have left the limits: earlier stages stand in.
+        # An unfinished search may have left the limits: those of earlier stages are taken.
         found = [self._feasible(x) for x in later]
         if not any(found):
             found = [self._feasible(x) for x in (*first, *starts)]

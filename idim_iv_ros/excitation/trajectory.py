@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,15 +11,17 @@ from typing import TextIO
 import numpy as np
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation.sampling import require_sampling
-from idim_iv_ros.file_paths import FilePath
-from idim_iv_ros.text_file import read_text
+from idim_iv_ros.files import FilePath, read_text
 from idim_iv_ros.types import FloatArray
 
 SIGNALS = ("position", "velocity", "acceleration")
 # Stamps may be rounded to this share of a period.
 _JITTER = 0.05
 _SHORTEST_STEP = 1e-9  # s, a thousandth of what is accepted
+
+# More than an hour of 1000 per second; each signal of each joint is an array of so many.
+MOST_SAMPLES = 4_000_000
+_SLOWEST, _FASTEST = 1.0, 1e5  # samples per second
 
 
 @dataclass(frozen=True)
@@ -67,10 +70,40 @@ class Trajectory:
         return Trajectory(tuple(joints), self.rate, *(each[:, columns] for each in signals))
 
 
+def require_sampling(rate: float, duration: float, what: str) -> None:
+    """Refuse a rate that no controller has, and more samples than can be computed.
+
+    Parameters
+    ----------
+    rate
+        Samples per second.
+    duration
+        s.
+    what
+        What has them, for the message: ``the trajectory``.
+
+    Raises
+    ------
+    UsageError
+        The rate or the number of samples is out of its range.
+    """
+    if not _SLOWEST <= rate <= _FASTEST:
+        raise UsageError(
+            f"{what} has {rate:.4g} samples per second: {_SLOWEST:g} to {_FASTEST:g} are possible"
+        )
+    if not 0.0 < duration < math.inf:
+        raise UsageError(f"{what} lasts {duration:g} s: a positive number of seconds is needed")
+    if rate * duration > MOST_SAMPLES:
+        raise UsageError(
+            f"{what} lasts {duration:.4g} s: at {rate:.4g} samples per second at most "
+            f"{MOST_SAMPLES / rate:.4g} s are possible"
+        )
+
+
 def read_trajectory(path: FilePath) -> Trajectory:
     """Read a trajectory from CSV: ``time,<joint>.position,…[,<joint>.velocity,…]``.
 
-    Columns may stand in any order; others are ignored. Velocities and accelerations that are
+    Columns may be in any order; others are ignored. Velocities and accelerations that are
     missing are central differences of what is there, second order at the ends too.
 
     Raises
@@ -112,7 +145,7 @@ def _read_table(path: Path) -> tuple[list[str], FloatArray]:
     header = [name.strip() for name in rows[0]]
     repeated = {name for name in header if header.count(name) > 1}
     if repeated:
-        raise UsageError(f"{path}: the column {min(repeated)} stands there twice")
+        raise UsageError(f"{path}: the column {min(repeated)} is there twice")
     if len(rows) < 4:
         raise UsageError(f"{path}: {len(rows) - 1} samples; at least 3 are needed")
     for line, row in enumerate(rows[1:], start=2):

@@ -9,12 +9,16 @@ from threadpoolctl import threadpool_limits
 
 from idim_iv_ros.configuration import Configuration, RobotSection, SignalsSection
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.file_paths import FilePath, FilePaths, as_paths
-from idim_iv_ros.first_configuration.control_law import propose_law
-from idim_iv_ros.first_configuration.effort_unit import EffortUnit, guess_effort_unit
-from idim_iv_ros.first_configuration.joint_choice import JointChoice, choose_joints
-from idim_iv_ros.first_configuration.topic_choice import TopicChoice, choose_states, choose_topics
-from idim_iv_ros.first_configuration.topic_contents import BagContents, read_contents
+from idim_iv_ros.files import FilePath, FilePaths, as_paths
+from idim_iv_ros.first_configuration.joints import JointChoice, choose_joints
+from idim_iv_ros.first_configuration.signals import EffortUnit, guess_effort_unit, propose_law
+from idim_iv_ros.first_configuration.topics import (
+    BagContents,
+    TopicChoice,
+    choose_states,
+    choose_topics,
+    read_contents,
+)
 from idim_iv_ros.identification.prepare import prepare, read_configured
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.progress import Progress, Stopwatch

@@ -2,48 +2,77 @@
 
 import platform
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib import metadata
-from typing import Literal
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.estimation import (
-    IdimIvEstimate,
-    InstrumentSources,
+from idim_iv_ros.estimation.covariance import AutocorrelatedCovariance, WhiteCovariance
+from idim_iv_ros.estimation.essential import EssentialParameters, essential_parameters
+from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
+from idim_iv_ros.estimation.least_squares import (
     LinearEstimate,
-    ObservationRows,
-    RefinedIdimIv,
     condition_number,
-    essential_parameters,
-    triangles_of_rows,
+    solve_instrumental_variables,
+    solve_least_squares,
 )
-from idim_iv_ros.identification.estimates import (
-    Estimates,
-    autocorrelated_covariance,
-    estimated_parameters,
-)
+from idim_iv_ros.estimation.refined import RefinedIdimIv, residual_models
+from idim_iv_ros.estimation.rows import JointRows
+from idim_iv_ros.estimation.sources import InstrumentSources
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.identification.result import (
     BagSummary,
+    Estimator,
     Fit,
     FittedGain,
     IdentificationResult,
     InstrumentReport,
+    JointResidual,
     JointSeries,
+    JointTests,
+    ParameterEstimate,
     ProcessingSummary,
     Refined,
     RefinedEstimate,
 )
 from idim_iv_ros.identification.validate import Validation
-from idim_iv_ros.statistics import HypothesisTest, OverallVerdict, judge_all, judge_joint
+from idim_iv_ros.statistics import OverallVerdict, judge_all, judge_joint
+from idim_iv_ros.statistics.drift import in_deviations
 from idim_iv_ros.types import FloatArray
 
-Estimator = Literal["idim-iv", "idim-ls"]
-
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
+# Standard deviations of the difference beyond which whitening has moved an estimate further than
+# noise does.
+_FAR_APART = 3.0
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """All estimates of one identification.
+
+    Attributes
+    ----------
+    estimator : str
+    rows : tuple of JointRows
+    linear : LinearEstimate
+        The one that is reported.
+    weighted : LinearEstimate
+        Joint-weighted IDIM-LS.
+    iteration : IdimIvEstimate or None
+    sources : InstrumentSources or None
+    refined : RefinedIdimIv
+    """
+
+    estimator: Estimator
+    rows: Sequence[JointRows]
+    linear: LinearEstimate
+    weighted: LinearEstimate
+    iteration: IdimIvEstimate | None
+    sources: InstrumentSources | None
+    refined: RefinedIdimIv
 
 
 def assemble_result(
@@ -61,12 +90,16 @@ def assemble_result(
         total,
         alpha=configuration.identification.significance,
     )
-    covariance = autocorrelated_covariance(rows, linear, estimates.matrices, validation.models)
+    covariance = AutocorrelatedCovariance(rows, linear.sigma, validation.models, count)
+    parameters = _parameters(prepared, estimates, covariance, essential)
     verdicts = tuple(
-        judge_joint(test, residual, _of_joint(validation.specification, residual.joint))
-        for test, residual in zip(validation.tests[1:], validation.residuals, strict=True)
+        judge_joint(test, residual, specification)
+        for test, residual, specification in zip(
+            validation.tests[1:], validation.residuals, validation.specification, strict=True
+        )
     )
-    coloured = any(residual.white is False for residual in validation.residuals)
+    alpha = configuration.identification.significance
+    autocorrelated = any(residual.white is False for residual in validation.residuals)
     return IdentificationResult(
         robot=prepared.model.robot.name,
         joints=tuple(configuration.robot.joints),
@@ -79,16 +112,19 @@ def assemble_result(
         iterations=1 if estimate is None else len(estimate.steps) + 1,
         converged=estimate is None or estimate.converged,
         convergence_note=_convergence(estimate, base.names, configuration),
-        parameters=estimated_parameters(prepared, estimates, covariance, essential),
+        parameters=parameters,
         covariance=covariance.matrix,
-        instruments=_instruments(estimate, validation, configuration),
-        residuals=validation.residuals,
-        verdicts=verdicts,
+        instruments=_instruments(estimate, validation, alpha),
+        specification=JointTests(
+            alpha=alpha, tests=tuple(chain.from_iterable(validation.specification))
+        ),
+        exogeneity=JointTests(alpha=alpha, tests=validation.exogeneity),
+        residuals=tuple(map(JointResidual.of, validation.residuals, verdicts)),
         verdict=_overall(judge_all(verdicts, validation.tests[0]), estimate),
         fit=Fit(
             relative_error_percent=_relative_error(rows, linear),
             ls_relative_error_percent=_relative_error(rows, estimates.weighted),
-            condition_number=condition_number(triangles_of_rows(rows), count),
+            condition_number=condition_number(rows, count),
             samples=total,
             base_parameters=count,
             essential_parameters=len(essential.columns),
@@ -112,53 +148,110 @@ def assemble_result(
         ),
         controller=() if sources is None else sources.controller,
         fitted_gains=() if sources is None else _fitted_gains(sources, configuration),
-        refined=_refined(prepared, refined, essential.columns) if coloured else None,
+        refined=_refined(refined, parameters) if autocorrelated else None,
         series=_series(prepared, rows, linear),
         doubts=prepared.doubts,
     )
 
 
-def _refined(
-    prepared: PreparedRegression, refined: RefinedIdimIv, essential: NDArray[np.int64]
-) -> Refined:
+def _parameters(
+    prepared: PreparedRegression,
+    estimates: Estimates,
+    covariance: AutocorrelatedCovariance,
+    essential: EssentialParameters,
+) -> tuple[ParameterEstimate, ...]:
+    """Every base parameter with its standard deviations, alone and among the essential ones."""
     base = prepared.model.base
+    rows, weighted, linear = estimates.rows, estimates.weighted, estimates.linear
+    std = np.sqrt(np.diag(covariance.matrix))
+    white = WhiteCovariance(rows, linear.sigma, len(linear.values)).matrix
+    white_std = np.sqrt(np.diag(white))
+    ls_std = std
+    if estimates.iteration is not None:
+        models = residual_models(rows, weighted.residuals)
+        observed = [joint.with_instruments(joint.matrix) for joint in rows]
+        ls_covariance = AutocorrelatedCovariance(
+            observed, weighted.sigma, models, len(weighted.values)
+        )
+        ls_std = np.sqrt(np.diag(ls_covariance.matrix))
+    ordinary = solve_least_squares(rows, len(base.columns), weighted=False)
+    given = prepared.given
+    places = {int(column): place for place, column in enumerate(essential.columns)}
+    reduced = _essential_values(estimates, essential.columns)
+    reduced_std = np.sqrt(np.diag(covariance.restricted(essential.columns)))
+    return tuple(
+        ParameterEstimate(
+            name=base.names[k],
+            expression=base.expressions[k],
+            unit=base.units[k],
+            value=float(linear.values[k]),
+            std=float(std[k]),
+            white_std=float(white_std[k]),
+            essential=k in places,
+            essential_value=float(reduced[places[k]]) if k in places else None,
+            essential_std=float(reduced_std[places[k]]) if k in places else None,
+            ls_value=float(weighted.values[k]),
+            ls_std=float(ls_std[k]),
+            ordinary_ls_value=float(ordinary.values[k]),
+            given_value=None if given is None else float(given[k]),
+            non_negative=base.non_negative[k],
+        )
+        for k in range(len(base.columns))
+    )
+
+
+def _essential_values(estimates: Estimates, kept: NDArray[np.int64]) -> FloatArray:
+    """Estimate again with the essential parameters only, same weights: (b_e,)."""
+    rows = [joint.reduced.keep(kept) for joint in estimates.rows]
+    return solve_instrumental_variables(rows, len(kept), estimates.linear.sigma).values
+
+
+def _refined(refined: RefinedIdimIv, parameters: Sequence[ParameterEstimate]) -> Refined:
     std = np.sqrt(np.diag(refined.covariance))
+    estimates = tuple(
+        RefinedEstimate(
+            name=each.name,
+            expression=each.expression,
+            unit=each.unit,
+            value=float(value),
+            std=float(deviation),
+            essential=each.essential,
+            ls_value=each.ls_value,
+            given_value=each.given_value,
+        )
+        for each, value, deviation in zip(parameters, refined.values, std, strict=True)
+    )
     return Refined(
-        ar_orders=tuple(model.order for model in refined.models),
-        parameters=tuple(
-            RefinedEstimate(
-                base.names[k],
-                base.expressions[k],
-                base.units[k],
-                float(refined.values[k]),
-                float(std[k]),
-                k in essential,
-            )
-            for k in range(len(base.columns))
-        ),
+        tuple(model.order for model in refined.models), estimates, moved(parameters, estimates)
+    )
+
+
+def moved(
+    parameters: Sequence[ParameterEstimate], refined: Sequence[RefinedEstimate]
+) -> tuple[str, ...]:
+    """Essential parameters that whitening moves further than noise does (a specification test)."""
+    return tuple(
+        each.name
+        for each, other in zip(parameters, refined, strict=True)
+        if each.essential
+        and abs(in_deviations(each.value, each.std, other.value, other.std)) > _FAR_APART
     )
 
 
 def _instruments(
-    estimate: IdimIvEstimate | None, validation: Validation, configuration: Configuration
+    estimate: IdimIvEstimate | None, validation: Validation, alpha: float
 ) -> InstrumentReport:
     outcomes = [test.accepted for test in validation.tests]
     accepted = False if False in outcomes else None if None in outcomes else True
     note = "" if estimate is None else estimate.instruments.note
     return InstrumentReport(
-        source="none: least squares" if estimate is None else estimate.source.name,
         accepted=accepted,
-        alpha=configuration.identification.significance,
+        alpha=alpha,
+        source="none: least squares" if estimate is None else estimate.source.name,
         failures=() if estimate is None else estimate.failures,
         notes=tuple(each for each in (note, validation.note) if each),
         tests=validation.tests,
-        exogeneity=validation.exogeneity,
-        specification=validation.specification,
     )
-
-
-def _of_joint(tests: Sequence[HypothesisTest], joint: str) -> tuple[HypothesisTest, ...]:
-    return tuple(test for test in tests if test.scope.rpartition(": ")[0] == joint)
 
 
 def _overall(verdict: OverallVerdict, estimate: IdimIvEstimate | None) -> OverallVerdict:
@@ -185,7 +278,7 @@ def _convergence(
     return f"not converged: {moved}, more than {tolerance:g} %"
 
 
-def _relative_error(rows: Sequence[ObservationRows], linear: LinearEstimate) -> float:
+def _relative_error(rows: Sequence[JointRows], linear: LinearEstimate) -> float:
     error = sum(float(residual @ residual) for residual in linear.residuals)
     torque = sum(float(joint.torque @ joint.torque) for joint in rows)
     return 100.0 * float(np.sqrt(error / torque)) if torque > 0.0 else float("nan")
@@ -245,18 +338,17 @@ def _bags(prepared: PreparedRegression) -> tuple[BagSummary, ...]:
 
 
 def _series(
-    prepared: PreparedRegression, rows: Sequence[ObservationRows], linear: LinearEstimate
+    prepared: PreparedRegression, rows: Sequence[JointRows], linear: LinearEstimate
 ) -> tuple[JointSeries, ...]:
     """Measured and predicted torque of the rows that count, over the time of the session."""
     series = []
-    for joint, residual in zip(rows, linear.residuals, strict=True):
-        name = prepared.configuration.robot.joints[joint.joint]
+    for joint, (own, residual) in enumerate(zip(rows, linear.residuals, strict=True)):
         time = [
-            part.start + motion.time[motion.kept[:, joint.joint]]
+            part.start + motion.time[motion.kept[:, joint]]
             for part, motion in zip(prepared.session.parts, prepared.motions, strict=True)
         ]
         series.append(
-            JointSeries(name, np.concatenate(time), joint.torque, joint.torque - residual)
+            JointSeries(own.name, np.concatenate(time), own.torque, own.torque - residual)
         )
     return tuple(series)
 

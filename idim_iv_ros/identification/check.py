@@ -1,23 +1,25 @@
-"""Can a recording support an identification?  Said in words before anyone waits for numbers."""
+"""Can a recording support an identification?  Recordings, joints and parameters, in words."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.estimation import (
-    JointTriangle,
+from idim_iv_ros.documents import Document
+from idim_iv_ros.estimation.covariance import WhiteCovariance
+from idim_iv_ros.estimation.least_squares import (
     condition_number,
-    solve_triangles,
-    stream_triangles,
+    solve_least_squares,
     unseen_parameters,
-    white_covariance,
 )
-from idim_iv_ros.file_paths import FilePaths
+from idim_iv_ros.estimation.observation import streamed_rows
+from idim_iv_ros.estimation.rows import JointRows
+from idim_iv_ros.files import CHECK_FORMAT, FilePaths
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.model import BaseParameters
+from idim_iv_ros.model.units import unit_at
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import Motion
@@ -54,7 +56,7 @@ class ParameterVisibility:
     ----------
     name, expression, unit : str
     smallest : float or None
-        Smallest value that two standard deviations tell from zero; None if it cannot be seen
+        Smallest value that differs from zero by two standard deviations; None if it cannot be seen
         at all. From the residual of least squares taken as white: a lower bound.
     relative_percent : float or None
         Standard deviation in percent of the least-squares value.
@@ -70,18 +72,22 @@ class ParameterVisibility:
     seen: str
 
 
-@dataclass(frozen=True)
-class CheckReport:
+@dataclass(frozen=True, kw_only=True)
+class CheckReport(Document):
     """All findings; `usable` is false when an identification would be refused."""
 
+    what: ClassVar[str] = "a check"
+    written_by: ClassVar[str] = "check"
+
+    format: Literal["idim_iv_ros/check/1"] = CHECK_FORMAT
+    usable: bool = True
     findings: tuple[Finding, ...]
     parameters: tuple[ParameterVisibility, ...]
     condition_number: float | None
 
-    @property
-    def usable(self) -> bool:
-        """Whether nothing is unusable."""
-        return all(finding.level != "unusable" for finding in self.findings)
+    def __post_init__(self) -> None:
+        usable = all(finding.level != "unusable" for finding in self.findings)
+        object.__setattr__(self, "usable", usable)
 
 
 def check(
@@ -95,21 +101,21 @@ def check(
         The recordings cannot be read or filtered at all; see `prepare`.
     """
     prepared = prepare(read_configured(bags, configuration, progress), configuration)
-    triangles = stream_triangles(prepared.model, prepared.motions)
+    rows = streamed_rows(prepared.model, prepared.motions)
     findings = [Finding("nominal model", "limited", doubt) for doubt in prepared.doubts]
     for recording, motion in zip(prepared.recordings, prepared.motions, strict=True):
         findings += _recording_findings(recording, motion)
     findings += _reference_findings(prepared)
     for joint, name in enumerate(configuration.robot.joints):
         findings += _joint_findings(prepared, joint, name)
-        if triangles[joint].rows == 0:
+        if len(rows[joint]) == 0:
             findings.append(Finding(name, "unusable", "never faster than the reversal speed"))
-    parameters, condition = _visibility(prepared, triangles)
+    parameters, condition = _visibility(prepared, rows)
     unseen = [parameter.name for parameter in parameters if parameter.seen == "no"]
     if unseen:
-        sentence = f"{', '.join(unseen)} cannot be told from the other parameters"
+        sentence = f"{', '.join(unseen)} cannot be separated from the other parameters"
         findings.append(Finding("excitation", "unusable", sentence))
-    return CheckReport(tuple(findings), parameters, condition)
+    return CheckReport(findings=tuple(findings), parameters=parameters, condition_number=condition)
 
 
 def _recording_findings(recording: Recording, motion: Motion) -> list[Finding]:
@@ -171,8 +177,7 @@ def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list
         speeds.append(velocity[:, joint])
         accelerations.append(acceleration[:, joint])
     speed, acceleration = np.concatenate(speeds), np.concatenate(accelerations)
-    revolute = prepared.model.robot.joint_types[joint] == "revolute"
-    unit = "rad" if revolute else "m"
+    unit = unit_at("rad", prepared.model.robot.joint_types[joint])
     threshold = max(
         float(prepared.minimum_speed[joint]),
         _MOVING * float(np.abs(speed).max()),
@@ -263,21 +268,21 @@ def _noise_density(prepared: PreparedRegression, joint: int) -> float:
 
 
 def _visibility(
-    prepared: PreparedRegression, triangles: Sequence[JointTriangle]
+    prepared: PreparedRegression, rows: Sequence[JointRows]
 ) -> tuple[tuple[ParameterVisibility, ...], float | None]:
     base = prepared.model.base
     count = len(base.columns)
-    if any(joint.rows == 0 for joint in triangles):
+    if any(len(joint) == 0 for joint in rows):
         return (), None
-    unseen = unseen_parameters(triangles, count)
+    unseen = unseen_parameters(rows, count)
     if unseen:
         return tuple(_parameter(base, k, None, 0.0) for k in unseen), None
-    values, sigma = solve_triangles(triangles, count)
-    std = np.sqrt(np.diag(white_covariance(triangles, count, sigma)))
+    found = solve_least_squares(rows, count)
+    std = np.sqrt(np.diag(WhiteCovariance(rows, found.sigma, count).matrix))
     parameters = tuple(
-        _parameter(base, k, float(std[k]), abs(float(values[k]))) for k in range(count)
+        _parameter(base, k, float(std[k]), abs(float(found.values[k]))) for k in range(count)
     )
-    return parameters, condition_number(triangles, count)
+    return parameters, condition_number(rows, count)
 
 
 def _parameter(

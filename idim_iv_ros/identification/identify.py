@@ -2,25 +2,21 @@
 
 from collections.abc import Sequence
 
+from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.estimation import (
-    idim_iv,
-    instrument_sources,
-    observation_rows,
-    refined_idim_iv,
-    solve_weighted_least_squares,
-    triangles_of_rows,
-)
-from idim_iv_ros.file_paths import FilePaths
-from idim_iv_ros.identification.assembly import assemble_result
-from idim_iv_ros.identification.estimates import Estimates, Estimator
+from idim_iv_ros.estimation.idim_iv import idim_iv
+from idim_iv_ros.estimation.least_squares import solve_least_squares
+from idim_iv_ros.estimation.observation import observation_rows
+from idim_iv_ros.estimation.refined import refined_idim_iv
+from idim_iv_ros.estimation.rows import with_instruments
+from idim_iv_ros.estimation.sources import instrument_sources
+from idim_iv_ros.files import FilePaths
+from idim_iv_ros.identification.assembly import Estimates, assemble_result
 from idim_iv_ros.identification.prepare import prepare, read_configured, require_excitation
-from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.identification.result import Estimator, IdentificationResult
 from idim_iv_ros.identification.validate import validate
-from idim_iv_ros.one_thread import one_thread
 from idim_iv_ros.progress import Progress, Stopwatch, part_of
 from idim_iv_ros.recording import Recording
-from idim_iv_ros.types import FloatArray
 
 
 def identify(
@@ -83,13 +79,12 @@ def _identify(
     prepared = prepare(recordings, configuration)
     watch.stage("regressor", 0.4)
     rows = observation_rows(prepared.model, prepared.motions)
-    require_excitation(prepared, triangles_of_rows(rows))
+    require_excitation(prepared, rows)
     watch.stage("estimation", 0.5)
     parameters = len(prepared.model.base.columns)
-    weighted = solve_weighted_least_squares(rows, parameters)
+    weighted = solve_least_squares(rows, parameters)
     estimate, sources = None, None
     linear = weighted
-    matrices: tuple[FloatArray, ...] = tuple(joint.matrix for joint in rows)
     if estimator == "idim-iv":
         sources = instrument_sources(
             configuration, prepared.model, prepared.motions, prepared.cutoffs
@@ -102,13 +97,14 @@ def _identify(
             max_iterations=configuration.identification.max_iterations,
             progress=part_of(watch.progress, 0.5, 0.85),
         )
-        linear, matrices = estimate.linear, estimate.instruments.matrices
+        linear = estimate.linear
+        rows = with_instruments(rows, estimate.instruments.matrices)
     watch.stage("validation", 0.85)
-    validation = validate(prepared, rows, linear, matrices, estimate)
+    validation = validate(prepared, rows, linear, estimate)
     watch.stage("refinement", 0.95)
-    refined = refined_idim_iv(rows, matrices, validation.models, parameters)
+    refined = refined_idim_iv(rows, validation.models, parameters)
     return assemble_result(
         prepared,
-        Estimates(estimator, rows, linear, matrices, weighted, estimate, sources, refined),
+        Estimates(estimator, rows, linear, weighted, estimate, sources, refined),
         validation,
     )

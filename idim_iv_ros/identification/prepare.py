@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.estimation import JointTriangle, unseen_parameters
-from idim_iv_ros.file_paths import FilePaths
-from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
+from idim_iv_ros.estimation.least_squares import unseen_parameters
+from idim_iv_ros.estimation.rows import JointRows
+from idim_iv_ros.files import FilePaths
+from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file, read_urdf_text
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording import (
     Recording,
     Session,
-    prismatic_joints,
     read_recordings,
     session_of,
 )
@@ -38,6 +38,8 @@ class PreparedRegression:
     cutoffs : Cutoffs
     minimum_speed : (n_joints,) rad/s
     motions : tuple of Motion
+    still : tuple of str
+        Which joints stand still in all recordings, and beside which jump of their sensor.
     reasons : tuple of str
         What was proposed or decided while filtering, and why.
     advice : tuple of str
@@ -50,6 +52,7 @@ class PreparedRegression:
     cutoffs: Cutoffs
     minimum_speed: FloatArray
     motions: tuple[Motion, ...]
+    still: tuple[str, ...]
     reasons: tuple[str, ...]
     advice: tuple[str, ...] = ()
 
@@ -113,7 +116,7 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
     source = str(configuration.source or "the configuration")
     cutoffs = choose_cutoffs(configuration.processing, records, source)
     couplings = model.regressor.layout.coupling_joints
-    motions, minimum_speed, reasons = filter_motion(
+    motions, minimum_speed, still, reasons = filter_motion(
         records, configuration.processing, cutoffs, configuration.robot.joints, couplings
     )
     return PreparedRegression(
@@ -123,6 +126,7 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
         cutoffs=cutoffs,
         minimum_speed=minimum_speed,
         motions=motions,
+        still=still,
         reasons=session.sentences + cutoffs.reasons + reasons + loss_sentences(recordings),
         advice=_advice(recordings, configuration),
     )
@@ -164,7 +168,8 @@ def read_configured(
     prismatic: frozenset[str] = frozenset()
     # Behind a transmission the positions are angles of motors, whatever the joints are.
     if urdf is not None and configuration.robot.motor_to_joint is None:
-        prismatic = prismatic_joints(_urdf(configuration, ())[0])
+        joints = read_urdf_text(*_urdf(configuration, ())).joints.values()
+        prismatic = frozenset(joint.name for joint in joints if joint.type == "prismatic")
     return read_recordings(
         bags,
         joints=configuration.robot.joints,
@@ -176,7 +181,7 @@ def read_configured(
     )
 
 
-def require_excitation(prepared: PreparedRegression, triangles: Sequence[JointTriangle]) -> None:
+def require_excitation(prepared: PreparedRegression, rows: Sequence[JointRows]) -> None:
     """Refuse rows that cannot determine the base parameters, and list those they cannot.
 
     Raises
@@ -186,22 +191,21 @@ def require_excitation(prepared: PreparedRegression, triangles: Sequence[JointTr
     """
     names = prepared.model.base.names
     where = ", ".join(recording.path.name for recording in prepared.recordings)
-    for joint, triangle in enumerate(triangles):
-        if triangle.rows == 0:
+    for joint, own in enumerate(rows):
+        if len(own) == 0:
             name = prepared.configuration.robot.joints[joint]
             raise DataError(
                 f"{where}: {name} has no usable sample (it never exceeds "
                 f"{prepared.minimum_speed[joint]:.3g} rad/s, or nothing was measured); "
                 "record a motion of this joint or leave it out of robot.joints"
             )
-    unseen = unseen_parameters(triangles, len(names))
+    unseen = unseen_parameters(rows, len(names))
     if unseen:
         listed = ", ".join(names[column] for column in unseen)
-        still = [reason for reason in prepared.reasons if "stands still" in reason]
-        because = f" ({still[0].split(':')[0]})" if still else ""
+        because = f" ({prepared.still[0]})" if prepared.still else ""
         raise DataError(
-            f"{where}: the excitation is rank deficient{because}: {listed} cannot be told from the "
-            "other parameters; record a richer motion of all joints"
+            f"{where}: the excitation is rank deficient{because}: {listed} cannot be separated "
+            "from the other parameters; record a richer motion of all joints"
         )
 
 

@@ -1,108 +1,120 @@
-"""What an identification found: plain values that are saved, compared and reported."""
+"""What an identification found: the document result.json, and the series that its report draws."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import ClassVar, Final, Literal
 
-from idim_iv_ros.formats import IDENTIFICATION_FORMAT
+import numpy as np
+
+from idim_iv_ros.documents import Document, Matrix, Number, Unsaved
+from idim_iv_ros.files import IDENTIFICATION_FORMAT
 from idim_iv_ros.recording import ClockQuality, FrozenStretches, Note
+from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.statistics import (
     HypothesisTest,
     JointVerdict,
     OverallVerdict,
     ResidualDiagnosis,
 )
+from idim_iv_ros.statistics.verdict import Verdict
 from idim_iv_ros.types import FloatArray
 
-FORMAT = IDENTIFICATION_FORMAT
+Estimator = Literal["idim-iv", "idim-ls"]
 
 # Remarks on a parameter. The first where the 95 % interval lies below zero, and there is nothing
 # in the parameter that may be negative; the second where the interval holds zero.
-IMPOSSIBLE, NOT_SIGNIFICANT = "physically impossible", "not significant"
+Remark = Literal["", "not significant", "physically impossible"]
+IMPOSSIBLE: Final = "physically impossible"
+NOT_SIGNIFICANT: Final = "not significant"
 _INTERVAL = 1.96
 
 
-@dataclass(frozen=True)
-class ParameterEstimate:
-    """One base parameter.
+@dataclass(frozen=True, kw_only=True)
+class RefinedEstimate:
+    """A base parameter of the refined estimate (equation 12).
 
     Attributes
     ----------
     name, expression, unit : str
     value, std : float
-        Estimate from all base parameters, and its standard deviation with the colour of the
-        residual taken into account.
     relative_std_percent : float or None
-        100 std / |value|.
-    white_std : float
-        What the deviation would be if the residual were white: too small when it is not.
+        100 std / |value|, whatever is given; None where the value is zero.
     essential : bool
-    essential_value, essential_std : float or None
-        Estimate with only the essential parameters in the model; None for the others.
-    ls_value, ls_std : float
+    ls_value : float
         Joint-weighted IDIM-LS on the same rows.
-    ordinary_ls_value : float
-        IDIM-LS with all rows weighted alike.
     given_value : float or None
         What the URDF and the configuration hold.
-    non_negative : bool
-        Whether physics forbids a negative value.
     """
 
     name: str
     expression: str
     unit: str
-    value: float
-    std: float
-    white_std: float
+    value: Number
+    std: Number
+    relative_std_percent: float | None = None
     essential: bool
+    ls_value: Number
+    given_value: float | None
+
+    def __post_init__(self) -> None:
+        relative = 100.0 * self.std / abs(self.value) if self.value != 0.0 else None
+        object.__setattr__(self, "relative_std_percent", relative)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterEstimate(RefinedEstimate):
+    """A base parameter, estimated with all others; the standard deviation knows the
+    autocorrelation of the residual.
+
+    Attributes
+    ----------
+    white_std : float
+        What the deviation would be if the residual were white: too small when it is not.
+    essential_value, essential_std : float or None
+        Estimate with only the essential parameters in the model; None for the others.
+    ls_std : float
+        Of `ls_value`.
+    ordinary_ls_value : float
+        IDIM-LS with the same weight for all rows.
+    non_negative : bool
+        Whether physics forbids a negative value.
+    remark, essential_remark : str
+        What forbids to rely on `value` and on `essential_value`, whatever is given: `IMPOSSIBLE`,
+        `NOT_SIGNIFICANT`, or nothing.
+    """
+
+    white_std: Number
     essential_value: float | None
     essential_std: float | None
-    ls_value: float
-    ls_std: float
-    ordinary_ls_value: float
-    given_value: float | None
+    ls_std: Number
+    ordinary_ls_value: Number
     non_negative: bool = False
+    remark: Remark = ""
+    essential_remark: Remark = ""
 
-    @property
-    def remark(self) -> str:
-        """What forbids to rely on `value`: `IMPOSSIBLE`, `NOT_SIGNIFICANT`, or nothing."""
-        return _remark(self.value, self.std, self.non_negative)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "remark", self._remark(self.value, self.std))
+        essential = self._remark(self.essential_value, self.essential_std)
+        object.__setattr__(self, "essential_remark", essential)
 
-    @property
-    def essential_remark(self) -> str:
-        """The same of `essential_value`."""
-        if self.essential_value is None or self.essential_std is None:
+    def _remark(self, value: float | None, std: float | None) -> Remark:
+        if value is None or std is None:
             return ""
-        return _remark(self.essential_value, self.essential_std, self.non_negative)
-
-    @property
-    def relative_std_percent(self) -> float | None:
-        """Standard deviation in percent of the value; None where the value is zero."""
-        return 100.0 * self.std / abs(self.value) if self.value != 0.0 else None
-
-
-@dataclass(frozen=True)
-class RefinedEstimate:
-    """A parameter of the refined estimate (equation 12)."""
-
-    name: str
-    expression: str
-    unit: str
-    value: float
-    std: float
-    essential: bool
-
-    @property
-    def relative_std_percent(self) -> float | None:
-        """Standard deviation in percent of the value; None where the value is zero."""
-        return 100.0 * self.std / abs(self.value) if self.value != 0.0 else None
+        if abs(value) < _INTERVAL * std:
+            return NOT_SIGNIFICANT
+        return IMPOSSIBLE if self.non_negative and value < 0.0 else ""
 
 
 @dataclass(frozen=True)
 class Refined:
-    """Refined estimates with the autoregressive order of each joint's residual."""
+    """Refined estimates with the autoregressive order of each joint's residual.
+
+    `moved` names the essential parameters that whitening moves further than noise can.
+    """
 
     ar_orders: tuple[int, ...]
     parameters: tuple[RefinedEstimate, ...]
+    moved: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -111,27 +123,91 @@ class InstrumentReport:
 
     Attributes
     ----------
-    source : str
-        In words; for IDIM-LS that there are none.
     accepted : bool or None
         Whether Π = I is accepted at all joints; None where it could not be tested.
+    alpha : float
+    source : str
+        In words; for IDIM-LS that there are none.
     failures : tuple of str
         Sources that were tried before and failed, with the reason.
     notes : tuple of str
-    tests, exogeneity : tuple of HypothesisTest
+    tests : tuple of HypothesisTest
         All rows first, then joint by joint.
-    specification : tuple of HypothesisTest
-        Whether the residual follows position, speed or acceleration, joint by joint.
     """
 
-    source: str
     accepted: bool | None
     alpha: float
+    source: str
     failures: tuple[str, ...]
     notes: tuple[str, ...]
     tests: tuple[HypothesisTest, ...]
-    exogeneity: tuple[HypothesisTest, ...]
-    specification: tuple[HypothesisTest, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointTests:
+    """One kind of test at every joint.
+
+    Attributes
+    ----------
+    accepted : bool or None
+        The outcome over all rows, whatever is given; None where there is none.
+    alpha : float
+    tests : tuple of HypothesisTest
+    """
+
+    accepted: bool | None = None
+    alpha: float
+    tests: tuple[HypothesisTest, ...]
+
+    def __post_init__(self) -> None:
+        overall = next((test.accepted for test in self.tests if test.scope == "all"), None)
+        object.__setattr__(self, "accepted", overall)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointResidual:
+    """The residual of one joint and the verdict on its estimates; see `ResidualDiagnosis`.
+
+    Attributes
+    ----------
+    verdict, sentence : str
+        For programs, and in words.
+    autoregression, acf, acf_whitened, acf_bound
+        For the report and not in the document.
+    """
+
+    joint: str
+    rms: Number
+    relative_percent: float | None
+    ar_order: int
+    white: bool | None
+    whiteness_p_value: float | None = None
+    normality_p_value: float | None = None
+    verdict: Verdict
+    sentence: str
+    predictable_share: Number
+    sigma_understatement: Number
+    largest_correlation_after: Number
+    skewness: Number
+    excess_kurtosis: Number
+    whiteness: HypothesisTest
+    whiteness_after: HypothesisTest
+    normality: HypothesisTest
+    autoregression: Unsaved[AutoregressiveModel | None] = field(default=None, compare=False)
+    acf: Unsaved[FloatArray] = field(default_factory=lambda: np.zeros(0), compare=False)
+    acf_whitened: Unsaved[FloatArray] = field(default_factory=lambda: np.zeros(0), compare=False)
+    acf_bound: Unsaved[float] = field(default=0.0, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "whiteness_p_value", self.whiteness.p_value)
+        object.__setattr__(self, "normality_p_value", self.normality.p_value)
+
+    @classmethod
+    def of(cls, diagnosis: ResidualDiagnosis, verdict: JointVerdict) -> "JointResidual":
+        """Join what two steps found of one joint."""
+        names = (each.name for each in fields(cls))
+        known = {name: getattr(diagnosis, name) for name in names if hasattr(diagnosis, name)}
+        return cls(**known, verdict=verdict.verdict, sentence=verdict.sentence)
 
 
 @dataclass(frozen=True)
@@ -140,9 +216,9 @@ class FittedGain:
 
     joint: str
     term: str
-    value: float
-    std: float
-    r_squared: float
+    value: Number
+    std: Number
+    r_squared: Number
 
 
 @dataclass(frozen=True)
@@ -156,7 +232,7 @@ class Fit:
     ls_relative_error_percent : float
         The same for joint-weighted IDIM-LS.
     condition_number : float
-        Of the stacked, unweighted observation matrix.
+        Of the stacked, unweighted regressor matrix.
     samples : int
         Rows that count.
     base_parameters, essential_parameters : int
@@ -166,13 +242,13 @@ class Fit:
         100 ‖y_j - X_j β̂‖ / ‖y_j‖ of each joint; None where its torque is zero.
     """
 
-    relative_error_percent: float
-    ls_relative_error_percent: float
-    condition_number: float
+    relative_error_percent: Number
+    ls_relative_error_percent: Number
+    condition_number: Number
     samples: int
     base_parameters: int
     essential_parameters: int
-    essential_p_value: float
+    essential_p_value: Number
     joint_relative_error_percent: dict[str, float | None] = field(default_factory=dict)
 
 
@@ -240,47 +316,56 @@ class JointSeries:
     predicted: FloatArray
 
 
-@dataclass(frozen=True)
-class IdentificationResult:
-    """Everything that `identify` found; `report` turns it into files.
+@dataclass(frozen=True, kw_only=True)
+class IdentificationResult(Document):
+    """Outcome of an identification: result.json, and what its report draws.
 
     Attributes
     ----------
+    exogeneity : JointTests
+        All rows first, then joint by joint.
+    specification : JointTests
+        Whether the residual follows position, speed or acceleration, joint by joint.
+    controller : tuple of str
+        The control law that was fitted, in words; `fitted_gains` holds its numbers.
+    doubts : tuple of str
+        What makes the nominal model hard to believe.
     covariance : (b, b)
         Of the estimates in `parameters`, in their order and the products of their units; the
         diagonal holds the squares of their `std`.
-    doubts : tuple of str
-        What makes the nominal model hard to believe.
+    timing : dict of str to float
+        Seconds by stage.
+    series : tuple of JointSeries
+        For the report and not in the document.
     """
 
+    what: ClassVar[str] = "an identification"
+    written_by: ClassVar[str] = "identify"
+
+    format: Literal["idim_iv_ros/identification/1"] = IDENTIFICATION_FORMAT
     robot: str
     joints: tuple[str, ...]
     joint_types: tuple[str, ...]
-    effort_unit: str
     bags: tuple[BagSummary, ...]
     software: dict[str, str]
-    configuration: dict[str, object]
-    estimator: str
+    estimator: Estimator
     iterations: int
     converged: bool
     convergence_note: str
-    parameters: tuple[ParameterEstimate, ...]
-    covariance: FloatArray
-    instruments: InstrumentReport
-    residuals: tuple[ResidualDiagnosis, ...]
-    verdicts: tuple[JointVerdict, ...]
     verdict: OverallVerdict
+    parameters: tuple[ParameterEstimate, ...]
+    instruments: InstrumentReport
+    specification: JointTests
+    exogeneity: JointTests
+    residuals: tuple[JointResidual, ...]
     fit: Fit
+    refined: Refined | None
     processing: ProcessingSummary
     controller: tuple[str, ...]
     fitted_gains: tuple[FittedGain, ...]
-    refined: Refined | None
-    series: tuple[JointSeries, ...]
-    timing: dict[str, float] = field(default_factory=dict)
     doubts: tuple[str, ...] = ()
-
-
-def _remark(value: float, std: float, non_negative: bool) -> str:
-    if abs(value) < _INTERVAL * std:
-        return NOT_SIGNIFICANT
-    return IMPOSSIBLE if non_negative and value < 0.0 else ""
+    effort_unit: str
+    covariance: Matrix = field(compare=False)
+    configuration: dict[str, object]
+    timing: dict[str, Number] = field(default_factory=dict)
+    series: Unsaved[tuple[JointSeries, ...]] = field(default=(), compare=False)

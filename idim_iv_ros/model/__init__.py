@@ -14,7 +14,7 @@ from idim_iv_ros.model.parameters import (
 )
 from idim_iv_ros.model.regressor import StandardRegressor
 from idim_iv_ros.model.robot import JointLimits, RobotModel, load_robot
-from idim_iv_ros.model.urdf_reader import read_urdf_file
+from idim_iv_ros.model.urdf_reader import read_urdf_file, read_urdf_text
 
 __all__ = [
     "BaseParameters",
@@ -31,4 +31,5 @@ __all__ = [
     "load_robot",
     "parameter_layout",
     "read_urdf_file",
+    "read_urdf_text",
 ]

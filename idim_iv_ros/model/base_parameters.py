@@ -151,8 +151,8 @@ def _random_states(
 def _grouping(
     stacked: FloatArray, norms: FloatArray, columns: NDArray[np.int64], basis: FloatArray
 ) -> FloatArray:
-    triangle = basis.T @ stacked[:, columns]
-    grouping = np.linalg.solve(triangle, basis.T @ stacked)
+    upper = basis.T @ stacked[:, columns]
+    grouping = np.linalg.solve(upper, basis.T @ stacked)
     grouping[:, columns] = np.eye(len(columns))
     grouping[:, norms <= TOLERANCE * norms.max()] = 0.0
     # A coefficient that is rounding on the scale of what the two columns contribute is none.

@@ -58,12 +58,8 @@ class InverseModel:
     @property
     def given_without_friction(self) -> FloatArray:
         """`given` (b,) with friction and offsets at zero: the paper's start."""
-        layout = self.regressor.layout
-        standard = layout.vector(self.robot.given)
-        for position, parameter in enumerate(layout.parameters):
-            if parameter.kind in ("Fv", "Fc", "off", "Fvm", "Fcm"):
-                standard[position] = 0.0
-        return self.base.from_standard(standard)
+        given = self.robot.given.without_friction
+        return self.base.from_standard(self.regressor.layout.vector(given))
 
     @property
     def regular(self) -> FloatArray:

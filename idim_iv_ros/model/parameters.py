@@ -1,20 +1,23 @@
 """Standard dynamic parameters: names, units and order (paper, section II.B)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.model.units import unit_at
 from idim_iv_ros.types import FloatArray
 
 JointType = Literal["revolute", "prismatic"]
 EffortUnit = Literal["N m", "A", "V"]
+# Units of the drives' parameters at a revolute joint.
+_OF_DRIVES = {"Ia": "kg m²", "Fv": "N m s/rad", "Fc": "N m", "off": "N m"}
 
 INERTIAL = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
-# Where each of INERTIAL stands in (M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ), the order of
+# Where each of INERTIAL is in (M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ), the order of
 # pinocchio's regressor and of DynamicParameters.inertial.
 REGRESSOR_ORDER = (4, 5, 7, 6, 8, 9, 1, 2, 3, 0)
 
@@ -73,6 +76,30 @@ class DynamicParameters:
     coupling_coulomb: FloatArray
 
     @property
+    def of_links(self) -> "DynamicParameters":
+        """The rigid bodies alone: without drives, friction and offsets."""
+        nothing, uncoupled = np.zeros_like(self.viscous), np.zeros_like(self.coupling_inertia)
+        return replace(self.without_friction, drive_inertia=nothing, coupling_inertia=uncoupled)
+
+    @property
+    def without_friction(self) -> "DynamicParameters":
+        """The same without friction and offsets."""
+        nothing, uncoupled = np.zeros_like(self.viscous), np.zeros_like(self.coupling_viscous)
+        return replace(
+            self,
+            viscous=nothing,
+            coulomb=nothing,
+            offset=nothing,
+            coupling_viscous=uncoupled,
+            coupling_coulomb=uncoupled,
+        )
+
+    @property
+    def without_dry_friction(self) -> "DynamicParameters":
+        """The same without the joints' own dry friction."""
+        return replace(self, coulomb=np.zeros_like(self.coulomb))
+
+    @property
     def of_drives(self) -> dict[str, FloatArray]:
         """Terms of the drives by the kind of their parameters, (n_joints,) each."""
         return {
@@ -90,7 +117,7 @@ class DynamicParameters:
 
 @dataclass(frozen=True)
 class ParameterLayout:
-    """Which standard parameters a model has, and in which order they stand in a vector.
+    """Which standard parameters a model has, and in which order they are in a vector.
 
     Order: link 1 (XX … M, Ia, Fv, Fc, off), link 2, …, then Fvm, Fcm of each coupling. A coupling
     has no inertia of its own: Ia_b of its second joint acts on ddq_a + ddq_b.
@@ -182,29 +209,18 @@ def parameter_layout(
             parameters.append(StandardParameter(f"{kind}{joint + 1}", kind, joint, unit))
     coupled = [("Fvm", "Fv", "viscous" in friction), ("Fcm", "Fc", "coulomb" in friction)]
     for _, joint in couplings:
-        for kind, alike, present in coupled:
+        for kind, of_drive, present in coupled:
             if present:
-                unit = _unit(alike, joint_types[joint], effort_unit)
+                unit = _unit(of_drive, joint_types[joint], effort_unit)
                 parameters.append(StandardParameter(f"{kind}{joint + 1}", kind, joint, unit))
     return ParameterLayout(tuple(parameters), len(joint_types), tuple(couplings))
 
 
 def _unit(kind: str, joint_type: JointType, effort_unit: EffortUnit) -> str:
-    revolute = joint_type == "revolute"
+    if kind not in INERTIAL:
+        return unit_at(_OF_DRIVES[kind], joint_type, effort_unit)
     if effort_unit == "N m":
-        moment = {"M": "kg", "MX": "kg m", "MY": "kg m", "MZ": "kg m"}
-        if kind in moment:
-            return moment[kind]
-        drive = {
-            "Ia": ("kg m²", "kg"),
-            "Fv": ("N m s/rad", "N s/m"),
-            "Fc": ("N m", "N"),
-            "off": ("N m", "N"),
-        }
-        return drive[kind][0 if revolute else 1] if kind in drive else "kg m²"
+        return {"M": "kg", "MX": "kg m", "MY": "kg m", "MZ": "kg m"}.get(kind, "kg m²")
+    revolute = joint_type == "revolute"
     length = {"M": "/m²", "MX": "/m", "MY": "/m", "MZ": "/m"} if revolute else {"M": "/m"}
-    if kind in INERTIAL:
-        return f"{effort_unit} s²{length.get(kind, '')}"
-    angle = "rad" if revolute else "m"
-    drive_unit = {"Ia": f" s²/{angle}", "Fv": f" s/{angle}", "Fc": "", "off": ""}
-    return f"{effort_unit}{drive_unit[kind]}"
+    return f"{effort_unit} s²{length.get(kind, '')}"

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.parameters import DynamicParameters, JointType
-from idim_iv_ros.model.plausibility import judge_urdf
-from idim_iv_ros.model.urdf import MOVABLE, Urdf, UrdfJoint, quoted, refuse
+from idim_iv_ros.model.urdf import MOVABLE, Urdf, UrdfJoint, judge_urdf, quoted, refuse
 from idim_iv_ros.model.urdf_reader import read_urdf_text
 from idim_iv_ros.types import FloatArray
 

@@ -16,8 +16,8 @@ import numpy as np
 import pinocchio as pin
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.files import read_text
 from idim_iv_ros.model.urdf import TYPES, Inertial, Urdf, UrdfJoint, base_link, quoted, refuse
-from idim_iv_ros.text_file import read_text
 from idim_iv_ros.types import FloatArray
 
 # URDF files write right angles with few digits (1.5708); within this they are taken as meant.
@@ -149,6 +149,7 @@ class _Reader:
             if not ends[tag]:
                 self.problems.append(f"{where}: names no {tag} link")
         axis, dynamics = element.find("axis"), element.find("dynamics")
+        mimic = element.find("mimic")
         return UrdfJoint(
             name=name,
             type=joint_type,
@@ -161,6 +162,7 @@ class _Reader:
             limits=self._limits(element, where),
             damping=self._dynamics(dynamics, "damping", where),
             friction=self._dynamics(dynamics, "friction", where),
+            mimics="" if mimic is None else mimic.get("joint", "another joint"),
         )
 
     def _limits(self, element: ElementTree.Element, where: str) -> dict[str, float]:
@@ -228,7 +230,7 @@ def _right_angle(angle: float) -> float:
 def _last_digit(texts: list[str]) -> float:
     """Value of the last digit of the numbers that are not zero: of the finest of them.
 
-    Trailing zeros are often left out, so that one number alone does not tell its digits.
+    Trailing zeros are often left out, so that one number alone does not show its digits.
     """
     finest = []
     for text in texts:

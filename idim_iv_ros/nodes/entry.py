@@ -1,21 +1,21 @@
-"""Running a node until a signal: clean shutdown, one line for whatever goes wrong."""
+"""What all nodes share: running until a signal, one line for whatever goes wrong, diagnostics."""
 
 import os
 import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
-from idim_iv_ros.errors import IdimError, UsageError, one_line
-from idim_iv_ros.foreign_warnings import silence_foreign_warnings
+from idim_iv_ros.errors import IdimError, UsageError, one_line, silence_foreign_warnings
 
 _WAIT = 0.2  # s until a signal is noticed
 
@@ -87,3 +87,13 @@ def _start_failure(error: Exception) -> str:
             "no DDS security"
         )
     return f"cannot start: {text}"
+
+
+def diagnostic_status(
+    level: bytes, name: str, hardware: str, sentence: str, values: Mapping[str, object]
+) -> DiagnosticStatus:
+    """Return the entry; `values` are written as text."""
+    pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+    return DiagnosticStatus(
+        level=level, name=name, hardware_id=hardware, message=sentence, values=pairs
+    )

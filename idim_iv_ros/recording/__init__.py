@@ -1,9 +1,7 @@
 """Recordings: bags and tables in, immutable signals on a uniform grid out."""
 
-from idim_iv_ros.recording.description import prismatic_joints
-from idim_iv_ros.recording.held_samples import FrozenStretches
 from idim_iv_ros.recording.read import read_recordings
-from idim_iv_ros.recording.recording import ClockQuality, Note, Recording, Signal
+from idim_iv_ros.recording.recording import ClockQuality, FrozenStretches, Note, Recording, Signal
 from idim_iv_ros.recording.session import Session, SessionPart, in_recordings, part_at, session_of
 from idim_iv_ros.recording.table import ImportSummary, import_table
 from idim_iv_ros.recording.writing.write import JointTopic, write_bag
@@ -21,7 +19,6 @@ __all__ = [
     "import_table",
     "in_recordings",
     "part_at",
-    "prismatic_joints",
     "read_recordings",
     "session_of",
     "write_bag",

@@ -1,4 +1,4 @@
-"""Which clock stamps the messages, and what is wrong with it."""
+"""The clock that stamps the messages, and its faults: stray stamps, a clock that was set."""
 
 from dataclasses import dataclass, replace
 
@@ -6,15 +6,21 @@ import numpy as np
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.joint_messages import JointMessages
-from idim_iv_ros.recording.clock_jumps import on_one_clock
 from idim_iv_ros.recording.recording import ClockQuality, Note
-from idim_iv_ros.types import IntArray
+from idim_iv_ros.types import BoolArray, IntArray
 
 GAP = 2.5  # sampling intervals without a message
 _MOSTLY_BACKWARD = 0.2
 _STAMPED = 0.05  # share of the messages with a new stamp, from which stamps mean something
 # Log times are unsigned in a file: further ones are damaged, and their differences would overflow.
 _FURTHEST = 1 << 61  # ns
+
+# A step back by more than this many intervals is a clock that was set, not a late message.
+_SET_BACK = 20.0
+# A step forward by more than this, s and sampling intervals, is a pause or a clock that was set.
+_PAUSE, _PAUSE_INTERVALS = 10.0, 100.0
+# In a pause the time of arrival advances by this share of it; longer ones are a clock that was set.
+_ARRIVES, _LONGEST_PAUSE = 0.5, 86_400.0
 
 
 @dataclass(frozen=True)
@@ -43,7 +49,7 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     Raises
     ------
     DataError
-        Too few messages, or time runs backward for good.
+        Too few messages, or time mostly runs backward.
     """
     topic = messages.topic
     if len(messages) < 2:
@@ -115,3 +121,131 @@ def _taken(messages: JointMessages, places: IntArray) -> JointMessages:
         arrival=messages.arrival[places],
         values={name: values[places] for name, values in messages.values.items()},
     )
+
+
+@dataclass(frozen=True)
+class OneClock:
+    """Messages that one clock stamped.
+
+    Attributes
+    ----------
+    kept : (k,) int
+        Their places, in the order in which they were found.
+    notes : tuple of Note
+        What was left out, and why.
+    """
+
+    kept: IntArray
+    notes: tuple[Note, ...]
+
+
+def on_one_clock(topic: str, time: IntArray, arrival: IntArray, interval: float) -> OneClock:
+    """Leave out what another clock stamped: stray stamps, then all but the longest stretch.
+
+    Parameters
+    ----------
+    topic
+    time, arrival
+        (n,) ns: stamps, and when the messages arrived.
+    interval
+        Sampling interval, ns.
+    """
+    kept, size = np.arange(len(time)), 1
+    while 2 * size < len(kept):
+        stray = _stray(time[kept], arrival[kept], interval, size)
+        if stray is None:
+            break
+        kept = kept[~stray]
+        size *= 2
+    left_out = np.ones(len(time), dtype=bool)
+    left_out[kept] = False
+    notes = _stray_notes(topic, time, np.flatnonzero(left_out))
+    stretch, jump = _longest_stretch(kept, time, arrival, interval)
+    if jump is not None:
+        lost = len(kept) - len(stretch)
+        left = "1 message is left out" if lost == 1 else f"{lost} messages are left out"
+        what = f"{jump}: only the longest stretch in order is used, {left}"
+        notes.append(Note(topic, what, 1, limits=True))
+    return OneClock(stretch, tuple(notes))
+
+
+def _follows(steps: IntArray, arrived: IntArray, interval: float) -> BoolArray:
+    """Whether time went on by `steps`, as usual or after a pause in which `arrived` went on too."""
+    usual = steps <= _longest_gap(interval)
+    pause = (arrived >= _ARRIVES * steps) & (steps <= _LONGEST_PAUSE * 1e9)
+    return np.asarray((steps >= -_SET_BACK * interval) & (usual | pause))
+
+
+def _longest_gap(interval: float) -> float:
+    """Longest step, ns, that needs no explanation."""
+    return max(_PAUSE * 1e9, _PAUSE_INTERVALS * interval)
+
+
+def _stray(time: IntArray, arrival: IntArray, interval: float, size: int) -> BoolArray | None:
+    """Mark stretches of up to `size` messages without which time goes on; None for no jump at all.
+
+    A lone message at either end is stray if its delay from stamp to arrival is another than that
+    of its neighbours.
+    """
+    steps = np.diff(time)
+    cuts = np.flatnonzero((steps < -_SET_BACK * interval) | (steps > _longest_gap(interval)))
+    if len(cuts) == 0:
+        return None
+    strange = ~_follows(steps[cuts], np.diff(arrival)[cuts], interval)
+    starts = np.concatenate([[0], cuts + 1])
+    stops = np.concatenate([cuts + 1, [len(time)]])
+    length = stops - starts
+    edges = np.diff(np.concatenate([[False], length <= size, [False]]).astype(int))
+    stray = np.zeros(len(time), dtype=bool)
+    for first, after in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+        before = first - 1
+        if before >= 0 and after < len(starts):
+            a, b = stops[before] - 1, starts[after]
+            joins = _follows(time[[b]] - time[[a]], arrival[[b]] - arrival[[a]], interval)[0]
+            shorter = b - a - 1 < min(length[before], length[after])
+            if joins and shorter and strange[before:after].any():
+                stray[a + 1 : b] = True
+        elif size == 1 and (before >= 0 or after < len(starts)):
+            neighbour = starts[after] if before < 0 else stops[before] - 1
+            places = starts[first:after]
+            delay = np.abs(arrival[places] - time[places] - (arrival - time)[neighbour])
+            stray[places[delay > _longest_gap(interval)]] = True
+    return stray
+
+
+def _stray_notes(topic: str, time: IntArray, places: IntArray) -> list[Note]:
+    if len(places) == 0:
+        return []
+    where = f"message {places[0] + 1} is stamped {_seconds(time[places[0]])}"
+    if len(places) == 1:
+        what = f"{where}, far from its neighbours: it is left out"
+    else:
+        what = f"{len(places)} messages with a stray stamp are left out; the first: {where}"
+    return [Note(topic, what, 1, limits=True)]
+
+
+def _longest_stretch(
+    kept: IntArray, time: IntArray, arrival: IntArray, interval: float
+) -> tuple[IntArray, str | None]:
+    """Longest stretch during which the clock was not set, and where it was."""
+    stamps = time[kept]
+    steps = np.diff(stamps)
+    cuts = np.flatnonzero(~_follows(steps, np.diff(arrival[kept]), interval)) + 1
+    if len(cuts) == 0:
+        return kept, None
+    starts = np.concatenate([[0], cuts])
+    stops = np.concatenate([cuts, [len(kept)]])
+    longest = int(np.argmax(stops - starts))
+    first = cuts[0]
+    where = (
+        f"at message {kept[first] + 1} the clock "
+        f"{'was set back' if steps[first - 1] < 0 else 'jumps forward'} from "
+        f"{_seconds(stamps[first - 1])} to {_seconds(stamps[first])}"
+    )
+    if len(cuts) > 1:
+        where += f" (the first of {len(cuts)} jumps)"
+    return kept[starts[longest] : stops[longest]], where
+
+
+def _seconds(stamp: int) -> str:
+    return f"{stamp * 1e-9:.3f} s"

@@ -1,20 +1,35 @@
-"""One uniform time grid for all signals of a bag."""
+"""One uniform time grid for all signals of a bag, and what it holds where nothing was measured.
 
-from dataclasses import dataclass
+Long pauses are shortened, and positions in gaps get a motion without corners. These samples are
+left out of every estimate, but the filters look across them, the cut-offs are chosen from the whole
+spectrum and the closed loop is simulated through them: a corner at the edge of a gap is an
+acceleration that the robot never had.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.recording.bridge import bridged
-from idim_iv_ros.recording.clock import GAP
-from idim_iv_ros.recording.recording import Signal
-from idim_iv_ros.types import FloatArray, IntArray
+from idim_iv_ros.recording.clock import GAP, StampedMessages, selected
+from idim_iv_ros.recording.recording import Note, Signal
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 # Stamps this close to the grid (share of an interval) lie on it.
 _ON_GRID = 1e-3
 # A rounded rate may drift by this share of a sample over the recording.
 _DRIFT = 0.25
+
+# A longer step without a message is shortened to this, s: time for a joint to be elsewhere after it
+# without having to be fast, and short compared with the memory that a recording takes anyway.
+LONGEST_PAUSE = 10.0
+
+# Time, and samples at least, from which the speed at the edge of a gap is taken.
+_EDGE, _EDGE_SAMPLES = 0.1, 8  # s
+_STOP = 0.5  # s, in which a joint comes to rest in a long gap, and starts again at its end
 
 
 @dataclass(frozen=True)
@@ -115,3 +130,138 @@ def _unsupported(target: FloatArray, known: FloatArray, gap: float) -> NDArray[n
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:
     array.setflags(write=False)
     return array
+
+
+@dataclass(frozen=True)
+class Pauses:
+    """What is cut out of time.
+
+    Attributes
+    ----------
+    begin, end : (k,) int
+        Of each cut, ns.
+    """
+
+    begin: IntArray
+    end: IntArray
+
+    def kept(self, time: IntArray) -> NDArray[np.bool_]:
+        """Whether each of the sorted stamps `time` (n,) lies outside all cuts."""
+        pause = np.searchsorted(self.begin, time, side="right") - 1
+        inside = (pause >= 0) & (time < self.end[np.maximum(pause, 0)])
+        return np.asarray(~inside)
+
+    def shortened(self, time: IntArray) -> IntArray:
+        """Stamps (n,) without the time that was cut out before each."""
+        removed = np.concatenate([[0], np.cumsum(self.end - self.begin)])
+        return np.asarray(time - removed[np.searchsorted(self.end, time, side="right")])
+
+
+def without_pauses(
+    stamped: Mapping[str, StampedMessages], joint_states: str
+) -> dict[str, StampedMessages]:
+    """Shorten long pauses of the joint states, the same ones in all topics, and say so.
+
+    Nothing is computed, and no memory is taken, for most of a long pause.
+    """
+    time = stamped[joint_states].time
+    steps = np.diff(time)
+    shortest = max(round(LONGEST_PAUSE * 1e9), 3 * int(np.median(steps)))
+    long = np.flatnonzero(steps > shortest)
+    if len(long) == 0:
+        return dict(stamped)
+    pauses = Pauses(time[long] + shortest, time[long + 1])
+    removed = float((pauses.end - pauses.begin).sum()) * 1e-9
+    longest = float(steps[long].max()) * 1e-9
+    first = float(time[long[0]] - time[0]) * 1e-9
+    count = "a pause" if len(long) == 1 else f"{len(long)} pauses, the longest"
+    what = (
+        f"{count} of {longest:.4g} s, first {first:.4g} s after the start: {shortest * 1e-9:g} s "
+        f"of each are kept, so that later times of this recording are up to {removed:.4g} s early"
+    )
+    shortened = {}
+    for topic, messages in stamped.items():
+        inside = pauses.kept(messages.time)
+        kept = messages if inside.all() else selected(messages, np.flatnonzero(inside))
+        notes = (*kept.notes, Note(topic, what, 1, limits=True)) if topic == joint_states else ()
+        shortened[topic] = replace(
+            kept, time=pauses.shortened(kept.time), notes=notes or kept.notes
+        )
+    return shortened
+
+
+def bridged(values: FloatArray, invented: BoolArray, rate: float) -> None:
+    """Replace the invented samples between measured ones, in place.
+
+    Parameters
+    ----------
+    values, invented
+        (n,) of one joint.
+    rate
+        Hz.
+    """
+    edges = np.diff(np.concatenate([[False], invented, [False]]).astype(int))
+    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    since = np.concatenate([[0], ends])  # where what is measured before each gap begins
+    until = np.concatenate([begins[1:], [len(values)]])
+    edge = max(_EDGE_SAMPLES, round(_EDGE * rate))
+    for gap, (begin, end) in enumerate(zip(begins.tolist(), ends.tolist(), strict=True)):
+        if begin == 0 or end == len(values):
+            continue
+        before = values[max(int(since[gap]), begin - edge) : begin]
+        after = values[end : min(int(until[gap]), end + edge)]
+        duration = (end - begin + 1) / rate
+        # From the last measured sample to the next, with the speeds there.
+        speeds = _speed(before[::-1], -rate), _speed(after, rate)
+        ends_at = float(before[-1]), float(after[0])
+        seconds = np.arange(1, end - begin + 1) / rate
+        values[begin:end] = _curve(seconds, duration, ends_at, speeds)
+
+
+def _speed(samples: FloatArray, rate: float) -> float:
+    """Slope at the first sample, of a parabola (a line through few); zero for a single one."""
+    if len(samples) < 2:
+        return 0.0
+    return float(rate * (_slope(len(samples)) @ samples))
+
+
+@cache
+def _slope(samples: int) -> FloatArray:
+    """Weights (samples,) that give the slope at the first sample, per sample."""
+    degree = 2 if samples >= _EDGE_SAMPLES else 1
+    powers = np.vander(np.arange(samples, dtype=float), degree + 1, increasing=True)
+    return np.asarray(np.linalg.pinv(powers)[1])
+
+
+def _curve(
+    seconds: FloatArray,
+    duration: float,
+    ends: tuple[float, float],
+    speeds: tuple[float, float],
+) -> FloatArray:
+    """Positions at `seconds` of a motion between two positions with given speeds there."""
+    if duration <= 4.0 * _STOP:
+        return _cubic(seconds, duration, ends, speeds)
+    # In a long gap evenly slowed down to rest, and evenly speeded up from it.
+    rests = ends[0] + 0.5 * _STOP * speeds[0], ends[1] - 0.5 * _STOP * speeds[1]
+    stops = _cubic(seconds, _STOP, (ends[0], rests[0]), (speeds[0], 0.0))
+    moves = _cubic(seconds - _STOP, duration - 2.0 * _STOP, rests, (0.0, 0.0))
+    starts = _cubic(seconds - duration + _STOP, _STOP, (rests[1], ends[1]), (0.0, speeds[1]))
+    late = np.where(seconds > duration - _STOP, starts, moves)
+    return np.where(seconds < _STOP, stops, late)
+
+
+def _cubic(
+    seconds: FloatArray,
+    duration: float,
+    ends: tuple[float, float],
+    speeds: tuple[float, float],
+) -> FloatArray:
+    """Cubic polynomial with given values and slopes at 0 and `duration` (Hermite's form)."""
+    u = seconds / duration
+    step = ends[1] - ends[0]
+    first, last = speeds[0] * duration, speeds[1] * duration
+    return np.asarray(
+        ends[0]
+        + u * (first + u * (3.0 * step - 2.0 * first - last + u * (first + last - 2.0 * step)))
+    )

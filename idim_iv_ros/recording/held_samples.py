@@ -3,18 +3,21 @@
 An exact repeat is no fault by itself. A quantised channel repeats while it changes by less than a
 step, a slow one between two updates, a saturated one at its limit, any of them while the joint
 rests. What is called frozen is longer than all of these and happens while the joint moves; where
-repeats are usual, or the channel is too smooth to tell, it must end in a jump as well.
+repeats are usual, or the channel is too smooth for that, it must end in a jump as well.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idim_iv_ros.recording.clock import StampedMessages
+from idim_iv_ros.recording.recording import FrozenStretches
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 _LONGER = 5.0  # times the usual repeats of the channel
 _LEAST_REPEATS = 5  # equal values after the first one
-_LEAST_VALUES, _MOST_VALUES = 50, 20_000  # that tell a fine channel from a coarse one
+_LEAST_VALUES, _MOST_VALUES = 50, 20_000  # by which fine and coarse channels differ
 # Of the values that a channel takes one after the other, how many are new in a fine channel.
 _DISTINCT = 0.9
 # Second over first differences (medians): √3 in white noise, near 0 in a smooth signal.
@@ -39,42 +42,69 @@ _CREEPS = 0.25
 _EXTREME = 1e-9
 
 
-@dataclass(frozen=True)
-class FrozenStretches:
-    """Where one channel of a recording is frozen.
+def without_frozen(
+    stamped: dict[str, StampedMessages],
+    joint_states: str,
+    effort: str,
+    joints: Sequence[str],
+    start: int,
+) -> tuple[dict[str, StampedMessages], tuple[FrozenStretches, ...]]:
+    """Take out what efforts and positions repeat while they are frozen.
 
-    Attributes
+    Parameters
     ----------
-    channel : str
-        In words: ``effort of joint_2 on /joint_states``.
-    samples : int
-        Measurements that were left out for it.
-    share : float
-        Of all measurements of the channel.
-    stretches : int
-    first : float
-        When the first one begins, s from the start of the recording.
-    longest : float
-        s
+    stamped
+        Messages of each topic.
+    joint_states, effort
+        Topics of the positions and of the efforts.
+    joints
+    start
+        Of the recording, ns.
+
+    Returns
+    -------
+    dict
+        The same messages, with NaN for frozen values.
+    tuple of FrozenStretches
     """
+    states, efforts = stamped[joint_states], stamped[effort]
+    positions, torques = states.messages.values["position"], efforts.messages.values["effort"]
+    found: list[FrozenStretches] = []
+    lost = np.zeros(positions.shape, dtype=bool), np.zeros(torques.shape, dtype=bool)
+    for column, joint in enumerate(joints):
+        position = positions[:, column]
+        lost[0][:, column] = frozen_positions(position, moving_speed(position))
+        there = _at(efforts.time, states.time, position)
+        lost[1][:, column] = frozen_efforts(torques[:, column], there, moving_speed(there))
+        for name, topic, frozen in (
+            ("position", states, lost[0][:, column]),
+            ("effort", efforts, lost[1][:, column]),
+        ):
+            channel = f"{name} of {joint} on {topic.messages.topic}"
+            seconds: FloatArray = (topic.time - start).astype(np.float64) * 1e-9
+            stretches = described(channel, frozen, seconds)
+            found += [] if stretches is None else [stretches]
+    if not found:
+        return stamped, ()
+    cleaned = dict(stamped)
+    cleaned[joint_states] = _without(cleaned[joint_states], "position", lost[0])
+    cleaned[effort] = _without(cleaned[effort], "effort", lost[1])
+    return cleaned, tuple(found)
 
-    channel: str
-    samples: int
-    share: float
-    stretches: int
-    first: float
-    longest: float
 
-    @property
-    def sentence(self) -> str:
-        """What was found and done."""
-        times = f"{self.stretches} times" if self.stretches > 1 else "once"
-        longest = "" if self.stretches == 1 else "the longest "
-        return (
-            f"{self.channel} freezes {times} while the joint moves, first {self.first:.4g} s after "
-            f"the start, {longest}for {self.longest:.3g} s; {self.samples} samples "
-            f"({100.0 * self.share:.2g} %) are left out; look at the sensor and its bus"
-        )
+def _at(wanted: IntArray, time: IntArray, position: FloatArray) -> FloatArray:
+    """Positions at the times of the efforts, linearly where these are others."""
+    if wanted is time or np.array_equal(wanted, time):
+        return position
+    known = np.isfinite(position)
+    begin = time[0]
+    return np.asarray(np.interp(wanted - begin, time[known] - begin, position[known]))
+
+
+def _without(stamped: StampedMessages, field: str, lost: BoolArray) -> StampedMessages:
+    values = np.where(lost, np.nan, stamped.messages.values[field])
+    messages = replace(stamped.messages, values={**stamped.messages.values, field: values})
+    return replace(stamped, messages=messages)
 
 
 def frozen_efforts(effort: FloatArray, position: FloatArray, speed: float) -> BoolArray:
@@ -123,10 +153,10 @@ def frozen_positions(position: FloatArray, speed: float) -> BoolArray:
 def moving_speed(position: FloatArray) -> float:
     """Speed from which a joint moves, per sample; infinite where it never does."""
     known = position[np.isfinite(position)]
-    reach = max(2, min(20, len(known) // 10))
-    if len(known) <= reach:
+    span = max(2, min(20, len(known) // 10))
+    if len(known) <= span:
         return np.inf
-    speeds = np.abs(known[reach:] - known[:-reach]) / reach
+    speeds = np.abs(known[span:] - known[:-span]) / span
     peak = float(np.quantile(speeds, 0.99))
     return _MOVES * peak if peak > 0.0 else np.inf
 
@@ -190,8 +220,8 @@ def _alone(lengths: IntArray, chosen: IntArray) -> BoolArray:
     others = np.where(frozen, 0, lengths)
     alone = np.empty(len(chosen), dtype=bool)
     for place, run in enumerate(chosen):
-        reach = _AROUND * lengths[run]
-        begin, end = np.searchsorted(ends, [ends[run] - lengths[run] - reach, ends[run] + reach])
+        around = _AROUND * lengths[run]
+        begin, end = np.searchsorted(ends, [ends[run] - lengths[run] - around, ends[run] + around])
         alone[place] = _LONGER * others[begin : end + 1].max() <= lengths[run]
     return alone
 

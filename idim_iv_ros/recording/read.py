@@ -1,27 +1,28 @@
 """From bags to recordings: the door through which everything enters."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.file_paths import FilePaths, as_paths
-from idim_iv_ros.recording.bags.folder import Bag
+from idim_iv_ros.files import FilePaths, as_paths
+from idim_iv_ros.progress import Progress
+from idim_iv_ros.recording.bags.folder import Bag, loss_notes, loss_sentence
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages, readable
-from idim_iv_ros.recording.bags.loss import loss_notes, loss_sentence
 from idim_iv_ros.recording.clock import StampedMessages, stamp_messages
-from idim_iv_ros.recording.description import prismatic_joints, robot_description
-from idim_iv_ros.recording.grid import Grid, make_grid, on_grid
-from idim_iv_ros.recording.held_channels import without_frozen
-from idim_iv_ros.recording.pauses import without_pauses
+from idim_iv_ros.recording.grid import Grid, make_grid, on_grid, without_pauses
+from idim_iv_ros.recording.held_samples import without_frozen
+from idim_iv_ros.recording.other_topics import (
+    prismatic_joints,
+    reference_advice,
+    robot_description,
+    unused_references,
+)
 from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import Note, Recording, Signal
-from idim_iv_ros.recording.unused_references import unused_references
 from idim_iv_ros.recording.wraps import without_wraps
-
-Progress = Callable[[str, float], None]
 
 DESCRIPTION = "/robot_description"
 LEAST_SAMPLES = 20
@@ -149,14 +150,6 @@ def _messages(bag: Bag, request: Request) -> tuple[dict[str, JointMessageReader]
     return readers, description
 
 
-def _reference_advice(bag: Bag, request: Request) -> str:
-    """Say what to write where the reference is not on the topic that was named."""
-    found = unused_references(bag, list(request.fields), request.joints)
-    if found:
-        return f"; if the reference is on {found[0]}, write `reference: {found[0]}` under signals"
-    return "; name that of the reference in signals.reference, or leave it out"
-
-
 def _checked(path: Path, reader: JointMessageReader) -> tuple[JointMessages, list[Note]]:
     """Messages without impossible values, and what was left out.
 
@@ -208,7 +201,7 @@ def _assemble(
     grid = _common_grid(path, request, stamped)
     for topic in stamped.values():
         notes += topic.notes
-        notes += _message_notes(topic.messages)
+        notes += topic.messages.notes()
     stamped, frozen = without_frozen(stamped, joint_states, effort, joints, grid.start)
     sources = {topic.quality.source for topic in stamped.values()}
     if len(sources) > 1:
@@ -290,21 +283,6 @@ def _optional(grid: Grid, stamped: StampedMessages, name: str) -> Signal | None:
     return _signal(grid, stamped, name)
 
 
-def _message_notes(messages: JointMessages) -> list[Note]:
-    notes = []
-    if messages.damaged:
-        what = "damaged messages were left out"
-        notes.append(Note(messages.topic, what, messages.damaged, limits=True))
-    if messages.layouts > 1:
-        what = "different layouts of the message (joint order or missing fields)"
-        notes.append(Note(messages.topic, what, messages.layouts))
-    for name, values in messages.values.items():
-        missing = int(np.count_nonzero(~np.isfinite(values)))
-        if missing and missing < values.size:
-            notes.append(Note(messages.topic, f"{name}: values missing or NaN", missing))
-    return notes
-
-
 def _require_type(path: Path, topic: str, message_type: str) -> None:
     if not readable(message_type):
         raise DataError(
@@ -319,7 +297,7 @@ def _missing(bag: Bag, topic: str, request: Request) -> str:
         return f"{path}: {'nothing can be read of it' if bag.damages else 'the bag is empty'}"
     advice = ""
     if topic == request.reference and not bag.damages:
-        advice = _reference_advice(bag, request)
+        advice = reference_advice(bag, list(request.fields), request.joints)
     usable = [name for name, kind in bag.topics.items() if readable(kind)]
     if topic in bag.topics:
         return f"{path}: no message on {topic}{advice}"

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from idim_iv_ros.recording.held_samples import FrozenStretches
 from idim_iv_ros.types import BoolArray, FloatArray
 
 
@@ -72,6 +71,44 @@ class ClockQuality:
     gaps: int
     repeated: int
     backward: int
+
+
+@dataclass(frozen=True)
+class FrozenStretches:
+    """Where one channel of a recording is frozen.
+
+    Attributes
+    ----------
+    channel : str
+        In words: ``effort of joint_2 on /joint_states``.
+    samples : int
+        Measurements that were left out for it.
+    share : float
+        Of all measurements of the channel.
+    stretches : int
+    first : float
+        When the first one begins, s from the start of the recording.
+    longest : float
+        s
+    """
+
+    channel: str
+    samples: int
+    share: float
+    stretches: int
+    first: float
+    longest: float
+
+    @property
+    def sentence(self) -> str:
+        """What was found and done."""
+        times = f"{self.stretches} times" if self.stretches > 1 else "once"
+        longest = "" if self.stretches == 1 else "the longest "
+        return (
+            f"{self.channel} freezes {times} while the joint moves, first {self.first:.4g} s after "
+            f"the start, {longest}for {self.longest:.3g} s; {self.samples} samples "
+            f"({100.0 * self.share:.2g} %) are left out; look at the sensor and its bus"
+        )
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from idim_iv_ros.atomic_files import require_file_place
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.file_paths import FilePath
+from idim_iv_ros.files import FilePath, require_file_place
 from idim_iv_ros.recording.plausible import impossible, wrong_rows
 from idim_iv_ros.recording.table_file import read_table
 from idim_iv_ros.recording.writing.write import JointTopic, write_bag

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.recording.paths import is_file
+from idim_iv_ros.files import is_file
 from idim_iv_ros.types import FloatArray
 
 _Wanted = TypeVar("_Wanted", str, int)  # name of a variable, or number of a column

@@ -1,30 +1,127 @@
-"""Plotly figures as plain dictionaries: one look for all of them."""
+"""Plotly figures as plain dictionaries: one look for all of them, in light and in dark."""
 
 import base64
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import NDArray
 
-from idim_iv_ros.report.markup import Html, join, tag
-
-Figure = dict[str, Any]
-
-# Okabe and Ito: told apart by readers with any colour vision, and in grey by their lightness.
-INK, MUTED, GRID = "#1f2933", "#5f6b7a", "#e3e7ec"
-BLUE, ORANGE, GREEN, GREY = "#0072b2", "#d55e00", "#009e73", "#8a94a3"
-PALE = "#adb6c2"  # a wide line beneath thin ones
-SHADE = "rgba(138, 148, 163, 0.22)"
+# Variables of the stylesheet: the page's script puts the values of the present scheme there.
+# Okabe and Ito: distinguished by readers with any colour vision, and in grey by their lightness.
+INK, MUTED, GRID = "var(--ink)", "var(--muted)", "var(--grid)"
+BLUE, ORANGE, GREEN, GREY = "var(--blue)", "var(--orange)", "var(--green)", "var(--grey)"
+SHADE = "var(--shade)"
+# Of the directions of motion: no colours of models.
+FORWARD, BACKWARD = "var(--forward)", "var(--backward)"
+FORWARD_BAND, BACKWARD_BAND = "var(--forward-band)", "var(--backward-band)"
 
 _FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 
+# Levels of a packed number, and the one that stands for none.
+_LEVELS, BREAK = 65534, 65535
 
-def typed(values: NDArray[np.floating[Any]] | Sequence[float]) -> dict[str, str]:
-    """Return numbers in plotly's binary form, in single precision: a third of their text."""
-    data = np.ascontiguousarray(values, dtype="<f4")
-    return {"dtype": "f4", "bdata": base64.b64encode(data.tobytes()).decode("ascii")}
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure and its place in the page.
+
+    Attributes
+    ----------
+    anchor : str
+        Identifier, unique in the page.
+    height : int
+        Pixels.
+    description : str
+        What is shown, for those who cannot see it.
+    data : list of dict
+        Traces.
+    layout : dict
+    """
+
+    anchor: str
+    height: int
+    description: str
+    data: list[dict[str, Any]]
+    layout: dict[str, Any]
+
+    @property
+    def json(self) -> Markup:
+        """Data and layout, safe inside a script element: only "<" could end it."""
+        content = {"data": self.data, "layout": self.layout}
+        text = json.dumps(content, ensure_ascii=False, allow_nan=False)
+        return Markup(text.replace("<", "\\u003c"))
+
+
+@dataclass(frozen=True)
+class Mark:
+    """An entry of a legend; `kind` is a class of the stylesheet: line, bar, band or sign."""
+
+    kind: str
+    colour: str
+    words: str
+
+
+def typed(values: NDArray[np.floating[Any]] | Sequence[float]) -> dict[str, Any]:
+    """Return numbers as 16-bit integers of a scale, which the page's script turns back.
+
+    A sixth of their text, and finer than the pixels of any screen. What is not finite is a break
+    in a line.
+    """
+    numbers = np.asarray(values, dtype=float)
+    known = np.isfinite(numbers)
+    low, high = (
+        (float(numbers[known].min()), float(numbers[known].max())) if known.any() else (0, 0)
+    )
+    step = (high - low) / _LEVELS or 1.0
+    scaled = np.where(known, np.round((np.where(known, numbers, low) - low) / step), BREAK)
+    data = base64.b64encode(scaled.astype("<u2").tobytes()).decode("ascii")
+    return {"levels": data, "low": low, "step": step}
+
+
+def line(
+    x: object,
+    y: NDArray[np.floating[Any]],
+    colour: str,
+    width: float,
+    hover: str,
+    **options: object,
+) -> dict[str, Any]:
+    """Return a trace of a line.
+
+    Parameters
+    ----------
+    x : array or dict
+        Of `typed`, or ``{"same": k}`` for the abscissa of the k-th trace of the figure.
+    """
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "x": x if isinstance(x, dict) else typed(np.asarray(x)),
+        "y": typed(y),
+        "line": {"color": colour, "width": width},
+        "hovertemplate": f"{hover}<extra></extra>",
+        **options,
+    }
+
+
+def outline(
+    x: NDArray[np.floating[Any]], y: NDArray[np.floating[Any]], colour: str, **options: object
+) -> dict[str, Any]:
+    """Return a filled trace without a line."""
+    return {
+        "type": "scatter",
+        "mode": "none",
+        "x": typed(x),
+        "y": typed(y),
+        "fill": "toself",
+        "fillcolor": colour,
+        "hoverinfo": "skip",
+        **options,
+    }
 
 
 def axis(title: str = "", **options: object) -> dict[str, Any]:
@@ -45,65 +142,17 @@ def axis(title: str = "", **options: object) -> dict[str, Any]:
     }
 
 
-def figure(data: list[dict[str, Any]], axes: Mapping[str, Any], **layout: object) -> Figure:
-    """Return a figure of traces and axes in the report's look."""
+def layout(axes: Mapping[str, Any], **options: object) -> dict[str, Any]:
+    """Return the layout of a figure in the report's look."""
     return {
-        "data": data,
-        "layout": {
-            "font": {"family": _FONT, "size": 12, "color": INK},
-            "paper_bgcolor": "#ffffff",
-            "plot_bgcolor": "#ffffff",
-            "margin": {"l": 58, "r": 12, "t": 8, "b": 40},
-            "showlegend": False,
-            "hoverlabel": {"font": {"family": _FONT, "size": 12}},
-            "dragmode": "zoom",
-            **axes,
-            **layout,
-        },
+        "font": {"family": _FONT, "size": 12, "color": INK},
+        "paper_bgcolor": "var(--page)",
+        "plot_bgcolor": "var(--page)",
+        "margin": {"l": 58, "r": 12, "t": 8, "b": 40},
+        "showlegend": False,
+        "hoverlabel": {"font": {"family": _FONT, "size": 12}},
+        "hovermode": "closest",
+        "dragmode": "zoom",
+        **axes,
+        **options,
     }
-
-
-def embed(drawing: Figure, anchor: str, height: int, description: str) -> Html:
-    """Return the place of a figure in the page; the page's script draws it.
-
-    Parameters
-    ----------
-    drawing : dict
-        Of `figure`.
-    anchor : str
-        Identifier, unique in the page.
-    height : int
-        Pixels.
-    description : str
-        What is shown, for those who cannot see it.
-    """
-    # In a script element only "<" could end the data, so that it alone is written otherwise.
-    data = json.dumps(drawing, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
-    return join(
-        tag(
-            "div",
-            css="figure",
-            id=anchor,
-            style=f"height:{height}px",
-            role="img",
-            aria_label=description,
-        ),
-        tag("script", Html(data), type="application/json", data_figure=anchor),
-    )
-
-
-def legend(*entries: tuple[str, str, str]) -> Html:
-    """Return a legend in HTML: (mark, colour, words), mark one of line, bar, band, dash, dot."""
-    return tag(
-        "p",
-        [
-            tag(
-                "span",
-                tag("i", css=f"mark {mark}", style=f"--ink:{colour}"),
-                words,
-                css="entry",
-            )
-            for mark, colour, words in entries
-        ],
-        css="legend",
-    )

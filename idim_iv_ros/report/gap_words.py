@@ -1,4 +1,4 @@
-"""Names and units of a diagnosis in the words of its report."""
+"""Names and units of a result in the words of its report."""
 
 import math
 import re
@@ -6,18 +6,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.diagnosis.result import GapResult, GapSeries, NotTestable, Regime
+from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.model.units import unit_at
 from idim_iv_ros.recording import SessionPart, in_recordings
-from idim_iv_ros.report.numerals import round_number
+from idim_iv_ros.report.numerals import known, number, round_number
+
+Result = IdentificationResult | GapResult
 
 VERDICTS = {
     "none": ("good", "✓", "no cause found"),
-    "parametric": ("fair", "≈", "parametric: wrong numbers in the nominal model"),
-    "structural": ("bad", "≠", "structural: physics is missing in the model"),
+    "parametric": ("fair", "≈", "parametric: parameter errors of the nominal model"),
+    "structural": ("bad", "≠", "structural: effects that the model lacks"),
     "both": ("bad", "≠", "parametric and structural"),
-    "unknown": ("open", "?", "unknown: not in the catalogue, or it cannot be told"),
+    "unknown": ("open", "?", "unknown: not in the catalogue, or inconclusive"),
 }
 AXES = {
     "speed": "Speed",
@@ -50,32 +53,41 @@ def stage_words(stage: str) -> str:
     return f"+ {effect_at(effect[1], effect[2])}"
 
 
-def prismatic(result: GapResult, joint: str) -> bool:
-    """Whether a joint is prismatic."""
-    return dict(zip(result.joints, result.joint_types, strict=True)).get(joint) == "prismatic"
+def unit_in(result: Result, unit: str, joint: str | None) -> str:
+    """Translate a unit of a joint that turns, torque in N m, to that at a joint.
+
+    Where `joint` is None, to those of all joints: ``N m or N``.
+    """
+    effort = _effort_unit(result)
+    types = dict(zip(result.joints, result.joint_types, strict=True))
+    chosen = types.values() if joint is None else [types.get(joint, "revolute")]
+    units = {unit_at(unit, each, effort) for each in chosen}
+    return " or ".join(sorted(units, key=lambda each: (-len(each), each)))
 
 
-def torque_unit(result: GapResult, joint: str | None) -> str:
+def torque_unit(result: Result, joint: str | None) -> str:
     """Return the unit of the torque of a joint, or of all where it is None."""
+    return unit_in(result, "N m", joint)
+
+
+def small_unit(result: Result, joint: str | None) -> str:
+    """Return the unit of a tracking error, a thousandth of that of the position."""
+    return unit_in(result, "mrad", joint)
+
+
+def _effort_unit(result: Result) -> str:
+    if not isinstance(result, GapResult):
+        return result.effort_unit
     signals = result.configuration.get("signals")
     unit = signals.get("effort_unit") if isinstance(signals, Mapping) else None
-    if unit in ("A", "V"):
-        return str(unit)
-    joints = result.joints if joint is None else (joint,)
-    kinds = {"N" if prismatic(result, each) else "N m" for each in joints}
-    return " or ".join(sorted(kinds, reverse=True))
+    return unit if isinstance(unit, str) else "N m"
 
 
-def position_unit(result: GapResult, joint: str) -> str:
-    """Return the unit of a position: rad or m."""
-    return "m" if prismatic(result, joint) else "rad"
-
-
-def small_unit(result: GapResult, joint: str | None) -> str:
-    """Return the unit of a tracking error, a thousandth of that of the position."""
-    joints = result.joints if joint is None else (joint,)
-    kinds = {"mm" if prismatic(result, each) else "mrad" for each in joints}
-    return " or ".join(sorted(kinds, reverse=True))
+def torque_word(unit: str) -> str:
+    """Return what a quantity with that unit is called."""
+    return {"N m": "Torque", "N": "Force", "A": "Motor current", "V": "Motor voltage"}.get(
+        unit, "Effort"
+    )
 
 
 def regime_range(regime: Regime, session: Sequence[SessionPart] = ()) -> str:
@@ -109,10 +121,16 @@ def drawable(result: GapResult) -> list[GapSeries]:
     return [series for series in result.series if len(series.time) > 1]
 
 
-def rms(values: NDArray[np.float64]) -> float:
-    """Return the root mean square of what is finite; NaN where nothing is."""
-    finite = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(finite**2))) if len(finite) else float("nan")
+def held_out_words(result: GapResult, joint: str) -> str:
+    """Return the gap at a joint of the nominal model, the refit and the extended model."""
+    stages = [each for each in result.stages if known(each.torque_rms.get(joint))]
+    named = [each for each in stages if each.name in _STAGES]
+    if stages and stages[-1] not in named:
+        named.append(stages[-1])
+    unit = torque_unit(result, joint)
+    words = {stage.name: _STAGES.get(stage.name, "extended") for stage in named}
+    sizes = [f"{words[each.name]} {number(each.torque_rms[joint])} {unit}" for each in named]
+    return f"gap, rms on held-out data: {', '.join(sizes)}" if sizes else ""
 
 
 @dataclass(frozen=True)

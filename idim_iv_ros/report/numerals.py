@@ -1,8 +1,7 @@
 """Numbers as a reader wants them: as many digits as the uncertainty leaves, never more."""
 
 import math
-
-from idim_iv_ros.report.markup import Html, join, tag
+from collections.abc import Sequence
 
 MISSING = "–"
 THIN = "\N{NARROW NO-BREAK SPACE}"
@@ -119,16 +118,11 @@ def with_unit(value: float | None, unit: str, digits: int = 3) -> str:
     return text if text == MISSING else f"{text}{THIN}{unit}"
 
 
-def cell(text: object, key: float | None = None) -> Html:
-    """Return a right-aligned table cell; `key` is what the column is sorted by."""
-    return tag("td", text, css="num", data_key=None if not known(key) else repr(key))
-
-
-def measured_cells(value: float | None, std: float | None) -> Html:
-    """Return two table cells, the value and its ± half-width."""
-    text, half = measured(value, std)
-    key = repr(value) if known(value) else None
-    return join(tag("td", text, css="num", data_key=key), tag("td", half, css="half"))
+def sentence(text: str, names: Sequence[str] = ()) -> str:
+    """Return text as a sentence: a capital, unless it starts with one of `names`, and a stop."""
+    if not any(text.startswith(name) for name in names):
+        text = text[:1].upper() + text[1:]
+    return text if text.endswith((".", "!", "?")) else f"{text}."
 
 
 def _exponent(value: float, digits: int) -> int:

@@ -7,24 +7,32 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from idim_iv_ros.atomic_files import probe_place, write_together
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import ReportWarning, UsageError, one_line
-from idim_iv_ros.file_paths import FilePath
-from idim_iv_ros.formats import GAP, REPORT, RESULT
+from idim_iv_ros.files import (
+    GAP,
+    REPORT,
+    RESULT,
+    FilePath,
+    probe_place,
+    require_replaceable,
+    write_together,
+)
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.interruption import undone_if_interrupted
-from idim_iv_ros.own_files import require_replaceable
-from idim_iv_ros.report.gap_html import gap_report_html
-from idim_iv_ros.report.gap_json import gap_text
-from idim_iv_ros.report.html import report_html
-from idim_iv_ros.report.json_result import result_text
+from idim_iv_ros.report.page import gap_report_html, report_html
 
+# What a page calls the configuration where its file is not known.
+CONFIGURATION = "robot.yaml"
 _WRITTEN_BY = {RESULT: "identify", GAP: "diagnose"}
 
 
 def write_report(
-    result: IdentificationResult, out: FilePath, *, force: bool = False
+    result: IdentificationResult,
+    out: FilePath,
+    *,
+    force: bool = False,
+    config: FilePath = CONFIGURATION,
 ) -> tuple[Path, Path | None]:
     """Write result.json, then report.html.
 
@@ -40,6 +48,8 @@ def write_report(
         Folder; created if it does not exist.
     force : bool
         Replace files there that this program did not write.
+    config : str or Path
+        The robot's configuration file as the page names it in commands and instructions.
 
     Returns
     -------
@@ -51,11 +61,12 @@ def write_report(
     UsageError
         The folder cannot be written, or holds a diagnosis or a file of somebody else.
     """
-    return _write(Path(out), RESULT, result_text(result), partial(report_html, result), force)
+    draw = partial(report_html, result, str(config))
+    return _write(Path(out), RESULT, result.to_json(), draw, force)
 
 
 def write_gap_report(
-    result: GapResult, out: FilePath, *, force: bool = False
+    result: GapResult, out: FilePath, *, force: bool = False, config: FilePath = CONFIGURATION
 ) -> tuple[Path, Path | None]:
     """Write gap.json, then report.html; otherwise as `write_report`.
 
@@ -67,6 +78,8 @@ def write_gap_report(
         Folder; created if it does not exist.
     force : bool
         Replace files there that this program did not write.
+    config : str or Path
+        The robot's configuration file as the page names it in commands and instructions.
 
     Returns
     -------
@@ -78,7 +91,8 @@ def write_gap_report(
     UsageError
         The folder cannot be written, or holds an identification or a file of somebody else.
     """
-    return _write(Path(out), GAP, gap_text(result), partial(gap_report_html, result), force)
+    draw = partial(gap_report_html, result, str(config))
+    return _write(Path(out), GAP, result.to_json(), draw, force)
 
 
 @contextmanager

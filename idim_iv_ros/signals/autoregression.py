@@ -1,17 +1,13 @@
-"""The autoregressive colour of a residual: fit it, remove it from rows, put it back."""
+"""The autoregressive model of a residual: fit it, whiten rows with it, undo that."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-from idim_iv_ros.types import FloatArray
-
-IntArray = NDArray[np.integer[Any]]
+from idim_iv_ros.types import FloatArray, IntArray
 
 _ROWS_PER_COEFFICIENT = 10
 _LARGEST_ORDER = 100
@@ -19,7 +15,7 @@ _MEMORY_LIMIT = 5000
 _UNITY = 1.0 - 1e-12
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class AutoregressiveModel:
     """ε = H(z⁻¹) ε_N with H = 1/C, C = 1 + c₁ z⁻¹ + … + c_p z⁻ᵖ (paper, equation 11, D = 1).
 
@@ -27,7 +23,7 @@ class AutoregressiveModel:
     ----------
     reflections : (p,)
         κ₁ … κ_p of the lattice, all of modulus below 1, which makes 1/C stable. They hold the
-        predictors of every lower order too, and those start a run exactly.
+        predictors of every lower order too, and those start a segment exactly.
     innovation_variance : float
         σ² of the white noise ε_N, in the squared unit of the residual.
     """
@@ -46,8 +42,13 @@ class AutoregressiveModel:
         return self._predictors[-1][1:]
 
     @property
+    def sigma(self) -> float:
+        """Standard deviation of the white noise ε_N."""
+        return float(np.sqrt(self.innovation_variance))
+
+    @property
     def variance(self) -> float:
-        """Variance of the coloured residual that this model describes."""
+        """Variance of the residual that this model describes."""
         return self.innovation_variance / float(np.prod(1.0 - self.reflections**2))
 
     @property
@@ -73,6 +74,10 @@ class AutoregressiveModel:
             reflections.append(reflection)
         return AutoregressiveModel(np.array(reflections), self.variance * energy)
 
+    def standardized(self, rows: FloatArray, segments: Sequence[slice]) -> FloatArray:
+        """Whiten rows (r, …) so that the residual has unit variance; see `whiten`."""
+        return self.whiten(rows, segments) / self.sigma
+
     def _autocorrelation(self) -> FloatArray:
         """(p + 1,) of lags 0 … p, from the recursion that gave the reflections."""
         correlation, energy = np.ones(1), 1.0
@@ -93,48 +98,52 @@ class AutoregressiveModel:
 
     @cached_property
     def _start(self) -> FloatArray:
-        """(p, p) lower triangular: whitens the first p rows of a run to variance σ²."""
+        """(p, p) lower triangular: whitens the first p rows of a segment to variance σ²."""
         start = np.zeros((self.order, self.order))
         tail = np.cumprod((1.0 - self.reflections**2)[::-1])[::-1]
         for k in range(self.order):
             start[k, : k + 1] = np.sqrt(tail[k]) * self._predictors[k][::-1]
         return start
 
-    def whiten(self, rows: FloatArray, runs: Sequence[slice]) -> FloatArray:
-        """Apply Ĉ(z⁻¹) within each run, without losing a row.
+    def whiten(self, rows: FloatArray, segments: Sequence[slice]) -> FloatArray:
+        """Apply Ĉ(z⁻¹) within each segment, without losing a row.
 
-        The row at place k < p of a run is predicted by the order-k predictor and scaled by
+        The row at place k < p of a segment is predicted by the order-k predictor and scaled by
         σ/σ_k, so that every whitened row of the residual has the innovation variance.
 
         Parameters
         ----------
         rows : (r,) or (r, k)
             y, or columns of X or Z, of one joint.
-        runs : sequence of slice
+        segments : sequence of slice
             Rows that are contiguous in time. They must cover every row in order; rows of
-            different runs are taken as independent.
+            different segments are taken as independent.
 
         Returns
         -------
         ndarray of the shape of `rows`.
         """
-        _require_cover(runs, len(rows))
+        _require_cover(segments, len(rows))
         order = self.order
         if order == 0:
             return np.array(rows, dtype=float)
-        whitened: FloatArray = scipy.signal.lfilter(self._predictors[-1], [1.0], rows, axis=0)
-        long = [run.start for run in runs if run.stop - run.start >= order]
+        # Column by column, which is what lfilter does too, but slower.
+        whitened = np.empty(rows.shape, order="F")
+        for place in np.ndindex(rows.shape[1:]):
+            column = (slice(None), *place)
+            whitened[column] = np.convolve(self._predictors[-1], rows[column])[: len(rows)]
+        long = [segment.start for segment in segments if segment.stop - segment.start >= order]
         heads = np.array(long, dtype=np.int64)[:, None] + np.arange(order)
         wide = rows[heads] if rows.ndim > 1 else rows[heads][..., None]
         whitened[heads] = (self._start @ wide).reshape(rows[heads].shape)
-        for run in runs:
-            count = run.stop - run.start
+        for segment in segments:
+            count = segment.stop - segment.start
             if count < order:
-                whitened[run] = self._start[:count, :count] @ rows[run]
+                whitened[segment] = self._start[:count, :count] @ rows[segment]
         return whitened
 
-    def colour_adjoint(self, rows: FloatArray, positions: IntArray) -> FloatArray:
-        """Apply the transposed colouring filter to rows zero-filled on their regular grid.
+    def shaping_adjoint(self, rows: FloatArray, positions: IntArray) -> FloatArray:
+        """Apply the transposed shaping filter 1/C to rows zero-filled on their regular grid.
 
         With G the result, σ² GᵀG = rowsᵀ R rows exactly, where R is the covariance that the
         model gives the residual at the rows' places. This is what the covariance of an
@@ -164,11 +173,11 @@ class AutoregressiveModel:
             place = positions[piece] - positions[piece[0]]
             grid = np.zeros((int(place[-1]) + 1, rows.shape[1]))
             grid[place] = rows[piece]
-            pieces.append(self._adjoint_of_run(grid))
+            pieces.append(self._adjoint_of_segment(grid))
         return np.vstack(pieces)
 
-    def _adjoint_of_run(self, grid: FloatArray) -> FloatArray:
-        """Solve Lᵀ u = grid, L being the whitening of one run with its exact start."""
+    def _adjoint_of_segment(self, grid: FloatArray) -> FloatArray:
+        """Solve Lᵀ u = grid, L being the whitening of one segment with its exact start."""
         count = min(self.order, len(grid))
         start = self._start[:count, :count]
         if len(grid) <= self.order:
@@ -194,29 +203,29 @@ class AutoregressiveModel:
 
 
 def fit_autoregression(
-    residual: FloatArray, runs: Sequence[slice], *, max_order: int | None = None
+    residual: FloatArray, segments: Sequence[slice], *, max_order: int | None = None
 ) -> AutoregressiveModel:
-    """Fit an autoregressive model by Burg's recursion over all runs, its order by AIC.
+    """Fit an autoregressive model by Burg's recursion over all segments, its order by AIC.
 
-    Each κ_k minimises the forward and backward prediction errors summed over the runs longer
+    Each κ_k minimises the forward and backward prediction errors summed over the segments longer
     than k, so no prediction reaches across a gap and the model is always stable. With n_k
-    rows that have k predecessors in their run, minus twice the Gaussian log-likelihood with
-    the exact start of every run is r ln σ₀² + Σ_k n_k ln(1 − κ_k²); AIC adds 2 for each
+    rows that have k predecessors in their segment, minus twice the Gaussian log-likelihood with
+    the exact start of every segment is r ln σ₀² + Σ_k n_k ln(1 − κ_k²); AIC adds 2 for each
     coefficient. The mean is not removed: an offset belongs to the model of the joint.
 
     Parameters
     ----------
     residual : (r,) or (r, m)
         Residual of one joint, y − X β̂; the energies of several columns are summed.
-    runs : sequence of slice
+    segments : sequence of slice
         Rows that are contiguous in time.
     max_order : int, optional
         Highest order tried; by default 100 or, if that is lower, the order at which ten rows
         with a full past are left for each coefficient.
     """
     residual = np.asarray(residual, dtype=float)
-    _require_cover(runs, len(residual))
-    place = _place_in_run(runs)
+    _require_cover(segments, len(residual))
+    place = _place_in_segment(segments)
     with_past = _rows_with_past(place)
     if max_order is None:
         enough = with_past[1:] >= _ROWS_PER_COEFFICIENT * np.arange(1, len(with_past))
@@ -224,7 +233,7 @@ def fit_autoregression(
     power = float(np.vdot(residual, residual)) / max(1, len(residual))
     if power == 0.0:
         return AutoregressiveModel(np.zeros(0), 0.0)
-    reflections = burg_reflections(residual, runs, min(max_order, len(with_past) - 1))
+    reflections = burg_reflections(residual, segments, min(max_order, len(with_past) - 1))
     gain = np.log1p(-(reflections**2))
     orders = np.arange(1, len(reflections) + 1)
     criterion = np.append(0.0, np.cumsum(with_past[orders] * gain + 2.0))
@@ -232,19 +241,19 @@ def fit_autoregression(
     return AutoregressiveModel(chosen, power * float(np.prod(1.0 - chosen**2)))
 
 
-def burg_reflections(series: FloatArray, runs: Sequence[slice], order: int) -> FloatArray:
-    """Reflection coefficients κ₁ … of Burg's recursion over all runs.
+def burg_reflections(series: FloatArray, segments: Sequence[slice], order: int) -> FloatArray:
+    """Reflection coefficients κ₁ … of Burg's recursion over all segments.
 
     Parameters
     ----------
     series : (r,) or (r, m)
         Several columns are realisations of one process: their energies are summed.
-    runs : sequence of slice
+    segments : sequence of slice
         Rows that are contiguous in time.
     order : int
         How many are wanted; fewer are returned when nothing is left to predict.
     """
-    place = _place_in_run(runs)
+    place = _place_in_segment(segments)
     forward = backward = series
     reflections: list[float] = []
     floor = np.finfo(float).eps * float(np.vdot(series, series))
@@ -262,22 +271,24 @@ def burg_reflections(series: FloatArray, runs: Sequence[slice], order: int) -> F
     return np.array(reflections)
 
 
-def _place_in_run(runs: Sequence[slice]) -> IntArray:
-    """(r,) how many predecessors each row has in its run."""
-    return np.concatenate([np.arange(run.stop - run.start) for run in runs] or [np.zeros(0, int)])
+def _place_in_segment(segments: Sequence[slice]) -> IntArray:
+    """(r,) how many predecessors each row has in its segment."""
+    return np.concatenate(
+        [np.arange(segment.stop - segment.start) for segment in segments] or [np.zeros(0, int)]
+    )
 
 
 def _rows_with_past(place: IntArray) -> IntArray:
-    """n_k for k = 0 … : how many rows have at least k predecessors in their run."""
+    """n_k for k = 0 … : how many rows have at least k predecessors in their segment."""
     return np.cumsum(np.bincount(place, minlength=1)[::-1])[::-1]
 
 
-def _require_cover(runs: Sequence[slice], n_rows: int) -> None:
+def _require_cover(segments: Sequence[slice], n_rows: int) -> None:
     """Runs that overlap or leave rows out would silently mix or lose rows."""
     stop = 0
-    for run in runs:
-        if run.start != stop or run.stop <= run.start:
-            raise ValueError(f"runs must follow one another without gaps, {run} does not")
-        stop = run.stop
+    for segment in segments:
+        if segment.start != stop or segment.stop <= segment.start:
+            raise ValueError(f"segments must follow one another without gaps, {segment} does not")
+        stop = segment.stop
     if stop != n_rows:
-        raise ValueError(f"runs cover {stop} rows of {n_rows}")
+        raise ValueError(f"segments cover {stop} rows of {n_rows}")

@@ -71,6 +71,11 @@ class ParallelDecimation:
             scipy.signal.cheby1(_ORDER, _RIPPLE, self.edge / self.factor, output="sos")
         )
 
+    @cached_property
+    def _constant_state(self) -> FloatArray:
+        """(sections, 2) state of the filter in a signal that is 1 for ever."""
+        return np.asarray(scipy.signal.sosfilt_zi(self._sections))
+
     def chunks(self, length: int) -> Iterator[Chunk]:
         """Split the record into chunks of about `length` samples that overlap by the memory.
 
@@ -90,9 +95,25 @@ class ParallelDecimation:
     def apply(self, signal: FloatArray, chunk: Chunk) -> FloatArray:
         """Filter samples ``chunk.first … chunk.last`` along axis 0 and keep ``chunk.kept``."""
         if self.factor > 1:
-            padding = min(_PADDING, len(signal) - 1)
-            signal = scipy.signal.sosfiltfilt(self._sections, signal, axis=0, padlen=padding)
+            signal = self._filtered(signal)
         return np.asarray(signal[chunk.kept - chunk.first])
+
+    def _filtered(self, signal: FloatArray) -> FloatArray:
+        """Forward and backward along axis 0, as `scipy.signal.sosfiltfilt`.
+
+        That one solves for the state of a constant signal in every call and walks over columns
+        that are not contiguous, half of the time where small blocks are decimated.
+        """
+        lines = np.moveaxis(signal, 0, -1)
+        count = min(_PADDING, len(signal) - 1)
+        ahead = 2.0 * lines[..., :1] - lines[..., count:0:-1]
+        behind = 2.0 * lines[..., -1:] - lines[..., -2 : -count - 2 : -1]
+        padded = np.concatenate([ahead, lines, behind], axis=-1)
+        for _ in range(2):
+            start = np.multiply.outer(self._constant_state, padded[..., 0])
+            filtered = scipy.signal.sosfilt(self._sections, padded, zi=np.moveaxis(start, 1, -1))[0]
+            padded = filtered[..., ::-1]
+        return np.asarray(np.moveaxis(padded[..., count : count + len(signal)], -1, 0))
 
     def whole(self, signal: FloatArray) -> FloatArray:
         """Decimate a whole record (n_samples, …) at once."""

@@ -86,13 +86,14 @@ def filter_motion(
     cutoffs: Cutoffs,
     joints: Sequence[str],
     couplings: Sequence[tuple[int, int]] = (),
-) -> tuple[tuple[Motion, ...], FloatArray, tuple[str, ...]]:
+) -> tuple[tuple[Motion, ...], FloatArray, tuple[str, ...], tuple[str, ...]]:
     """Filter the positions of all recordings and decide which decimated samples count.
 
     Returns
     -------
     motions : one for each recording
     minimum_speed : (n_joints,) rad/s
+    still : which joints stand still, and beside which jump
     reasons : sentences for the report
 
     Raises
@@ -100,7 +101,6 @@ def filter_motion(
     DataError
         A recording is too short to be filtered, or no joint ever moves.
     """
-    reasons: list[str] = []
     filtered = []
     still = np.ones(len(joints), dtype=bool)
     for record in signals:
@@ -121,17 +121,15 @@ def filter_motion(
         _span(record, processing, cutoffs.position, factor)
         for record, factor in zip(signals, cutoffs.factors, strict=True)
     ]
-    if still.any():
-        reasons += _still_reasons(signals, still, joints)
-        for position in filtered:
-            position[:, still] = position[:, still].mean(axis=0)
+    at_rest = _still_joints(signals, still, joints)
+    for position in filtered:
+        position[:, still] = position[:, still].mean(axis=0)
     peaks = np.zeros(len(joints))
     for record, position, span in zip(signals, filtered, spans, strict=True):
         for joint, motion in enumerate(position[span].T):
             peak = np.abs(np.gradient(motion, 1.0 / record.rate)).max()
             peaks[joint] = max(peaks[joint], float(peak))
     minimum_speed, why = choose_minimum_speed(processing, peaks)
-    reasons += why
     motions = tuple(
         _motion(
             record,
@@ -146,7 +144,8 @@ def filter_motion(
             signals, filtered, spans, cutoffs.factors, strict=True
         )
     )
-    return motions, minimum_speed, tuple(reasons)
+    reasons = tuple(f"{what}: {ignored} is not taken for motion" for what, ignored in at_rest) + why
+    return motions, minimum_speed, tuple(what for what, _ in at_rest), reasons
 
 
 def coarser(
@@ -168,26 +167,26 @@ def coarser(
     )
 
 
-def _still_reasons(
+def _still_joints(
     signals: Sequence[JointSignals], still: BoolArray, joints: Sequence[str]
-) -> list[str]:
-    """Say which joints stand still, and of which a jump would be taken for motion."""
+) -> list[tuple[str, str]]:
+    """Say which joints stand still, and what of theirs would be taken for motion."""
     jumps = {
         joint: f" ({record.name}) {jump}"
         for joint in np.flatnonzero(still).tolist()
         for record in signals
         if (jump := _jump(record.position[:, joint], record.rate))
     }
-    reasons = [
-        f"{joints[joint]} stands still beside a jump{where}: this is not taken for motion"
+    found = [
+        (f"{joints[joint]} stands still beside a jump{where}", "this")
         for joint, where in jumps.items()
     ]
     names = ", ".join(
         joints[joint] for joint in np.flatnonzero(still).tolist() if joint not in jumps
     )
     if names:
-        reasons.append(f"{names} stands still: its noise is not taken for motion")
-    return reasons
+        found.append((f"{names} stands still", "its noise"))
+    return found
 
 
 def _why_still(

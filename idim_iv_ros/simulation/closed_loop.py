@@ -8,6 +8,15 @@ import numpy as np
 
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
+from idim_iv_ros.simulation.affected_robot import (
+    JointContributions,
+    LawParts,
+    affected_robot,
+    changed_law,
+    contributions_of,
+    encoder_error,
+    true_state,
+)
 from idim_iv_ros.simulation.closed_loop_kernel import (
     COMPLETED,
     SPEED_LIMIT,
@@ -18,16 +27,7 @@ from idim_iv_ros.simulation.closed_loop_kernel import (
 )
 from idim_iv_ros.simulation.controller import ControlLaw
 from idim_iv_ros.simulation.effect_kernel import Effects
-from idim_iv_ros.simulation.effect_signals import (
-    LawParts,
-    delays,
-    encoder_error,
-    lags,
-    mismatched,
-    true_state,
-)
-from idim_iv_ros.simulation.effect_tables import affected_robot
-from idim_iv_ros.simulation.effects import JointEffect, SimulatedEffect, joint_effects
+from idim_iv_ros.simulation.effects import SimulatedEffect, joint_effects
 from idim_iv_ros.simulation.plant import initial_state, plant, workspace
 from idim_iv_ros.simulation.shaft import Shaft, link_positions
 from idim_iv_ros.types import FloatArray
@@ -136,11 +136,11 @@ def simulate_closed_loop(
     joints = position_reference.shape[1]
     period = 1.0 / rate if law.period is None else law.period
     step = period / math.ceil(period / PLANT_STEP - 1e-6) if plant_step is None else plant_step
-    present = joint_effects(effects or (), robot.joints)
+    present = contributions_of(joint_effects(effects or (), robot.joints), parameters)
     q, dq = np.array(initial_position, dtype=float), np.array(initial_velocity, dtype=float)
     arrays: Effects | None = None
     shafts: tuple[Shaft, ...] = ()
-    if present:
+    if present.items:
         q, dq = true_state(present, q, dq)
         affected = affected_robot(robot, parameters, present, start_time=start_time, position=q)
         dynamics, arrays, shafts = affected.plant, affected.effects, affected.shafts
@@ -184,7 +184,7 @@ def simulate_closed_loop(
 def _loop(
     robot: RobotModel,
     law: ControlLaw,
-    effects: tuple[JointEffect, ...],
+    added: JointContributions,
     position_reference: FloatArray,
     velocity_reference: FloatArray | None,
     disturbance: FloatArray | None,
@@ -198,13 +198,15 @@ def _loop(
 
     samples, joints = position_reference.shape
     speed = np.zeros_like(position_reference)
-    if law.uses_velocity_reference or effects:
+    if law.uses_velocity_reference or added.items:
         if velocity_reference is not None:
             speed = np.asarray(velocity_reference, dtype=float)
         elif samples > 1:
             speed = np.gradient(position_reference, 1.0 / rate, axis=0)
     feedforward = np.zeros_like(speed) if law.feedforward is None else law.feedforward
-    parts = mismatched(LawParts(*law.torque_gains, feedforward), effects, speed, rate)
+    undelayed = np.zeros(joints)
+    configured = LawParts(*law.torque_gains, feedforward, law.delay + undelayed, undelayed)
+    parts = changed_law(configured, added, speed, rate)
     return Loop(
         kp=tree(parts.kp),
         kd=tree(parts.kd),
@@ -216,8 +218,8 @@ def _loop(
         disturbance=tree(np.zeros_like(speed) if disturbance is None else disturbance),
         rate=float(rate),
         period=float(1.0 / rate if law.period is None else law.period),
-        delay=tree(law.delay + delays(effects, joints)),
-        lag=tree(lags(effects, joints)),
+        delay=tree(parts.delay),
+        lag=tree(parts.lag),
         plant_step=float(plant_step),
     )
 
@@ -226,7 +228,7 @@ def _result(
     rate: float,
     trace: Trace,
     robot: RobotModel,
-    effects: tuple[JointEffect, ...],
+    added: JointContributions,
     behind: list[int],
     diverged: str | None,
 ) -> ClosedLoopResult:
@@ -236,8 +238,8 @@ def _result(
         np.ascontiguousarray(values[:, place]) for values in trace
     )
     measured, measured_speed, link, link_speed = position, speed, position, speed
-    if effects:
-        error, slope = encoder_error(effects, position)
+    if added.items:
+        error, slope = encoder_error(added, position)
         measured, measured_speed = position + error, speed * (1.0 + slope)
     if behind:
         link, link_speed = position.copy(), speed.copy()

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from idim_iv_ros.compilation import entry, kernel, source_digest
+from idim_iv_ros.effects import registry
 from idim_iv_ros.model import link_motion
 from idim_iv_ros.simulation import dry_friction, effect_kernel, plant_step, rigid_body
 from idim_iv_ros.simulation.dry_friction import accelerate
@@ -127,12 +128,12 @@ def control(effects: Effects | None, loop: Loop, state: State, time: float, cont
     if effects is None:
         command(loop, time, state.q, state.dq, state.integral, row)
     else:
-        measure(effects, state.q, state.dq)
+        measure(effects.rows, state.q, state.dq, effects.measured)
         command(loop, time, effects.measured[0], effects.measured[1], state.integral, row)
         filter_command(loop, controls == 0, state.filtered, row)
     if controls == 0:
         for i in range(row.shape[0]):
-            state.applied[i] = row[i] if effects is None else acting_torque(effects, i, row[i])
+            state.applied[i] = row[i] if effects is None else acting_torque(effects.rows, i, row[i])
             state.before[i] = state.applied[i] + loop.disturbance[0, i]
 
 
@@ -227,7 +228,7 @@ def _entry(digest: str) -> Callable[..., Any]:
                     arrived = max(state.arrivals[i] - state.whole[i], 0) % ring
                     state.applied[i] = state.pending[arrived, i]
                     if effects is not None:
-                        state.applied[i] = acting_torque(effects, i, state.applied[i])
+                        state.applied[i] = acting_torque(effects.rows, i, state.applied[i])
                     state.arrivals[i] += 1
             sampled = recorded / loop.rate <= time + tolerance
             sample = recorded if sampled else recorded - 1
@@ -264,5 +265,7 @@ def _entry(digest: str) -> Callable[..., Any]:
 
 
 run_closed_loop = _entry(
-    source_digest(link_motion, rigid_body, dry_friction, effect_kernel, plant_step)
+    source_digest(
+        link_motion, rigid_body, dry_friction, effect_kernel, plant_step, *registry.MODULES
+    )
 )

@@ -129,7 +129,7 @@ def fit_controller(
         (n_samples, n_joints) on the joint side; velocities that are missing are central
         differences.
     cutoff
-        Zero-phase low-pass (Butterworth, order 4) of all signals alike, Hz. Default: a tenth of
+        Zero-phase low-pass (Butterworth, order 4) of all signals, Hz. Default: a tenth of
         the rate. Noise of the measured errors biases the gains towards zero.
     torque_limit
         (n_joints,) Samples at the limit do not follow the law and are left out.

@@ -1,4 +1,7 @@
-"""Torques of the effects that a robot has beyond rigid bodies and linear friction (compiled).
+"""What effects do to a robot beyond rigid bodies and linear friction (compiled).
+
+The laws are those that the files of `effects/` declare; here is when they are asked and where
+their torques go.
 
 Coordinates are the n motors in tree order, then the links behind those that have a shaft (a joint
 without shaft moves its link itself). Friction, offsets, springs and ripple act on the motors.
@@ -6,35 +9,54 @@ All that opposes motion becomes a dry friction level or a damping of this instan
 joint sticks and breaks away as under Coulomb friction; stiff terms enter the step implicitly.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.compilation import kernel
+from idim_iv_ros.compilation import dispatcher, kernel
+from idim_iv_ros.effects.contribution import LEAST_SPEED, Instant
+from idim_iv_ros.effects.registry import DRIVE_LAWS, ENCODER_LAWS, TORQUE_LAWS
 from idim_iv_ros.simulation.plant import Plant
 from idim_iv_ros.types import FloatArray, IntArray
 
-(
-    STRIBECK,
-    POWER,
-    ASYMMETRIC,
-    LOAD,
-    WAVE_FRICTION,
-    BUMP_FRICTION,
-    DRIFT,
-    BRISTLE,
-    WAVE,
-    SPRING,
-    BENT_SPRING,
-    COUPLING,
-) = range(12)
-
 # Dry friction of a joint whose effects leave none at this instant, N m: it can still stick.
 LEAST_LEVEL = 1e-9
-# Speed below which friction is not divided by it, rad/s.
-_LEAST_SPEED = 1e-9
+
+_torque = dispatcher({kind: law.torque for kind, law in enumerate(TORQUE_LAWS)}, "p, at, state")
+_STATEFUL = {kind: law for kind, law in enumerate(TORQUE_LAWS) if law.advance is not None}
+_advance = dispatcher(
+    {kind: law.advance for kind, law in _STATEFUL.items() if law.advance is not None},
+    "p, state, dq, ddq, step",
+)
+_turns = dispatcher({kind: law.turns for kind, law in _STATEFUL.items()}, "p, state, dq, ddq, step")
+_curve = dispatcher({kind: law.curve for kind, law in enumerate(DRIVE_LAWS)}, "p, command")
+_error = dispatcher({kind: law.error for kind, law in enumerate(ENCODER_LAWS)}, "p, q")
+
+
+class Rows(NamedTuple):
+    """Contributions with compiled laws: t torques first, then drive curves, then encoder errors.
+
+    Attributes
+    ----------
+    kind, joint, value : (rows,), (rows,), (rows, most values)
+        Of each its law, its joint in tree order (of a coupling its contact), the law's values.
+    of_motor : (rows,)
+        Torques whose load is that of the whole model.
+    state : (t, STATES)
+    stateful : (torques with a state,)
+        Their rows.
+    first_error : int
+        Row of the first encoder error.
+    """
+
+    kind: IntArray
+    joint: IntArray
+    value: FloatArray
+    of_motor: NDArray[np.bool_]
+    state: FloatArray
+    stateful: IntArray
+    first_error: int
 
 
 class Effects(NamedTuple):
@@ -42,30 +64,19 @@ class Effects(NamedTuple):
 
     Attributes
     ----------
-    kind, joint : (terms,)
-        Joint in tree order; of a coupling its contact.
-    value : (terms, 6)
-        What the kind needs, see `effect_torques`.
-    bristle : (terms,)
-        State: deflection of each bristle, -1 to 1.
-    sliding : (terms,)
-        State: direction in which a bristle slides, 0 while it bends.
+    rows : Rows
     level : (n_contacts,)
-        Dry friction without effects and bristles.
+        Dry friction without effects, less what they take the place of.
     damping : (N, N)
         Viscous friction without effects.
     model_level, model_damping : (n_contacts,), (N, N)
-        Dry and viscous friction of the model, before bristles take part of it.
+        Dry and viscous friction of the model, before effects take the place of a part.
     dry : (n_contacts,)
         Joints and couplings with dry friction at any time.
     dissipative : (n,)
         Joints whose friction is kept from driving.
     start_time : float
         s since the start of the session.
-    gain, knee, slope : (n,)
-        From the command to the acting torque.
-    eccentricity : (n, 4)
-        Encoder error: sin q, cos q, sin 2q, cos 2q, rad.
     link : (n,)
         Coordinate of each link.
     shaft_joint, shaft_gap, shaft_stiffness, shaft_damping : (N - n,)
@@ -73,11 +84,7 @@ class Effects(NamedTuple):
         Written by compiled code. load, inertial (n,): torque of the links, of the drives' inertia.
     """
 
-    kind: IntArray
-    joint: IntArray
-    value: FloatArray
-    bristle: FloatArray
-    sliding: FloatArray
+    rows: Rows
     level: FloatArray
     damping: FloatArray
     model_level: FloatArray
@@ -85,10 +92,6 @@ class Effects(NamedTuple):
     dry: NDArray[np.bool_]
     dissipative: NDArray[np.bool_]
     start_time: float
-    gain: FloatArray
-    knee: FloatArray
-    slope: FloatArray
-    eccentricity: FloatArray
     link: IntArray
     shaft_joint: IntArray
     shaft_gap: FloatArray
@@ -106,64 +109,48 @@ class Effects(NamedTuple):
 
 
 @kernel
-def acting_torque(effects: Effects, joint: int, command: float) -> float:
-    """Torque of the motor for a command: linear up to the knee."""
-    size = abs(command)
-    if size > effects.knee[joint]:
-        size = effects.knee[joint] + effects.slope[joint] * (size - effects.knee[joint])
-    return math.copysign((1.0 + effects.gain[joint]) * size, command)
+def acting_torque(rows: Rows, joint: int, command: float) -> float:
+    """Torque of the motor for a command."""
+    for row in range(rows.state.shape[0], rows.first_error):
+        if rows.joint[row] == joint:
+            command = _curve(rows.kind[row], rows.value[row], command)
+    return command
 
 
 @kernel
-def measure(effects: Effects, q: FloatArray, dq: FloatArray) -> None:
-    """Position and velocity of the motors as the encoders show them."""
-    for i in range(effects.eccentricity.shape[0]):
-        a, b, c, d = effects.eccentricity[i]
-        error = slope = 0.0
-        if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
-            s1, c1, s2, c2 = (
-                math.sin(q[i]),
-                math.cos(q[i]),
-                math.sin(2.0 * q[i]),
-                math.cos(2.0 * q[i]),
-            )
-            error = a * s1 + b * c1 + c * s2 + d * c2
-            slope = a * c1 - b * s1 + 2.0 * (c * c2 - d * s2)
-        effects.measured[0, i] = q[i] + error
-        effects.measured[1, i] = dq[i] * (1.0 + slope)
+def measure(rows: Rows, q: FloatArray, dq: FloatArray, measured: FloatArray) -> None:
+    """Position and velocity of the motors as the encoders show them, into `measured` (2, n)."""
+    for i in range(measured.shape[1]):
+        measured[0, i] = q[i]
+        measured[1, i] = dq[i]
+    for row in range(rows.first_error, rows.kind.shape[0]):
+        i = rows.joint[row]
+        error, slope = _error(rows.kind[row], rows.value[row], q[i])
+        measured[0, i] += error
+        measured[1, i] += dq[i] * slope
 
 
 @kernel
-def slide_bristles(effects: Effects, dq: FloatArray, ddq: FloatArray, step: float) -> None:
-    """Move the bristles along one step that starts at dq."""
-    for t in range(effects.kind.shape[0]):
-        if effects.kind[t] == BRISTLE:
-            i = effects.joint[t]
-            moved = step * (dq[i] + 0.5 * step * ddq[i]) / effects.value[t, 0]
-            bent = min(max(effects.bristle[t] + moved, -1.0), 1.0)
-            effects.bristle[t] = bent
-            outward = abs(bent) == 1.0 and bent * (dq[i] + step * ddq[i]) > 0.0
-            effects.sliding[t] = bent if outward else 0.0
+def advance_states(rows: Rows, dq: FloatArray, ddq: FloatArray, step: float) -> None:
+    """Move the states of effects along one step that starts at dq."""
+    for k in range(rows.stateful.shape[0]):
+        t = rows.stateful[k]
+        i = rows.joint[t]
+        _advance(rows.kind[t], rows.value[t], rows.state[t], dq[i], ddq[i], step)
 
 
 @kernel
-def bristles_change(effects: Effects, dq: FloatArray, ddq: FloatArray, step: float) -> bool:
-    """Whether a bristle that was taken to bend slides in the middle of this step, or turned.
+def states_turn(rows: Rows, dq: FloatArray, ddq: FloatArray, step: float) -> bool:
+    """Whether a state turns into another regime within this step, which is then set.
 
-    Taken as they then are, the step is to be computed anew: bristles are stiffer than any
-    prediction of where they will be.
+    The step is to be computed anew.
     """
     changed = False
-    for t in range(effects.kind.shape[0]):
-        if effects.kind[t] == BRISTLE:
-            i = effects.joint[t]
-            moved = 0.5 * step * (dq[i] + 0.5 * step * ddq[i]) / effects.value[t, 0]
-            if effects.sliding[t] == 0.0 and abs(effects.bristle[t] + moved) > 1.0:
-                effects.sliding[t] = np.sign(effects.bristle[t] + moved)
-                changed = True
-            elif effects.sliding[t] * moved < 0.0:
-                effects.sliding[t] = 0.0
-                changed = True
+    for k in range(rows.stateful.shape[0]):
+        t = rows.stateful[k]
+        i = rows.joint[t]
+        if _turns(rows.kind[t], rows.value[t], rows.state[t], dq[i], ddq[i], step):
+            changed = True
     return changed
 
 
@@ -191,61 +178,45 @@ def effect_torques(
         for j in range(effects.force.shape[0]):
             plant.damping[i, j] = effects.damping[i, j]
             effects.stiffness[i, j] = 0.0
-    for t in range(effects.kind.shape[0]):
-        kind, i, p = effects.kind[t], effects.joint[t], effects.value[t]
-        if kind == COUPLING:
-            _couple(plant, effects, i, p, speed, mode)
-            continue
-        if effects.dry[i] and mode[i] != 0:
-            sign = float(mode[i])
-        elif effects.dry[i]:
-            sign = np.sign(holding[i])
+    rows, n = effects.rows, effects.link.shape[0]
+    for t in range(rows.state.shape[0]):
+        c = rows.joint[t]
+        if c >= n:
+            w = speed[plant.first[c]] + plant.direction[c] * speed[plant.second[c]]
         else:
-            sign = np.sign(speed[i])
-        v = max(sign * speed[i], 0.0)
-        if kind == STRIBECK:  # excess, speed, exponent
-            plant.level[i] += p[0] * math.exp(-((v / p[1]) ** p[2]))
-        elif kind == POWER:  # coefficient, power
-            if p[1] >= 1.0:
-                plant.damping[i, i] += p[0] * v ** (p[1] - 1.0)
-            else:  # its slope at rest has no bound
-                plant.level[i] += p[0] * v ** p[1]
-        elif kind == ASYMMETRIC:  # offset, viscous
-            effects.force[i] += p[0]
-            plant.damping[i, i] += sign * p[1]
-        elif kind == LOAD:  # driving, driven, exponent, scale, motor torque
-            load = effects.load[i]
-            if p[4] != 0.0:
-                load += _drive_torque(plant, effects, i, sign, speed, mode, holding)
-            share = p[0] if load * sign > 0.0 else p[1]
-            plant.level[i] += share * p[3] * (abs(load) / p[3]) ** p[2]
-        elif kind == WAVE_FRICTION:  # wave number, sine, cosine
-            plant.level[i] += p[1] * math.sin(p[0] * q[i]) + p[2] * math.cos(p[0] * q[i])
-        elif kind == BUMP_FRICTION:  # centre, width, height
-            plant.level[i] += p[2] * math.exp(-(((q[i] - p[0]) / p[1]) ** 2))
-        elif kind == DRIFT:  # time constant, coulomb, viscous
-            left = math.exp(-(effects.start_time + time) / p[0])
-            plant.level[i] += left * p[1]
-            plant.damping[i, i] += left * p[2]
-        elif kind == BRISTLE:  # span, level
-            if effects.sliding[t] != 0.0:
-                effects.force[i] += p[1] * effects.sliding[t]
-            else:
-                effects.force[i] += p[1] * (effects.bristle[t] + 0.5 * step * dq[i] / p[0])
-                effects.stiffness[i, i] += p[1] / p[0]
-        elif kind == WAVE:  # wave number, sine, cosine
-            effects.force[i] += p[1] * math.sin(p[0] * q[i]) + p[2] * math.cos(p[0] * q[i])
-        elif kind == SPRING:  # constant, linear, quadratic, cubic, lowest, highest
-            x = min(max(q[i], p[4]), p[5])
-            effects.force[i] += p[0] + x * (p[1] + x * (p[2] + x * p[3]))
-        elif kind == BENT_SPRING:  # bent, centre, width, hardening, lowest, highest
-            x = (min(max(q[i], p[4]), p[5]) - p[1]) / p[2]
-            effects.force[i] += p[0] * (math.sinh(x) if p[3] != 0.0 else math.atan(x))
+            w = speed[c]
+        if effects.dry[c] and (mode[c] != 0 or c >= n):
+            sign = float(mode[c])
+        elif effects.dry[c]:
+            sign = np.sign(holding[c])
+        else:
+            sign = np.sign(w)
+        position = velocity = load = 0.0
+        if c < n:
+            position, velocity, load = q[c], dq[c], effects.load[c]
+            if rows.of_motor[t]:
+                load += _drive_torque(plant, effects, c, sign, speed, mode, holding)
+        at = Instant(
+            effects.start_time + time, position, max(sign * w, 0.0), sign, load, velocity, step
+        )
+        torque = _torque(rows.kind[t], rows.value[t], at, rows.state[t])
+        plant.level[c] += torque.level
+        if c < n:
+            plant.damping[c, c] += torque.damping
+            effects.force[c] += torque.force
+            effects.stiffness[c, c] += torque.stiffness
+        else:
+            a, b, direction = plant.first[c], plant.second[c], plant.direction[c]
+            plant.damping[a, a] += torque.damping
+            plant.damping[b, b] += torque.damping
+            plant.damping[a, b] += direction * torque.damping
+            plant.damping[b, a] += direction * torque.damping
+    for c in range(effects.level.shape[0]):
+        if effects.dry[c]:
+            plant.level[c] = max(plant.level[c], LEAST_LEVEL)
     for i in range(effects.link.shape[0]):
-        if effects.dry[i]:
-            plant.level[i] = max(plant.level[i], LEAST_LEVEL)
         if effects.dissipative[i]:
-            bound = -max(plant.level[i], 0.0) / max(abs(speed[i]), _LEAST_SPEED)
+            bound = -max(plant.level[i], 0.0) / max(abs(speed[i]), LEAST_SPEED)
             plant.damping[i, i] = max(plant.damping[i, i], bound)
     for k in range(effects.shaft_joint.shape[0]):
         _twist(plant, effects, k, q, dq)
@@ -276,26 +247,6 @@ def _drive_torque(
         elif plant.second[c] == joint:
             total += plant.direction[c] * friction
     return total
-
-
-@kernel
-def _couple(
-    plant: Plant, effects: Effects, contact: int, p: FloatArray, speed: FloatArray, mode: IntArray
-) -> None:
-    """Friction of a coupling (coulomb, viscous, power); where both signs meet, its sum resists."""
-    a, b, direction = plant.first[contact], plant.second[contact], plant.direction[contact]
-    w = speed[a] + direction * speed[b]
-    size = max(mode[contact] * w, 0.0) if effects.dry[contact] else abs(w)
-    if p[2] < 1.0:  # its slope at rest has no bound
-        plant.level[contact] = max(p[0] + p[1] * size ** p[2], LEAST_LEVEL)
-        return
-    bound = -max(p[0], 0.0) / max(size, _LEAST_SPEED)
-    damping = p[1] * size ** (p[2] - 1.0) + min(p[0], 0.0) / max(size, _LEAST_SPEED)
-    damping = max(damping, bound)
-    plant.damping[a, a] += damping
-    plant.damping[b, b] += damping
-    plant.damping[a, b] += direction * damping
-    plant.damping[b, a] += direction * damping
 
 
 @kernel

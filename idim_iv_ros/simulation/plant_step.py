@@ -14,9 +14,9 @@ from idim_iv_ros.model.link_motion import place_links
 from idim_iv_ros.simulation.dry_friction import accelerate, factorise, slip
 from idim_iv_ros.simulation.effect_kernel import (
     Effects,
-    bristles_change,
+    advance_states,
     effect_torques,
-    slide_bristles,
+    states_turn,
 )
 from idim_iv_ros.simulation.plant import Plant, State, Workspace
 from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler
@@ -138,7 +138,7 @@ def advance(
         if not positive:
             return False
         accelerate(plant, state.resting, mode, work, ddq)
-        if effects is not None and bristles_change(effects, dq, ddq, left):
+        if effects is not None and states_turn(effects.rows, dq, ddq, left):
             prepare_with_effects(
                 plant, effects, time, middle, predicted, dq, ddq, mode, torque, left, work
             )
@@ -155,7 +155,7 @@ def advance(
                 state.resting[c] = work.crossing[c] <= fraction + TOGETHER
         part = fraction * left
         if effects is not None:
-            slide_bristles(effects, dq, ddq, part)
+            advance_states(effects.rows, dq, ddq, part)
         for i in range(n):
             q[i] += part * (dq[i] + 0.5 * part * ddq[i])
             dq[i] += part * ddq[i]

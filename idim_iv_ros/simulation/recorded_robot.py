@@ -169,8 +169,8 @@ def _low_pass(white: FloatArray, bandwidth: float, rate: float) -> FloatArray:
     """First-order noise of unit variance from its first sample on, one sample fewer."""
     pole = math.exp(-2.0 * math.pi * bandwidth / rate)
     gain = math.sqrt(1.0 - pole**2)
-    coloured, _ = scipy.signal.lfilter([gain], [1.0, -pole], white[1:], axis=0, zi=pole * white[:1])
-    return np.asarray(coloured)
+    filtered, _ = scipy.signal.lfilter([gain], [1.0, -pole], white[1:], axis=0, zi=pole * white[:1])
+    return np.asarray(filtered)
 
 
 def _centred_mean(held: FloatArray, ratio: int) -> FloatArray:

@@ -52,7 +52,7 @@ def filter_reference(
     those of all joints, or of these and their sines and cosines (gravity) and the sign of the
     joint's reference velocity (friction): whichever predicts the last part of the record best.
     References are free of noise, so that least squares has no bias from that of the position,
-    however coloured (Ljung, System Identification, section 4.4 on orthonormal bases).
+    however autocorrelated (Ljung, System Identification, section 4.4 on orthonormal bases).
 
     Parameters
     ----------

@@ -1,15 +1,15 @@
 """Joints whose motor and link are two masses: elastic shafts and backlash."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idim_iv_ros.effects.contribution import ShaftPart
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.parameters import DynamicParameters, parameter_layout
 from idim_iv_ros.model.regressor import StandardRegressor
 from idim_iv_ros.model.robot import RobotModel
-from idim_iv_ros.simulation.effects import JointEffect
 from idim_iv_ros.simulation.inverse_dynamics import inverse_dynamics, mass_matrix
 from idim_iv_ros.types import FloatArray
 
@@ -25,8 +25,8 @@ FASTEST = 2e4
 class Shaft:
     """Between the motor and the link of one joint.
 
-    gap in rad (m): dead zone of ± gap/2; stiffness in N m/rad (0: from the inertias), damping in
-    N m s/rad (negative: from the inertias).
+    gap in rad (m): dead zone of ± gap/2; stiffness in N m/rad, damping in N m s/rad (NaN: from the
+    inertias).
     """
 
     joint: int
@@ -35,16 +35,12 @@ class Shaft:
     damping: float
 
 
-def shafts_of(effects: Sequence[JointEffect]) -> tuple[Shaft, ...]:
-    """One shaft for each joint with elasticity or backlash; with both, flanks are rigid."""
+def joined_shafts(parts: Iterable[tuple[int, ShaftPart]]) -> tuple[Shaft, ...]:
+    """One shaft for each joint with parts of one; beside a shaft, flanks are rigid."""
     shafts: dict[int, Shaft] = {}
-    for one in sorted(effects, key=lambda one: one.effect):  # backlash first
-        if one.effect == "backlash":
-            v = one.value
-            shafts[one.joint] = Shaft(one.joint, v["gap"], v["stiffness"], v["damping"])
-        elif one.effect == "elasticity":
-            gap = shafts[one.joint].gap if one.joint in shafts else 0.0
-            shafts[one.joint] = Shaft(one.joint, gap, one.value["stiffness"], one.value["damping"])
+    for joint, part in sorted(parts, key=lambda item: not item[1].flanks):
+        gap = part.gap + (shafts[joint].gap if joint in shafts else 0.0)
+        shafts[joint] = Shaft(joint, gap, part.stiffness, part.damping)
     return tuple(shafts.values())
 
 
@@ -128,10 +124,10 @@ def fastest_shaft(
         link = max(float(mobility[shaft.joint]), 0.0)
         reduced = 1.0 / (1.0 / float(parameters.drive_inertia[shaft.joint]) + link)
         stiffness, damping = shaft.stiffness, shaft.damping
-        if stiffness == 0.0:
+        if np.isnan(stiffness):
             stiffness = reduced * (2.0 * np.pi * FLANK_FREQUENCY) ** 2
         stiffness = min(stiffness, reduced * FASTEST**2)
-        if damping < 0.0:
+        if np.isnan(damping):
             damping = 2.0 * FLANK_DAMPING * float(np.sqrt(stiffness * reduced))
         complete.append(replace(shaft, stiffness=stiffness, damping=damping))
         fastest = max(fastest, float(np.sqrt(stiffness / reduced)))

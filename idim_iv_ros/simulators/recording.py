@@ -7,17 +7,21 @@ from pathlib import Path
 
 import numpy as np
 
-from idim_iv_ros.atomic_files import require_file_place, write_together
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import Trajectory
-from idim_iv_ros.file_paths import FilePath, as_file
-from idim_iv_ros.formats import SIMULATION_FORMAT, TRUTH_FORMAT
+from idim_iv_ros.files import (
+    SIMULATION_FORMAT,
+    TRUTH_FORMAT,
+    FilePath,
+    as_file,
+    require_file_place,
+    write_together,
+)
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording import JointTopic, write_bag
 from idim_iv_ros.simulation import SimulatedRecording
-from idim_iv_ros.simulators.extended_model import read_extended_model
 from idim_iv_ros.simulators.robot import SimulatedRobot, simulated_robot
 from idim_iv_ros.types import FloatArray
 
@@ -102,7 +106,7 @@ def simulate(
     require_simulation_place(out, seeds, force=force)
     bag_paths, truth = _bag_paths(Path(out), seeds), _truth_path(Path(out))
     text = read_urdf_file(urdf)
-    extended = None if effects is None else read_extended_model(Path(effects))
+    extended = None if effects is None else Path(effects)
     robot = simulated_robot(configuration, text, urdf.name, extended)
     bags = []
     with Stopwatch(progress) as watch:

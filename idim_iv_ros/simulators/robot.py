@@ -1,11 +1,13 @@
 """The simulated robot of a configuration: the first half of `simulate`."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import scipy
 
 from idim_iv_ros.configuration import Configuration, SimulatedRobotSection
+from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation import Trajectory, require_sampling
 from idim_iv_ros.model import DynamicParameters, RobotModel, build_inverse_model
@@ -16,7 +18,7 @@ from idim_iv_ros.simulation import (
     control_law,
     record_simulated_robot,
 )
-from idim_iv_ros.simulators.extended_model import ExtendedModel
+from idim_iv_ros.simulation.effects import joint_effects
 from idim_iv_ros.types import FloatArray
 
 
@@ -99,12 +101,13 @@ def simulated_robot(
     configuration: Configuration,
     urdf: str,
     source: str,
-    extended: ExtendedModel | None = None,
+    extended: Path | None = None,
 ) -> SimulatedRobot:
     """Build the robot that a configuration describes under `simulated_robot`.
 
     Its model has every friction term and drive inertia, whatever `identification` leaves out. The
-    parameters of an extended model take the place of those of the configuration.
+    base parameters of a diagnosis (`extended`, a gap.json) take the place of the parameters of the
+    configuration, and its causes are added.
 
     Raises
     ------
@@ -133,8 +136,10 @@ def simulated_robot(
         truth[name] = value
     effects: tuple[SimulatedEffect, ...] = ()
     if extended is not None:
-        truth |= extended.known_parameters(truth)
-        effects = extended.known_effects(model.robot.joints)
+        gap = GapResult.read(extended)
+        truth |= _known_parameters(gap, truth, extended)
+        effects = _simulated_effects(gap, extended)
+        joint_effects(effects, model.robot.joints)
     law = control_law(configuration.controller, len(model.robot.joints))
     if settings.delay is not None:
         law = replace(law, delay=settings.delay)
@@ -146,6 +151,29 @@ def simulated_robot(
         law=law,
         settings=settings,
         effects=effects,
+    )
+
+
+def _known_parameters(gap: GapResult, names: dict[str, float], path: Path) -> dict[str, float]:
+    for name in gap.extended_parameters:
+        if name not in names:
+            raise UsageError(
+                f"{path}: extended_parameters.{name} is not a base parameter of this robot; they "
+                f"are {', '.join(names)}"
+            )
+    return {name: each.value for name, each in gap.extended_parameters.items()}
+
+
+def _simulated_effects(gap: GapResult, path: Path) -> tuple[SimulatedEffect, ...]:
+    return tuple(
+        SimulatedEffect(
+            effect=cause.effect,
+            joint=cause.joint,
+            parameters={name: each.value for name, each in cause.parameters.items()},
+            other_joint=cause.other_joint,
+            source=f"{path}: causes.{k}",
+        )
+        for k, cause in enumerate(gap.causes)
     )
 
 

@@ -6,13 +6,11 @@ Augmented regression y = X β + V̂ γ + e with V̂ = X − Z Π̂, H0: γ = 0, 
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
 
-from idim_iv_ros.estimation.r_factor import r_factor, spread
-from idim_iv_ros.statistics.basis import independent_basis
+from idim_iv_ros.estimation.qr import independent_basis, stacked_r_factor
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.statistics.gls import gls_regression
-from idim_iv_ros.statistics.hypothesis import HypothesisTest
-from idim_iv_ros.statistics.joint_rows import JointRows
+from idim_iv_ros.statistics.hypothesis import HypothesisTest, f_test
 from idim_iv_ros.types import FloatArray
 
 NULL = "the regressor is exogenous (γ = 0)"
@@ -48,40 +46,40 @@ def exogeneity_test(
         Scope "all" first, then one for each joint in the order given.
     """
     if not_simulated is not None:
-        scopes = ("all", *(rows.joint for rows in joints))
+        scopes = ("all", *(rows.name for rows in joints))
         return tuple(HypothesisTest.not_run(NULL, each, not_simulated, alpha) for each in scopes)
     width = len(parameters)
-    stacked, tests, n_rows = [], [], 0
+    factors, places, tests, n_rows = [], [], [], 0
     for rows in joints:
         # The residual has lost what estimating β took out of it; a filter fitted on it alone
         # made a true hypothesis fail 45 % of the time with 45 columns in 250 rows.
-        model = gls_regression(rows.residual(parameters), rows.regressor, rows.runs).errors
-        white = rows.whitened(model)
-        reduced = r_factor(np.column_stack([white.instruments, white.regressor, white.torque]))
-        count = len(rows.torque)
-        tests.append(exogeneity_f_test(reduced, count, rows.joint, alpha))
-        sigma = float(np.linalg.norm(white.residual(parameters)) / np.sqrt(max(1, count)))
+        model = gls_regression(rows.residual(parameters), rows.matrix, rows.segments).errors
+        white = rows.whitened(model).reduced
+        factor = np.column_stack([white.instruments, white.matrix, white.torque])
+        tests.append(exogeneity_f_test(factor, len(rows), rows.name, alpha))
+        sigma = float(np.linalg.norm(white.residual(parameters)) / np.sqrt(max(1, len(rows))))
         if sigma > 0.0:
-            places = np.concatenate([rows.columns, rows.columns + width, [2 * width]])
-            stacked.append(spread(reduced / sigma, places, 2 * width + 1))
-            n_rows += count
-    if not stacked:
+            factors.append(factor / sigma)
+            places.append(np.concatenate([rows.columns, rows.columns + width, [2 * width]]))
+            n_rows += len(rows)
+    if not factors:
         return (HypothesisTest.not_run(NULL, "all", "there is no residual", alpha), *tests)
-    return (exogeneity_f_test(r_factor(np.vstack(stacked)), n_rows, "all", alpha), *tests)
+    whole = stacked_r_factor(factors, places, 2 * width + 1)
+    return (exogeneity_f_test(whole, n_rows, "all", alpha), *tests)
 
 
 def exogeneity_f_test(
-    reduced: FloatArray, n_rows: int, scope: str, alpha: float = 0.05
+    factor: FloatArray, n_rows: int, scope: str, alpha: float = 0.05
 ) -> HypothesisTest:
-    """F-test of γ = 0 from the triangle of [Z X y], equal to the Wu-Hausman statistic.
+    """F-test of γ = 0 from the R factor of [Z X y], equal to the Wu-Hausman statistic.
 
     Columns of V̂ that vanish, or that the other columns of [X V̂] already hold, are dropped by
-    a pivoted QR with each column measured against the norm of its column of X.
+    QR with each column measured against the norm of its column of X.
 
     Parameters
     ----------
-    reduced : (k, 2c + 1)
-        Triangle of [Z X y]; rows may be weighted and whitened.
+    factor : (k, 2c + 1)
+        R factor of [Z X y]; rows may be weighted and whitened.
     n_rows : int
         How many rows it was made of.
     scope : str
@@ -89,9 +87,9 @@ def exogeneity_f_test(
     alpha : float
         Level of the test.
     """
-    width = (reduced.shape[1] - 1) // 2
-    instruments, regressor = reduced[:, :width], reduced[:, width:-1]
-    torque = reduced[:, -1]
+    width = (factor.shape[1] - 1) // 2
+    instruments, regressor = factor[:, :width], factor[:, width:-1]
+    torque = factor[:, -1]
     error = independent_basis(instruments).remove(regressor)
     span = independent_basis(regressor)
     norms = np.linalg.norm(regressor, axis=0)
@@ -110,6 +108,12 @@ def exogeneity_f_test(
     if unexplained <= np.finfo(float).eps * float(torque @ torque):
         return HypothesisTest.not_run(NULL, scope, "the residual vanishes", alpha)
     gained = augmented.vectors.T @ restricted
-    statistic = float(gained @ gained) / augmented.rank / (unexplained / dof)
-    p_value = float(scipy.stats.f.sf(statistic, augmented.rank, dof))
-    return HypothesisTest(NULL, scope, statistic, augmented.rank, dof, p_value, None, alpha)
+    return f_test(
+        NULL,
+        scope,
+        explained=float(gained @ gained),
+        df=augmented.rank,
+        unexplained=unexplained,
+        df_denom=dof,
+        alpha=alpha,
+    )

@@ -5,13 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.estimation.r_factor import r_factor
+from idim_iv_ros.estimation.qr import independent_basis, r_factor
 from idim_iv_ros.signals.autoregression import (
     AutoregressiveModel,
     burg_reflections,
     fit_autoregression,
 )
-from idim_iv_ros.statistics.basis import independent_basis
 from idim_iv_ros.types import FloatArray
 
 _ITERATIONS = 3
@@ -29,7 +28,7 @@ class GlsRegression:
     errors : AutoregressiveModel
         The model of v.
     whitened : (k, c + 1)
-        Triangle of the whitened [regressors, target].
+        R factor of the whitened [regressors, target].
     n_rows : int
     coefficients : (c,)
         δ̂ by generalised least squares, zero for columns that depend on others.
@@ -48,9 +47,9 @@ class GlsRegression:
 
 
 def gls_regression(
-    target: FloatArray, regressors: FloatArray, runs: Sequence[slice]
+    target: FloatArray, regressors: FloatArray, segments: Sequence[slice]
 ) -> GlsRegression:
-    """Fit δ and the colour of v together, with the colour not biased by the fit of δ.
+    """Fit δ and the autocorrelation of v together, the latter not biased by the fit of δ.
 
     A filter fitted on the residual of least squares sees too little noise where the regressors
     live, and the test then rejects true hypotheses (22 % instead of 5 % with 25 slow columns in
@@ -65,27 +64,27 @@ def gls_regression(
         What may or may not contain something of the regressors.
     regressors : (r, c)
         May be rank deficient.
-    runs : sequence of slice
+    segments : sequence of slice
         Rows that are contiguous in time.
     """
-    errors = fit_autoregression(target, runs)
+    errors = fit_autoregression(target, segments)
     order = errors.order
-    fit = _generalised_least_squares(errors, target, regressors, runs)
+    fit = _generalised_least_squares(errors, target, regressors, segments)
     ample = len(target) > _AMPLE_ROWS_PER_COLUMN * regressors.shape[1]
     for _ in range(_ITERATIONS if order and fit.variance > 0.0 else 0):
         series = _restored(fit, target, regressors, ample)
-        reflections = burg_reflections(series, runs, order)
+        reflections = burg_reflections(series, segments, order)
         errors = AutoregressiveModel(reflections, fit.variance)
-        fit = _generalised_least_squares(errors, target, regressors, runs)
+        fit = _generalised_least_squares(errors, target, regressors, segments)
     return fit
 
 
 def gls_regression_from_rest(
-    target: FloatArray, regressors: FloatArray, runs: Sequence[slice]
+    target: FloatArray, regressors: FloatArray, segments: Sequence[slice]
 ) -> GlsRegression:
-    """Fit δ and the colour of v where δ may be much larger than v.
+    """Fit δ and the autocorrelation of v where δ may be much larger than v.
 
-    A large δ drowns the colour of v in the target: a filter that starts from the target whitens δ
+    A large δ drowns v in the target: a filter that starts from the target whitens δ
     away, and `gls_regression` does not come back from there (57 % of a joint's torque passed
     for noise). Here the iteration starts from what least squares leaves, and AIC chooses the
     order anew in every step, on the residual with what estimating δ took out of it restored.
@@ -93,10 +92,10 @@ def gls_regression_from_rest(
     Parameters as for `gls_regression`.
     """
     white = AutoregressiveModel(np.zeros(0), 1.0)
-    fit = _generalised_least_squares(white, target, regressors, runs)
+    fit = _generalised_least_squares(white, target, regressors, segments)
     for _ in range(_ITERATIONS_FROM_REST if fit.variance > 0.0 else 0):
-        errors = fit_autoregression(_restored(fit, target, regressors, False), runs)
-        fit = _generalised_least_squares(errors, target, regressors, runs)
+        errors = fit_autoregression(_restored(fit, target, regressors, False), segments)
+        fit = _generalised_least_squares(errors, target, regressors, segments)
     return fit
 
 
@@ -111,9 +110,12 @@ def _restored(
 
 
 def _generalised_least_squares(
-    errors: AutoregressiveModel, target: FloatArray, regressors: FloatArray, runs: Sequence[slice]
+    errors: AutoregressiveModel,
+    target: FloatArray,
+    regressors: FloatArray,
+    segments: Sequence[slice],
 ) -> GlsRegression:
-    whitened = r_factor(errors.whiten(np.column_stack([regressors, target]), runs))
+    whitened = r_factor(errors.whiten(np.column_stack([regressors, target]), segments))
     basis = independent_basis(whitened[:, :-1])
     width = regressors.shape[1]
     rest = basis.remove(whitened[:, -1])

@@ -1,6 +1,8 @@
-"""Test results that know their null hypothesis."""
+"""Test results that know their null hypothesis, and the F-test that makes most of them."""
 
 from dataclasses import dataclass
+
+import scipy
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,9 @@ class HypothesisTest:
         Why there is no statistic, or None.
     torque_deviation_percent : float or None
         Effect size of an instrument test on the scale of the torque, or None.
+    accepted : bool or None
+        Whether the null hypothesis is accepted at `alpha`, whatever is given; None if the test was
+        not run.
     """
 
     null: str
@@ -39,11 +44,11 @@ class HypothesisTest:
     alpha: float = 0.05
     reason: str | None = None
     torque_deviation_percent: float | None = None
+    accepted: bool | None = None
 
-    @property
-    def accepted(self) -> bool | None:
-        """Whether the null hypothesis is accepted at `alpha`; None if the test was not run."""
-        return None if self.p_value is None else self.p_value >= self.alpha
+    def __post_init__(self) -> None:
+        accepted = None if self.p_value is None else bool(self.p_value >= self.alpha)
+        object.__setattr__(self, "accepted", accepted)
 
     @classmethod
     def not_run(cls, null: str, scope: str, reason: str, alpha: float = 0.05) -> "HypothesisTest":
@@ -59,3 +64,37 @@ class HypothesisTest:
             f"{self.null} ({self.scope}): {word}, {law} = {self.statistic:.4g}, "
             f"p = {self.p_value:.3g}"
         )
+
+
+def f_test(
+    null: str,
+    scope: str,
+    *,
+    explained: float,
+    df: int,
+    unexplained: float,
+    df_denom: int,
+    alpha: float,
+    max_deviation: float | None = None,
+    torque_deviation_percent: float | None = None,
+) -> HypothesisTest:
+    """F-test that what `df` directions explain is no more than noise.
+
+    Parameters
+    ----------
+    explained, unexplained
+        Sums of squares in the `df` directions and in the `df_denom` that are left for the noise.
+    """
+    statistic = explained / df / (unexplained / df_denom)
+    p_value = float(scipy.stats.f.sf(statistic, df, df_denom))
+    return HypothesisTest(
+        null,
+        scope,
+        statistic,
+        df,
+        df_denom,
+        p_value,
+        max_deviation,
+        alpha,
+        torque_deviation_percent=torque_deviation_percent,
+    )

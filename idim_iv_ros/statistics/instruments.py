@@ -3,27 +3,25 @@
 Π has b × b entries, 3,600 for the TX40: no recording can test them all. What counts is the
 torque. Π = I says that the prediction X β̂ with the measured motion, regressed on Z, gives β̂
 back; so (X − Z) β̂ = Z δ + v is fitted and δ = 0 tested, an F-test of as many restrictions as
-there are columns, on rows whitened by the autoregressive model of v. (The colour of v is not
-that of the residual of the torque.)
+there are columns, on rows whitened by the autoregressive model of v, which is not
+that of the residual of the torque.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
-from idim_iv_ros.estimation.r_factor import r_factor, spread
-from idim_iv_ros.statistics.basis import independent_basis
-from idim_iv_ros.statistics.effect_size import largest_deviation, torque_deviation
+from idim_iv_ros.estimation.qr import independent_basis, r_factor, stacked_r_factor
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.statistics.gls import GlsRegression, gls_regression
-from idim_iv_ros.statistics.hypothesis import HypothesisTest
-from idim_iv_ros.statistics.joint_rows import JointRows
+from idim_iv_ros.statistics.hypothesis import HypothesisTest, f_test
 from idim_iv_ros.types import FloatArray
 
 NULL = "the instruments are valid (Π = I)"
 _ROWS_PER_COLUMN = 5
 _EQUAL = 1e-10
+LARGEST_STANDARD_ERROR = 0.05
 
 
 def wald_test_of_instruments(
@@ -65,12 +63,12 @@ def wald_test_of_instruments(
     for rows, errors in zip(joints, draws, strict=True):
         reason = not_simulated or _obstacle(rows, parameters)
         if reason is not None:
-            tests.append(HypothesisTest.not_run(NULL, rows.joint, reason, alpha))
+            tests.append(HypothesisTest.not_run(NULL, rows.name, reason, alpha))
             continue
         difference = rows.prediction(parameters) - rows.instruments @ parameters[rows.columns]
-        fit = gls_regression(difference, rows.instruments, rows.runs)
+        fit = gls_regression(difference, rows.instruments, rows.segments)
         columns = np.column_stack([rows.instruments, difference, errors])
-        whitened = r_factor(fit.errors.whiten(columns, rows.runs))
+        whitened = r_factor(fit.errors.whiten(columns, rows.segments))
         fits.append(_Fit(rows, fit, whitened))
         tests.append(_test_of_joint(fits[-1], parameters, alpha))
     if fits:
@@ -99,8 +97,8 @@ def _obstacle(rows: JointRows, parameters: FloatArray) -> str | None:
 def _test_of_joint(fitted: "_Fit", parameters: FloatArray, alpha: float) -> HypothesisTest:
     rows, fit = fitted.rows, fitted.regression
     energy = torque_deviation(fit.coefficients, fit.covariance_root, rows.instruments)
-    return _fisher_test(
-        rows.joint,
+    return _satterthwaite_f_test(
+        rows.name,
         fitted.whitened,
         rows.instruments.shape[1],
         fit.n_rows,
@@ -114,16 +112,15 @@ def _test_of_all(fits: Sequence["_Fit"], parameters: FloatArray, alpha: float) -
     """Stack the whitened joints, each divided by its σ of v, with one δ for all."""
     width = len(parameters)
     n_rows = sum(fitted.regression.n_rows for fitted in fits)
-    whitened, both = [], []
+    whitened, both, places, both_places = [], [], [], []
     for fitted in fits:
-        rows = fitted.rows
-        sigma = np.sqrt(fitted.regression.variance)
-        more = fitted.whitened.shape[1] - len(rows.columns)
-        places = np.append(rows.columns, np.arange(width, width + more))
-        whitened.append(spread(fitted.whitened / sigma, places, width + more))
-        places = np.concatenate([rows.columns, rows.columns + width])
-        both.append(spread(_both(rows) / sigma, places, 2 * width))
-    stacked = r_factor(np.vstack(whitened))
+        columns, sigma = fitted.rows.columns, np.sqrt(fitted.regression.variance)
+        more = fitted.whitened.shape[1] - len(columns)
+        whitened.append(fitted.whitened / sigma)
+        places.append(np.append(columns, np.arange(width, width + more)))
+        both.append(_both(fitted.rows) / sigma)
+        both_places.append(np.concatenate([columns, columns + width]))
+    stacked = stacked_r_factor(whitened, places, width + more)
     basis = independent_basis(stacked[:, :width])
     delta, root = basis.solve(stacked[:, width], width), basis.inverse_root(width)
     shares = []
@@ -132,68 +129,69 @@ def _test_of_all(fits: Sequence["_Fit"], parameters: FloatArray, alpha: float) -
         energy = torque_deviation(delta[rows.columns], root[rows.columns], rows.instruments)
         prediction = rows.prediction(parameters)
         shares.append(energy / float(prediction @ prediction))
-    return _fisher_test(
+    return _satterthwaite_f_test(
         "all",
         stacked,
         width,
         n_rows,
-        largest_deviation(r_factor(np.vstack(both)), n_rows),
+        largest_deviation(stacked_r_factor(both, both_places, 2 * width), n_rows),
         100.0 * float(np.sqrt(np.mean(shares))),
         alpha,
     )
 
 
 def _both(rows: JointRows) -> FloatArray:
-    return r_factor(np.hstack([rows.instruments, rows.regressor]))
+    reduced = rows.reduced
+    return np.hstack([reduced.instruments, reduced.matrix])
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """One joint: its rows, the coloured regression, and the triangle of [Z, (X − Z) β̂, draws]."""
+    """One joint: its rows, the regression, and the R factor of whitened [Z, (X − Z) β̂, draws]."""
 
     rows: JointRows
     regression: GlsRegression
     whitened: FloatArray
 
 
-def _fisher_test(
+def _satterthwaite_f_test(
     scope: str,
-    reduced: FloatArray,
+    factor: FloatArray,
     width: int,
     n_rows: int,
     deviation: float | None,
     torque_percent: float,
     alpha: float,
 ) -> HypothesisTest:
-    """F-test of δ = 0 from the triangle of the whitened [Z, (X − Z) β̂, draws].
+    """F-test of δ = 0 from the R factor of the whitened [Z, (X − Z) β̂, draws].
 
     Without draws Q = ‖P_Z (X − Z) β̂‖² is σ² χ²(b) under the null hypothesis. With them its
     covariance on the span of Z is σ² I + A, A that of the draws; Q is then compared with the
     scaled χ² of the same mean and variance (Satterthwaite), 2 tr (σ² I + A)².
     """
-    basis = independent_basis(reduced[:, :width])
-    projection = basis.vectors.T @ reduced[:, width]
-    rest = basis.remove(reduced[:, width])
+    basis = independent_basis(factor[:, :width])
+    projection = basis.vectors.T @ factor[:, width]
+    rest = basis.remove(factor[:, width])
     rank, dof = basis.rank, n_rows - basis.rank
     unexplained = float(rest @ rest)
     if rank == 0 or dof <= 0 or unexplained <= 0.0:
         return HypothesisTest.not_run(NULL, scope, "no error V is left to judge by", alpha)
     variance = unexplained / dof
-    trace, trace_of_square = _draws_energy(basis.vectors.T @ reduced[:, width + 1 :], rank)
+    trace, trace_of_square = _draws_energy(basis.vectors.T @ factor[:, width + 1 :], rank)
     mean = rank * variance + trace
     spread_of_energy = rank * variance**2 + 2.0 * variance * trace + trace_of_square
     freedom = max(1, round(mean**2 / spread_of_energy))
-    statistic = float(projection @ projection) / mean
-    p_value = float(scipy.stats.f.sf(statistic, freedom, dof))
-    return HypothesisTest(
+    # Scaled to a sum of `freedom` squares of the noise's variance.
+    scaled = float(projection @ projection) * variance * freedom / mean
+    return f_test(
         NULL,
         scope,
-        statistic,
-        freedom,
-        dof,
-        p_value,
-        deviation,
-        alpha,
+        explained=scaled,
+        df=freedom,
+        unexplained=unexplained,
+        df_denom=dof,
+        alpha=alpha,
+        max_deviation=deviation,
         torque_deviation_percent=torque_percent,
     )
 
@@ -208,3 +206,55 @@ def _draws_energy(draws: FloatArray, rank: int) -> tuple[float, float]:
     apart = products[~np.eye(count, dtype=bool)]
     square = float(np.mean(apart**2))
     return trace, min(max(square, trace**2 / rank), trace**2)
+
+
+def largest_deviation(factor: FloatArray, n_rows: int) -> float | None:
+    """Largest |Π̂ − I| without units, over the entries that the rows determine.
+
+    Π̂ is the least squares estimate; entry (k, i) is scaled by rms(Z_k)/rms(X_i), so that it is
+    what of column i, in parts of its rms, goes with column k beyond Π = I. Entries whose
+    standard error (taken as if rows were white) exceeds 0.05 are left out; None if all do.
+
+    Parameters
+    ----------
+    factor : (k, 2c)
+        R factor of [Z X].
+    n_rows : int
+        How many rows it was made of.
+    """
+    width = factor.shape[1] // 2
+    instruments, regressor = factor[:, :width], factor[:, width:]
+    basis = independent_basis(instruments)
+    seen = np.flatnonzero(np.linalg.norm(regressor, axis=0) > 0.0)
+    dof = n_rows - basis.rank
+    if basis.rank == 0 or len(seen) == 0 or dof <= 0:
+        return None
+    regressor, kept = regressor[:, seen], basis.kept
+    to_unit = np.linalg.norm(instruments[:, kept], axis=0)[:, None] / np.linalg.norm(
+        regressor, axis=0
+    )
+    difference = basis.solve(regressor - instruments[:, seen], width)[kept]
+    spread_of_row = np.linalg.norm(np.linalg.inv(basis.upper), axis=1)
+    noise = np.linalg.norm(basis.remove(regressor), axis=0) / np.sqrt(dof)
+    entries = np.abs(difference) * to_unit
+    determined = np.outer(spread_of_row, noise) * to_unit <= LARGEST_STANDARD_ERROR
+    return float(entries[determined].max()) if determined.any() else None
+
+
+def torque_deviation(
+    coefficients: FloatArray, covariance_root: FloatArray, instruments: FloatArray
+) -> float:
+    """‖Z δ̂‖² less its expectation under δ = 0, at least 0, in N² m².
+
+    Parameters
+    ----------
+    coefficients : (c,)
+        δ̂ of (X − Z) β̂ = Z δ + v.
+    covariance_root : (c, k)
+        covariance_root @ covariance_root.T is the covariance of δ̂.
+    instruments : (r, c)
+        Unfiltered.
+    """
+    explained = instruments @ coefficients
+    by_noise = instruments @ covariance_root
+    return max(0.0, float(explained @ explained) - float(np.vdot(by_noise, by_noise)))

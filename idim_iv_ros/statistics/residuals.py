@@ -1,4 +1,4 @@
-"""What the residual of a joint says: its colour, whether a filter whitens it, its distribution."""
+"""What the residual of a joint says: autocorrelation, whether a filter removes it, distribution."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals.autoregression import AutoregressiveModel, fit_autoregression
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
-from idim_iv_ros.statistics.joint_rows import JointRows
 from idim_iv_ros.types import FloatArray
 
 WHITE = "the residual is white"
@@ -39,7 +39,7 @@ class ResidualDiagnosis:
     acf_bound : float
         95 % of the autocorrelations of white noise lie within ± this, 1.96 / √r.
     white : bool or None
-        Whether the residual may be treated as white: Ljung-Box accepts it, or the colour is
+        Whether the residual may be treated as white: Ljung-Box accepts it, or what it finds is
         harmless: its past predicts less than 5 % of its variance and the standard deviations
         computed as if it were white are less than 1.1 times too small. None if not tested.
     sigma_understatement : float
@@ -104,43 +104,45 @@ def diagnose_residual(
     """
     residual = rows.residual(parameters)
     count = len(residual)
-    model = fit_autoregression(residual, rows.runs)
-    whitened = model.whiten(residual, rows.runs)
+    model = fit_autoregression(residual, rows.segments)
+    whitened = model.whiten(residual, rows.segments)
     n_lags = max(0, min(model.order + _EXTRA_LAGS, count // 5))
     understatement = _sigma_understatement(model, rows)
-    whiteness = ljung_box(residual, rows.runs, WHITE, rows.joint, n_lags, alpha=alpha)
+    whiteness = ljung_box(residual, rows.segments, WHITE, rows.name, n_lags, alpha=alpha)
     harmless = (
         model.predictable_share < _HARMLESS_SHARE and understatement < _HARMLESS_UNDERSTATEMENT
     )
     skewness, kurtosis = _shape(whitened)
     energy = float(rows.torque @ rows.torque)
     return ResidualDiagnosis(
-        rows.joint,
+        rows.name,
         float(np.sqrt(np.mean(residual**2))) if count else 0.0,
         100.0 * float(np.sqrt(residual @ residual / energy)) if energy > 0.0 else None,
         model,
-        autocorrelation(residual, rows.runs, n_lags),
-        autocorrelation(whitened, rows.runs, n_lags),
+        autocorrelation(residual, rows.segments, n_lags),
+        autocorrelation(whitened, rows.segments, n_lags),
         1.96 / np.sqrt(max(1, count)),
         None if whiteness.accepted is None else whiteness.accepted or harmless,
         understatement,
         whiteness,
-        ljung_box(whitened, rows.runs, WHITENED, rows.joint, n_lags, model.order, alpha=alpha),
-        _jarque_bera(count, skewness, kurtosis, rows.joint, alpha),
+        ljung_box(whitened, rows.segments, WHITENED, rows.name, n_lags, model.order, alpha=alpha),
+        _jarque_bera(count, skewness, kurtosis, rows.name, alpha),
         skewness,
         kurtosis,
     )
 
 
-def autocorrelation(series: FloatArray, runs: Sequence[slice], n_lags: int) -> FloatArray:
-    """(n_lags + 1,) autocorrelation of `series` (r,), from pairs within one run only."""
+def autocorrelation(series: FloatArray, segments: Sequence[slice], n_lags: int) -> FloatArray:
+    """(n_lags + 1,) autocorrelation of `series` (r,), from pairs within one segment only."""
     if len(series) == 0 or np.ptp(series) == 0.0:
         return np.append(1.0, np.zeros(n_lags))
     centred = series - series.mean()
-    run_of = np.repeat(np.arange(len(runs)), [run.stop - run.start for run in runs])
+    segment_of = np.repeat(
+        np.arange(len(segments)), [segment.stop - segment.start for segment in segments]
+    )
     correlation = np.ones(n_lags + 1)
     for lag in range(1, n_lags + 1):
-        together = run_of[lag:] == run_of[:-lag]
+        together = segment_of[lag:] == segment_of[:-lag]
         correlation[lag] = np.sum(centred[lag:] * centred[:-lag] * together)
     correlation[1:] /= float(centred @ centred)
     return correlation
@@ -148,7 +150,7 @@ def autocorrelation(series: FloatArray, runs: Sequence[slice], n_lags: int) -> F
 
 def ljung_box(
     series: FloatArray,
-    runs: Sequence[slice],
+    segments: Sequence[slice],
     null: str,
     scope: str,
     n_lags: int,
@@ -158,13 +160,13 @@ def ljung_box(
 ) -> HypothesisTest:
     """Ljung-Box test, Q = r(r + 2) Σ_k ρ_k² / n_k against χ²(n_lags − fitted).
 
-    n_k is the number of pairs at lag k within a run, r − k for a single run.
+    n_k is the number of pairs at lag k within a segment, r − k for a single segment.
 
     Parameters
     ----------
     series : (r,)
         A residual, raw or whitened.
-    runs : sequence of slice
+    segments : sequence of slice
         Rows that are contiguous in time.
     null, scope : str
         Of the result.
@@ -180,13 +182,13 @@ def ljung_box(
         return HypothesisTest.not_run(null, scope, f"{count} rows are too few", alpha)
     if np.ptp(series) == 0.0:
         return HypothesisTest.not_run(null, scope, "the residual is constant", alpha)
-    lengths = np.array([run.stop - run.start for run in runs])
+    lengths = np.array([segment.stop - segment.start for segment in segments])
     pairs = np.array([np.maximum(lengths - lag, 0).sum() for lag in range(1, n_lags + 1)])
-    correlation = autocorrelation(series, runs, n_lags)[1:]
+    correlation = autocorrelation(series, segments, n_lags)[1:]
     seen = pairs > 0
     dof -= int(np.count_nonzero(~seen))
     if dof < 1:
-        return HypothesisTest.not_run(null, scope, "its runs are too short", alpha)
+        return HypothesisTest.not_run(null, scope, "its segments are too short", alpha)
     statistic = count * (count + 2) * float(np.sum(correlation[seen] ** 2 / pairs[seen]))
     p_value = float(scipy.stats.chi2.sf(statistic, dof))
     deviation = float(np.abs(correlation[seen]).max())
@@ -199,12 +201,12 @@ def _sigma_understatement(model: AutoregressiveModel, rows: JointRows) -> float:
     seen = energy > 0.0
     if model.order == 0 or not seen.any():
         return 1.0
-    coloured = np.zeros_like(energy)
-    for run in rows.runs:
-        positions = np.arange(run.stop - run.start)
-        adjoint = model.colour_adjoint(rows.instruments[run], positions)
-        coloured += np.sum(adjoint**2, axis=0)
-    ratio = np.sqrt(coloured[seen] * (1.0 - model.predictable_share)) / energy[seen]
+    shaped = np.zeros_like(energy)
+    for segment in rows.segments:
+        positions = np.arange(segment.stop - segment.start)
+        adjoint = model.shaping_adjoint(rows.instruments[segment], positions)
+        shaped += np.sum(adjoint**2, axis=0)
+    ratio = np.sqrt(shaped[seen] * (1.0 - model.predictable_share)) / energy[seen]
     return float(np.median(ratio))
 
 

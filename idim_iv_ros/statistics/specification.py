@@ -1,4 +1,4 @@
-"""Is there anything left of the motion in the residual?  Test of the model's specification.
+"""Does the residual still follow the motion?  F-test of the model's specification (RESET).
 
 The instruments say whether the *motion* is simulated well. A stiff loop, above all one with
 integral action, holds the motion to its reference whatever the model is, and the error stays in
@@ -12,12 +12,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
-from idim_iv_ros.statistics.basis import independent_basis
+from idim_iv_ros.estimation.qr import independent_basis
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.statistics.gls import gls_regression_from_rest
-from idim_iv_ros.statistics.hypothesis import HypothesisTest
-from idim_iv_ros.statistics.joint_rows import JointRows
+from idim_iv_ros.statistics.hypothesis import HypothesisTest, f_test
 from idim_iv_ros.types import FloatArray
 
 NULL = "nothing of the {family} is left in the residual"
@@ -25,7 +24,7 @@ NULL = "nothing of the {family} is left in the residual"
 _ROWS_PER_DIRECTION = 25
 _MOST_DIRECTIONS = 15
 # Of α: with 350 rows and 12 columns of Z a right model was rejected up to five times as often as
-# a nominal level of some thousandths says, for the colour is estimated too.
+# a nominal level of some thousandths says, for the autocorrelation is estimated too.
 _CAUTION = 0.1
 # Of the largest: a direction with less of the candidates' variation is what the model holds.
 _LEAST_VARIATION = 0.02
@@ -51,7 +50,7 @@ def specification_tests(
         Family to (r_j, m) functions of the simulated motion at these rows.
     alpha : float
         Probability that a right model is accused anywhere; each test is at a tenth of α over
-        their number, because the colour of the residual is estimated.
+        their number, because the autocorrelation of the residual is estimated.
     not_simulated : str, optional
         Why there is no simulated motion: no test is run.
 
@@ -65,7 +64,7 @@ def specification_tests(
     tests = []
     for rows, families in zip(joints, candidates, strict=True):
         for family, functions in families.items():
-            scope, null = f"{rows.joint}: {family}", NULL.format(family=family)
+            scope, null = f"{rows.name}: {family}", NULL.format(family=family)
             if not_simulated is not None:
                 tests.append(HypothesisTest.not_run(null, scope, not_simulated, alpha))
             else:
@@ -95,7 +94,7 @@ def _test(
     if not np.any(residual):
         return HypothesisTest.not_run(null, scope, "the residual vanishes", alpha)
     both = np.column_stack([rows.instruments, beyond])
-    fit = gls_regression_from_rest(residual, both, rows.runs)
+    fit = gls_regression_from_rest(residual, both, rows.segments)
     instruments = independent_basis(fit.whitened[:, : -width - 1])
     added = independent_basis(instruments.remove(fit.whitened[:, -width - 1 : -1]))
     left = instruments.remove(fit.whitened[:, -1])
@@ -106,20 +105,18 @@ def _test(
     if added.rank == 0 or dof <= 0 or unexplained <= 0.0:
         return HypothesisTest.not_run(null, scope, "nothing is left to judge by", alpha)
     energy = float(gained @ gained)
-    statistic = energy / added.rank / (unexplained / dof)
     coefficients = added.solve(left, width)
     explained = float(np.linalg.norm(beyond @ coefficients)) ** 2
     noise = unexplained / dof * float(np.linalg.norm(beyond @ added.inverse_root(width))) ** 2
     torque = float(rows.torque @ rows.torque)
-    return HypothesisTest(
+    return f_test(
         null,
         scope,
-        statistic,
-        added.rank,
-        dof,
-        float(scipy.stats.f.sf(statistic, added.rank, dof)),
-        None,
-        alpha,
+        explained=energy,
+        df=added.rank,
+        unexplained=unexplained,
+        df_denom=dof,
+        alpha=alpha,
         torque_deviation_percent=100.0 * float(np.sqrt(max(explained - noise, 0.0) / torque)),
     )
 

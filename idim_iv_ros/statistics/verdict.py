@@ -7,11 +7,11 @@ from typing import Literal
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.residuals import ResidualDiagnosis
 
-Verdict = Literal["stands", "oversampled, refined", "model error here", "cannot be told"]
+Verdict = Literal["valid", "autocorrelated", "misspecified", "inconclusive"]
 
 SMALL_TORQUE_PERCENT = 1.0
 # What the filters smear around a reversal, where a joint sticks, reaches 1.4 % of the torque on a
-# simulated arm whose model is right; what is left of the motion is judged from this on.
+# simulated arm whose model is right; what the residual holds of the motion is judged from this on.
 LEAST_LEFT_PERCENT = 2.0
 
 
@@ -53,9 +53,9 @@ def judge_joint(
     if instruments.accepted is None:
         return JointVerdict(
             joint,
-            "cannot be told",
-            f"{joint}: the instruments were not tested ({instruments.reason}), so whether "
-            "the model is right at this joint cannot be told from this recording.",
+            "inconclusive",
+            f"{joint}: the instruments were not tested ({instruments.reason}), so this recording "
+            "does not show whether the model is right at this joint.",
         )
     left = [
         test
@@ -66,25 +66,25 @@ def judge_joint(
         sentence = _rejected(instruments, joint)
         if left:
             sentence += f" The residual follows {_families(left)}."
-        return JointVerdict(joint, "model error here", sentence)
+        return JointVerdict(joint, "misspecified", sentence)
     if left:
-        return JointVerdict(joint, "model error here", _left(left, joint))
+        return JointVerdict(joint, "misspecified", _left(left, joint))
     if residual.white is None:
         reason = residual.whiteness.reason
         return JointVerdict(
             joint,
-            "cannot be told",
-            f"{joint}: the instruments are valid, but the colour of the residual was not "
+            "inconclusive",
+            f"{joint}: the instruments are valid, but the autocorrelation of the residual was not "
             f"tested ({reason}), so the standard deviations cannot be judged.",
         )
     if residual.white:
         return JointVerdict(
             joint,
-            "stands",
+            "valid",
             f"{joint}: the instruments are valid and the residual may be treated as white: "
-            "the estimates and their standard deviations stand.",
+            "the estimates and their standard deviations hold.",
         )
-    return JointVerdict(joint, "oversampled, refined", _coloured(residual))
+    return JointVerdict(joint, "autocorrelated", _autocorrelated(residual))
 
 
 def _rejected(instruments: HypothesisTest, joint: str) -> str:
@@ -131,10 +131,12 @@ def _families(left: Sequence[HypothesisTest]) -> str:
     )
 
 
-def _coloured(residual: ResidualDiagnosis) -> str:
+def _autocorrelated(residual: ResidualDiagnosis) -> str:
     times = residual.sigma_understatement
     order = residual.ar_order
-    head = f"{residual.joint}: the instruments are valid and the residual is coloured, AR({order})"
+    head = (
+        f"{residual.joint}: the instruments are valid, the residual is autocorrelated, AR({order})"
+    )
     if times >= 1.0:
         sentence = (
             f"{head}: the data are oversampled for the bandwidth of the loop. Use the refined "
@@ -149,7 +151,7 @@ def _coloured(residual: ResidualDiagnosis) -> str:
         )
     if residual.whiteness_after.accepted is False:
         sentence += (
-            " The filter does not whiten the residual fully (largest correlation left "
+            " The filter does not whiten the residual fully (largest correlation that remains "
             f"{residual.largest_correlation_after:.2g}): decimate at a lower cut-off."
         )
     return sentence
@@ -167,44 +169,44 @@ def judge_all(
     instruments : HypothesisTest, optional
         The Wald test of Π = I over all rows, scope "all"; it sees what no joint shows alone.
     """
-    wrong, untold, coloured = (
+    wrong, inconclusive, autocorrelated = (
         [each.joint for each in joints if each.verdict == kind]
-        for kind in ("model error here", "cannot be told", "oversampled, refined")
+        for kind in ("misspecified", "inconclusive", "autocorrelated")
     )
     if wrong:
         sentence = (
             f"The model is wrong at {_names(wrong)}: a physical effect is missing there, or the "
             "control law is another; the reason is given with each joint."
         )
-        if len(wrong) + len(untold) < len(joints):
+        if len(wrong) + len(inconclusive) < len(joints):
             sentence += " Nothing speaks against the other joints."
-        if untold:
-            sentence += f" Nothing can be told of {_names(untold)}."
-        return OverallVerdict("model error here", sentence)
+        if inconclusive:
+            sentence += f" The tests are inconclusive at {_names(inconclusive)}."
+        return OverallVerdict("misspecified", sentence)
     if instruments is not None and instruments.accepted is False:
         return OverallVerdict(
-            "model error here",
+            "misspecified",
             "No joint alone rejects its instruments, but all rows together do "
             f"(p = {instruments.p_value:.2g}): a small model error is shared by several joints, "
             "run idim-iv diagnose, which looks for it.",
         )
-    if untold:
-        where = "any joint" if len(untold) == len(joints) else _names(untold)
-        sentence = f"Whether the estimates are right cannot be told at {where}"
+    if inconclusive:
+        where = "any joint" if len(inconclusive) == len(joints) else _names(inconclusive)
+        sentence = f"The estimates could not be tested at {where}"
         reason = None if instruments is None else instruments.reason
         sentence += f": {reason}." if reason else "; the reason is given with each joint."
-        return OverallVerdict("cannot be told", sentence)
-    if coloured:
+        return OverallVerdict("inconclusive", sentence)
+    if autocorrelated:
         return OverallVerdict(
-            "oversampled, refined",
-            "The instruments are valid. The residual is coloured at "
-            f"{'all joints' if len(coloured) == len(joints) else _names(coloured)}: use the "
-            "refined standard deviations.",
+            "autocorrelated",
+            "The instruments are valid. The residual is autocorrelated at "
+            f"{'all joints' if len(autocorrelated) == len(joints) else _names(autocorrelated)}: "
+            "use the refined standard deviations.",
         )
     return OverallVerdict(
-        "stands",
+        "valid",
         "The instruments are valid and the residuals are white: the estimates and their "
-        "standard deviations stand.",
+        "standard deviations hold.",
     )
 
 

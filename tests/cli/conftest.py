@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from bags import simulated_arms
 from idim_iv_ros.cli.main import main
 from idim_iv_ros.recording import JointTopic, write_bag
-from tests import simulated_arms
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 JOINTS = ["joint_1", "joint_2"]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests import simulated_arms
+from bags import simulated_arms
 from tests.cli.conftest import write_arm
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from idim_iv_ros.cli.diagnose import run_diagnosis
+from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import DataError, IdimError, UsageError
-from idim_iv_ros.report import read_gap
 from tests.report.sample_gap import CASES, Case, sample_gap, with_first_joint_named
 
 EFFECTS = ("payload", "stribeck", "backlash")
@@ -91,7 +91,7 @@ def test_both_files_are_written(diagnose, tmp_path: Path) -> None:
     diagnose(StandIn())
     out = tmp_path / "why"
     assert sorted(path.name for path in out.iterdir()) == ["gap.json", "report.html"]
-    assert read_gap(out / "gap.json")["verdict"] == "both"
+    assert GapResult.read(out / "gap.json").verdict == "both"
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
+from bags import simulated_arms
 from idim_iv_ros import load_configuration, write_bag
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.first_configuration.keys import SECTIONS
+from idim_iv_ros.first_configuration.yaml_text import SECTIONS
 from idim_iv_ros.recording import JointTopic
-from idim_iv_ros.recording.reference_names import sounds_like_reference
-from tests import simulated_arms
+from idim_iv_ros.recording.other_topics import sounds_like_reference
 from tests.cli.test_bad_input import refused
 
 ARM = (simulated_arms.CONFIG / "arm2.urdf").read_text()

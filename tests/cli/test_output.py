@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from idim_iv_ros.cli import progress
-from tests import simulated_arms
+from bags import simulated_arms
+from idim_iv_ros.cli import output
 from tests.cli.test_bad_input import refused
 from tests.cli.test_start import REPOSITORY, START
 
@@ -77,16 +77,16 @@ def test_quiet_prints_nothing(run, config, bag, tmp_path: Path) -> None:
 
 
 def test_progress_is_lines_where_stderr_is_no_terminal(capsys, monkeypatch) -> None:
-    monkeypatch.setattr(progress, "INTERVAL", 0.05)
+    monkeypatch.setattr(output, "INTERVAL", 0.05)
     import time
 
-    with progress.shown_progress() as report:
+    with output.shown_progress() as report:
         report("filtering", 0.25)
         time.sleep(0.5)
     lines = capsys.readouterr().err.splitlines()
     assert 2 <= len(lines) <= 10
     assert all(line.endswith(" s: filtering, 25 %") for line in lines)
-    with progress.shown_progress(quiet=True) as report:
+    with output.shown_progress(quiet=True) as report:
         report("filtering", 0.25)
         time.sleep(0.2)
     assert capsys.readouterr().err == ""

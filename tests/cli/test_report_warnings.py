@@ -1,12 +1,13 @@
 """A picture that cannot be drawn costs no result, whichever command draws it."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from idim_iv_ros.cli.diagnose import run_diagnosis
-from idim_iv_ros.report import gap_html, html, write
+from idim_iv_ros.report import page, write
 from tests.cli.test_diagnose import EFFECTS, StandIn
 
 
@@ -14,19 +15,19 @@ def _fails(*_: object, **__: object) -> str:
     raise ValueError("'list' argument must have no negative elements")
 
 
-def _broken(module, which: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def _broken(which: str, anchor: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make one section of a report fail."""
     sections = [
-        (title, anchor, _fails if anchor == which else draw)
-        for title, anchor, draw in module._SECTIONS
+        replace(section, context=_fails) if section.anchor == anchor else section
+        for section in getattr(page, which)
     ]
-    monkeypatch.setattr(module, "_SECTIONS", tuple(sections))
+    monkeypatch.setattr(page, which, tuple(sections))
 
 
 def test_identify_ends_well_with_one_warning_when_a_section_fails(
     run, config, bag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    _broken(html, "torque", monkeypatch)
+    _broken("IDENTIFICATION", "torque", monkeypatch)
     done = run("identify", bag, "--config", config(), "--out", tmp_path / "results")
     assert done.status == 0
     warned = [line for line in done.error.splitlines() if "warning" in line]
@@ -34,16 +35,16 @@ def test_identify_ends_well_with_one_warning_when_a_section_fails(
     assert "Torque" in warned[0]
     assert "Traceback" not in done.error
     assert json.loads((tmp_path / "results" / "result.json").read_text())["parameters"]
-    page = (tmp_path / "results" / "report.html").read_text()
-    assert "no negative elements). All numbers are in result.json." in page
-    assert 'id="parameters"' in page
+    text = (tmp_path / "results" / "report.html").read_text()
+    assert "no negative elements). All numbers are in result.json." in text
+    assert 'id="parameters"' in text
     assert f"Report: {tmp_path / 'results' / 'report.html'}" in done.out
 
 
 def test_diagnose_ends_well_with_one_warning_when_a_section_fails(
     config, tmp_path: Path, capfd, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    _broken(gap_html, "residuals", monkeypatch)
+    _broken("DIAGNOSIS", "residuals", monkeypatch)
     run_diagnosis([], config(), tmp_path / "why", (), diagnose=StandIn("both"), effects=EFFECTS)
     printed = capfd.readouterr()
     warned = [line for line in printed.err.splitlines() if "warning" in line]

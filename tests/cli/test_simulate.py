@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 from tests.cli.test_bad_input import refused
+from tests.gap_files import gap_content
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 
@@ -47,22 +48,7 @@ def test_bad_input_is_one_line(run, tmp_path: Path) -> None:
 
 
 def gap_file(path: Path, *causes: dict, parameters: dict | None = None, **changes) -> Path:
-    """What `diagnose` writes, as far as `simulate` reads it."""
-
-    def entries(values: dict) -> dict:
-        return {key: {"value": value, "std": None, "unit": ""} for key, value in values.items()}
-
-    content = {
-        "format": "idim_iv_ros/gap/1",
-        "causes": [
-            {"kind": "structural", "other_joint": None}
-            | cause
-            | {"parameters": entries(cause["parameters"])}
-            for cause in causes
-        ],
-        "extended_parameters": entries(parameters or {}),
-    }
-    path.write_text(json.dumps(content | changes))
+    path.write_text(json.dumps(gap_content(*causes, parameters=parameters) | changes))
     return path
 
 
@@ -113,17 +99,17 @@ def test_bad_diagnosis_is_one_line_with_file_and_key(run, tmp_path: Path) -> Non
     gap_file(gap, causes=None)
     simulate_must_refuse("causes")
     gap_file(gap, causes=["stribeck"])
-    simulate_must_refuse("causes[0]")
+    simulate_must_refuse("causes.0")
     gap_file(gap, STRIBECK, STRIBECK | {"effect": "warp"})
-    simulate_must_refuse("causes[1]", "warp")
+    simulate_must_refuse("causes.1", "warp")
     gap_file(gap, STRIBECK | {"joint": "elbow"})
-    simulate_must_refuse("causes[0]", "elbow")
+    simulate_must_refuse("causes.0", "elbow")
     gap_file(gap, STRIBECK | {"joint": 2})
-    simulate_must_refuse("causes[0].joint")
+    simulate_must_refuse("causes.0.joint")
     gap_file(gap, STRIBECK | {"parameters": {"excess": "much", "speed": 0.1}})
-    simulate_must_refuse("causes[0].parameters.excess.value")
+    simulate_must_refuse("causes.0.parameters.excess.value")
     gap_file(gap, STRIBECK | {"parameters": {"excess": 1.0}})
-    simulate_must_refuse("causes[0]", "speed is missing")
+    simulate_must_refuse("causes.0", "speed is missing")
     gap_file(gap, parameters={"ZZ9": 1.0})
     simulate_must_refuse("extended_parameters.ZZ9")
     gap_file(gap, extended_parameters=None)

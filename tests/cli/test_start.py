@@ -130,7 +130,7 @@ def test_files_that_belong_together_are_not_parted_by_ctrl_c(tmp_path: Path) -> 
     """The signal comes between the two renames."""
     code = (
         "import os, signal, sys\nfrom pathlib import Path\n"
-        "from idim_iv_ros.atomic_files import write_together\n"
+        "from idim_iv_ros.files import write_together\n"
         "from idim_iv_ros.interruption import interruption_ends_process\n"
         "folder, replace = Path(sys.argv[1]), Path.replace\n"
         "def interrupted(path, other):\n"

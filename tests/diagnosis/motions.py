@@ -5,9 +5,9 @@ from functools import cache
 
 import numpy as np
 
+from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.signals import ParallelDecimation
-from tests.simulated_arms import SimulatedArm, arm2
 
 RATE = 500.0
 

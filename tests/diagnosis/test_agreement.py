@@ -9,14 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.parametric.agreement import Agreement, agreement
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
-from idim_iv_ros.effects.catalogue import PARAMETRIC
+from idim_iv_ros.effects.registry import PARAMETRIC
 from tests.diagnosis.test_parametric import payload
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import arm2
 
 NOISE = (0.15, 0.05)  # N m, of a row
 

@@ -11,25 +11,29 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.held_out.held_out import held_out
 from idim_iv_ros.diagnosis.localisation.unexplained import unexplained
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.structural import search
-from idim_iv_ros.diagnosis.structural.attribution import Attribution, attribute, with_reach, worth
+from idim_iv_ros.diagnosis.structural.attribution import (
+    Attribution,
+    acceptable,
+    attribute,
+    with_most_of_gap,
+)
 from idim_iv_ros.diagnosis.structural.causes import named_model, structural_causes
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC, Nonparametric
 from idim_iv_ros.effects.asymmetric_friction import AsymmetricFriction
-from idim_iv_ros.effects.catalogue import STRUCTURAL
 from idim_iv_ros.effects.effect import Effect
 from idim_iv_ros.effects.position_ripple import PositionRipple
+from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.effects.stribeck import Stribeck
 from idim_iv_ros.effects.torque_saturation import TorqueSaturation
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import arm2
 
 NOISE = (0.15, 0.05)  # N m, of a row
 Torque = Callable[[SmoothMotion], np.ndarray]
@@ -204,7 +208,9 @@ class Slower(TorqueSaturation):
     name = "other"
 
 
-def test_effects_that_are_alike_are_rivals_and_others_are_not(data: Baseline) -> None:
+def test_effects_with_the_same_torque_are_indistinguishable(
+    data: Baseline,
+) -> None:
     _, joint, _, torque = SINGLE[0]
     catalogue: list[Effect] = [Stribeck(), Twin(), Slower()]
     found = attribute(data, world(data, 5, joint, torque), catalogue)
@@ -224,7 +230,7 @@ def test_support_is_gain_less_schwarz_and_the_logarithm_of_the_grid(data: Baseli
     both = [found.regression.fit(found.fit.noise_models, steps=0), found.fit]
     white = [
         [
-            c.apply(r, data.runs)
+            c.standardized(r, data.segments)
             for c, r, data in zip(
                 found.fit.noise_models, fit.residuals, found.regression.joints, strict=True
             )
@@ -237,10 +243,10 @@ def test_support_is_gain_less_schwarz_and_the_logarithm_of_the_grid(data: Baseli
     # One coefficient, a speed and an exponent, from a grid of 8 speeds and 3 exponents.
     expected = gain - 1.5 * np.log(rows) - np.log(24)
     assert candidate.support == pytest.approx(expected, abs=0.5)
-    assert worth(candidate)
-    assert not worth(replace(candidate, gain=candidate.cost + 7.9))
-    assert worth(replace(candidate, gain=max(candidate.cost + 8.1, 0.006 * rows)))
-    assert not worth(replace(candidate, gain=0.004 * rows))  # 0.8 % of the energy
+    assert acceptable(candidate)
+    assert not acceptable(replace(candidate, gain=candidate.cost + 7.9))
+    assert acceptable(replace(candidate, gain=max(candidate.cost + 8.1, 0.006 * rows)))
+    assert not acceptable(replace(candidate, gain=0.004 * rows))  # 0.8 % of the energy
 
 
 def slow_and_fast(motion: SmoothMotion) -> np.ndarray:
@@ -257,9 +263,9 @@ def test_what_closes_most_of_the_gap_comes_before_what_is_surest(data: Baseline)
     assert names_of(found) == [("asymmetric_friction", 1), ("position_ripple", 1)]
     alone = [attribute(data, regression, [effect]).found[0].candidate for effect in effects]
     assert alone[0].support < alone[1].support
-    assert alone[0].closed > 2.0 * alone[1].closed
-    assert with_reach(alone) == alone[:1]
-    assert with_reach([replace(alone[0], closed=0.0), alone[1]]) == alone[1:]
+    assert alone[0].explained > 2.0 * alone[1].explained
+    assert with_most_of_gap(alone) == alone[:1]
+    assert with_most_of_gap([replace(alone[0], explained=0.0), alone[1]]) == alone[1:]
 
 
 def test_two_effects_at_two_joints_are_found_one_after_the_other(data: Baseline) -> None:
@@ -288,10 +294,10 @@ def test_a_name_that_patches_a_nameless_function_at_its_joint_is_dropped(data: B
         ),
     )
     patched = named_model(replace(found, found=(here, named)))
-    assert (patched.found, patched.nameless) == ((), (here,))
+    assert (patched.found, patched.nonparametric) == ((), (here,))
     assert len(patched.fits) == 1
     kept = named_model(replace(found, found=(elsewhere, named)))
-    assert (kept.found, kept.nameless) == ((named,), (elsewhere,))
+    assert (kept.found, kept.nonparametric) == ((named,), (elsewhere,))
     # What was found before the nameless function stands by itself.
     before = named_model(replace(found, found=(named, here)))
     assert before.found == (named,)

@@ -6,9 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.cause_order import leading, strongest_first
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.result import Cause, Evidence, Gap, JointChange
-from idim_iv_ros.diagnosis.verdict import summary_of
+from idim_iv_ros.diagnosis.sentences import summary
+from idim_iv_ros.diagnosis.verdict import leading, strongest_first
 from tests.diagnosis.test_verdict import GAPS, cause
 
 # Torques of 10 and 1 N m rms.
@@ -66,15 +67,16 @@ def test_what_a_cause_takes_at_other_joints_counts() -> None:
     assert names(found) == ["friction_level", "stribeck"]
 
 
-def test_summary_tells_the_widest_and_counts_the_others() -> None:
+def test_summary_tells_the_widest_and_counts_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(settings, "MOST_CAUSES_IN_SUMMARY", 2)
     causes = [LARGE, SMALL, FIRST, SECOND]
-    told = leading(causes, DATA, most=2)  # type: ignore[arg-type]
+    told = leading(causes, DATA)  # type: ignore[arg-type]
     assert names(told) == ["payload", "stribeck"]
-    text = summary_of("both", told, None, GAPS, (), more=2)
+    text = summary("both", told, None, GAPS, (), more=2)
     assert "2 smaller causes are listed beside these." in text
     assert "elasticity" not in text
-    assert "smaller" not in summary_of("both", told, None, GAPS, ())
-    assert "1 smaller cause is listed" in summary_of("both", told, None, GAPS, (), more=1)
+    assert "smaller" not in summary("both", told, None, GAPS, ())
+    assert "1 smaller cause is listed" in summary("both", told, None, GAPS, (), more=1)
 
 
 def test_drive_inertia_that_the_configuration_leaves_out_stands_before_all() -> None:

@@ -80,7 +80,7 @@ def names(
         "built_model",
         lambda _, kept, __: SimpleNamespace(found=tuple(kept), regression=None, fit=None),
     )
-    model = SimpleNamespace(found=tuple(effects), nameless=(), regression=None, fit=None)
+    model = SimpleNamespace(found=tuple(effects), nonparametric=(), regression=None, fit=None)
     nothing: Any = SimpleNamespace()
     kept, _ = confirmation.confirmed(nothing, nothing, model, [], [], None)  # type: ignore[arg-type]
     return [effects.index(each) for each in kept.found]  # type: ignore[arg-type]

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.controller.check import (
     ControllerFinding,
     check_law,
@@ -15,7 +16,6 @@ from idim_iv_ros.diagnosis.controller.check import (
 )
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import SimulatedArm, arm2
 
 
 @pytest.fixture(scope="module")

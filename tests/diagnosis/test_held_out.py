@@ -9,7 +9,8 @@ import pytest
 from idim_iv_ros.diagnosis.held_out.held_out import folds_of, held_out, interleaved_folds, shrinkage
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat
-from idim_iv_ros.diagnosis.structural.likelihood import JointData, Regression
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.estimation.rows import JointRows
 
 ROWS, RATE = 600, 50.0
 
@@ -31,8 +32,8 @@ def _regression(recordings: int, seed: int, size: float) -> Regression:
     rows = ROWS * recordings
     matrix, extra = random.standard_normal((rows, 3)), random.standard_normal((rows, 1))
     torque = matrix @ [1.0, -2.0, 0.5] + size * extra[:, 0] + 0.5 * random.standard_normal(rows)
-    runs = tuple(slice(k * ROWS, (k + 1) * ROWS) for k in range(recordings))
-    joint = JointData(torque, matrix, np.arange(3), runs)
+    segments = tuple(slice(k * ROWS, (k + 1) * ROWS) for k in range(recordings))
+    joint = JointRows(matrix, torque, np.arange(3), segments)
     return Regression((joint,), 3).with_columns({0: extra})
 
 
@@ -57,7 +58,7 @@ def test_predictions_are_those_of_a_fit_without_the_fold() -> None:
     floor = NoiseFloor(0.5, "repeats", "")
     found = held_out(_data(3), regression, fit, ["+x[joint_1]"], [floor], given=np.zeros(3))
     assert found.names == ("given", "refit", "+x[joint_1]")
-    matrix, _ = regression.wide(0)
+    matrix = regression.extended[0].matrix
     torque = regression.joints[0].torque
     fold = np.repeat(np.arange(3), ROWS)
     for stage, width in ((1, 3), (2, 4)):

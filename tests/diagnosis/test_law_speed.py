@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.controller.check import check_law
-from idim_iv_ros.diagnosis.controller.law_speed_choice import law_speed
+from idim_iv_ros.diagnosis.controller.law_speed import law_speed
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.signals import JointSignals
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import SimulatedArm, arm2
 
 
 @pytest.fixture(scope="module")

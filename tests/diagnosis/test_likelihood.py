@@ -1,20 +1,28 @@
 """Generalised least squares against dense algebra with the covariance written out."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import lfilter
 
-from idim_iv_ros.diagnosis.structural.likelihood import JointData, NoiseModel, Regression
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.structural.scan import Scan
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import AutoregressiveModel
 
-WHITE = AutoregressiveModel(np.zeros(0), 1.0)
 VALUES = np.array([1.5, -0.7, 0.4])
 
 
-def autoregressive(pole: float) -> AutoregressiveModel:
-    """x_t = pole · x_{t−1} + e_t."""
-    return AutoregressiveModel(np.array([-pole]), 1.0)
+def autoregressive(pole: float, sigma: float) -> AutoregressiveModel:
+    """x_t = pole · x_{t−1} + e_t, e_t of standard deviation `sigma`."""
+    return AutoregressiveModel(np.array([-pole]), sigma**2)
+
+
+def white(sigma: float) -> AutoregressiveModel:
+    """White noise of a standard deviation."""
+    return AutoregressiveModel(np.zeros(0), sigma**2)
 
 
 def world(
@@ -27,18 +35,21 @@ def world(
         matrix = random.standard_normal((rows, 2))
         noise = lfilter([1.0], [1.0, -pole], sigma * random.standard_normal(rows))
         columns = np.array([0, 1]) + joint
-        runs = (slice(0, rows // 3), slice(rows // 3, rows))
-        made.append(JointData(matrix @ VALUES[columns] + noise, matrix, columns, runs))
+        segments = (slice(0, rows // 3), slice(rows // 3, rows))
+        made.append(JointRows(matrix, matrix @ VALUES[columns] + noise, columns, segments))
     return Regression(tuple(made), 3 if joints == 2 else 2)
+
+
+def scan_of(regression: Regression, fit: Fit) -> Scan:
+    """Candidates beside this fit."""
+    return Scan(regression, fit.noise_models, fit.residuals)
 
 
 def test_estimate_and_covariance_are_those_of_the_dense_solution() -> None:
     poles, sigmas = (0.8, -0.5), (0.2, 0.7)
     extra = np.random.default_rng(9).standard_normal((400, 2))
     regression = world(1, pole=0.8).with_columns({1: extra})
-    noise_models = [
-        NoiseModel(autoregressive(pole), sigma) for pole, sigma in zip(poles, sigmas, strict=True)
-    ]
+    noise_models = [autoregressive(pole, sigma) for pole, sigma in zip(poles, sigmas, strict=True)]
     fit = regression.fit(noise_models, steps=0)
     wide, inverses, torque = [], [], []
     for joint, (pole, sigma) in enumerate(zip(poles, sigmas, strict=True)):
@@ -49,7 +60,7 @@ def test_estimate_and_covariance_are_those_of_the_dense_solution() -> None:
             matrix[:, 3:] = extra
         wide.append(matrix)
         torque.append(data.torque)
-        lengths = [run.stop - run.start for run in data.runs]
+        lengths = [run.stop - run.start for run in data.segments]
         blocks = [toeplitz(sigma**2 * pole ** np.arange(n) / (1.0 - pole**2)) for n in lengths]
         inverses.append(np.linalg.inv(block_diag(*blocks)))
     x, y, weight = np.vstack(wide), np.concatenate(torque), block_diag(*inverses)
@@ -70,26 +81,26 @@ def test_standard_deviations_are_those_of_repeated_experiments() -> None:
     assert off.std() == pytest.approx(1.0, abs=0.12)
 
 
-def test_colour_of_the_noise_is_found() -> None:
+def test_autocorrelation_of_the_noise_is_found() -> None:
     fit = world(3, rows=4000, pole=0.9, sigma=0.25).fit()
-    for colour in fit.noise_models:
-        assert colour.model.coefficients[0] == pytest.approx(-0.9, abs=0.06)
-        assert colour.sigma == pytest.approx(0.25, rel=0.05)
+    for noise in fit.noise_models:
+        assert noise.coefficients[0] == pytest.approx(-0.9, abs=0.06)
+        assert noise.sigma == pytest.approx(0.25, rel=0.05)
 
 
 def test_log_likelihood_of_white_noise_is_that_of_its_variance() -> None:
     regression = world(4, joints=1)
-    fit = regression.fit([NoiseModel(WHITE, 0.3)], steps=0)
+    fit = regression.fit([white(0.3)], steps=0)
     residual = fit.residuals[0]
     expected = -0.5 * len(residual) * np.log(residual @ residual / len(residual))
     assert fit.log_likelihood == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_colour_pays_one_for_each_of_its_coefficients() -> None:
+def test_a_autocorrelation_pays_one_for_each_of_its_coefficients() -> None:
     regression = world(4, joints=1)
-    plain = regression.fit([NoiseModel(WHITE, 0.3)], steps=0)
-    zeros = AutoregressiveModel(np.zeros(3), 1.0)
-    paid = regression.fit([NoiseModel(zeros, 0.3)], steps=0)
+    plain = regression.fit([white(0.3)], steps=0)
+    zeros = AutoregressiveModel(np.zeros(3), 0.09)
+    paid = regression.fit([zeros], steps=0)
     assert plain.log_likelihood - paid.log_likelihood == pytest.approx(3.0)
 
 
@@ -99,14 +110,14 @@ def test_a_true_column_gains_what_it_explains_and_noise_gains_half_on_average() 
     gains = []
     for seed in range(150):
         regression = world(seed, joints=1)
-        start = [NoiseModel(WHITE, 0.3)]
+        start = [white(0.3)]
         fit = regression.fit(start, steps=0)
         noise = regression.with_columns({0: random.standard_normal((400, 1))})
         gains.append(noise.fit(start, steps=0).log_likelihood - fit.log_likelihood)
     assert np.mean(gains) == pytest.approx(0.5, abs=0.2)
     column = random.standard_normal((400, 1))
     data = regression.joints[0]
-    data = JointData(data.torque + 0.3 * column[:, 0], data.matrix, data.columns, data.runs)
+    data = replace(data, torque=data.torque + 0.3 * column[:, 0])
     moved = Regression((data,), 2)
     before = moved.fit(start, steps=0)
     after = moved.with_columns({0: column}).fit(start, steps=0)
@@ -115,19 +126,19 @@ def test_a_true_column_gains_what_it_explains_and_noise_gains_half_on_average() 
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.8])
-def test_score_is_the_energy_that_a_fit_with_the_same_colours_takes_off(pole: float) -> None:
+def test_score_is_the_energy_that_a_fit_with_the_same_noise_models_takes_off(pole: float) -> None:
     """For known noise it is twice the gain of the likelihood."""
     regression = world(6, pole=pole)
-    noise_models = [NoiseModel(autoregressive(pole), 0.3)] * 2
+    noise_models = [autoregressive(pole, 0.3)] * 2
     fit = regression.fit(noise_models, steps=0)
     both = {j: np.random.default_rng(7 + j).standard_normal((400, 2)) for j in (0, 1)}
-    score, coefficients = regression.scan(fit).score(both)
+    score, coefficients = scan_of(regression, fit).score(both)
     wider = regression.with_columns(both).fit(noise_models, steps=0)
 
     def energy(residuals: tuple[np.ndarray, ...]) -> float:
         return sum(
-            float(np.sum(colour.apply(residual, data.runs) ** 2))
-            for residual, colour, data in zip(
+            float(np.sum(noise.standardized(residual, data.segments) ** 2))
+            for residual, noise, data in zip(
                 residuals, noise_models, regression.joints, strict=True
             )
         )
@@ -141,11 +152,11 @@ def test_score_is_twice_the_gain_where_the_noise_is_known_to_be_white() -> None:
     column = {0: np.random.default_rng(11).standard_normal((4000, 1))}
     data = regression.joints[0]
     torque = data.torque + 0.03 * column[0][:, 0]
-    regression = Regression((JointData(torque, data.matrix, data.columns, data.runs),), 2)
-    sigma = float(np.std(regression.fit([NoiseModel(WHITE, 1.0)], steps=0).residuals[0]))
-    start = [NoiseModel(WHITE, sigma)]
+    regression = Regression((replace(data, torque=torque),), 2)
+    sigma = float(np.std(regression.fit([white(1.0)], steps=0).residuals[0]))
+    start = [white(sigma)]
     fit = regression.fit(start, steps=0)
-    score, _ = regression.scan(fit).score(column)
+    score, _ = scan_of(regression, fit).score(column)
     gain = regression.with_columns(column).fit(start, steps=0).log_likelihood - fit.log_likelihood
     assert score == pytest.approx(40.0, rel=0.5)  # n (0.03 / 0.3)²
     assert score == pytest.approx(2.0 * gain, rel=0.02)
@@ -153,7 +164,7 @@ def test_score_is_twice_the_gain_where_the_noise_is_known_to_be_white() -> None:
 
 def test_columns_that_the_model_absorbs_count_for_nothing() -> None:
     regression = world(10)
-    scan = regression.scan(regression.fit())
+    scan = scan_of(regression, regression.fit())
     random = np.random.default_rng(12)
     inside = regression.joints[0].matrix @ np.array([[2.0], [-1.0]])
     # Joint 1 has a column of its own for parameter 2, but parameter 0 moves joint 0 alone.
@@ -168,7 +179,7 @@ def test_columns_that_the_model_absorbs_count_for_nothing() -> None:
 
 def test_columns_that_are_not_finite_and_empty_ones_are_harmless() -> None:
     regression = world(13)
-    scan = regression.scan(regression.fit())
+    scan = scan_of(regression, regression.fit())
     column = np.random.default_rng(14).standard_normal((400, 1))
     for bad in (np.nan, np.inf):
         broken = column.copy()

@@ -6,15 +6,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from bags.simulated_arms import arm2, arm6
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.other_causes import parametric_results
-from idim_iv_ros.diagnosis.parametric.causes import parametric_causes
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.parametric.causes import parametric_causes, parametric_results
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import arm2, arm6
 
 NOISE = {2: (0.15, 0.05), 6: (0.2, 0.25, 0.13, 0.05, 0.04, 0.02)}  # N m, of a row
 DRIVES = {2: (0.25, 0.1), 6: (0.9, 1.1, 0.55, 0.16, 0.12, 0.06)}  # kg m²
@@ -112,7 +110,10 @@ def test_direct_drives_without_inertia_have_no_cause(data) -> None:
 
 def test_the_sentence_names_every_drive(data) -> None:
     (cause,) = parametric_results(
-        data, found(data, 1, drives(data)), [NoiseFloor(0.01, "lower bound", "")] * len(data.joints)
+        data,
+        found(data, 1, drives(data)),
+        [NoiseFloor(0.01, "lower bound", "")] * len(data.joints),
+        [],
     )
     assert cause.sentence.startswith("the drives have inertia that the nominal model lacks")
     for joint in data.joints:

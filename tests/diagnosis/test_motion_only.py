@@ -5,21 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.identifiability.testability import floor_noise_models, shown_by_motion
-from idim_iv_ros.diagnosis.localisation.unexplained_joints import unexplained_joints
+from bags.simulated_arms import arm2
+from idim_iv_ros.diagnosis.identifiability.testability import (
+    floor_noise_models,
+    shown_by_motion,
+)
+from idim_iv_ros.diagnosis.localisation.unexplained import unexplained_residual
 from idim_iv_ros.diagnosis.localisation.where import where
 from idim_iv_ros.diagnosis.parametric.causes import parametric_causes
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.dry_friction import dry_friction
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
 from idim_iv_ros.diagnosis.result import Stage
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.tracking import simulated_tracking, simulation_gap, tracking_series
-from idim_iv_ros.effects.catalogue import STRUCTURAL
+from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.simulation import SimulatedEffect
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import arm2
 
 
 @pytest.fixture(scope="module")
@@ -91,8 +92,8 @@ def test_testability_does_not_look_at_the_torque(data: Baseline, regression: Reg
         tuple(replace(joint, torque=np.zeros_like(joint.torque)) for joint in regression.joints),
         regression.parameters,
     )
-    seen, refused = shown_by_motion(data, regression, STRUCTURAL, noise_models, dry_friction(data))
-    unseen, same = shown_by_motion(data, blind, STRUCTURAL, noise_models, dry_friction(data))
+    seen, refused = shown_by_motion(data, regression, STRUCTURAL, noise_models)
+    unseen, same = shown_by_motion(data, blind, STRUCTURAL, noise_models)
     assert refused == same
     for one, other in zip(seen, unseen, strict=True):
         assert one.smallest == other.smallest
@@ -107,9 +108,12 @@ def test_testability_does_not_look_at_the_torque(data: Baseline, regression: Reg
 
 def test_more_noise_hides_more(data: Baseline, regression: Regression) -> None:
     fit = regression.fit()
-    loud = tuple(replace(colour, sigma=30.0 * colour.sigma) for colour in fit.noise_models)
-    few = shown_by_motion(data, regression, STRUCTURAL, fit.noise_models, dry_friction(data))[1]
-    many = shown_by_motion(data, regression, STRUCTURAL, loud, dry_friction(data))[1]
+    loud = tuple(
+        replace(noise, innovation_variance=900.0 * noise.innovation_variance)
+        for noise in fit.noise_models
+    )
+    few = shown_by_motion(data, regression, STRUCTURAL, fit.noise_models)[1]
+    many = shown_by_motion(data, regression, STRUCTURAL, loud)[1]
     assert len(many) > len(few) + 5
     assert {(n.effect, n.joint) for n in few} <= {(n.effect, n.joint) for n in many}
     assert all(refusal.reason and refusal.excitation_needed for refusal in many)
@@ -124,12 +128,12 @@ def test_a_gap_that_stays_is_said_also_where_it_is_a_small_share_of_the_torque(
         return Stage("refit", {"joint_1": share * torque, "joint_2": 0.001}, {}, None, "")
 
     floors = [NoiseFloor(0.01 * torque, "repeats", ""), NoiseFloor(0.001, "repeats", "")]
-    assert "at joint_1 (5 % of its torque" in unexplained_joints(
-        data, [stage(0.06), stage(0.05)], floors
-    )
-    assert unexplained_joints(data, [stage(0.5), stage(0.05)], floors) == ""
-    assert "at joint_1 (15 %" in unexplained_joints(data, [stage(0.5), stage(0.15)], floors)
-    assert unexplained_joints(data, [stage(0.025), stage(0.025)], floors) == ""  # noise may be that
+    ((joint, _, share, _),) = unexplained_residual(data, [stage(0.06), stage(0.05)], floors)
+    assert (joint, share) == (0, pytest.approx(0.05))
+    assert unexplained_residual(data, [stage(0.5), stage(0.05)], floors) == []
+    ((joint, _, share, _),) = unexplained_residual(data, [stage(0.5), stage(0.15)], floors)
+    assert (joint, share) == (0, pytest.approx(0.15))
+    assert unexplained_residual(data, [stage(0.025), stage(0.025)], floors) == []  # may be noise
 
 
 def test_the_refit_tracks_better_than_the_given_model(data: Baseline) -> None:

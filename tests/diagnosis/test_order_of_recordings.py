@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bags.simulated_arms import SimulatedArm, arm2, record
 from idim_iv_ros import identify
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.result import GapResult
-from idim_iv_ros.effects.catalogue import EFFECTS
+from idim_iv_ros.effects.registry import EFFECTS
 from idim_iv_ros.recording import JointTopic, write_bag
-from idim_iv_ros.report import gap_document, gap_report_html
-from idim_iv_ros.report.json_result import result_document
-from tests.simulated_arms import SimulatedArm, arm2, record
+from idim_iv_ros.report import gap_report_html
 
 SECONDS = 6.0
 JOINTS = ["joint_1", "joint_2"]
@@ -68,7 +67,7 @@ def test_any_order_of_bags_gives_the_same_gap(bags: Bags, arm: SimulatedArm, sta
         assert list(result.bags) == in_time
         assert is_increasing(result)
         assert "Measured and modelled torque" in gap_report_html(result)
-    first, second = (without_timing(gap_document(result)) for result in results)
+    first, second = (without_timing(result.to_document()) for result in results)
     assert first == second
 
 
@@ -98,5 +97,5 @@ def test_any_order_of_bags_gives_the_same_identification(
     for order in (paths, [paths[1], paths[2], paths[0]], paths[::-1]):
         result = identify(order, arm.configuration)
         assert np.all(np.diff(result.series[0].time) > 0.0)
-        documents.append(without_timing(result_document(result)))
+        documents.append(without_timing(result.to_document()))
     assert all(document == documents[0] for document in documents[1:])

@@ -6,15 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.parametric import parameter_errors as module
-from idim_iv_ros.diagnosis.parametric.parameter_errors import parameter_errors, remaining_words
+from idim_iv_ros.diagnosis.parametric.causes import parameter_errors, remaining
+from idim_iv_ros.diagnosis.sentences import remaining_parameter_errors
 
-DATA: Any = SimpleNamespace(joints=("joint_1", "joint_2"))
-
-
-@pytest.fixture(autouse=True)
-def newton_metres(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "unit_at", lambda *_: "N m")
+DATA: Any = SimpleNamespace(joints=("joint_1", "joint_2"), unit_at=lambda *_: "N m")
 
 
 def outcome(after: list[float]) -> Any:
@@ -27,7 +22,7 @@ def outcome(after: list[float]) -> Any:
 
 
 def said(after: list[float]) -> str:
-    return remaining_words(DATA, parameter_errors(DATA, outcome(after)))
+    return remaining_parameter_errors(DATA, remaining(parameter_errors(DATA, outcome(after))))
 
 
 def test_every_joint_with_a_remaining_error_is_named_the_largest_share_first() -> None:
@@ -47,4 +42,4 @@ def test_what_the_causes_explain_or_is_small_is_not_said(after: list[float]) -> 
 def test_without_a_given_model_there_is_no_parameter_error() -> None:
     nothing: Any = SimpleNamespace(given=None)
     assert parameter_errors(DATA, nothing) == ()
-    assert remaining_words(DATA, ()) == ""
+    assert remaining_parameter_errors(DATA, ()) == ""

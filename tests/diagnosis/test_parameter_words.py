@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.diagnosis.parameter_words import parameter_words
-from idim_iv_ros.effects.catalogue import PARAMETRIC
 from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParameterSpace
+from idim_iv_ros.effects.registry import PARAMETRIC
 from idim_iv_ros.effects.torque_gain import TorqueGain
 from tests.diagnosis.test_effects import UNITS
 

@@ -10,26 +10,28 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from idim_iv_ros.diagnosis.identifiability.motion_limits import cannot_show, too_little
-from idim_iv_ros.diagnosis.parametric.causes import ParametricOutcome, parametric_causes
+from bags.simulated_arms import arm2
+from idim_iv_ros.diagnosis.identifiability.testability import cannot_show, too_little
+from idim_iv_ros.diagnosis.parametric.causes import (
+    ParametricOutcome,
+    confounders,
+    parameter_errors,
+    parametric_causes,
+)
 from idim_iv_ros.diagnosis.parametric.change_regression import change_regression
-from idim_iv_ros.diagnosis.parametric.confounders import confounders
 from idim_iv_ros.diagnosis.parametric.hypotheses import changes_of, of_base_parameters
-from idim_iv_ros.diagnosis.parametric.parameter_errors import parameter_errors
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.missing_gravity import missing_gravity
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
+from idim_iv_ros.diagnosis.parametric.missing import missing_gravity
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.structural.attribution import attribute
-from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range, rows_of
+from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC
-from idim_iv_ros.effects.catalogue import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.effects.effect import OperatingRange, Place
 from idim_iv_ros.effects.friction_level import FrictionLevel
 from idim_iv_ros.effects.parametric_effect import Change, ParameterSpace, ParametricEffect
 from idim_iv_ros.effects.presliding import Presliding
+from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import arm2
 
 NOISE = (0.15, 0.05)  # N m, of a row
 

@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
+from bags import simulated_arms
+from bags.simulated_arms import SimulatedArm, arm2
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.recording import Recording
-from tests import simulated_arms
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import SimulatedArm, arm2
 
 PERIOD = 1e-3
 

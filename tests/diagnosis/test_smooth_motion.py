@@ -6,16 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bags.simulated_arms import SimulatedArm, arm2, record
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.refit.bandwidth import widened
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
-from idim_iv_ros.diagnosis.refit.slip import simulated_slips
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.processing import widened
+from idim_iv_ros.diagnosis.refit.smooth_motion import simulated_slips
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.diagnosis.motions import synthetic
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import SimulatedArm, arm2, record
 
 SECONDS = 10.0
 
@@ -108,7 +107,8 @@ def test_rows_of_the_refit_use_the_friction_that_sticks(data: Baseline) -> None:
     motion = data.motions[0]
     names = data.prepared.model.base.names
     for joint in (0, 1):
-        matrix, places = regression.wide(joint)
+        rows = regression.extended[joint]
+        matrix, places = rows.matrix, rows.columns
         column = list(places).index(names.index(f"Fc{joint + 1}"))
         expected = motion.rows(motion.slip[:, [joint]])[motion.kept[:, joint], 0]
         np.testing.assert_allclose(matrix[:, column], expected)

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from idim_iv_ros.diagnosis import tracked_stages as module
+from idim_iv_ros.diagnosis import tracking as module
 from idim_iv_ros.diagnosis.tracking import Tracking
 
 

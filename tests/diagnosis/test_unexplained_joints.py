@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.localisation.unexplained_joints import unexplained_joints
+from bags.simulated_arms import arm2
+from idim_iv_ros.diagnosis import sentences
+from idim_iv_ros.diagnosis.localisation.unexplained import unexplained_residual
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import Stage
 from tests.estimation.test_simulated_arms import recorded
-from tests.simulated_arms import arm2
 
 
 @pytest.fixture(scope="module")
@@ -26,12 +27,12 @@ def said(data: Baseline, shares: tuple[float, float], noise: float | None) -> st
         for name, values in (("given", torque), ("last", missed))
     ]
     floors = [NoiseFloor(None if noise is None else noise * each, "repeats", "") for each in missed]
-    return unexplained_joints(data, stages, floors)
+    return sentences.unexplained_residual(data, unexplained_residual(data, stages, floors))
 
 
 def test_joints_that_miss_much_are_listed_the_worst_first(data: Baseline) -> None:
     text = said(data, (0.2, 0.5), 0.1)
-    assert text.startswith("Still unexplained: ")
+    assert text.startswith("Unexplained residual: ")
     assert text.index("joint_2 (50 % of its torque") < text.index("joint_1 (20 % of its torque")
     assert "N m" in text
 

@@ -3,7 +3,8 @@
 import pytest
 
 from idim_iv_ros.diagnosis.result import Cause, Evidence, Gap, JointGap, Unexplained, Verdict
-from idim_iv_ros.diagnosis.verdict import summary_of, verdict_of
+from idim_iv_ros.diagnosis.sentences import summary
+from idim_iv_ros.diagnosis.verdict import verdict_of
 
 REST = Unexplained("joint_2", "velocity", 0.37, "joint_2: a curve")
 GAPS = [
@@ -48,25 +49,27 @@ def test_verdict_and_what_its_summary_says(
     causes: list[Cause], rest: Unexplained | None, word: Verdict
 ) -> None:
     assert verdict_of(causes, rest) == word
-    text = summary_of(word, causes, rest, GAPS, ())
+    text = summary(word, causes, rest, GAPS, ())
     assert text.startswith("The nominal model misses 12.3 % of the torque at joint_2")
     assert ("than chance" in text) == (word == "none")
     for each in causes:
         assert each.sentence[1:] + "." in text
-    assert ("Not in the catalogue: joint_2: a curve; it holds 37 %" in text) == (rest is not None)
+    assert ("Not in the catalogue: joint_2: a curve; it explains 37 %" in text) == (
+        rest is not None
+    )
     assert "\n" not in text
     assert "Left out" not in text
 
 
 def test_the_share_of_events_is_said_once_and_not_of_another_model() -> None:
     bang = Unexplained("joint_2", "event", 0.37, "joint_2: 1 % of the samples hold 37 %")
-    text = summary_of("unknown", [], bang, GAPS, ())
+    text = summary("unknown", [], bang, GAPS, ())
     assert text.count("37 %") == 1
     assert "refit" not in text
 
 
 def test_without_a_given_model_the_gap_is_that_of_the_refit() -> None:
-    text = summary_of("none", [], None, GAPS, (), model="refit")
+    text = summary("none", [], None, GAPS, (), model="refit")
     assert text.startswith("The refit misses 12.3 % of the torque at joint_2")
 
 
@@ -75,15 +78,14 @@ def test_much_that_stays_is_not_nothing() -> None:
     assert verdict_of([], None, parameters=True) == "parametric"
     assert verdict_of([], None, parameters=True, unexplained=True) == "unknown"
     assert verdict_of([STRIBECK], None, unexplained=True) == "structural"
-    numbers = "Given numbers are wrong: new ones take the gap from 2 to 1 N m at joint_1."
-    text = summary_of("unknown", [], None, GAPS, (), "Still unexplained.", numbers=numbers)
-    assert text.endswith(f"{numbers} Still unexplained.")
+    text = summary("unknown", [], None, GAPS, (), remaining="Errors.", residual="Unexplained.")
+    assert text.endswith("Errors. Unexplained.")
     assert "than chance" not in text
 
 
 def test_what_was_left_out_is_said_and_a_missing_given_model_is_not() -> None:
     no_model = [JointGap("joint_1", 0.5, None, 1.0, None, "lower bound")]
-    text = summary_of("none", [], None, no_model, ("stribeck", "payload"))
+    text = summary("none", [], None, no_model, ("stribeck", "payload"))
     assert "nominal model" not in text
     assert text.endswith("Left out of the catalogue on request: stribeck, payload.")
-    assert summary_of("none", [], None, [], ())
+    assert summary("none", [], None, [], ())

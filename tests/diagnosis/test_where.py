@@ -4,12 +4,18 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
-from idim_iv_ros.diagnosis.localisation.regimes import in_words, joined, lifts, regimes_of
-from idim_iv_ros.diagnosis.localisation.residual_split import Axis, axes_of, bands, split
-from idim_iv_ros.diagnosis.refit.motion_at_rows import MotionAtRows
+from idim_iv_ros.diagnosis.localisation.residual_split import (
+    Axis,
+    MotionAtRows,
+    axes_of,
+    bands,
+    since_reversal,
+    split,
+)
+from idim_iv_ros.diagnosis.localisation.where import Finding, joined, lifts, regimes_of
 from idim_iv_ros.diagnosis.refit.noise_floor import difference_energy, find_repeats
-from idim_iv_ros.diagnosis.refit.since_reversal import since_reversal
 from idim_iv_ros.diagnosis.result import Regime
+from idim_iv_ros.diagnosis.sentences import finding
 from idim_iv_ros.recording import SessionPart
 
 
@@ -57,7 +63,7 @@ def test_energy_in_one_bin_is_found_there() -> None:
     assert found[0].low == 0.0
     best = joined(found)
     assert best is not None
-    sentence = in_words(best, parts.edges, ())
+    sentence = finding(Finding(best, True, False, False, 0.0), ())
     assert sentence.startswith("joint_2, below 0.1 rad/s: ")
     assert " % of the gap in 10 % of the samples" in sentence
     assert energy.sum() == pytest.approx(1.0)
@@ -150,7 +156,7 @@ def test_a_stretch_of_time_lies_in_recordings_that_are_named(recordings: int) ->
     parted = split(axis, residual, time_blocks(which, np.tile(np.arange(rows), recordings), 100.0))
     best = joined(regimes_of("joint_2", parted, "s"))
     assert best is not None
-    sentence = in_words(best, parted.edges, parts)
+    sentence = finding(Finding(best, False, True, False, 0.0), parts)
     assert f"s of run{recordings - 1}.mcap: " in sentence
     assert "session" not in sentence
     if recordings < 4:

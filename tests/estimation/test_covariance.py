@@ -3,13 +3,13 @@ import pytest
 from linearmodels.iv import IV2SLS
 from scipy.signal import lfilter
 
+from idim_iv_ros.errors import DataError
 from idim_iv_ros.estimation.covariance import (
-    AutocorrelatedBlock,
     AutocorrelatedCovariance,
-    JointBlock,
     RefinedCovariance,
     WhiteCovariance,
 )
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals.autoregression import AutoregressiveModel
 
 B = 5
@@ -25,6 +25,13 @@ def two_joints():
     return columns, instruments, regressors
 
 
+def joint(x, z, places, positions=None) -> JointRows:
+    """Rows whose torque plays no part."""
+    return JointRows(
+        x, np.zeros(len(x)), places, position=positions, instrument_matrix=None if z is x else z
+    )
+
+
 def stacked(parts, columns, weights):
     wide = np.zeros((sum(map(len, parts)), B))
     row = 0
@@ -36,16 +43,15 @@ def stacked(parts, columns, weights):
 
 def test_white_covariance_is_the_formula_on_the_stacked_weighted_rows(two_joints):
     columns, instruments, regressors = two_joints
-    sigmas = (0.5, 4.0)
-    blocks = [
-        JointBlock(x, z, places, sigma)
-        for x, z, places, sigma in zip(regressors, instruments, columns, sigmas, strict=True)
+    sigmas = np.array([0.5, 4.0])
+    rows = [
+        joint(x, z, places) for x, z, places in zip(regressors, instruments, columns, strict=True)
     ]
     z = stacked(instruments, columns, [1 / s for s in sigmas])
     x = stacked(regressors, columns, [1 / s for s in sigmas])
     bread = np.linalg.inv(z.T @ x)
-    np.testing.assert_allclose(WhiteCovariance(blocks, B).matrix, bread @ z.T @ z @ bread.T)
-    np.testing.assert_allclose(RefinedCovariance(blocks, B).matrix, np.linalg.inv(z.T @ z))
+    np.testing.assert_allclose(WhiteCovariance(rows, sigmas, B).matrix, bread @ z.T @ z @ bread.T)
+    np.testing.assert_allclose(RefinedCovariance(rows, sigmas, B).matrix, np.linalg.inv(z.T @ z))
 
 
 def test_white_covariance_equals_that_of_linearmodels():
@@ -55,19 +61,21 @@ def test_white_covariance_equals_that_of_linearmodels():
     y = x @ np.ones(B) + rng.standard_normal(400)
     oracle = IV2SLS(y, None, x, z).fit(cov_type="unadjusted")
     sigma = float(np.sqrt(oracle.s2))
-    actual = WhiteCovariance([JointBlock(x, z, np.arange(B), sigma)], B).matrix
+    actual = WhiteCovariance([joint(x, z, np.arange(B))], np.array([sigma]), B).matrix
     np.testing.assert_allclose(actual, np.asarray(oracle.cov), rtol=1e-9, atol=1e-15)
 
 
 def test_a_white_residual_makes_the_sandwich_the_white_covariance(two_joints):
     columns, instruments, regressors = two_joints
-    white, coloured = [], []
-    for x, z, places, sigma in zip(regressors, instruments, columns, (0.5, 4.0), strict=True):
-        white.append(JointBlock(x, z, places, sigma))
-        model = AutoregressiveModel(np.zeros(0), sigma**2)
-        coloured.append(AutocorrelatedBlock(x, z, places, sigma, model, np.arange(len(x))))
+    sigma = np.array([0.5, 4.0])
+    rows = [
+        joint(x, z, places, np.arange(len(x)))
+        for x, z, places in zip(regressors, instruments, columns, strict=True)
+    ]
+    models = [AutoregressiveModel(np.zeros(0), each**2) for each in sigma]
     np.testing.assert_allclose(
-        AutocorrelatedCovariance(coloured, B).matrix, WhiteCovariance(white, B).matrix
+        AutocorrelatedCovariance(rows, sigma, models, B).matrix,
+        WhiteCovariance(rows, sigma, B).matrix,
     )
 
 
@@ -83,18 +91,16 @@ def test_sandwich_is_the_scatter_of_the_estimates_where_the_white_one_is_too_sma
     noise = lfilter([1.0], [1.0, -0.9], rng.standard_normal((n_grid + 200, 3000)), axis=0)[200:]
     errors = np.linalg.solve(z.T @ x, z.T @ noise[positions])
     scatter = errors.std(axis=1)
-    sigma = np.sqrt(model.variance)
-    coloured = AutocorrelatedCovariance(
-        [AutocorrelatedBlock(x, z, np.arange(B), sigma, model, positions)], B
-    )
-    white = WhiteCovariance([JointBlock(x, z, np.arange(B), sigma)], B)
-    np.testing.assert_allclose(np.sqrt(np.diag(coloured.matrix)), scatter, rtol=0.05)
+    sigma = np.array([np.sqrt(model.variance)])
+    rows = [joint(x, z, np.arange(B), positions)]
+    sandwich = AutocorrelatedCovariance(rows, sigma, [model], B)
+    white = WhiteCovariance(rows, sigma, B)
+    np.testing.assert_allclose(np.sqrt(np.diag(sandwich.matrix)), scatter, rtol=0.05)
     assert np.all(np.sqrt(np.diag(white.matrix)) < scatter / 2)
 
 
 def test_undetermined_parameters_are_refused():
     z = np.ones((50, 2))
-    with pytest.raises(np.linalg.LinAlgError):
-        _ = WhiteCovariance([JointBlock(z, z, np.arange(2), 1.0)], 2).matrix
-    with pytest.raises(np.linalg.LinAlgError):
-        _ = WhiteCovariance([JointBlock(z[:1], z[:1], np.arange(2), 1.0)], 2).matrix
+    for rows in (z, z[:1]):
+        with pytest.raises(DataError, match="do not determine all parameters"):
+            _ = WhiteCovariance([joint(rows, rows, np.arange(2))], np.ones(1), 2).matrix

@@ -3,8 +3,7 @@
 import numpy as np
 import statsmodels.api as sm
 
-from idim_iv_ros.estimation import essential_parameters
-from idim_iv_ros.estimation.essential import restrict
+from idim_iv_ros.estimation.essential import essential_parameters, restrict
 
 
 def regression(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from bags import simulated_arms
+from bags.simulated_arms import CONFIG
 from idim_iv_ros import IdentificationResult, check, identify, load_configuration
 from idim_iv_ros.cli.identify import print_verdict
 from idim_iv_ros.recording import JointTopic, read, write_bag
 from idim_iv_ros.report import report_html
-from tests import simulated_arms
 from tests.report.test_html import Page
-from tests.simulated_arms import CONFIG
 
 JOINTS = ["joint_1", "joint_2"]
 LENGTH = 80  # samples at 1 kHz

@@ -5,36 +5,30 @@ import pytest
 import statsmodels.api as sm
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.estimation import (
-    ObservationRows,
+from idim_iv_ros.estimation.covariance import WhiteCovariance
+from idim_iv_ros.estimation.least_squares import (
     condition_number,
     solve_instrumental_variables,
     solve_least_squares,
-    solve_weighted_least_squares,
-    triangles_of_rows,
     unseen_parameters,
-    white_covariance,
 )
+from idim_iv_ros.estimation.rows import JointRows, with_instruments
 
 TRUTH = np.array([2.0, -1.0, 0.5])
 
 
-def rows(noise=(0.1, 2.0), samples=400, seed=0) -> list[ObservationRows]:
+def rows(noise=(0.1, 2.0), samples=400, seed=0) -> list[JointRows]:
     """Joint 1 sees parameters 0 and 1, joint 2 sees 1 and 2; joint 2 is noisier."""
     random = np.random.default_rng(seed)
     found = []
     for joint, columns in enumerate(([0, 1], [1, 2])):
         matrix = random.normal(size=(samples, 2))
         torque = matrix @ TRUTH[columns] + noise[joint] * random.normal(size=samples)
-        found.append(
-            ObservationRows(
-                joint, np.array(columns), matrix, torque, (slice(0, samples),), np.arange(samples)
-            )
-        )
+        found.append(JointRows(matrix, torque, np.array(columns), (slice(0, samples),)))
     return found
 
 
-def dense(found: list[ObservationRows]) -> tuple[np.ndarray, np.ndarray]:
+def dense(found: list[JointRows]) -> tuple[np.ndarray, np.ndarray]:
     blocks = []
     for joint in found:
         block = np.zeros((len(joint), 3))
@@ -47,17 +41,17 @@ def test_ordinary_least_squares_is_that_of_statsmodels() -> None:
     found = rows()
     matrix, torque = dense(found)
     expected = sm.OLS(torque, matrix).fit().params
-    np.testing.assert_allclose(solve_least_squares(found, 3).values, expected)
+    np.testing.assert_allclose(solve_least_squares(found, 3, weighted=False).values, expected)
 
 
 def test_weighted_least_squares_is_that_of_statsmodels_with_the_same_weights() -> None:
     found = rows()
     matrix, torque = dense(found)
-    estimate = solve_weighted_least_squares(found, 3)
+    estimate = solve_least_squares(found, 3)
     sigma = np.repeat(estimate.sigma, 400)
     reference = sm.WLS(torque, matrix, weights=1.0 / sigma**2).fit(cov_type="fixed scale")
     np.testing.assert_allclose(estimate.values, reference.params, rtol=1e-4)
-    covariance = white_covariance(triangles_of_rows(found), 3, estimate.sigma)
+    covariance = WhiteCovariance(found, estimate.sigma, 3).matrix
     np.testing.assert_allclose(covariance, reference.normalized_cov_params, rtol=1e-6)
 
 
@@ -65,8 +59,8 @@ def test_weights_use_the_quiet_joint() -> None:
     errors = np.array(
         [
             [
+                solve_least_squares(rows(seed=seed), 3, weighted=False).values[1] - TRUTH[1],
                 solve_least_squares(rows(seed=seed), 3).values[1] - TRUTH[1],
-                solve_weighted_least_squares(rows(seed=seed), 3).values[1] - TRUTH[1],
             ]
             for seed in range(30)
         ]
@@ -81,29 +75,26 @@ def test_instruments_remove_the_bias_of_noisy_regressors() -> None:
     clean = random.normal(size=(samples, 2))
     noisy = clean + 0.5 * random.normal(size=(samples, 2))
     torque = clean @ TRUTH[:2] + 0.1 * random.normal(size=samples)
-    found = [
-        ObservationRows(0, np.arange(2), noisy, torque, (slice(0, samples),), np.arange(samples))
-    ]
-    biased = solve_least_squares(found, 2).values
-    estimate = solve_instrumental_variables(found, [clean], 2, np.ones(1))
+    found = [JointRows(noisy, torque, np.arange(2), (slice(0, samples),))]
+    biased = solve_least_squares(found, 2, weighted=False).values
+    estimate = solve_instrumental_variables(with_instruments(found, [clean]), 2, np.ones(1))
     assert np.all(np.abs(biased) < 0.85 * np.abs(TRUTH[:2]))  # attenuation 1 / 1.25
     np.testing.assert_allclose(estimate.values, TRUTH[:2], atol=0.05)
 
 
 def test_instruments_equal_to_the_regressor_give_least_squares() -> None:
     found = rows()
-    weighted = solve_weighted_least_squares(found, 3)
-    estimate = solve_instrumental_variables(
-        found, [joint.matrix for joint in found], 3, weighted.sigma
-    )
+    weighted = solve_least_squares(found, 3)
+    same = with_instruments(found, [joint.matrix.copy() for joint in found])
+    estimate = solve_instrumental_variables(same, 3, weighted.sigma)
     np.testing.assert_allclose(estimate.values, weighted.values, rtol=1e-5)
 
 
 def test_dependent_columns_are_named_not_solved() -> None:
     found = rows()
     found[1].matrix[:, 1] = 0.0
-    assert unseen_parameters(triangles_of_rows(found), 3) == [2]
-    assert condition_number(triangles_of_rows(rows()), 3) < 3.0
+    assert unseen_parameters(found, 3) == [2]
+    assert condition_number(rows(), 3) < 3.0
 
 
 def test_fewer_rows_than_parameters_are_refused() -> None:

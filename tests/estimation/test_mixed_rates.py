@@ -6,17 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros import identify_recordings
-from idim_iv_ros.diagnosis.refit.baseline import baseline
+from idim_iv_ros.diagnosis.refit.baseline import baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import REPEATS, noise_floors, repeats_of
-from idim_iv_ros.diagnosis.refit.regression_rows import smooth_regression
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.tracking import simulated_tracking
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.identification.prepare import prepare
 from idim_iv_ros.recording import Recording, Signal
 from tests.estimation.test_simulated_arms import off_by, recorded, truth_of
-from tests.simulated_arms import SimulatedArm, arm2
 
 FAST, SLOW = 1000.0, 250.0
 

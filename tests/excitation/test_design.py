@@ -16,7 +16,7 @@ from idim_iv_ros.excitation import (
 )
 from idim_iv_ros.excitation.cost import ExcitationCost
 from idim_iv_ros.excitation.fourier import FourierBasis
-from idim_iv_ros.excitation.heights import moving_frames
+from idim_iv_ros.excitation.limit_use import moving_frames
 from idim_iv_ros.excitation.search import Search
 from tests.excitation.conftest import FLOOR, SETTINGS
 from tests.excitation.independent import assert_limits_hold, assert_signals_agree, lowest, torques

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import BPoly
 
-from idim_iv_ros.effects.catalogue import EFFECTS as CATALOGUE
+from idim_iv_ros.effects.registry import EFFECTS as CATALOGUE
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation import design_diagnosis, motion_limits
-from idim_iv_ros.excitation.loop_bandwidth import loop_bandwidth
-from idim_iv_ros.excitation.segment import EFFECTS, NOT_REVEALED
-from idim_iv_ros.excitation.small_motions import multisine
+from idim_iv_ros.excitation.diagnosis import loop_bandwidth
+from idim_iv_ros.excitation.segments import EFFECTS, NOT_REVEALED, multisine
 from tests.excitation.independent import assert_limits_hold, assert_signals_agree
 
 

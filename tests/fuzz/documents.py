@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from idim_iv_ros.effects.catalogue import EFFECTS
-from idim_iv_ros.simulation.effects import PARAMETERS
+from idim_iv_ros.effects.registry import BY_NAME, EFFECTS
 from tests.fuzz.case import Case, Good, Yaml, random_of, simulation, spelt, write_configuration
+from tests.gap_files import gap_content
 
 _NUMBERS = ("0", "-1", "1e300", "-1e300", "1e-300", "NaN", "Infinity", "1" + "0" * 400, "null",
             '"1"', "true", "[]", "{}", "0.5", "1e10")  # fmt: skip
@@ -41,11 +41,10 @@ def _document_case(name: str, text: Callable[[Good], str]) -> Case:
 def _effect_case(name: str, effect: str, seed: int) -> Case:
     def text(good: Good) -> str:
         random = random_of(seed, name)
-        names = [each.replace("_k", "_1") for each in PARAMETERS.get(effect, ("a",))]
+        names = [spec.name.replace("_k", "_1") for spec in BY_NAME[effect].specs] or ["a"]
         wrong = random.choice(names)
         entries = {
-            each: {"value": Yaml(str(random.choice(_NUMBERS)) if each == wrong else "0.5")}
-            for each in names
+            each: Yaml(str(random.choice(_NUMBERS)) if each == wrong else "0.5") for each in names
         }
         cause = {
             "effect": effect,
@@ -53,22 +52,18 @@ def _effect_case(name: str, effect: str, seed: int) -> Case:
             "other_joint": random.choice([None, "joint_1", "joint_2"]),
             "parameters": entries,
         }
-        return spelt(_gap([cause]))
+        return spelt(gap_content(cause))
 
     return _document_case(name, text)
 
 
-def _gap(causes: Any, parameters: Any = None) -> dict[str, Any]:
-    return {
-        "format": "idim_iv_ros/gap/1",
-        "causes": causes,
-        "extended_parameters": {} if parameters is None else parameters,
-    }
+def _gap(parameters: Any = None, **changes: Any) -> str:
+    return spelt(gap_content(parameters=parameters) | changes)
 
 
 def _one(**values: Any) -> str:
     cause = {"effect": "stribeck", "joint": "joint_1", "parameters": {}}
-    return spelt(_gap([{**cause, **values}]))
+    return spelt(gap_content({**cause, **values}))
 
 
 _DOCUMENTS = {
@@ -85,29 +80,29 @@ _DOCUMENTS = {
     "result-json": '{"format": "idim_iv_ros/identification/1", "parameters": []}',
     "format-as-list": '{"format": ["idim_iv_ros/gap/1"]}',
     "no-causes": '{"format": "idim_iv_ros/gap/1"}',
-    "causes-mapping": spelt(_gap({})),
-    "causes-numbers": spelt(_gap([1, 2])),
+    "causes-mapping": _gap(causes={}),
+    "causes-numbers": _gap(causes=[1, 2]),
     "no-parameters": '{"format": "idim_iv_ros/gap/1", "causes": []}',
-    "parameters-list": spelt(_gap([], [1])),
-    "unknown-parameter": spelt(_gap([], {"[bold]X": {"value": 1}})),
-    "huge-parameter": spelt(_gap([], {"YY1": {"value": 1e308}})),
-    "huge-integer-parameter": spelt(_gap([], {"YY1": {"value": Yaml("1" + "0" * 400)}})),
-    "nan-parameter": spelt(_gap([], {"YY1": {"value": Yaml("NaN")}})),
-    "overflowing-parameter": spelt(_gap([], {"YY1": {"value": Yaml("1e999")}})),
-    "negative-inertia": spelt(_gap([], {"YY1": {"value": -9}, "YY2": {"value": -9}})),
-    "zero-inertia": spelt(_gap([], {name: {"value": 0} for name in ("YY2", "Ia2", "MX2")})),
-    "negative-friction": spelt(_gap([], {"Fc1": {"value": -50}, "Fv1": {"value": -500}})),
-    "huge-friction": spelt(_gap([], {"Fc1": {"value": 1e200}, "Fv1": {"value": 1e200}})),
-    "text-value": spelt(_gap([], {"YY1": {"value": "1"}})),
-    "no-value": spelt(_gap([], {"YY1": {}})),
+    "parameters-list": _gap(extended_parameters=[1]),
+    "unknown-parameter": _gap({"[bold]X": 1}),
+    "huge-parameter": _gap({"YY1": 1e308}),
+    "huge-integer-parameter": _gap({"YY1": Yaml("1" + "0" * 400)}),
+    "nan-parameter": _gap({"YY1": Yaml("NaN")}),
+    "overflowing-parameter": _gap({"YY1": Yaml("1e999")}),
+    "negative-inertia": _gap({"YY1": -9, "YY2": -9}),
+    "zero-inertia": _gap(dict.fromkeys(("YY2", "Ia2", "MX2"), 0)),
+    "negative-friction": _gap({"Fc1": -50, "Fv1": -500}),
+    "huge-friction": _gap({"Fc1": 1e200, "Fv1": 1e200}),
+    "text-value": _gap({"YY1": "1"}),
+    "no-value": _gap(extended_parameters={"YY1": {}}),
     "effect-unknown": _one(effect="[red]magic"),
     "effect-number": _one(effect=3),
     "effect-missing": _one(effect=None),
     "joint-unknown": _one(joint="none"),
     "joint-missing": _one(joint=None),
     "joint-list": _one(joint=["joint_1"]),
-    "parameters-of-another": _one(parameters={"stiffness": {"value": 1}}),
-    "many-causes": spelt(_gap([json.loads(_one())["causes"][0]] * 2000)),
+    "parameters-of-another": _one(parameters={"stiffness": 1}),
+    "many-causes": _gap(causes=json.loads(_one())["causes"] * 2000),
 }  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from idim_iv_ros.recording.bags.channel import TopicChannel
+from idim_iv_ros.recording.writing.write import TopicChannel
 from tests.fuzz.case import JOINTS, Good
 from tests.recording.bag_writer import STORE, TYPES, joint_state
 

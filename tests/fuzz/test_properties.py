@@ -9,12 +9,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import IdimError
 from idim_iv_ros.excitation import read_trajectory
 from idim_iv_ros.excitation.fourier import FourierBasis
+from idim_iv_ros.files import read_text
 from idim_iv_ros.report import numerals
-from idim_iv_ros.simulators.extended_model import read_extended_model
-from idim_iv_ros.text_file import read_text
+from tests.gap_files import gap_content
 
 _ANY = st.one_of(st.none(), st.floats())
 # The same examples in every run: a failure is of the change that is tested, not of the day.
@@ -63,14 +64,16 @@ _JSON = st.recursive(
 @_SAME
 @given(causes=_JSON, parameters=_JSON, value=_JSON)
 def test_any_json_is_a_diagnosis_or_one_line(causes, parameters, value, tmp_path: Path) -> None:
-    cause = {"effect": "stribeck", "joint": causes, "parameters": {"level": {"value": value}}}
+    path = tmp_path / "gap.json"
     for document in (
         {"causes": causes, "extended_parameters": parameters},
-        {"causes": [cause], "extended_parameters": {"YY1": {"value": value}}},
+        gap_content(
+            {"effect": "stribeck", "joint": causes, "parameters": {"level": value}},
+            parameters={"YY1": value},
+        ),
     ):
-        path = tmp_path / "gap.json"
-        path.write_text(json.dumps({"format": "idim_iv_ros/gap/1", **document}))
-        _refused_or_read(read_extended_model, path)
+        path.write_text(json.dumps({**gap_content(), **document}))
+        _refused_or_read(GapResult.read, path)
 
 
 @_SAME

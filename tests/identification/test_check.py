@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bags.simulated_arms import arm2, record
 from idim_iv_ros.identification.check import check, count_reversals
 from idim_iv_ros.recording import JointTopic, write_bag
-from tests.simulated_arms import arm2, record
 
 REST = 8.0  # s
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from bags.simulated_arms import arm6
 from idim_iv_ros.cli.identify import print_next, print_parameters, print_remarks, print_verdict
+from idim_iv_ros.identification.assembly import moved
 from idim_iv_ros.identification.result import IMPOSSIBLE, NOT_SIGNIFICANT, IdentificationResult
 from idim_iv_ros.model import build_inverse_model
-from idim_iv_ros.report.html import report_html
-from idim_iv_ros.report.json_result import result_document
+from idim_iv_ros.report import report_html
 from idim_iv_ros.statistics import OverallVerdict
 from tests.report.sample_result import sample_result
-from tests.simulated_arms import arm6
 
 
 def with_value(value: float, std: float, non_negative: bool) -> IdentificationResult:
@@ -57,11 +57,11 @@ def test_a_value_says_why_not_to_rely_on_it(
     value: float, std: float, non_negative: bool, remark: str
 ) -> None:
     result = with_value(value, std, non_negative)
-    parameter = result_document(result)["parameters"][0]
+    parameter = result.to_document()["parameters"][0]
     assert (parameter["remark"], parameter["essential_remark"]) == (remark, remark)
     (line,) = [line for line in printed(result).splitlines() if "FvX" in line]
     html = report_html(result)
-    row = html[html.index(">FvX<") :].split("</tr>")[0]
+    row = html[html.index(">FvX<", html.index('<section id="parameters"')) :].split("</tr>")[0]
     for each in (IMPOSSIBLE, NOT_SIGNIFICANT):
         assert (each in line) == (each == remark)
         assert (each in row) == (each == remark)
@@ -100,8 +100,8 @@ def test_sums_of_masses_inertias_and_friction_may_not_be_negative() -> None:
 
 def test_a_model_error_names_the_next_command_with_its_arguments() -> None:
     result = sample_result()
-    wrong = replace(result, verdict=OverallVerdict("model error here", "The model is wrong."))
-    right = replace(result, verdict=OverallVerdict("stands", "Fine."))
+    wrong = replace(result, verdict=OverallVerdict("misspecified", "The model is wrong."))
+    right = replace(result, verdict=OverallVerdict("valid", "Fine."))
     for each, said in ((wrong, True), (right, False)):
         console = Console(file=io.StringIO(), width=40)
         print_next(console, each, [Path("run1.mcap"), Path("my runs/2.mcap")], Path("my.yaml"))
@@ -111,11 +111,24 @@ def test_a_model_error_names_the_next_command_with_its_arguments() -> None:
         assert (expected in text) == said
 
 
+@pytest.mark.parametrize(("deviations", "essential"), [(2.9, True), (3.1, True), (9.0, False)])
+def test_an_essential_parameter_that_whitening_moves_beyond_noise_is_named(
+    deviations: float, essential: bool
+) -> None:
+    result = sample_result(2, "coloured")
+    assert result.refined is not None
+    first, *others = result.refined.parameters
+    own = replace(result.parameters[0], essential=essential)
+    far = replace(first, value=own.value + deviations * float(np.hypot(own.std, first.std)))
+    named = moved((own, *result.parameters[1:]), (far, *others))
+    assert named == ((own.name,) if essential and deviations > 3.0 else ())
+
+
 def test_the_relative_error_of_each_joint_is_printed_and_saved() -> None:
     result = sample_result()
     errors = {result.joints[0]: 12.3456, result.joints[1]: None}
     result = replace(result, fit=replace(result.fit, joint_relative_error_percent=errors))
-    assert result_document(result)["fit"]["joint_relative_error_percent"] == errors
+    assert result.to_document()["fit"]["joint_relative_error_percent"] == errors
     console = Console(file=io.StringIO(), width=300)
     print_verdict(console, result)
     assert isinstance(console.file, io.StringIO)

@@ -6,8 +6,7 @@ import pytest
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import load_robot
-from idim_iv_ros.model.plausibility import judge_urdf
-from idim_iv_ros.model.urdf import MOVABLE
+from idim_iv_ros.model.urdf import MOVABLE, judge_urdf
 from idim_iv_ros.model.urdf_reader import read_urdf_text
 from tests.model.test_regressor import arm
 

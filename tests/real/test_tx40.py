@@ -138,4 +138,4 @@ def test_without_references_the_fallback_is_named_and_nothing_is_claimed(
     assert "smoothed" in result.instruments.source
     assert any("no reference is read" in sentence for sentence in result.controller)
     assert result.instruments.accepted is None
-    assert all(verdict.verdict == "cannot be told" for verdict in result.verdicts)
+    assert all(verdict.verdict == "inconclusive" for verdict in result.residuals)

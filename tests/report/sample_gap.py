@@ -20,9 +20,11 @@ from idim_iv_ros.diagnosis.result import (
     JointGap,
     NotTestable,
     Regime,
+    SimulationGap,
     Stage,
     TrackingSeries,
     Unexplained,
+    Where,
 )
 
 FloatArray = NDArray[np.float64]
@@ -86,8 +88,7 @@ def sample_gap(
             if case == "unknown"
             else None
         ),
-        joint_gaps=tuple(_joint_gap(each, floor, series) for each in series),
-        regimes=_regimes(series),
+        where=Where(tuple(_joint_gap(each, floor, series) for each in series), _regimes(series)),
         findings=(
             f"{names[1]}, below 0.05 rad/s, both directions: 61 % of the gap in 9 % of the samples",
             f"{names[-1]}, position 0.4 to 1.5 rad: 48 % of the gap in 31 % of the samples",
@@ -131,8 +132,10 @@ def with_first_joint_named(result: GapResult, name: str) -> GapResult:
     return replace(
         result,
         joints=(name, *result.joints[1:]),
-        joint_gaps=tuple(replace(each, joint=other(each.joint)) for each in result.joint_gaps),
-        regimes=tuple(replace(each, joint=other(each.joint)) for each in result.regimes),
+        where=Where(
+            tuple(replace(each, joint=other(each.joint)) for each in result.joint_gaps),
+            tuple(replace(each, joint=other(each.joint)) for each in result.regimes),
+        ),
         series=tuple(replace(each, joint=other(each.joint)) for each in result.series),
         tracking=tuple(replace(each, joint=other(each.joint)) for each in result.tracking),
         confusability=tuple(
@@ -205,58 +208,58 @@ def _causes(
     names: tuple[str, ...], case: Case, given: bool, floor: bool, tracking: bool
 ) -> tuple[Cause, ...]:
     level = NOISE if floor else None
-    moved = Gap(4.1e-4, 1.5e-4, None, 0.634, (0.52, 0.71)) if tracking else None
+    moved = SimulationGap(4.1e-4, 1.5e-4, None, 0.634, (0.52, 0.71)) if tracking else None
     payload = Cause(
-        "payload",
-        "parametric",
-        None,
-        None,
-        {
+        effect="payload",
+        kind="parametric",
+        joint=None,
+        other_joint=None,
+        parameters={
             "mass": EffectParameter(1.283, 0.021, "kg"),
             "centre_of_mass_x": EffectParameter(0.041, 0.003, "m"),
             "centre_of_mass_y": EffectParameter(-0.0007, 0.0031, "m"),
             "centre_of_mass_z": EffectParameter(0.102, 0.005, "m"),
         },
-        Evidence(3127.4, 1e-40, 0.91, "6 of 6"),
-        (),
-        _gap(1.46, 0.27, level),
-        moved,
-        "All joints: the simulator lacks a payload of 1.28 ± 0.04 kg at the last link; with it "
-        "the torque gap shrinks by 95 %.",
+        evidence=Evidence(3127.4, 1e-40, 0.91, "6 of 6"),
+        indistinguishable_from=(),
+        torque_gap=_gap(1.46, 0.27, level),
+        simulation_gap=moved,
+        sentence="All joints: the simulator lacks a payload of 1.28 ± 0.04 kg at the last link; "
+        "with it the torque gap shrinks by 95 %.",
     )
     stribeck = Cause(
-        "stribeck",
-        "structural",
-        names[1],
-        None,
-        {
+        effect="stribeck",
+        kind="structural",
+        joint=names[1],
+        other_joint=None,
+        parameters={
             "excess": EffectParameter(1.62, 0.07, "N m"),
             "speed": EffectParameter(0.121, 0.009, "rad/s"),
         },
-        Evidence(611.2, 3e-9, 0.47, "6 of 6"),
-        (
+        evidence=Evidence(611.2, 3e-9, 0.47, "6 of 6"),
+        indistinguishable_from=(
             Indistinguishable("presliding", names[1], 0.97),
             Indistinguishable("time_delay", names[1], 0.955),
         ),
-        _gap(0.62, 0.225, level),
-        moved,
-        f"{names[1]}: friction rises below 0.12 rad/s by 1.6 N m (Stribeck); with it 96 % of the "
-        "torque gap above the noise goes.",
+        torque_gap=_gap(0.62, 0.225, level),
+        simulation_gap=moved,
+        sentence=f"{names[1]}: friction rises below 0.12 rad/s by 1.6 N m (Stribeck); with it 96 % "
+        "of the torque gap above the noise goes.",
     )
     ripple = Cause(
-        "position_ripple",
-        "structural",
-        names[-1],
-        None,
-        {
+        effect="position_ripple",
+        kind="structural",
+        joint=names[-1],
+        other_joint=None,
+        parameters={
             "amplitude": EffectParameter(0.351, 0.012, "N m"),
             "wave_number_1": EffectParameter(18.02, 0.04, "1/rad"),
         },
-        Evidence(208.0, 4e-4, 0.31, "5 of 6"),
-        (),
-        _gap(0.33, 0.22, level),
-        None,
-        f"{names[-1]}: a torque ripple of 0.35 N m, 18 times a turn.",
+        evidence=Evidence(208.0, 4e-4, 0.31, "5 of 6"),
+        indistinguishable_from=(),
+        torque_gap=_gap(0.33, 0.22, level),
+        simulation_gap=None,
+        sentence=f"{names[-1]}: a torque ripple of 0.35 N m, 18 times a turn.",
     )
     structural = (stribeck, ripple)
     causes = {

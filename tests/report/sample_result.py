@@ -8,12 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.identification.result import (
     BagSummary,
     Fit,
     IdentificationResult,
     InstrumentReport,
+    JointResidual,
     JointSeries,
+    JointTests,
     ParameterEstimate,
     ProcessingSummary,
     Refined,
@@ -22,8 +25,6 @@ from idim_iv_ros.identification.result import (
 from idim_iv_ros.recording import ClockQuality, Note
 from idim_iv_ros.statistics import (
     HypothesisTest,
-    JointRows,
-    JointVerdict,
     OverallVerdict,
     ResidualDiagnosis,
     diagnose_residual,
@@ -95,11 +96,10 @@ def sample_result(joints: int = 6, case: Case = "coloured", seed: int = 1) -> Id
             ),
             notes=() if untested else ("gains scaled by 1, 1.32, 0.871",),
             tests=tests,
-            exogeneity=_exogeneity(names, case),
-            specification=_specification(names, case),
         ),
-        residuals=tuple(residuals),
-        verdicts=verdicts,
+        specification=JointTests(alpha=0.05, tests=_specification(names, case)),
+        exogeneity=JointTests(alpha=0.05, tests=_exogeneity(names, case)),
+        residuals=tuple(map(JointResidual.of, residuals, verdicts)),
         verdict=judge_all(verdicts, tests[0]),
         fit=Fit(
             relative_error_percent=6.4387,
@@ -137,14 +137,14 @@ def with_joint_name(result: IdentificationResult, name: str) -> IdentificationRe
         result.instruments,
         source=f"simulation of {name}",
         tests=tuple(_scoped(test, name, result) for test in result.instruments.tests),
-        exogeneity=tuple(_scoped(test, name, result) for test in result.instruments.exogeneity),
-        specification=tuple(
-            replace(test, scope=test.scope.replace(f"{result.joints[0]}:", f"{name}:"))
-            for test in result.instruments.specification
-        ),
     )
-    first = result.verdicts[0]
-    verdict = JointVerdict(name, first.verdict, f"{name}: {first.sentence.partition(': ')[2]}")
+    exogeneity = tuple(_scoped(test, name, result) for test in result.exogeneity.tests)
+    specification = tuple(
+        replace(test, scope=test.scope.replace(f"{result.joints[0]}:", f"{name}:"))
+        for test in result.specification.tests
+    )
+    first = result.residuals[0]
+    residual = replace(first, joint=name, sentence=f"{name}: {first.sentence.partition(': ')[2]}")
     return replace(
         result,
         robot=name,
@@ -152,8 +152,9 @@ def with_joint_name(result: IdentificationResult, name: str) -> IdentificationRe
         bags=tuple(replace(bag, path=f"/tmp/{name}.mcap") for bag in result.bags),
         configuration={"robot": {"joints": [name, *result.joints[1:]]}},
         instruments=instruments,
-        residuals=(replace(result.residuals[0], joint=name), *result.residuals[1:]),
-        verdicts=(verdict, *result.verdicts[1:]),
+        specification=replace(result.specification, tests=specification),
+        exogeneity=replace(result.exogeneity, tests=exogeneity),
+        residuals=(residual, *result.residuals[1:]),
         verdict=OverallVerdict(result.verdict.verdict, f"Look at {name}."),
         series=(replace(result.series[0], joint=name), *result.series[1:]),
         software={"python": name},
@@ -185,7 +186,7 @@ def _joint(
     cuts = np.flatnonzero(np.diff(time) > 0.03) + 1
     bounds = [0, *cuts, len(time)]
     runs = tuple(slice(a, b) for a, b in itertools.pairwise(bounds))
-    rows = JointRows(name, columns, columns, torque, np.arange(4), runs)
+    rows = JointRows(columns, torque, np.arange(4), runs, name)
     predicted: NDArray[np.float64] = columns @ beta
     return JointSeries(name, time, torque, predicted), diagnose_residual(rows, beta)
 
@@ -278,7 +279,14 @@ def _refined(
         ar_orders=tuple(residual.ar_order for residual in residuals),
         parameters=tuple(
             RefinedEstimate(
-                p.name, p.expression, p.unit, p.value + 0.4 * p.std, 0.8 * p.std, p.essential
+                name=p.name,
+                expression=p.expression,
+                unit=p.unit,
+                value=p.value + 0.4 * p.std,
+                std=0.8 * p.std,
+                essential=p.essential,
+                ls_value=p.ls_value,
+                given_value=p.given_value,
             )
             for p in parameters
         ),

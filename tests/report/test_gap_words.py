@@ -9,9 +9,12 @@ import pytest
 
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.effects.effect import in_words
-from idim_iv_ros.excitation.separation import separating_motion
+from idim_iv_ros.excitation.segments import separating_motion
+from idim_iv_ros.recording import SessionPart
 from idim_iv_ros.report import gap_report_html
-from idim_iv_ros.report.gap_sections.tracking import _drawing
+from idim_iv_ros.report.figures import typed
+from idim_iv_ros.report.gap_words import stage_words
+from idim_iv_ros.report.sections.tracking import tracking_figure
 from tests.report.sample_gap import sample_gap
 from tests.report.test_html import Page
 
@@ -20,17 +23,29 @@ def test_the_simulation_gap_is_drawn_by_itself_in_its_own_unit() -> None:
     series = sample_gap(2, "structural").tracking[0]
     assert series.before is not None
     assert series.after is not None
-    traces = _drawing(series, "mrad")["data"]
-    assert [trace["yaxis"] for trace in traces] == ["y", "y", "y", "y2", "y2"]
+    traces = tracking_figure(series, "mrad").data
+    assert [trace["yaxis"] for trace in traces] == ["y", "y2", "y", "y2", "y"]
+    assert traces[-1]["hovertemplate"].startswith("robot")
     largest = 1e3 * np.abs(series.measured - series.before).max()
-    lines = _drawing(replace(series, after=None), "mrad")["data"]
-    assert [trace["yaxis"] for trace in lines] == ["y", "y", "y2"]
-    assert "before − robot" in lines[2]["hovertemplate"]
-    assert np.abs(_numbers(lines[2]["y"])).max() == pytest.approx(largest, rel=1e-4)
+    lines = tracking_figure(replace(series, after=None), "mrad").data
+    assert [trace["yaxis"] for trace in lines] == ["y", "y2", "y"]
+    assert "before − robot" in lines[1]["hovertemplate"]
+    assert np.abs(_numbers(lines[1]["y"])).max() == pytest.approx(largest, rel=1e-4)
 
 
-def _numbers(packed: dict[str, str]) -> np.ndarray:
-    return np.frombuffer(base64.b64decode(packed["bdata"]), dtype=packed["dtype"])
+def test_packed_numbers_are_finer_than_a_screen_and_keep_their_breaks() -> None:
+    values = np.concatenate([np.linspace(-3.0, 7.0, 1001), [np.nan, 0.125]])
+    unpacked = _numbers(typed(values))
+    assert list(np.flatnonzero(np.isnan(unpacked))) == [1001]
+    np.testing.assert_allclose(unpacked, values, atol=10.0 / 65000.0)
+    np.testing.assert_array_equal(_numbers(typed(np.full(3, 2.5))), np.full(3, 2.5))
+    assert len(_numbers(typed(np.zeros(0)))) == 0
+
+
+def _numbers(packed: dict) -> np.ndarray:
+    """What the page's script makes of packed numbers."""
+    levels = np.frombuffer(base64.b64decode(packed["levels"]), dtype="<u2")
+    return np.where(levels == 65535, np.nan, packed["low"] + packed["step"] * levels)
 
 
 def test_the_models_that_are_simulated_are_named() -> None:
@@ -40,7 +55,7 @@ def test_the_models_that_are_simulated_are_named() -> None:
 
 
 def test_pauses_between_recordings_are_not_recorded() -> None:
-    result = replace(sample_gap(2, "none"), recorded=42.0)
+    result = replace(sample_gap(2, "none"), session=(SessionPart("a", 0.0, 42.0),))
     text = re.sub(r"\s+", " ", Page(gap_report_html(result)).text)
     assert "from 42.0 s of recording" in text
 
@@ -70,3 +85,18 @@ def test_notes_are_sentences_and_name_bags_as_they_are() -> None:
     text = re.sub(r"\s+", " ", Page(gap_report_html(result)).text)
     assert "Control law pd as configured." in text
     assert "session.mcap: something was left out." in text
+
+
+def test_stages_are_named_in_words() -> None:
+    assert stage_words("given") == "nominal model"
+    assert stage_words("+position_ripple[joint_2]") == "+ position ripple at joint_2"
+    assert stage_words("+payload") == "+ payload"
+    assert stage_words("+stribeck[a[1]]") == "+ stribeck at a[1]"
+
+
+def test_motions_that_separate_two_effects() -> None:
+    assert "creep and reversals" in separating_motion("stribeck", "presliding")
+    assert "payload of known mass" in separating_motion("torque_gain", "payload")
+    # Both are revealed by the same segments alone: these are named.
+    assert "multisine" in separating_motion("elasticity", "time_delay")
+    assert separating_motion("not", "known") == ""

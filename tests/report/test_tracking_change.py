@@ -5,7 +5,7 @@ import pytest
 
 from idim_iv_ros.diagnosis.result import Cause, GapResult, Stage
 from idim_iv_ros.report import gap_report_html
-from idim_iv_ros.report.tracking_change import tracking_change
+from idim_iv_ros.report.sections.causes import tracking_change
 from tests.report.sample_gap import sample_gap
 from tests.report.test_html import Page
 
@@ -27,15 +27,15 @@ def _words(result: GapResult) -> str:
     return re.sub(r"\s+", " ", Page(gap_report_html(result)).text)
 
 
-def test_wrong_numbers_have_the_tracking_error_of_given_model_and_refit() -> None:
+def test_parameter_errors_have_the_tracking_error_of_given_model_and_refit() -> None:
     result = _parametric("joint_2", *_ERRORS)
     text = _words(result)
     assert "no closed loop was" not in text
     assert "Tracking error, joint_2: 0.400 mrad → 0.0800 mrad" in text
-    assert "80 % of it goes; nominal model → refit, in which all" in text
+    assert "removes 80 % of the gap; nominal model → refit, in which all" in text
 
 
-def test_wrong_numbers_of_no_single_joint_have_that_of_all_joints() -> None:
+def test_parameter_errors_of_no_single_joint_have_that_of_all_joints() -> None:
     result = _parametric(None, *_ERRORS)
     gap = tracking_change(result, result.causes[0]).gap
     assert gap is not None

@@ -1,22 +1,24 @@
 import json
 import os
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from idim_iv_ros.errors import ReportWarning, UsageError
-from idim_iv_ros.formats import GAP, REPORT
-from idim_iv_ros.report import gap_html, html, require_writable, write_gap_report, write_report
+from idim_iv_ros.files import GAP, REPORT
+from idim_iv_ros.report import page, require_writable, write_gap_report, write_report
 from tests.report.sample_gap import sample_gap
 from tests.report.sample_result import sample_result
 
 
 def test_both_files_are_written_into_a_new_folder_and_nothing_else(tmp_path: Path) -> None:
     out = tmp_path / "a" / "b"
-    written, page = write_report(sample_result(1), out)
-    assert json.loads(written.read_text(encoding="utf-8"))["robot"] == "staubli_tx40"
-    assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    numbers, written = write_report(sample_result(1), out)
+    assert json.loads(numbers.read_text(encoding="utf-8"))["robot"] == "staubli_tx40"
+    assert written is not None
+    assert written.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert sorted(path.name for path in out.iterdir()) == ["report.html", "result.json"]
 
 
@@ -59,8 +61,8 @@ def test_a_disk_that_is_full_after_the_numbers_costs_the_page_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
     """And no page of an earlier result is left beside the new numbers."""
-    _, (numbers, page) = _written(command, tmp_path, 2)
-    assert page is not None
+    _, (numbers, written) = _written(command, tmp_path, 2)
+    assert written is not None
     before, calls = numbers.read_bytes(), []
 
     def full(_: int) -> None:
@@ -69,8 +71,8 @@ def test_a_disk_that_is_full_after_the_numbers_costs_the_page_alone(
             raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    lines, (numbers, page) = _written(command, tmp_path, 3)
-    assert page is None
+    lines, (numbers, written) = _written(command, tmp_path, 3)
+    assert written is None
     assert numbers.read_bytes() != before
     assert [path.name for path in tmp_path.iterdir()] == [numbers.name]
     (line,) = lines
@@ -82,22 +84,22 @@ def test_a_disk_that_is_full_after_the_numbers_costs_the_page_alone(
 def test_no_section_of_a_report_costs_a_result_nor_the_other_sections(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
-    module = {"identify": html, "diagnose": gap_html}[command]
-    for number, (title, anchor, _) in enumerate(module._SECTIONS):
-        sections = list(module._SECTIONS)
-        sections[number] = (title, anchor, _fails)
-        monkeypatch.setattr(module, "_SECTIONS", tuple(sections))
-        lines, (numbers, page) = _written(command, tmp_path / anchor, 2)
+    which = {"identify": "IDENTIFICATION", "diagnose": "DIAGNOSIS"}[command]
+    sections = getattr(page, which)
+    for number, section in enumerate(sections):
+        broken = replace(section, context=_fails)
+        monkeypatch.setattr(page, which, (*sections[:number], broken, *sections[number + 1 :]))
+        lines, (numbers, written) = _written(command, tmp_path / section.anchor, 2)
         assert json.loads(numbers.read_text(encoding="utf-8"))["robot"]
-        assert page is not None
-        text = page.read_text(encoding="utf-8")
+        assert written is not None
+        text = written.read_text(encoding="utf-8")
         assert text.count("negative elements") == 1
         assert f"All numbers are in {numbers.name}." in text
-        assert f'id="{anchor}"' in text
-        shown = [name for _, name, _ in module._SECTIONS if f'<section id="{name}"' in text]
+        shown = [each.anchor for each in sections if f'<section id="{each.anchor}"' in text]
+        assert section.anchor in shown
         assert len(shown) >= len(sections) - 1  # of a diagnosis, notes may be missing
         (line,) = lines
-        assert title in line
+        assert section.title in line
         monkeypatch.undo()
 
 

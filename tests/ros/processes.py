@@ -20,7 +20,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
-from idim_iv_ros.recording.bags.cdr_layout import read_layout
+from idim_iv_ros.recording.bags.cdr import read_layout
 from idim_iv_ros.recording.bags.folder import Bag
 
 ROOT = Path(__file__).resolve().parents[2]

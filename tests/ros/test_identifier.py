@@ -62,7 +62,7 @@ def test_service_answers_with_the_result_and_publishes_it_latched(served, truth)
     served.observer.until(lambda: "joint_2" in served.diagnostics, "the verdicts")
     for residual in result.residuals:
         level, sentence, _ = served.diagnostics[residual.joint]
-        wanted = {"stands": OK, "model error here": ERROR}.get(residual.verdict, WARN)
+        wanted = {"valid": OK, "misspecified": ERROR}.get(residual.verdict, WARN)
         assert (level, sentence) == (wanted, residual.sentence)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from idim_iv_interfaces.msg import BagClosed
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.confined_paths import confined, confined_bag
+from idim_iv_ros.nodes.identifier.job import confined, confined_bag
 from tests.ros.conftest import ARM2
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
-from idim_iv_ros.nodes.simulator.settings import SimulatorSettings
+from idim_iv_ros.nodes.simulator.node import SimulatorSettings
 from tests.ros.launch_file import launched_nodes
 from tests.ros.processes import ROOT
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.simulator.motion_plan import commanded
+from idim_iv_ros.nodes.simulator.playback import commanded
 
 RATE = 1000.0  # Hz
 JOINTS = ["a", "b"]

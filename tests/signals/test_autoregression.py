@@ -9,7 +9,7 @@ from idim_iv_ros.signals.autoregression import AutoregressiveModel, fit_autoregr
 AR4 = [-2.7607, 3.8106, -2.6535, 0.9238]  # the textbook AR(4) with two sharp resonances
 
 
-def coloured(seed, coefficients, n_rows, n_columns=None):
+def autocorrelated(seed, coefficients, n_rows, n_columns=None):
     shape = n_rows + 1000 if n_columns is None else (n_rows + 1000, n_columns)
     noise = np.random.default_rng(seed).standard_normal(shape)
     return lfilter([1.0], [1.0, *coefficients], noise, axis=0)[1000:]
@@ -27,14 +27,14 @@ def covariance_of(model, n_rows):
 
 @pytest.mark.parametrize("order", [1, 4, 12])
 def test_coefficients_are_those_of_statsmodels_burg(order):
-    series = coloured(0, AR4, 1500)
+    series = autocorrelated(0, AR4, 1500)
     model = fit_autoregression(series, whole(series), max_order=order)
     expected, _ = burg(series, model.order, demean=False)
     np.testing.assert_allclose(model.coefficients, -expected, rtol=1e-10, atol=1e-12)
 
 
 def test_known_model_is_recovered_with_its_order():
-    series = coloured(1, AR4, 20_000)
+    series = autocorrelated(1, AR4, 20_000)
     model = fit_autoregression(series, whole(series), max_order=4)
     assert model.order == 4
     np.testing.assert_allclose(model.coefficients, AR4, atol=0.02)
@@ -50,8 +50,10 @@ def test_aic_finds_white_noise_white_more_often_than_not():
 
 
 def test_whitened_rows_have_the_innovation_variance_from_the_first_row_on():
-    model = fit_autoregression(coloured(3, [-1.5, 0.7], 100_000), [slice(0, 100_000)], max_order=2)
-    series = coloured(4, [-1.5, 0.7], 6, 20_000)
+    model = fit_autoregression(
+        autocorrelated(3, [-1.5, 0.7], 100_000), [slice(0, 100_000)], max_order=2
+    )
+    series = autocorrelated(4, [-1.5, 0.7], 6, 20_000)
     white = model.whiten(series, [slice(0, 6)])
     np.testing.assert_allclose(white.var(axis=1), model.innovation_variance, rtol=0.06)
     correlation = np.corrcoef(white)
@@ -59,33 +61,33 @@ def test_whitened_rows_have_the_innovation_variance_from_the_first_row_on():
 
 
 def test_whitening_implies_a_stationary_covariance_of_the_stated_variance():
-    model = fit_autoregression(coloured(5, AR4, 3000), [slice(0, 3000)], max_order=8)
+    model = fit_autoregression(autocorrelated(5, AR4, 3000), [slice(0, 3000)], max_order=8)
     covariance = covariance_of(model, 60)
     np.testing.assert_allclose(covariance, toeplitz(covariance[0]), atol=1e-8 * model.variance)
     assert covariance[0, 0] == pytest.approx(model.variance)
 
 
 def test_each_run_is_whitened_as_if_it_were_alone():
-    model = fit_autoregression(coloured(6, AR4, 3000), [slice(0, 3000)], max_order=4)
+    model = fit_autoregression(autocorrelated(6, AR4, 3000), [slice(0, 3000)], max_order=4)
     rows = np.random.default_rng(7).standard_normal((50, 3))
-    runs = [slice(0, 2), slice(2, 30), slice(30, 31), slice(31, 50)]
-    expected = np.vstack([model.whiten(rows[run], whole(rows[run])) for run in runs])
-    np.testing.assert_allclose(model.whiten(rows, runs), expected)
-    np.testing.assert_allclose(model.whiten(rows[:, 0], runs), expected[:, 0])
+    segments = [slice(0, 2), slice(2, 30), slice(30, 31), slice(31, 50)]
+    expected = np.vstack([model.whiten(rows[run], whole(rows[run])) for run in segments])
+    np.testing.assert_allclose(model.whiten(rows, segments), expected)
+    np.testing.assert_allclose(model.whiten(rows[:, 0], segments), expected[:, 0])
 
 
 def test_a_break_between_runs_is_not_taken_for_a_sample():
-    pieces = [coloured(seed, [-0.95], 40) for seed in range(200)]
-    runs = [slice(40 * i, 40 * i + 40) for i in range(200)]
+    pieces = [autocorrelated(seed, [-0.95], 40) for seed in range(200)]
+    segments = [slice(40 * i, 40 * i + 40) for i in range(200)]
     series = np.concatenate(pieces)
-    model = fit_autoregression(series, runs, max_order=1)
+    model = fit_autoregression(series, segments, max_order=1)
     ignoring = fit_autoregression(series, whole(series), max_order=1)
     assert model.coefficients[0] == pytest.approx(-0.95, abs=0.01)
     assert abs(ignoring.coefficients[0] + 0.95) > 2 * abs(model.coefficients[0] + 0.95)
 
 
 def test_order_never_exceeds_what_short_runs_can_tell():
-    series = coloured(8, AR4, 600)
+    series = autocorrelated(8, AR4, 600)
     model = fit_autoregression(series, [slice(5 * i, 5 * i + 5) for i in range(120)])
     assert model.order <= 4
 
@@ -93,10 +95,10 @@ def test_order_never_exceeds_what_short_runs_can_tell():
 @pytest.mark.parametrize("n_rows", [0, 1, 2, 5])
 def test_almost_no_rows_give_a_white_model(n_rows):
     series = np.ones(n_rows)
-    runs = [slice(0, n_rows)] if n_rows else []
-    model = fit_autoregression(series, runs)
+    segments = [slice(0, n_rows)] if n_rows else []
+    model = fit_autoregression(series, segments)
     assert model.order == 0
-    np.testing.assert_array_equal(model.whiten(series, runs), series)
+    np.testing.assert_array_equal(model.whiten(series, segments), series)
 
 
 def test_a_vanishing_residual_is_white_without_variance():
@@ -121,26 +123,26 @@ def test_oversampled_residual_with_80_db_of_dynamic_range_is_whitened_stably():
     assert model.predictable_share > 1.0 - 1e-4
     assert np.abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.02
     assert white.var() == pytest.approx(model.innovation_variance, rel=1e-3)
-    back = model.colour_adjoint(np.eye(300, 2), np.arange(300))
+    back = model.shaping_adjoint(np.eye(300, 2), np.arange(300))
     covariance = model.innovation_variance * back.T @ back
     np.testing.assert_allclose(np.diag(covariance), model.variance, rtol=1e-6)
 
 
 def test_adjoint_gives_the_covariance_of_sums_over_rows_with_gaps():
-    model = fit_autoregression(coloured(10, AR4, 3000), [slice(0, 3000)], max_order=6)
+    model = fit_autoregression(autocorrelated(10, AR4, 3000), [slice(0, 3000)], max_order=6)
     rows = np.random.default_rng(11).standard_normal((70, 3))
     positions = np.r_[0:30, 41:61, 80:100]
     covariance = covariance_of(model, 100)[np.ix_(positions, positions)]
-    spread = model.colour_adjoint(rows, positions)
+    spread = model.shaping_adjoint(rows, positions)
     actual = model.innovation_variance * spread.T @ spread
     expected = rows.T @ covariance @ rows
     np.testing.assert_allclose(actual, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("length", [1, 5, 6, 7])
-def test_runs_no_longer_than_the_order_are_coloured_exactly(length):
+def test_runs_no_longer_than_the_order_are_autocorrelated_exactly(length):
     model = AutoregressiveModel(np.array([-0.9, 0.5, 0.3, -0.2, 0.1, 0.4]), 2.0)
-    spread = model.colour_adjoint(np.eye(length), np.arange(length))
+    spread = model.shaping_adjoint(np.eye(length), np.arange(length))
     actual = model.innovation_variance * spread.T @ spread
     np.testing.assert_allclose(actual, covariance_of(model, length), rtol=1e-10)
 
@@ -149,27 +151,27 @@ def test_recordings_far_apart_are_independent_and_cost_no_memory():
     model = AutoregressiveModel(np.array([-0.9]), 1.0)
     rows = np.random.default_rng(12).standard_normal((40, 2))
     positions = np.r_[0:20, 10**9 : 10**9 + 20]
-    spread = model.colour_adjoint(rows, positions)
-    alone = [model.colour_adjoint(part, np.arange(20)) for part in (rows[:20], rows[20:])]
+    spread = model.shaping_adjoint(rows, positions)
+    alone = [model.shaping_adjoint(part, np.arange(20)) for part in (rows[:20], rows[20:])]
     np.testing.assert_allclose(spread, np.vstack(alone))
 
 
-@pytest.mark.parametrize("runs", [[slice(0, 5)], [slice(0, 5), slice(4, 10)], [slice(2, 10)]])
-def test_runs_that_do_not_cover_the_rows_are_refused(runs):
-    with pytest.raises(ValueError, match="runs"):
-        fit_autoregression(np.ones(10), runs)
+@pytest.mark.parametrize("segments", [[slice(0, 5)], [slice(0, 5), slice(4, 10)], [slice(2, 10)]])
+def test_segments_that_do_not_cover_the_rows_are_refused(segments):
+    with pytest.raises(ValueError, match="segments"):
+        fit_autoregression(np.ones(10), segments)
 
 
 def test_positions_that_go_backward_are_refused():
     with pytest.raises(ValueError, match="increase"):
-        AutoregressiveModel(np.array([0.5]), 1.0).colour_adjoint(
+        AutoregressiveModel(np.array([0.5]), 1.0).shaping_adjoint(
             np.ones((3, 1)), np.array([0, 2, 1])
         )
 
 
 def test_white_noise_raises_the_density_everywhere_by_its_share():
     """Predictors against Yule-Walker of the covariance, which the impulse response gives."""
-    model = fit_autoregression(coloured(9, AR4, 5000), [slice(0, 5000)], max_order=4)
+    model = fit_autoregression(autocorrelated(9, AR4, 5000), [slice(0, 5000)], max_order=4)
     response = lfilter([1.0], [1.0, *model.coefficients], np.eye(1, 4000)[0])
     covariance = model.innovation_variance * np.array(
         [response[: 4000 - lag] @ response[lag:] for lag in range(5)]
@@ -186,7 +188,7 @@ def test_white_noise_raises_the_density_everywhere_by_its_share():
 
 
 def test_white_noise_bounds_what_the_past_predicts():
-    series = coloured(10, [-1.9, 0.95], 5000)
+    series = autocorrelated(10, [-1.9, 0.95], 5000)
     model = fit_autoregression(series, whole(series), max_order=2)
     assert model.predictable_share > 0.99
     assert model.with_white_noise(0.1).predictable_share < 0.91

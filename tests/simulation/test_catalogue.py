@@ -3,25 +3,36 @@
 import dataclasses
 import re
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.effects.catalogue import PARAMETRIC, STRUCTURAL
-from idim_iv_ros.effects.effect import OperatingRange, Place
+from idim_iv_ros.effects.backlash import BacklashShape
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape
+from idim_iv_ros.effects.elasticity import ShaftShape
+from idim_iv_ros.effects.encoder_eccentricity import DiscShape
+from idim_iv_ros.effects.friction_drift import DriftShape
+from idim_iv_ros.effects.joint_coupling import CouplingShape
+from idim_iv_ros.effects.load_dependent_friction import LoadShape
+from idim_iv_ros.effects.nonlinear_viscous import PowerShape
+from idim_iv_ros.effects.position_dependent_friction import TightSpot
+from idim_iv_ros.effects.presliding import BristleShape
+from idim_iv_ros.effects.registry import CAUSES, PARAMETRIC, STRUCTURAL
+from idim_iv_ros.effects.spring import BentShape, CubicShape
+from idim_iv_ros.effects.stribeck import StribeckShape
+from idim_iv_ros.effects.time_delay import DelayShape
+from idim_iv_ros.effects.torque_saturation import KneeShape
+from idim_iv_ros.effects.waves import Waves
 from idim_iv_ros.signals import ParallelDecimation
 from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, simulate_closed_loop
-from idim_iv_ros.simulation.effects import PARAMETERS, joint_effects
-from tests.simulated_arms import arm2
+from idim_iv_ros.simulation.effects import joint_effects
 
 BY_NAME = {effect.name: effect for effect in STRUCTURAL}
 JOINTS = ("joint_1", "joint_2")
 
-# Known to the simulator alone: nothing of these is a torque of the motion.
-SIMULATED_ONLY = {"controller_mismatch", "torque_gain"}
 # Constant parts of a law: the diagnosis has them as the base parameters' offsets.
 CONSTANTS = {"asymmetric_friction": {"offset"}, "spring": {"constant"}}
 
@@ -84,37 +95,22 @@ def simulated(effect, place, parameters):
     return SimulatedEffect(effect.name, JOINTS[place.joint], parameters, other)
 
 
-def not_simulated():
-    """Effects that docs/simulation.md lists as such."""
-    text = (Path(__file__).parents[2] / "docs" / "simulation.md").read_text()
-    (listed,) = re.findall(r"^Effects of the diagnosis that cannot be simulated: (.*)$", text, re.M)
-    return set(re.findall(r"`(\w+)`", listed))
-
-
-def test_simulator_and_catalogue_have_the_same_effects():
-    """All, or it is documented; what is simulated is compared below, with a case at least."""
-    simulated = set(PARAMETERS) - SIMULATED_ONLY
-    assert not simulated & not_simulated()
-    assert simulated | not_simulated() == set(BY_NAME)
-    assert {case.effect for case in CASES} == simulated
+def test_each_effect_is_compared():
+    """With a case below, or in a file of its own."""
+    compared = {case.effect for case in CASES}
+    compared |= {path.stem[5:] for path in Path(__file__).parent.glob("test_*.py")}
+    assert compared >= set(BY_NAME)
 
 
 @pytest.mark.parametrize("effect", PARAMETRIC, ids=lambda effect: effect.name)
-def test_simulator_knows_the_numbers_that_may_be_wrong(effect):
+def test_simulator_knows_the_parameters_that_may_be_in_error(effect):
     """As an effect, or as what the base parameters hold."""
-    joint_effects([SimulatedEffect(effect.name, None, {})], JOINTS)
+    found = joint_effects([SimulatedEffect(effect.name, None, {})], JOINTS)
+    assert bool(found) != effect.in_base_parameters
 
 
-@pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda effect: effect.name)
-def test_effects_say_where_the_simulator_has_them(effect):
-    named = re.findall(r"`simulation\.(\w+)\.(\w+)`", type(effect).__doc__)
-    assert bool(named) != (effect.name in not_simulated())
-    for module, function in named:
-        assert callable(getattr(import_module(f"idim_iv_ros.simulation.{module}"), function))
-
-
-@pytest.mark.parametrize("name", sorted(set(BY_NAME) & set(PARAMETERS)))
-def test_simulator_and_catalogue_have_the_same_parameters(name):
+@pytest.mark.parametrize("name", sorted(BY_NAME))
+def test_what_is_reported_is_what_is_simulated(name):
     """Of every kind of shape on the grid; a parameter of one side alone fails."""
     effect = BY_NAME[name]
     place = effect.places(2)[0]
@@ -125,11 +121,34 @@ def test_simulator_and_catalogue_have_the_same_parameters(name):
         values = reported(effect, place, shape, np.ones(columns.shape[1]))
         joint_effects([simulated(effect, place, values)], JOINTS)
         names |= set(values)
-    known = set(PARAMETERS[name])
+    known = {spec.name for spec in effect.specs}
     assert known >= CONSTANTS.get(name, set())
-    assert {key if key in known else re.sub(r"_[1-9]\d*$", "_k", key) for key in names} == (
-        known - CONSTANTS.get(name, set())
-    )
+    assert {effect.spec(key).name for key in names} == known - CONSTANTS.get(name, set())
+
+
+DOCUMENT = (Path(__file__).parents[2] / "docs" / "simulation.md").read_text()
+
+
+@pytest.mark.parametrize("cause", CAUSES, ids=lambda cause: cause.name)
+def test_documentation_has_the_parameters_of_what_is_simulated(cause):
+    """Those that must be given are bold."""
+    if cause.in_base_parameters:
+        assert f"`{cause.name}`" in DOCUMENT
+        return
+    (cell,) = re.findall(rf"^\| `{cause.name}` \| (.*?) \| ", DOCUMENT, re.M)
+    assert set(re.findall(r"\*\*(\w+)\*\*", cell)) == {
+        spec.name for spec in cause.specs if spec.default is None
+    }
+    for spec in cause.specs:
+        assert re.search(rf"\b{spec.name}\b", cell), spec.name
+
+
+def test_simulation_names_no_effect():
+    """What an effect is stands in its file alone."""
+    folder = Path(__file__).parents[2] / "idim_iv_ros" / "simulation"
+    for path in folder.glob("*.py"):
+        quoted = set(re.findall(r"[\"'](\w+)[\"']", path.read_text()))
+        assert not quoted & {cause.name for cause in CAUSES}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,7 +156,7 @@ class Case:
     """Shape and coefficients of one effect; rms of the difference as a share of the effect's."""
 
     effect: str
-    shape: tuple[float, ...]
+    shape: Shape
     coefficients: tuple[float, ...]
     tolerance: float = 1e-6
     joint: int = 0
@@ -148,39 +167,39 @@ class Case:
 
 
 CASES = [
-    Case("stribeck", (0.3, 1.4), (0.5,)),
-    Case("nonlinear_viscous", (0.5,), (0.4,)),
-    Case("nonlinear_viscous", (2.0,), (0.2,), joint=1),
-    Case("asymmetric_friction", (), (-0.2,)),
+    Case("stribeck", StribeckShape(0.3, 1.4), (0.5,)),
+    Case("nonlinear_viscous", PowerShape(0.5), (0.4,)),
+    Case("nonlinear_viscous", PowerShape(2.0), (0.2,), joint=1),
+    Case("asymmetric_friction", Shape(), (-0.2,)),
     # The load is that of the step before: late where the torque steps.
-    Case("load_dependent_friction", (0.8, 10.0, 1.0, 0.0), (0.08, 0.04), 2e-3),
-    Case("load_dependent_friction", (1.0, 10.0, 0.0, 1.0), (0.08,), 2e-3),
-    Case("load_dependent_friction", (0.6, 10.0, 1.0, 1.0), (0.04, 0.08), 5e-3, joint=1),
-    Case("position_dependent_friction", (3.0, 7.0), (0.2, -0.1, 0.1, 0.1)),
-    Case("position_dependent_friction", (-1.0, 0.4, 0.2), (0.4,), joint=1),
-    Case("friction_drift", (2.0,), (0.4, 0.3)),
+    Case("load_dependent_friction", LoadShape(0.8, 10.0, True, False), (0.08, 0.04), 2e-3),
+    Case("load_dependent_friction", LoadShape(1.0, 10.0, False, True), (0.08,), 2e-3),
+    Case("load_dependent_friction", LoadShape(0.6, 10.0, True, True), (0.04, 0.08), 5e-3, joint=1),
+    Case("position_dependent_friction", Waves((3.0, 7.0)), (0.2, -0.1, 0.1, 0.1)),
+    Case("position_dependent_friction", TightSpot(0.4, 0.2), (0.4,), joint=1),
+    Case("friction_drift", DriftShape(2.0), (0.4, 0.3)),
     # Between two samples a bristle may begin to slide.
-    Case("presliding", (2e-3, 1e-2), (0.3, 0.2), 1e-3),
+    Case("presliding", BristleShape((2e-3, 1e-2)), (0.3, 0.2), 1e-3),
     # Two masses: the catalogue takes the inertia of the link's shift alone, not what the shift
     # changes of gravity (softer shafts differ more), and sees the motor between the samples as a
     # straight line, which lightly damped flanks amplify from one impact to the next.
-    Case("backlash", (5e-4, 1e4, 10.0, 30.0), (1.0,), 0.2),
-    Case("backlash", (2e-3, 1e3, 4.0, 8.0), (1.0,), 0.35, joint=1),
-    Case("elasticity", (1e4, 8.0), (1.0,), 0.12),
-    Case("elasticity", (2e3, 2.0), (1.0,), 0.12, joint=1),
+    Case("backlash", BacklashShape(5e-4, 1e4, 10.0, 30.0), (1.0,), 0.2),
+    Case("backlash", BacklashShape(2e-3, 1e3, 4.0, 8.0), (1.0,), 0.35, joint=1),
+    Case("elasticity", ShaftShape(1e4, 8.0), (1.0,), 0.12),
+    Case("elasticity", ShaftShape(2e3, 2.0), (1.0,), 0.12, joint=1),
     # The catalogue goes by the torque's derivatives, the simulation holds torques for a period.
-    Case("time_delay", (2e-3,), (1.0,), 2e-3),
+    Case("time_delay", DelayShape(2e-3), (1.0,), 2e-3),
     # The mean of both sides of a step across the knee bends a little earlier.
-    Case("torque_saturation", (6.0,), (0.3,), 1e-3),
-    Case("position_ripple", (40.0, 80.0), (0.5, 0.2, 0.1, 0.0)),
-    Case("spring", (0.0, -1.0, 0.5, 0.0, 1.0), (1.0, -0.4, 0.5)),
-    Case("spring", (1.0, 0.0, 1.0, 0.4, 0.3), (1.0, 0.2)),
-    Case("spring", (2.0, 0.0, 1.0, 0.4, 0.2), (-1.0, 0.5), joint=1),
+    Case("torque_saturation", KneeShape(6.0), (0.3,), 1e-3),
+    Case("position_ripple", Waves((40.0, 80.0)), (0.5, 0.2, 0.1, 0.0)),
+    Case("spring", CubicShape(-1.0, 0.5), (1.0, -0.4, 0.5)),
+    Case("spring", BentShape(True, 0.0, 1.0, 0.4, 0.3), (1.0, 0.2)),
+    Case("spring", BentShape(False, 0.0, 1.0, 0.4, 0.2), (-1.0, 0.5), joint=1),
     # First order in the error, and the acceleration that the encoder shows is a difference.
-    Case("encoder_eccentricity", (2.0,), (3e-3, -2e-3, 1e-3, 5e-4), 0.02),
-    Case("joint_coupling", (1.0, 1.0), (0.4, 0.2)),
-    Case("joint_coupling", (-1.0, 0.6), (0.2, 0.4)),
-    Case("joint_coupling", (-1.0, 1.5), (0.2, 0.4)),
+    Case("encoder_eccentricity", DiscShape(True), (3e-3, -2e-3, 1e-3, 5e-4), 0.02),
+    Case("joint_coupling", CouplingShape(1.0, 1.0), (0.4, 0.2)),
+    Case("joint_coupling", CouplingShape(-1.0, 0.6), (0.2, 0.4)),
+    Case("joint_coupling", CouplingShape(-1.0, 1.5), (0.2, 0.4)),
 ]
 
 

@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
+from bags.simulated_arms import arm6, arm7
 from idim_iv_ros.simulation import inverse_dynamics, mass_matrix, simulate_closed_loop
-from tests.simulated_arms import arm6, arm7
 from tests.simulation.laws import pd, torque
 from tests.simulation.trees import TREES, random_robot
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bags.simulated_arms import arm6, record
 from idim_iv_ros.configuration import ControllerSection
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.simulation import (
@@ -14,7 +15,6 @@ from idim_iv_ros.simulation import (
     fit_controller,
     simulate_closed_loop,
 )
-from tests.simulated_arms import arm6, record
 
 DFKI = Path(__file__).parents[3] / "shared" / "data" / "dfki_double_pendulum"
 

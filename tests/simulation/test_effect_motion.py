@@ -7,10 +7,10 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
+from bags.simulated_arms import arm2
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.simulation import SimulatedEffect, simulate_closed_loop
-from tests.simulated_arms import arm2
 from tests.simulation.laws import pd, torque
 from tests.simulation.trees import random_robot
 

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from bags.simulated_arms import arm2
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, simulate_closed_loop
-from tests.simulated_arms import arm2
 
 JOINTS = ("joint_1", "joint_2")
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
+from bags.simulated_arms import arm2, arm6, arm7, record
 from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, record_simulated_robot
-from tests.simulated_arms import arm2, arm6, arm7, record
 
 
 @pytest.fixture(scope="module")

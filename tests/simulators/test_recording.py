@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bags.simulated_arms import CONFIG, arm2, arm6, arm7
 from benchmarks.paper_tx40.published import TABLE_1
 from idim_iv_ros import Configuration, DataError, UsageError, load_configuration
 from idim_iv_ros.excitation import random_motion
@@ -15,7 +16,6 @@ from idim_iv_ros.signals import joint_side
 from idim_iv_ros.simulation import mass_matrix
 from idim_iv_ros.simulators.recording import simulate
 from idim_iv_ros.simulators.robot import simulated_robot
-from tests.simulated_arms import CONFIG, arm2, arm6, arm7
 
 
 def configured(name: str, **simulated: object) -> Configuration:

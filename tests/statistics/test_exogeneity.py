@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from linearmodels.iv import IV2SLS
 
-from idim_iv_ros.estimation.r_factor import r_factor
+from idim_iv_ros.estimation.qr import r_factor
 from idim_iv_ros.statistics.exogeneity import exogeneity_f_test, exogeneity_test
-from idim_iv_ros.statistics.joint_rows import JointRows
+from tests.statistics.worlds import joint_rows
 
 
 def matrices(seed, n_rows=600, n_columns=6, endogeneity=0.4):
@@ -67,7 +67,7 @@ def test_too_few_rows_and_no_residual_are_values_with_a_reason():
 def test_the_joint_whose_noise_enters_the_torque_is_the_one_rejected():
     clean, noisy = matrices(4, endogeneity=0.0), matrices(5, endogeneity=2.0)
     joints = [
-        JointRows(name, x, z, y, np.arange(6) + first, [slice(0, 250), slice(250, 600)])
+        joint_rows(name, x, z, y, np.arange(6) + first, [slice(0, 250), slice(250, 600)])
         for name, (x, z, y), first in (("clean", clean, 0), ("noisy", noisy, 6))
     ]
     parameters = np.concatenate([np.linalg.solve(z.T @ x, z.T @ y) for x, z, y in (clean, noisy)])
@@ -81,7 +81,7 @@ def test_the_joint_whose_noise_enters_the_torque_is_the_one_rejected():
 
 def test_instruments_of_smoothed_measurements_are_not_tested_and_say_why():
     x, z, y = matrices(6)
-    rows = JointRows("joint", x, z, y, np.arange(6), [slice(0, 600)])
+    rows = joint_rows("joint", x, z, y, np.arange(6), [slice(0, 600)])
     tests = exogeneity_test([rows], np.ones(6), not_simulated="smoothed measurements")
     assert [(t.scope, t.accepted, t.reason) for t in tests] == [
         ("all", None, "smoothed measurements"),

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.statistics.instruments import wald_test_of_instruments
-from idim_iv_ros.statistics.joint_rows import JointRows
-from tests.statistics.worlds import autocorrelated_world
+from tests.statistics.worlds import autocorrelated_world, joint_rows
 
 
 def white_joint(seed, n_rows=800, n_columns=4, factor=1.0, joint="joint", first=0):
@@ -12,7 +11,7 @@ def white_joint(seed, n_rows=800, n_columns=4, factor=1.0, joint="joint", first=
     z = rng.standard_normal((n_rows, n_columns))
     x = factor * z + 0.1 * rng.standard_normal(z.shape)
     columns = np.arange(n_columns) + first
-    return JointRows(joint, x, z, x.sum(axis=1), columns, [slice(0, n_rows)])
+    return joint_rows(joint, x, z, x.sum(axis=1), columns, [slice(0, n_rows)])
 
 
 def test_statistic_on_white_rows_is_the_textbook_f():
@@ -20,9 +19,7 @@ def test_statistic_on_white_rows_is_the_textbook_f():
 
     rows = white_joint(1)
     test = wald_test_of_instruments([rows], np.ones(4))[1]
-    oracle = (
-        sm.OLS(rows.regressor.sum(axis=1), rows.instruments).fit().f_test((np.eye(4), np.ones(4)))
-    )
+    oracle = sm.OLS(rows.matrix.sum(axis=1), rows.instruments).fit().f_test((np.eye(4), np.ones(4)))
     assert test.statistic == pytest.approx(float(oracle.fvalue), rel=1e-9)
     assert test.p_value == pytest.approx(float(oracle.pvalue), rel=1e-6)
     assert (test.df, test.df_denom) == (4, 796)
@@ -49,13 +46,13 @@ def test_the_wrong_joint_is_named_and_the_right_one_is_not():
 def test_units_of_the_columns_change_neither_statistic_nor_effect_size():
     rows = white_joint(5, factor=1.02)
     units = np.array([1e-5, 1.0, 1e5, 1e-2])
-    scaled = JointRows(
+    scaled = joint_rows(
         "joint",
-        rows.regressor * units,
+        rows.matrix * units,
         rows.instruments * units,
         rows.torque,
         rows.columns,
-        rows.runs,
+        rows.segments,
     )
     plain = wald_test_of_instruments([rows], np.ones(4))[1]
     other = wald_test_of_instruments([scaled], 1.0 / units)[1]
@@ -67,13 +64,13 @@ def test_units_of_the_columns_change_neither_statistic_nor_effect_size():
 def test_columns_that_one_joint_cannot_tell_apart_are_one_restriction():
     rows = white_joint(6)
     twice = [0, 1, 2, 3, 3]
-    wide = JointRows(
+    wide = joint_rows(
         "joint",
-        rows.regressor[:, twice],
+        rows.matrix[:, twice],
         rows.instruments[:, twice],
         rows.torque,
         np.arange(5),
-        rows.runs,
+        rows.segments,
     )
     narrow = wald_test_of_instruments([rows], np.ones(4))[1]
     test = wald_test_of_instruments([wide], np.array([1.0, 1.0, 1.0, 0.5, 0.5]))[1]
@@ -91,20 +88,20 @@ def test_instruments_of_smoothed_measurements_are_not_tested_and_say_why():
 
 def test_what_cannot_be_tested_is_a_value_with_a_reason():
     rows = white_joint(8)
-    same = JointRows(
-        "joint", rows.instruments, rows.instruments, rows.torque, rows.columns, rows.runs
+    same = joint_rows(
+        "joint", rows.instruments, rows.instruments, rows.torque, rows.columns, rows.segments
     )
     assert "equal the regressor" in wald_test_of_instruments([same], np.ones(4))[1].reason
     few = white_joint(9, n_rows=12)
     assert "12 rows" in wald_test_of_instruments([few], np.ones(4))[1].reason
     assert "no torque" in wald_test_of_instruments([rows], np.zeros(4))[1].reason
-    empty = JointRows(
+    empty = joint_rows(
         "joint",
-        rows.regressor[:, :0],
+        rows.matrix[:, :0],
         rows.instruments[:, :0],
         rows.torque,
         np.zeros(0, int),
-        rows.runs,
+        rows.segments,
     )
     assert "no parameter" in wald_test_of_instruments([empty], np.ones(4))[0].reason
     assert wald_test_of_instruments([], np.ones(4))[0].accepted is None
@@ -120,13 +117,13 @@ def test_a_joint_that_cannot_be_tested_does_not_keep_the_others_from_it():
 def test_the_result_does_not_depend_on_the_order_of_columns_or_joints():
     rows, estimate = autocorrelated_world(np.random.default_rng(12), [-0.8], [-0.8])
     order = np.random.default_rng(13).permutation(len(estimate))
-    shuffled = JointRows(
+    shuffled = joint_rows(
         "joint",
-        rows.regressor[:, order],
+        rows.matrix[:, order],
         rows.instruments[:, order],
         rows.torque,
         rows.columns[order],
-        rows.runs,
+        rows.segments,
     )
     plain = wald_test_of_instruments([rows], estimate)
     other = wald_test_of_instruments([shuffled], estimate)

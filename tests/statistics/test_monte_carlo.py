@@ -1,16 +1,16 @@
-"""Size and power of the tests under coloured errors; the nominal size is 5 %."""
+"""Size and power of the tests under autocorrelated errors; the nominal size is 5 %."""
 
 import numpy as np
 import pytest
 from scipy.stats import f as fisher
 
-from idim_iv_ros.estimation.r_factor import r_factor
+from idim_iv_ros.estimation.qr import r_factor
 from idim_iv_ros.statistics.exogeneity import exogeneity_f_test, exogeneity_test
 from idim_iv_ros.statistics.instruments import wald_test_of_instruments
 from tests.statistics.worlds import autocorrelated_world, pendulums
 
 AR1, AR1_SLOW, AR2 = [-0.8], [-0.95], [-1.5, 0.7]
-COLOURS = [([], []), (AR1, []), (AR1, AR1), (AR1_SLOW, AR1), (AR2, AR2)]
+AUTOCORRELATIONS = [([], []), (AR1, []), (AR1, AR1), (AR1_SLOW, AR1), (AR2, AR2)]
 QUICK, FULL = 150, 1000
 
 
@@ -18,10 +18,10 @@ def rejections(test, worlds):
     return float(np.mean([test(rows, estimate) < 0.05 for rows, estimate in worlds]))
 
 
-def worlds(count, residual_noise_model, error_colour, **options):
+def worlds(count, residual_noise_model, error_model, **options):
     for seed in range(count):
         yield autocorrelated_world(
-            np.random.default_rng(seed), residual_noise_model, error_colour, **options
+            np.random.default_rng(seed), residual_noise_model, error_model, **options
         )
 
 
@@ -35,7 +35,7 @@ def exogeneity(rows, estimate):
 
 def wald_without_whitening(rows, estimate):
     z = rows.instruments
-    difference = (rows.regressor - z) @ estimate
+    difference = (rows.matrix - z) @ estimate
     q, _ = np.linalg.qr(z)
     explained = q.T @ difference
     rest = difference - q @ explained
@@ -44,7 +44,7 @@ def wald_without_whitening(rows, estimate):
 
 
 def exogeneity_without_whitening(rows, estimate):
-    raw = r_factor(np.column_stack([rows.instruments, rows.regressor, rows.torque]))
+    raw = r_factor(np.column_stack([rows.instruments, rows.matrix, rows.torque]))
     return exogeneity_f_test(raw, len(rows.torque), "joint").p_value
 
 
@@ -53,7 +53,7 @@ def pendulum_rejections(count, with_gravity, factor=25):
     return rejections(wald, pendulums(rng, count, with_gravity=with_gravity, factor=factor))
 
 
-def test_without_whitening_a_coloured_v_makes_both_tests_reject_the_truth():
+def test_without_whitening_an_autocorrelated_v_makes_both_tests_reject_the_truth():
     assert rejections(wald_without_whitening, worlds(QUICK, AR1, AR1)) > 0.6
     assert rejections(exogeneity_without_whitening, worlds(QUICK, AR1, AR1)) > 0.6
 
@@ -70,7 +70,7 @@ def test_forty_five_columns_in_250_rows_do_not_spoil_the_size_of_the_exogeneity_
     assert rejections(exogeneity, crowded) < 0.12
 
 
-def test_a_deviating_column_is_found_through_coloured_errors():
+def test_a_deviating_column_is_found_through_autocorrelated_errors():
     assert rejections(wald, worlds(QUICK, AR1, AR1, deviation=0.1)) > 0.9
 
 
@@ -90,10 +90,10 @@ def test_a_stiff_loop_hides_the_missing_gravity_from_the_torque_but_not_from_the
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("colours", COLOURS)
+@pytest.mark.parametrize("models", AUTOCORRELATIONS)
 @pytest.mark.parametrize("test", [wald, exogeneity])
-def test_size_is_between_3_and_8_percent(test, colours):
-    assert 0.03 <= rejections(test, worlds(FULL, *colours)) <= 0.08
+def test_size_is_between_3_and_8_percent(test, models):
+    assert 0.03 <= rejections(test, worlds(FULL, *models)) <= 0.08
 
 
 @pytest.mark.slow
@@ -103,15 +103,15 @@ def test_size_of_the_wald_test_holds_with_more_columns_and_faster_motion(options
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("colours", COLOURS)
-def test_power_of_the_wald_test_is_above_90_percent(colours):
-    assert rejections(wald, worlds(FULL, *colours, deviation=0.1)) > 0.9
+@pytest.mark.parametrize("models", AUTOCORRELATIONS)
+def test_power_of_the_wald_test_is_above_90_percent(models):
+    assert rejections(wald, worlds(FULL, *models, deviation=0.1)) > 0.9
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("colours", COLOURS)
-def test_power_of_the_exogeneity_test_is_above_90_percent(colours):
-    assert rejections(exogeneity, worlds(FULL, *colours, endogeneity=1.0)) > 0.9
+@pytest.mark.parametrize("models", AUTOCORRELATIONS)
+def test_power_of_the_exogeneity_test_is_above_90_percent(models):
+    assert rejections(exogeneity, worlds(FULL, *models, endogeneity=1.0)) > 0.9
 
 
 @pytest.mark.slow

@@ -4,9 +4,8 @@ from statsmodels.stats.diagnostic import acorr_ljungbox
 from statsmodels.stats.stattools import jarque_bera
 from statsmodels.tsa.stattools import acf
 
-from idim_iv_ros.statistics.joint_rows import JointRows
 from idim_iv_ros.statistics.residuals import autocorrelation, diagnose_residual, ljung_box
-from tests.statistics.worlds import autoregressive
+from tests.statistics.worlds import autoregressive, joint_rows
 
 
 def joint_with(residual, runs=None, seed=0):
@@ -15,7 +14,7 @@ def joint_with(residual, runs=None, seed=0):
     time = np.arange(len(residual))[:, None]
     z = np.sin(rng.uniform(0.005, 0.02, 3) * 2 * np.pi * time + rng.uniform(0, 6, 3))
     runs = runs or [slice(0, len(residual))]
-    return JointRows("joint", z, z, z.sum(axis=1) + residual, np.arange(3), runs)
+    return joint_rows("joint", z, z, z.sum(axis=1) + residual, np.arange(3), runs)
 
 
 def test_white_residual_is_white_and_gaussian():
@@ -28,7 +27,7 @@ def test_white_residual_is_white_and_gaussian():
     assert np.mean(np.abs(diagnosis.acf[1:]) < diagnosis.acf_bound) > 0.8
 
 
-def test_coloured_residual_is_coloured_and_its_filter_whitens_it():
+def test_autocorrelated_residual_is_autocorrelated_and_its_filter_whitens_it():
     residual = autoregressive(np.random.default_rng(2), [-1.5, 0.7], (4000,))
     diagnosis = diagnose_residual(joint_with(residual), np.ones(3))
     assert diagnosis.white is False
@@ -43,12 +42,12 @@ def test_understatement_of_slow_columns_under_ar1_is_the_analytic_one():
     residual = autoregressive(np.random.default_rng(3), [-0.8], (40_000,))
     rows = joint_with(residual)
     constant = np.ones((len(residual), 1))
-    rows = JointRows("joint", constant, constant, 1.0 + residual, np.arange(1), rows.runs)
+    rows = joint_rows("joint", constant, constant, 1.0 + residual, np.arange(1), rows.segments)
     diagnosis = diagnose_residual(rows, np.ones(1))
     assert diagnosis.sigma_understatement == pytest.approx(3.0, rel=0.05)
 
 
-def test_significant_but_harmless_colour_counts_as_white():
+def test_significant_but_harmless_autocorrelation_counts_as_white():
     residual = autoregressive(np.random.default_rng(4), [-0.06], (20_000,))
     diagnosis = diagnose_residual(joint_with(residual), np.ones(3))
     assert diagnosis.whiteness.accepted is False
@@ -73,7 +72,7 @@ def test_ljung_box_and_jarque_bera_are_those_of_statsmodels():
     assert test.p_value == pytest.approx(oracle.lb_pvalue)
     rows = joint_with(residual)
     diagnosis = diagnose_residual(rows, np.ones(3))
-    white = diagnosis.autoregression.whiten(residual, rows.runs)
+    white = diagnosis.autoregression.whiten(residual, rows.segments)
     statistic, p_value, *_ = jarque_bera(white)
     assert diagnosis.normality.statistic == pytest.approx(statistic)
     assert diagnosis.normality.p_value == pytest.approx(p_value)
@@ -104,7 +103,7 @@ def test_too_few_or_constant_rows_are_a_value_with_a_reason():
     exact = diagnose_residual(joint_with(np.zeros(200)), np.ones(3))
     assert exact.rms == pytest.approx(0.0, abs=1e-12)
     assert exact.relative_percent == pytest.approx(0.0, abs=1e-9)
-    silent = JointRows(
+    silent = joint_rows(
         "joint", np.zeros((50, 1)), np.zeros((50, 1)), np.zeros(50), np.arange(1), [slice(0, 50)]
     )
     assert diagnose_residual(silent, np.ones(1)).relative_percent is None

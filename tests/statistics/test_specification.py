@@ -1,12 +1,12 @@
-"""The specification test: its F, its size under coloured noise, and what it sees."""
+"""The specification test: its F, its size under autocorrelated noise, and what it sees."""
 
 import numpy as np
 import pytest
 import statsmodels.api as sm
 
-from idim_iv_ros.statistics import JointRows, specification_tests
+from idim_iv_ros.statistics import specification_tests
 from idim_iv_ros.statistics.gls import gls_regression_from_rest
-from tests.statistics.worlds import autocorrelated_world, autoregressive
+from tests.statistics.worlds import autocorrelated_world, autoregressive, joint_rows
 
 
 def slow_functions(rng, count, columns):
@@ -33,9 +33,9 @@ def test_statistic_is_the_f_of_nested_least_squares_when_the_noise_is_white():
     functions -= functions.mean(axis=0)
     torque = z @ truth + rng.standard_normal(count) + 0.1 * functions[:, 0]
     estimate = np.linalg.lstsq(z, torque, rcond=None)[0]
-    rows = JointRows("joint", z, z, torque, np.arange(columns), (slice(0, count),))
+    rows = joint_rows("joint", z, z, torque, np.arange(columns), (slice(0, count),))
     both = np.column_stack([z, functions])
-    assert gls_regression_from_rest(torque - z @ estimate, both, rows.runs).errors.order == 0
+    assert gls_regression_from_rest(torque - z @ estimate, both, rows.segments).errors.order == 0
     test = specification_tests([rows], estimate, [{"position": functions}])[0]
     whole, nested = sm.OLS(torque, both).fit(), sm.OLS(torque, z).fit()
     statistic, p, df = whole.compare_f_test(nested)
@@ -44,43 +44,43 @@ def test_statistic_is_the_f_of_nested_least_squares_when_the_noise_is_white():
     assert test.df == df
 
 
-@pytest.mark.parametrize("colour", [[], [-0.8], [-0.95], [-1.2, 0.5]], ids=str)
-def test_a_right_model_is_rarely_accused_whatever_the_colour(colour):
+@pytest.mark.parametrize("coefficients", [[], [-0.8], [-0.95], [-1.2, 0.5]], ids=str)
+def test_a_right_model_is_rarely_accused_whatever_the_autocorrelation(coefficients):
     """At the level that is used for a robot of six joints (18 tests) no world of 150."""
     low = 0
     for seed in range(150):
         rng = np.random.default_rng(seed)
-        rows, estimate = autocorrelated_world(rng, colour, [-0.8], n_rows=600, n_columns=12)
+        rows, estimate = autocorrelated_world(rng, coefficients, [-0.8], n_rows=600, n_columns=12)
         low += p_value(rows, estimate, slow_functions(rng, len(rows.torque), 40)) < 0.1 * 0.05 / 18
     assert low <= 2
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rows_and_limit", [(350, 0.13), (2000, 0.075)], ids=str)
-@pytest.mark.parametrize("colour", [[], [-0.5], [-0.8], [-0.95], [-1.2, 0.5]], ids=str)
-def test_size_at_the_nominal_five_percent(colour, rows_and_limit):
+@pytest.mark.parametrize("coefficients", [[], [-0.5], [-0.8], [-0.95], [-1.2, 0.5]], ids=str)
+def test_size_at_the_nominal_five_percent(coefficients, rows_and_limit):
     """With few rows the test is liberal, 6 to 13 %: hence the caution in its level."""
     count, limit = rows_and_limit
     found = []
     for seed in range(400):
         rng = np.random.default_rng(seed)
-        rows, estimate = autocorrelated_world(rng, colour, [-0.8], n_rows=count, n_columns=12)
+        rows, estimate = autocorrelated_world(rng, coefficients, [-0.8], n_rows=count, n_columns=12)
         found.append(p_value(rows, estimate, slow_functions(rng, len(rows.torque), 40)) < 0.05)
     assert np.mean(found) <= limit
 
 
 @pytest.mark.parametrize("share", [0.5, 3.0])
-@pytest.mark.parametrize("colour", [[], [-0.95]], ids=str)
-def test_what_is_missing_is_found_even_where_it_drowns_the_noise(colour, share):
+@pytest.mark.parametrize("coefficients", [[], [-0.95]], ids=str)
+def test_what_is_missing_is_found_even_where_it_drowns_the_noise(coefficients, share):
     """A missing slow term of half to three times the noise; the larger must not pass for noise."""
     rng = np.random.default_rng(11)
-    rows, _ = autocorrelated_world(rng, colour, [-0.8], n_rows=600, n_columns=12)
+    rows, _ = autocorrelated_world(rng, coefficients, [-0.8], n_rows=600, n_columns=12)
     functions = slow_functions(rng, len(rows.torque), 10)
     missing = functions[:, 0] / functions[:, 0].std()
     noise = 0.1 * rows.torque.std()
     torque = rows.torque + share * noise * missing
-    estimate = np.linalg.solve(rows.instruments.T @ rows.regressor, rows.instruments.T @ torque)
-    wrong = JointRows("joint", rows.regressor, rows.instruments, torque, rows.columns, rows.runs)
+    estimate = np.linalg.solve(rows.instruments.T @ rows.matrix, rows.instruments.T @ torque)
+    wrong = joint_rows("joint", rows.matrix, rows.instruments, torque, rows.columns, rows.segments)
     test = specification_tests([wrong], estimate, [{"position": functions}])[0]
     assert test.accepted is False
     relative = 100.0 * share * noise / np.sqrt(np.mean(torque**2))
@@ -100,7 +100,7 @@ def test_too_few_rows_are_said_to_be_too_few():
     rng = np.random.default_rng(2)
     noise = autoregressive(rng, [], (30,))
     z = slow_functions(rng, 30, 8)
-    rows = JointRows("joint", z, z, noise, np.arange(8), (slice(0, 30),))
+    rows = joint_rows("joint", z, z, noise, np.arange(8), (slice(0, 30),))
     test = specification_tests([rows], np.zeros(8), [{"speed": slow_functions(rng, 30, 3)}])[0]
     assert test.accepted is None
     assert "too few" in test.reason

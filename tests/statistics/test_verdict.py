@@ -22,41 +22,43 @@ def white():
 
 
 @pytest.fixture(scope="module")
-def coloured():
+def autocorrelated():
     residual = autoregressive(np.random.default_rng(1), [-0.9], (800,))
     return diagnose_residual(joint_with(residual), np.ones(3))
 
 
 def test_valid_and_white_stands(white):
-    assert judge_joint(VALID, white).verdict == "stands"
+    assert judge_joint(VALID, white).verdict == "valid"
 
 
-def test_valid_and_coloured_is_oversampled_and_says_by_how_much_sigma_is_wrong(coloured):
-    judged = judge_joint(VALID, coloured)
-    assert judged.verdict == "oversampled, refined"
-    assert f"AR({coloured.ar_order})" in judged.sentence
+def test_valid_and_autocorrelated_is_oversampled_and_says_by_how_much_sigma_is_wrong(
+    autocorrelated,
+):
+    judged = judge_joint(VALID, autocorrelated)
+    assert judged.verdict == "autocorrelated"
+    assert f"AR({autocorrelated.ar_order})" in judged.sentence
     assert "times too small" in judged.sentence
 
 
-def test_rejected_is_a_model_error_whatever_the_residual(white, coloured):
-    """The paper's point: a coloured residual means oversampling only if Z is valid."""
-    for residual in (white, coloured):
+def test_rejected_is_a_model_error_whatever_the_residual(white, autocorrelated):
+    """The paper's point: an autocorrelated residual means oversampling only if Z is valid."""
+    for residual in (white, autocorrelated):
         judged = judge_joint(rejected(12.0), residual)
-        assert judged.verdict == "model error here"
+        assert judged.verdict == "misspecified"
         assert "12 % of the torque" in judged.sentence
         assert "run idim-iv diagnose" in judged.sentence
 
 
 def test_a_tiny_deviation_is_still_a_model_error_and_is_not_called_harmless(white):
     judged = judge_joint(rejected(0.25), white)
-    assert judged.verdict == "model error here"
+    assert judged.verdict == "misspecified"
     assert "only by 0.25 %" in judged.sentence
     assert "does not say that the estimates are right" in judged.sentence
 
 
 def test_untested_instruments_tell_nothing_and_say_why(white):
     judged = judge_joint(UNTESTED, white)
-    assert judged.verdict == "cannot be told"
+    assert judged.verdict == "inconclusive"
     assert "smoothed measurements" in judged.sentence
 
 
@@ -70,27 +72,27 @@ def test_a_residual_that_follows_the_motion_is_a_model_error_though_the_instrume
     white,
 ):
     verdict = judge_joint(VALID, white, [left(12.3), left(0.2, 0.4)])
-    assert verdict.verdict == "model error here"
+    assert verdict.verdict == "misspecified"
     assert "follows the position (12 % of the torque, p = 1e-09)" in verdict.sentence
     both = judge_joint(rejected(5.0), white, [left(12.3)])
-    assert both.verdict == "model error here"
+    assert both.verdict == "misspecified"
     assert "follows the position (12 %" in both.sentence and "5 % of the torque" in both.sentence
-    assert judge_joint(VALID, white, [left(1.4)]).verdict == "stands"
-    assert judge_joint(VALID, white, [left(12.3, 0.4)]).verdict == "stands"
+    assert judge_joint(VALID, white, [left(1.4)]).verdict == "valid"
+    assert judge_joint(VALID, white, [left(12.3, 0.4)]).verdict == "valid"
 
 
-def test_overall_is_the_least_favourable_joint(white, coloured):
-    good, slow = judge_joint(VALID, white), judge_joint(VALID, coloured)
+def test_overall_is_the_least_favourable_joint(white, autocorrelated):
+    good, slow = judge_joint(VALID, white), judge_joint(VALID, autocorrelated)
     bad, unknown = judge_joint(rejected(5.0), white), judge_joint(UNTESTED, white)
-    assert judge_all([good, good], VALID).verdict == "stands"
-    assert judge_all([good, slow], VALID).verdict == "oversampled, refined"
-    assert judge_all([slow, unknown], VALID).verdict == "cannot be told"
+    assert judge_all([good, good], VALID).verdict == "valid"
+    assert judge_all([good, slow], VALID).verdict == "autocorrelated"
+    assert judge_all([slow, unknown], VALID).verdict == "inconclusive"
     overall = judge_all([good, bad, unknown], rejected(5.0))
-    assert overall.verdict == "model error here"
+    assert overall.verdict == "misspecified"
     assert "Nothing speaks against the other joints" in overall.sentence
 
 
 def test_a_rejection_that_only_all_rows_see_is_not_lost(white):
     overall = judge_all([judge_joint(VALID, white)], rejected(0.4))
-    assert overall.verdict == "model error here"
+    assert overall.verdict == "misspecified"
     assert "No joint alone" in overall.sentence

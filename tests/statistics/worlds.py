@@ -1,4 +1,4 @@
-"""Worlds with known truth for the Monte Carlo tests: coloured regressions and a pendulum."""
+"""Worlds with known truth for the Monte Carlo tests: autocorrelated regressions and a pendulum."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -6,7 +6,12 @@ from itertools import pairwise
 import numpy as np
 from scipy.signal import butter, cheby1, lfilter, sosfiltfilt
 
-from idim_iv_ros.statistics.joint_rows import JointRows
+from idim_iv_ros.estimation.rows import JointRows
+
+
+def joint_rows(name, x, z, torque, columns, segments) -> JointRows:
+    """Rows of one joint with instruments."""
+    return JointRows(x, torque, columns, tuple(segments), name, instrument_matrix=z)
 
 
 def runs_of(positions):
@@ -28,7 +33,7 @@ def autoregressive(rng, coefficients: Sequence[float], shape):
 def autocorrelated_world(
     rng,
     residual_noise_model,
-    error_colour,
+    error_model,
     *,
     n_rows=500,
     n_columns=10,
@@ -49,7 +54,7 @@ def autocorrelated_world(
         frequency = rng.uniform(*band, n_columns)
         phase = rng.uniform(0.0, 2.0 * np.pi, n_columns)
         instruments += rng.standard_normal(n_columns) * np.sin(2 * np.pi * frequency * time + phase)
-    v = error * autoregressive(rng, error_colour, (n_rows, n_columns))
+    v = error * autoregressive(rng, error_model, (n_rows, n_columns))
     regressor = instruments + v
     regressor[:, 0] += deviation * instruments[:, 1]
     truth = rng.uniform(0.5, 2.0, n_columns) * rng.choice([-1.0, 1.0], n_columns)
@@ -60,7 +65,7 @@ def autocorrelated_world(
     instruments, regressor, torque = instruments[kept], regressor[kept], torque[kept]
     estimate = np.linalg.solve(instruments.T @ regressor, instruments.T @ torque)
     columns = np.arange(n_columns)
-    return JointRows("joint", regressor, instruments, torque, columns, runs_of(kept)), estimate
+    return joint_rows("joint", regressor, instruments, torque, columns, runs_of(kept)), estimate
 
 
 _DT = 0.001
@@ -130,7 +135,7 @@ def pendulums(rng, count, *, with_gravity, factor=25, noise=1e-4):
             parameters[i, used] = np.linalg.solve(z.T @ x, z.T @ measured[kept[i], i])
     for i in range(count):
         at = kept[i]
-        rows = JointRows(
+        rows = joint_rows(
             "pendulum",
             regressor[at, i][:, used],
             instruments[at, i][:, used],

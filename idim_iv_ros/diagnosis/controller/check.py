@@ -1,28 +1,22 @@
 """Whether the recorded commands are those of the configured control law."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
+from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.controller.command_regression import command_regression, rms
-from idim_iv_ros.diagnosis.controller.law_change import LONGEST_LAG, LawChange, law_change, worth
-from idim_iv_ros.diagnosis.controller.law_residual import beyond_the_law
-from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed
-from idim_iv_ros.diagnosis.controller.law_speed_choice import law_speed
-from idim_iv_ros.diagnosis.joint_units import unit_at
+from idim_iv_ros.diagnosis.controller.law_change import LawChange, acceptable, law_change
+from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, law_speed
 from idim_iv_ros.diagnosis.parametric.significance import differs
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import EffectParameter
+from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap
+from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
+from idim_iv_ros.effects.encoder_eccentricity import EncoderEccentricity
 from idim_iv_ros.simulation import ControlLaw, control_law
-
-# Share of the torque that recorded and computed commands must differ by to matter.
-LEAST_DIFFERENCE = 0.005
-# Periods of the control: how a command was sampled and recorded is the same for all joints; a
-# joint that lags this many periods more than another is its controller's.
-LARGEST_DIFFERENCE = 0.5
 
 
 @dataclass(frozen=True)
@@ -38,7 +32,7 @@ class ControllerFinding:
     statistic : float
         Twice the logarithm of the likelihood ratio.
     p_value : float
-        With the choice among groups and joints paid for (Bonferroni).
+        Corrected for the choice among groups and joints (Bonferroni).
     before, after : float
         RMS of recorded less computed command, N m (N), low-passed as the regression.
     """
@@ -81,7 +75,7 @@ class LawCheck:
     beyond: tuple[str, ...] = ()
 
 
-def check_law(data: Baseline) -> LawCheck:
+def check_law(data: Baseline, without: Collection[str] = ()) -> LawCheck:
     """Compare the recorded efforts with the configured law on the measured motion.
 
     All samples count, also at reversals, except those at the torque limit. Constants, a lag of up
@@ -89,7 +83,7 @@ def check_law(data: Baseline) -> LawCheck:
     filters (`law_speed`) are no mismatch. Empty where nothing can be compared or nothing differs;
     `why_not_checked` says why.
     """
-    if why_not_checked(data):
+    if ControllerMismatch.name in without or why_not_checked(data):
         return LawCheck()
     configuration = data.prepared.configuration
     law = control_law(configuration.controller, len(data.joints))
@@ -103,11 +97,7 @@ def check_law(data: Baseline) -> LawCheck:
             compared[joint] = law_change(rows, law, joint, period)
     longest = _longest_lag(list(compared.values()), period)
     found = [_finding(data, law, joint, change, longest) for joint, change in compared.items()]
-    names = [recording.path.name for recording in data.prepared.recordings]
-    beyond = [
-        beyond_the_law(change, data.joints[joint], unit_at(data, joint, "N m"), names)
-        for joint, change in compared.items()
-    ]
+    beyond = [_beyond_the_law(data, joint, change) for joint, change in compared.items()]
     return LawCheck(
         findings=tuple(finding for finding in found if finding is not None),
         speed=speed,
@@ -115,27 +105,84 @@ def check_law(data: Baseline) -> LawCheck:
     )
 
 
+def controller_causes(data: Baseline, law: LawCheck, effects: Sequence[Candidate]) -> list[Cause]:
+    """One cause for each joint whose commands are not those of the configured law.
+
+    Parameters
+    ----------
+    effects
+        Accepted ones: where an encoder is eccentric the commands follow another position.
+    """
+    eccentric = {
+        each.place.joint for each in effects if each.effect.name == EncoderEccentricity.name
+    }
+    found = [(data.joints.index(each.joint), each) for each in law.findings]
+    return [_cause(data, joint, each) for joint, each in found if joint not in eccentric]
+
+
+def _cause(data: Baseline, joint: int, found: ControllerFinding) -> Cause:
+    parameters = data.in_units_at(joint, found.parameters)
+    gap = Gap(found.before, found.after, None, 1.0 - found.after / found.before, None)
+    return Cause(
+        effect=found.effect.name,
+        kind="structural",
+        joint=found.joint,
+        other_joint=None,
+        parameters=parameters,
+        evidence=Evidence(found.statistic, found.p_value, None, ""),
+        indistinguishable_from=(),
+        torque_gap=gap,
+        simulation_gap=None,
+        sentence=sentences.controller_cause(data, joint, gap, found.effect.name, parameters),
+    )
+
+
+def _beyond_the_law(data: Baseline, joint: int, change: LawChange) -> str:
+    """What the commands hold beyond the law and its smallest change; empty where it is little."""
+    size, command = rms(change.fit), change.rows.size
+    if size < settings.MUCH_BEYOND_LAW * command:
+        return ""
+    return sentences.beyond_the_law(data, joint, (size, command), _events(change))
+
+
+def _events(change: LawChange) -> list[tuple[float, float, int]]:
+    """From, to (s) and recording of each, the largest first; none where it acts all the time."""
+    rest = change.fit.residuals[0]
+    energy = rest**2
+    kurtosis = float(np.mean(energy**2) / max(float(np.mean(energy)) ** 2, 1e-300)) - 3.0
+    if kurtosis < settings.LAW_EVENT_KURTOSIS:
+        return []
+    large = np.flatnonzero(np.abs(rest) > settings.LAW_EVENT_SIZE * np.median(np.abs(rest)))
+    if len(large) == 0:
+        return []
+    time, which = change.rows.time, change.rows.recording
+    apart = np.diff(time[large]) > settings.LAW_EVENTS_APART
+    parts = np.split(large, np.flatnonzero((np.diff(which[large]) != 0) | apart) + 1)
+    parts.sort(key=lambda part: -float(energy[part].sum()))
+    return [(float(time[p[0]]), float(time[p[-1]]), int(which[p[0]])) for p in parts]
+
+
 def _longest_lag(compared: Sequence[LawChange], period: float) -> float:
     """Lag up to which a joint's is no mismatch, s."""
-    longest = LONGEST_LAG * period
+    longest = settings.LONGEST_LAG * period
     if len(compared) < 2:
         return longest
     common = max(min(each.changes[LAG][0] for each in compared), 0.0)
-    return min(longest, common + LARGEST_DIFFERENCE * period)
+    return min(longest, common + settings.LAG_DIFFERENCE * period)
 
 
 def _finding(
     data: Baseline, law: ControlLaw, joint: int, change: LawChange, longest: float
 ) -> ControllerFinding | None:
     rows, fit, base = change.rows, change.fit, change.plain
-    if rms(rows.fit((), with_lag=False)) < LEAST_DIFFERENCE * rows.size:
+    if rms(rows.fit((), with_lag=False)) < settings.LAW_LEAST_DIFFERENCE * rows.size:
         return None
     changes = change.changes
     lag, deviation = changes.pop(LAG)
-    if abs(lag) - 3.0 * deviation > longest:
+    if abs(lag) - settings.LAG_DEVIATIONS * deviation > longest:
         within = float(np.clip(lag, -longest, longest))
         short = replace(rows, rest=rows.rest + within * rows.rate)
-        if worth(rows, short.fit(change.groups, with_lag=False), fit):
+        if acceptable(rows, short.fit(change.groups, with_lag=False), fit):
             changes[LAG] = (lag, deviation)
             base = short.fit((), with_lag=False)
     if not any(differs(value, deviation) for value, deviation in changes.values()):

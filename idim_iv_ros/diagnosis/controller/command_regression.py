@@ -7,16 +7,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, JointData, Regression
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, comparable_rows
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import FloatArray
-
-# Of the limit, above which a command counts as limited.
-_LIMITED = 0.98
-LEAST_ROWS = 50
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,7 @@ class CommandRegression:
         if with_lag:
             parts.append(-self.rate[:, None])
         matrix = np.column_stack([*parts, *(self.groups[name] for name in names)])
-        joint = JointData(self.rest, matrix, np.arange(matrix.shape[1]), self.runs)
+        joint = JointRows(matrix, self.rest, np.arange(matrix.shape[1]), self.runs)
         return Regression((joint,), matrix.shape[1]).fit()
 
     def changes(self, fit: Fit, names: Sequence[str]) -> dict[str, tuple[float, float]]:
@@ -110,7 +108,7 @@ def command_regression(
         start += int(kept.sum())
         energy += np.sum(table[kept][:, 4:] ** 2, axis=0)
         noise_energy += np.sum(_noise(motion, law, joint, speed)[kept] ** 2, axis=0)
-    if start < LEAST_ROWS:
+    if start < settings.LAW_LEAST_ROWS:
         return None
     table = np.concatenate(tables)
     which = np.concatenate(constants)
@@ -127,25 +125,6 @@ def command_regression(
         recording=which,
         time=np.concatenate(times),
     )
-
-
-def comparable_rows(motion: Motion, law: ControlLaw, joint: int) -> NDArray[np.bool_]:
-    """Decimated samples (m,) at which a command is measured and not at the torque limit."""
-    signals = motion.signals
-    limit = _LIMITED * float(law.torque_limit[joint])
-    bad = ~signals.valid[:, joint] | (np.abs(signals.torque[:, joint]) >= limit)
-    return _apart(bad[motion.span], motion)
-
-
-def _apart(bad: NDArray[np.bool_], motion: Motion) -> NDArray[np.bool_]:
-    """Decimated samples without a bad one near them, nor near the ends."""
-    factor = motion.decimation.factor
-    sums = np.concatenate([[0], np.cumsum(bad)])
-    first = np.maximum(motion.decimation.kept - factor, 0)
-    last = np.minimum(motion.decimation.kept + factor + 1, len(bad))
-    kept = sums[last] == sums[first]
-    kept[:2] = kept[-2:] = False
-    return np.asarray(kept)
 
 
 def _stretches(kept: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -5,19 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.command_regression import CommandRegression, rms
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
 from idim_iv_ros.effects.controller_mismatch import GROUPS
 from idim_iv_ros.simulation import ControlLaw
-
-# Logarithm of the likelihood that a change must bring beyond its penalty.
-LEAST_SUPPORT = 8.0
-# Share of the energy of what the law leaves that a change must take.
-LEAST_SHARE = 0.05
-# Periods of the control: a shorter lag is how the command was sampled and recorded.
-LONGEST_LAG = 2.0
-# A change of a gain must be this many times what noise of the encoder makes of it.
-_NOISE_MARGIN = 3.0
 
 
 @dataclass(frozen=True)
@@ -46,14 +38,14 @@ class LawChange:
 
 
 def law_change(rows: CommandRegression, law: ControlLaw, joint: int, period: float) -> LawChange:
-    """Add the best group until none is worth it, and drop those that are not needed.
+    """Add the best group until none is acceptable, and drop those that are not needed.
 
     Parameters
     ----------
     period
         Of the control, s.
     """
-    longest = LONGEST_LAG * period
+    longest = settings.LONGEST_LAG * period
     change = _chosen(_with_late_speed(rows, law, joint, longest, ()), law, joint, period)
     if not change.groups:
         return change
@@ -74,7 +66,7 @@ def _chosen(rows: CommandRegression, law: ControlLaw, joint: int, period: float)
             names = (*chosen, name)
             larger = rows.fit(names, with_lag=True)
             certain = _certain(rows, law, joint, names, larger, period)
-            if certain and worth(rows, fit, larger):
+            if certain and acceptable(rows, fit, larger):
                 better[name] = larger
         if not better:
             break
@@ -83,16 +75,16 @@ def _chosen(rows: CommandRegression, law: ControlLaw, joint: int, period: float)
     for name in chosen:
         rest = tuple(other for other in chosen if other != name)
         smaller = rows.fit(rest, with_lag=True)
-        if not worth(rows, smaller, fit):
+        if not acceptable(rows, smaller, fit):
             chosen, fit = rest, smaller
     return LawChange(rows, chosen, plain, fit)
 
 
-def worth(rows: CommandRegression, smaller: Fit, larger: Fit) -> bool:
+def acceptable(rows: CommandRegression, smaller: Fit, larger: Fit) -> bool:
     """Whether one number more is supported and takes enough of the energy."""
     gain = larger.log_likelihood - smaller.log_likelihood - 0.5 * float(np.log(len(rows.rest)))
     share = 1.0 - (rms(larger) / max(rms(smaller), 1e-300)) ** 2
-    return bool(gain >= LEAST_SUPPORT and share >= LEAST_SHARE)
+    return bool(gain >= settings.LEAST_SUPPORT and share >= settings.LAW_LEAST_SHARE)
 
 
 def _with_late_speed(
@@ -110,7 +102,7 @@ def _with_late_speed(
         return rows
     names = (*groups, name)
     lag, deviation = rows.changes(with_late.fit(names, with_lag=True), names)[name]
-    if not 0.0 < lag < longest + 3.0 * deviation:
+    if not 0.0 < lag < longest + settings.LAG_DEVIATIONS * deviation:
         return rows
     return replace(rows, rest=rows.rest - lag * late)
 
@@ -128,8 +120,8 @@ def _certain(
     change = abs(rows.changes(fit, names)[name][0])
     kp, kd, _ = (float(gain[joint]) for gain in law.torque_gains)
     floor: Mapping[str, float] = {
-        "kp": _NOISE_MARGIN * rows.noise["kp"] * kp,
+        "kp": settings.LAW_NOISE_MARGIN * rows.noise["kp"] * kp,
         # A speed that is one period old looks like this much less of its gain.
-        "kd": _NOISE_MARGIN * rows.noise["kd"] * kd + period * kp,
+        "kd": settings.LAW_NOISE_MARGIN * rows.noise["kd"] * kd + period * kp,
     }
     return change > floor.get(name, 0.0)

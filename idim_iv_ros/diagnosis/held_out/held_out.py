@@ -5,28 +5,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat
+from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat, common_floor
 from idim_iv_ros.diagnosis.result import Gap, Stage
-from idim_iv_ros.diagnosis.structural.likelihood import (
-    Fit,
-    NoiseModel,
-    Regression,
-    white_noise_models,
-)
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression, white_noise_models
+from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor, stacked_r_factor
+from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray, IntArray
 
-_LEAST_FOLD = 5.0  # s
-_FEWEST, _MOST = 4, 6
-_GUARD = 0.25  # s on either side of a border inside a recording
-# Folds of what changes with time: every so many seconds another of so many folds.
-_INTERLEAVED, _TURNS = 3.0, 4
-# Weight of the held-out rows in the fit that predicts them: what only they show stays finite.
-_LEAK = 1e-3
-_RIDGE = 1e-10
 GUARD_FOLD = -1
 
 
@@ -108,9 +97,7 @@ class HeldOut:
         which = list(range(len(self.joints))) if joint is None else [joint]
         first = [self._energies[before][j] for j in which]
         second = [self._energies[after][j] for j in which]
-        levels = [self.floors[j].sigma for j in which]
-        known = [level for level in levels if level is not None]
-        floor = float(np.sqrt(np.sum(np.square(known)))) if len(known) == len(levels) else None
+        floor = common_floor([self.floors[j] for j in which])
         one = _root(*(sums.sum(axis=0) for sums in first))
         two = _root(*(sums.sum(axis=0) for sums in second))
         share = float(shrinkage(np.array(one), np.array(two), floor))
@@ -151,7 +138,11 @@ def shrinkage(before: FloatArray, after: FloatArray, floor: float | None) -> Flo
     least = 0.0 if floor is None else floor
     room = before - least
     return np.asarray(
-        np.where(room > 1e-3 * before, (before - after) / np.where(room > 0, room, 1.0), np.nan)
+        np.where(
+            room > settings.LEAST_ROOM * before,
+            (before - after) / np.where(room > 0, room, 1.0),
+            np.nan,
+        )
     )
 
 
@@ -169,9 +160,9 @@ def held_out(
     """Predict every fold from the others, for every stage.
 
     All coefficients are refitted and the shapes of effects stay as found: for the torque gap with
-    the weights that make it least, for the whitened residual with the colours of the full fit.
-    The predicted fold counts a thousandth in the fit that predicts it, so that what only this
-    fold shows cannot blow up.
+    the weights that make it least, for the whitened residual with the noise models of the full
+    fit. The predicted fold counts a thousandth in the fit that predicts it, so that what only
+    this fold shows cannot blow up.
 
     Parameters
     ----------
@@ -186,37 +177,17 @@ def held_out(
         predicted from another part of it.
     """
     folds, note = interleaved_folds(data) if interleaved else folds_of(data, repeats)
-    ends = extended.parameters + np.concatenate([[0], np.cumsum(extended.widths)]).astype(int)
-    coloured_fit = _solutions(extended, fit.noise_models, folds, [int(end) for end in ends])
-    plain_fit = _solutions(
-        extended, white_noise_models(fit.residuals), folds, [int(end) for end in ends]
+    ends = extended.parameters + np.cumsum([0, *extended.widths])
+    plain, whitened = (
+        _predicted(extended, noise_models, folds, ends)
+        for noise_models in (white_noise_models(fit.residuals), fit.noise_models)
     )
-    stages: list[tuple[FloatArray, ...]] = []
-    whitened: list[tuple[FloatArray, ...]] = []
+    scales = [noise.sigma for noise in white_noise_models(fit.residuals)]
+    stages = [
+        tuple(rest * scale for rest, scale in zip(stage, scales, strict=True)) for stage in plain
+    ]
     if given is not None:
-        stages.append(
-            tuple(rows.torque - rows.matrix @ given[rows.columns] for rows in extended.joints)
-        )
-    for number, end in enumerate(ends):
-        plain, white = [], []
-        for joint, rows in enumerate(extended.joints):
-            matrix, places = extended.wide(joint)
-            used = places < end
-            residual = rows.torque.copy()
-            coloured = fit.noise_models[joint].apply(
-                np.column_stack([matrix[:, used], rows.torque]), rows.runs
-            )
-            whole = coloured[:, -1].copy()
-            for fold in range(len(plain_fit[number])):
-                inside = folds[joint] == fold
-                own = plain_fit[number][fold][places[used]]
-                residual[inside] -= matrix[np.ix_(inside, used)] @ own
-                own = coloured_fit[number][fold][places[used]]
-                whole[inside] -= coloured[inside, :-1] @ own
-            plain.append(residual)
-            white.append(whole)
-        stages.append(tuple(plain))
-        whitened.append(tuple(white))
+        stages.insert(0, tuple(rows.residual(given) for rows in extended.joints))
     return HeldOut(
         joints=data.joints,
         names=(*([] if given is None else ["given"]), "refit", *labels),
@@ -226,7 +197,7 @@ def held_out(
             for recording, place in zip(data.recordings, data.places, strict=True)
         ),
         residuals=tuple(stages),
-        whitened=tuple(whitened),
+        whitened=whitened,
         own_joints=tuple(tuple(sorted(block)) for block in extended.added),
         floors=tuple(floors),
         note=note,
@@ -250,7 +221,7 @@ def folds_of(data: Baseline, repeats: Sequence[Repeat]) -> tuple[tuple[IntArray,
             f"each of {number.max() + 1} recordings is predicted from the others",
         )
     seconds = sum(len(motion.kept) for motion in data.motions) / data.row_rate
-    blocks = int(np.clip(seconds / _LEAST_FOLD, _FEWEST, _MOST))
+    blocks = int(np.clip(seconds / settings.LEAST_FOLD, settings.FEWEST_FOLDS, settings.MOST_FOLDS))
     return (
         _blocks_of(data, blocks),
         f"each of {blocks} blocks of {seconds / blocks:.2g} s is predicted from the others",
@@ -260,13 +231,14 @@ def folds_of(data: Baseline, repeats: Sequence[Repeat]) -> tuple[tuple[IntArray,
 def interleaved_folds(data: Baseline) -> tuple[tuple[IntArray, ...], str]:
     """Fold of every row of every joint where folds take turns, and how they were made, in words."""
     seconds = sum(len(motion.kept) for motion in data.motions) / data.row_rate
-    blocks = max(int(seconds / _INTERLEAVED), _TURNS)
+    blocks = max(int(seconds / settings.INTERLEAVED_FOLD), settings.INTERLEAVED_TURNS)
     folds = tuple(
-        np.where(fold == GUARD_FOLD, GUARD_FOLD, fold % _TURNS) for fold in _blocks_of(data, blocks)
+        np.where(fold == GUARD_FOLD, GUARD_FOLD, fold % settings.INTERLEAVED_TURNS)
+        for fold in _blocks_of(data, blocks)
     )
     return folds, (
-        f"every {_TURNS}th block of {seconds / blocks:.2g} s is predicted from the others, as "
-        "what changes with time cannot be predicted from another part of the session"
+        f"every {settings.INTERLEAVED_TURNS}th block of {seconds / blocks:.2g} s is predicted from "
+        "the others, as what changes with time cannot be predicted from another part of the session"
     )
 
 
@@ -275,7 +247,7 @@ def _blocks_of(data: Baseline, blocks: int) -> tuple[IntArray, ...]:
     lengths = [len(motion.kept) for motion in data.motions]
     starts = np.concatenate([[0], np.cumsum(lengths)])
     return tuple(
-        _blocks(starts[recording] + place, starts, blocks, _GUARD * data.row_rate)
+        _blocks(starts[recording] + place, starts, blocks, settings.FOLD_GUARD * data.row_rate)
         for recording, place in zip(data.recordings, data.places, strict=True)
     )
 
@@ -290,42 +262,57 @@ def _blocks(place: IntArray, starts: IntArray, blocks: int, guard: float) -> Int
     return folds
 
 
+def _predicted(
+    extended: Regression,
+    noise_models: Sequence[AutoregressiveModel],
+    folds: Sequence[IntArray],
+    ends: IntArray,
+) -> tuple[tuple[FloatArray, ...], ...]:
+    """For each stage, the residual (r_j,) of each joint, whitened, with fits without its fold."""
+    tables = [
+        noise.standardized(np.column_stack([rows.matrix, rows.torque]), rows.segments)
+        for rows, noise in zip(extended.extended, noise_models, strict=True)
+    ]
+    solutions = _solutions(extended, tables, folds, ends)
+    stages = []
+    for stage in solutions:
+        residuals = []
+        for rows, table, fold in zip(extended.extended, tables, folds, strict=True):
+            residual = table[:, -1].copy()
+            for number, solution in enumerate(stage):
+                inside = fold == number
+                residual[inside] -= table[inside, :-1] @ solution[rows.columns]
+            residuals.append(residual)
+        stages.append(tuple(residuals))
+    return tuple(stages)
+
+
 def _solutions(
     extended: Regression,
-    noise_models: Sequence[NoiseModel],
+    tables: Sequence[FloatArray],
     folds: Sequence[IntArray],
-    ends: Sequence[int],
+    ends: IntArray,
 ) -> list[list[FloatArray]]:
-    """For each stage and fold, all coefficients up to the stage's end, fitted without the fold."""
-    count = 1 + max(int(fold.max()) for fold in folds)
-    normal = np.zeros((count + 1, extended.total, extended.total))
-    right = np.zeros((count + 1, extended.total))
-    for joint, rows in enumerate(extended.joints):
-        matrix, places = extended.wide(joint)
-        white = noise_models[joint].apply(np.column_stack([matrix, rows.torque]), rows.runs)
-        for fold in range(GUARD_FOLD, count):
-            part = white[folds[joint] == fold]
-            normal[fold][np.ix_(places, places)] += part[:, :-1].T @ part[:, :-1]
-            right[fold][places] += part[:, :-1].T @ part[:, -1]
-    whole, target = normal[:count].sum(axis=0), right[:count].sum(axis=0)
-    return [
-        [
-            _solve(
-                (whole - (1.0 - _LEAK) * normal[fold])[:end, :end],
-                (target - (1.0 - _LEAK) * right[fold])[:end],
-            )
-            for fold in range(count)
-        ]
-        for end in ends
-    ]
+    """For each stage and fold, the coefficients (b + k,) fitted without the fold.
 
-
-def _solve(normal: FloatArray, right: FloatArray) -> FloatArray:
-    diagonal = np.diag(normal)
-    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    scaled = normal * np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += np.where(diagonal > 0.0, _RIDGE, 1.0)
-    return np.asarray(scale * cho_solve(cho_factor(scaled), scale * right))
+    Those of blocks after the stage are zero. The R factor of the rows without a fold is that of
+    the other folds' R factors, and its leading columns solve every stage.
+    """
+    places = [rows.places for rows in extended.extended]
+    factors = []
+    for number in range(1 + max(int(fold.max()) for fold in folds)):
+        inside = [table[fold == number] for table, fold in zip(tables, folds, strict=True)]
+        reduced = [r_factor(rows) for rows in inside]
+        factors.append(stacked_r_factor(reduced, places, extended.total + 1))
+    solutions: list[list[FloatArray]] = [[] for _ in ends]
+    leak = np.sqrt(settings.FOLD_LEAK)
+    for number, own in enumerate(factors):
+        others = [factor for other, factor in enumerate(factors) if other != number]
+        factor = r_factor(np.vstack([*others, leak * own]))
+        basis = independent_basis(factor[:, :-1], tolerance=NOT_SHOWN)
+        for stage, end in zip(solutions, ends, strict=True):
+            stage.append(basis.leading(int(end)).solve(factor[:, -1], extended.total))
+    return solutions
 
 
 def _root(*totals: FloatArray) -> float:

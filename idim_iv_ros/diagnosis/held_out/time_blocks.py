@@ -2,11 +2,9 @@
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.types import FloatArray, IntArray
 
-LEAST_BLOCK = 1.0  # s
-MOST_BLOCKS = 20  # of one recording
-RESAMPLES = 200
 _SEED = 20240
 
 
@@ -25,7 +23,9 @@ def time_blocks(recordings: IntArray, places: IntArray, row_rate: float) -> IntA
     for recording in np.unique(recordings):
         inside = recordings == recording
         place = places[inside] - places[inside].min()
-        length = max(LEAST_BLOCK * row_rate, (place.max() + 1) / MOST_BLOCKS)
+        length = max(
+            settings.LEAST_TIME_BLOCK * row_rate, (place.max() + 1) / settings.MOST_TIME_BLOCKS
+        )
         number = (place / length).astype(np.int64)
         blocks[inside] = first + number
         first += int(number.max()) + 1
@@ -45,7 +45,7 @@ def resampled(sums: FloatArray) -> FloatArray:
     """
     count = len(sums)
     draws = np.random.default_rng(_SEED).multinomial(
-        count, np.full(count, 1.0 / count), size=RESAMPLES
+        count, np.full(count, 1.0 / count), size=settings.RESAMPLES
     )
     return np.asarray(np.tensordot(draws.astype(float), sums, axes=1))
 

@@ -1,4 +1,4 @@
-"""The smallest size of each effect that a motion shows, and which effects look alike on it.
+"""The smallest size of each effect that a motion shows, and how effects correlate on it.
 
 Only columns and noise enter: the model's own parameters absorb a part of each column, and what is
 left must stand out of the noise.
@@ -9,17 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.structural.likelihood import Columns, Scan
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.structural.likelihood import Columns
+from idim_iv_ros.diagnosis.structural.scan import Scan
 from idim_iv_ros.effects.effect import Effect, JointScale, Place, Shape
 from idim_iv_ros.types import FloatArray
 
-# Noncentrality of a chi-square at which an effect is seen, and the share of the rows' energy below
-# which no effect is accepted.
-_NONCENTRALITY = 20.0
-_LEAST_SHARE = 0.01
-# Share of an effect that the model's own parameters absorb, above which it cannot be seen.
-ABSORBED = 0.995
-_MOST_SCALED = 1.5  # a shaft or a delay is scaled down, but no further up than this
 _TINY = 1e-12
 
 
@@ -35,7 +30,7 @@ class ShapedEffect:
 
 @dataclass(frozen=True)
 class Detectability:
-    """What the motion tells of one effect.
+    """What the motion shows of one effect.
 
     Attributes
     ----------
@@ -78,12 +73,12 @@ class _Remainder:
 def detectability(
     scan: Scan, effects: Sequence[ShapedEffect], rows: int, scale: JointScale
 ) -> tuple[list[Detectability], FloatArray]:
-    """Tell what the motion shows of all effects at one joint.
+    """Say what the motion shows of all effects at one joint.
 
     Parameters
     ----------
     scan
-        Of the refit; its colours are the noise.
+        Of the refit; its noise models count.
     rows
         Of the joint.
 
@@ -94,7 +89,7 @@ def detectability(
         the model does not absorb, over all shapes.
     """
     remainder = _remainder(scan, effects, scale.joint)
-    needed = max(_NONCENTRALITY, _LEAST_SHARE * rows)
+    needed = max(settings.NONCENTRALITY, settings.LEAST_SHARE_OF_EFFECT * rows)
     measures = [
         _measure(effect, parts, remainder, needed, scale)
         for effect, parts in zip(effects, remainder.parts, strict=True)
@@ -171,14 +166,14 @@ def _measure(
         largest = remainder.largest[part]
         absorbed.append(1.0 - float(share.max()))
         if effect.size_in == "shape":
-            if rest[0] >= needed and share[0] > 1.0 - ABSORBED:
+            if rest[0] >= needed and share[0] > 1.0 - settings.ABSORBED:
                 words, plausible = _judged(effect, shape, np.ones(1), 0.0, scale)
-                options.append((plausible, float(shape[0]), words))
+                options.append((plausible, effect.size_of(shape), words))
             continue
         size = np.sqrt(needed / np.maximum(rest, _TINY))
-        size[(share < 1.0 - ABSORBED) | (largest <= 0.0)] = np.inf
+        size[(share < 1.0 - settings.ABSORBED) | (largest <= 0.0)] = np.inf
         if effect.size_in == "scale":
-            size[size > _MOST_SCALED] = np.inf
+            size[size > settings.MOST_SCALED] = np.inf
         k = int(np.argmin(size * np.maximum(largest, _TINY)))
         if not np.isfinite(size[k]):
             continue

@@ -5,29 +5,61 @@ from dataclasses import replace
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.identifiability.detectability import (
-    ABSORBED,
     Detectability,
     ShapedEffect,
     detectability,
 )
-from idim_iv_ros.diagnosis.identifiability.motion_limits import cannot_show
-from idim_iv_ros.diagnosis.joint_units import unit_at
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Confusability, NotTestable
-from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range, rows_of, spread_shapes
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, NoiseModel, Regression, Scan
+from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of, spread_shapes
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.structural.scan import Scan
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place
+from idim_iv_ros.signals import AutoregressiveModel
 
-_LARGEST = 1e6  # N m: columns beyond come from a transmission that ran away
+
+def cannot_show(effect: Effect, joint: int, covered: OperatingRange) -> str:
+    """Why an effect cannot be seen at a joint whatever its size; empty where it may be.
+
+    Each effect adds what it needs itself.
+    """
+    lever = float(covered.lever[joint])
+    span, length = covered.span(joint), covered.length(joint)
+    fastest = float(covered.fastest[joint])
+    if (
+        span <= settings.LEAST_RANGE * lever
+        or fastest <= settings.LEAST_SPEED_RANGE * covered.slowest[joint]
+    ):
+        return f"the joint hardly moves ({span:.2g} {length})"
+    if fastest < settings.LEAST_FASTEST * lever:
+        return (
+            f"the joint moves at most {fastest:.2g} {length}/s: it sticks so often that its dry "
+            "friction hides everything else"
+        )
+    return effect.cannot_show(joint, covered)
+
+
+def too_little(joint: int, covered: OperatingRange) -> bool:
+    """Whether a joint moves so little that not even its parameters can be determined.
+
+    Slow motion over a wide range shows weights and friction well; small motion that sticks shows
+    nothing.
+    """
+    lever = float(covered.lever[joint])
+    span = covered.span(joint)
+    fastest = float(covered.fastest[joint])
+    if span <= settings.LEAST_RANGE * lever:
+        return True
+    return fastest < settings.LEAST_FASTEST * lever and span < settings.SMALL_RANGE * lever
 
 
 def shown_by_motion(
     data: Baseline,
     regression: Regression,
     catalogue: Sequence[Effect],
-    noise_models: Sequence[NoiseModel],
-    dry_friction: Sequence[float],
+    noise_models: Sequence[AutoregressiveModel],
 ) -> tuple[tuple[Confusability, ...], tuple[NotTestable, ...]]:
     """Say what the motion can show and what it cannot.
 
@@ -35,14 +67,13 @@ def shown_by_motion(
     ----------
     regression
         Of the refit; only its regressor is used, not its torque.
-    colours
+    noise_models
         Noise of each joint, known beforehand or bounded from below (`floor_noise_models`).
-    dry_friction
-        N m (N), of each joint: the scale of what is plausible.
     """
     covered = operating_range(data)
-    scan = Scan(regression, _without_torque(regression, noise_models))
+    scan = Scan(regression, noise_models)
     rows = [len(joint.torque) for joint in regression.joints]
+    friction = _dry_friction(data, covered)
     tables, refused = [], []
     for joint, name in enumerate(data.joints):
         candidates: list[ShapedEffect] = []
@@ -52,13 +83,13 @@ def shown_by_motion(
                 made = None if reason else _shaped(data, effect, place, covered)
                 if made is None:
                     reason = reason or "no shape of it is possible on this motion"
-                    reason = unit_at(data, joint, reason)
+                    reason = data.unit_at(joint, reason)
                     refused.append(NotTestable(effect.name, name, reason, effect.excitation))
                 else:
                     candidates.append(made)
         if not candidates:
             continue
-        scale = JointScale(covered, joint, dry_friction[joint])
+        scale = JointScale(covered, joint, friction[joint])
         measured, correlation = detectability(scan, candidates, rows[joint], scale)
         for candidate, measure in zip(candidates, measured, strict=True):
             refusal = _refusal(candidate, measure, name)
@@ -66,8 +97,8 @@ def shown_by_motion(
                 refused.append(
                     replace(
                         refusal,
-                        reason=unit_at(data, joint, refusal.reason),
-                        smallest=unit_at(data, joint, refusal.smallest),
+                        reason=data.unit_at(joint, refusal.reason),
+                        smallest=data.unit_at(joint, refusal.smallest),
                     )
                 )
         tables.append(
@@ -76,29 +107,19 @@ def shown_by_motion(
                 effects=tuple(candidate.effect.name for candidate in candidates),
                 correlation=correlation,
                 absorbed=np.array([measure.absorbed for measure in measured]),
-                smallest=tuple(unit_at(data, joint, each.smallest) for each in measured),
+                smallest=tuple(data.unit_at(joint, each.smallest) for each in measured),
             )
         )
     return tuple(tables), tuple(refused)
 
 
-def floor_noise_models(fit: Fit, sigmas: Sequence[float | None]) -> tuple[NoiseModel, ...]:
-    """Colours of a fit with the standard deviations of the noise floor where it is smaller."""
+def floor_noise_models(fit: Fit, sigmas: Sequence[float | None]) -> tuple[AutoregressiveModel, ...]:
+    """Noise models of a fit with the standard deviations of the noise floor where it is smaller."""
     return tuple(
-        NoiseModel(colour.model, colour.sigma if sigma is None else min(sigma, colour.sigma))
-        for colour, sigma in zip(fit.noise_models, sigmas, strict=True)
-    )
-
-
-def _without_torque(regression: Regression, noise_models: Sequence[NoiseModel]) -> Fit:
-    """Colours alone: nothing of the torque enters."""
-    return Fit(
-        values=np.zeros(regression.parameters),
-        coefficients=np.zeros(0),
-        covariance=np.zeros((0, 0)),
-        noise_models=tuple(noise_models),
-        residuals=tuple(np.zeros(len(rows.torque)) for rows in regression.joints),
-        log_likelihood=0.0,
+        noise
+        if sigma is None or sigma >= noise.sigma
+        else replace(noise, innovation_variance=sigma**2)
+        for noise, sigma in zip(fit.noise_models, sigmas, strict=True)
     )
 
 
@@ -117,7 +138,9 @@ def _shaped(
     usable = [
         (shape, columns)
         for shape, columns in zip(shapes, rows_of(data, effect, place, shapes), strict=True)
-        if all(np.max(np.abs(rows), initial=0.0) < _LARGEST for rows in columns.values())
+        if all(
+            np.max(np.abs(rows), initial=0.0) < settings.LARGEST_TORQUE for rows in columns.values()
+        )
     ]
     if not usable:
         return None
@@ -126,7 +149,7 @@ def _shaped(
 
 def _refusal(candidate: ShapedEffect, measure: Detectability, joint: str) -> NotTestable | None:
     effect = candidate.effect
-    if measure.least_absorbed > ABSORBED:
+    if measure.least_absorbed > settings.ABSORBED:
         share = 100.0 * measure.least_absorbed
         reason = f"the model's own parameters absorb {share:.1f} % of it on this motion"
         return NotTestable(effect.name, joint, reason, effect.excitation)
@@ -137,3 +160,14 @@ def _refusal(candidate: ShapedEffect, measure: Detectability, joint: str) -> Not
         reason = f"only sizes from {measure.smallest} would be seen, and smaller ones are common"
         return NotTestable(effect.name, joint, reason, effect.excitation, measure.smallest)
     return None
+
+
+def _dry_friction(data: Baseline, covered: OperatingRange) -> list[float]:
+    """Dry friction of each joint, N m (N): of the refit, or a share of the peak if it has none."""
+    levels = data.prepared.model.dynamic_parameters(data.estimate.linear.values).coulomb
+    return [
+        float(level)
+        if level > settings.LEAST_DRY_FRICTION * peak
+        else settings.ASSUMED_DRY_FRICTION * float(peak)
+        for level, peak in zip(levels, covered.torque, strict=True)
+    ]

@@ -5,11 +5,79 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.refit.motion_at_rows import MotionAtRows
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.types import FloatArray, IntArray
 
+
+def since_reversal(position: FloatArray, velocity: FloatArray, slowest: float) -> FloatArray:
+    """Path since the last reversal (since the start, before the first): (s,) rad (m).
+
+    Parameters
+    ----------
+    position, velocity
+        (s,) rad, rad/s.
+    slowest
+        A joint has turned once it is faster than this the other way: noise does not turn it.
+    """
+    path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(position)))])
+    ways = np.where(np.abs(velocity) >= slowest, np.sign(velocity), 0.0)
+    moving = np.flatnonzero(ways)
+    turned = moving[1:][np.diff(ways[moving]) != 0.0]
+    # The joint stood at its turning point when the speed crossed zero, a little before.
+    crossing = np.flatnonzero(np.diff(np.sign(velocity)) != 0.0) + 1
+    if len(crossing) and len(turned):
+        turned = crossing[np.maximum(np.searchsorted(crossing, turned, side="right") - 1, 0)]
+    starts = np.concatenate([[0], turned]).astype(np.int64)
+    last = starts[np.searchsorted(starts, np.arange(len(position)), side="right") - 1]
+    return np.asarray(path - path[last])
+
+
+@dataclass(frozen=True)
+class MotionAtRows:
+    """What one joint does at its rows, over all recordings; (r,) each.
+
+    Attributes
+    ----------
+    time : s
+    position, velocity : rad, rad/s (m, m/s)
+    load : N m (N)
+        Torque of the rigid bodies alone.
+    since_reversal : rad (m)
+        Distance since the last reversal.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    load: FloatArray
+    since_reversal: FloatArray
+
+
+def motion_at_rows(data: Baseline, joint: int) -> MotionAtRows:
+    """Take the smooth motion of one joint at the rows that count."""
+    motions = data.motions
+    slowest = settings.REVERSAL_SPEED * float(data.slowest[joint])
+
+    def at_rows(values: Sequence[FloatArray]) -> FloatArray:
+        kept = [part[each.decimation.kept] for part, each in zip(values, motions, strict=True)]
+        return data.counting(joint, kept)
+
+    return MotionAtRows(
+        time=at_rows([each.time for each in motions]),
+        position=at_rows([each.position[:, joint] for each in motions]),
+        velocity=at_rows([each.velocity[:, joint] for each in motions]),
+        load=at_rows([each.load[:, joint] for each in motions]),
+        since_reversal=at_rows(
+            [
+                since_reversal(each.position[:, joint], each.velocity[:, joint], slowest)
+                for each in motions
+            ]
+        ),
+    )
+
+
 _BANDS = (0.0, 0.1, 0.3, 0.6, 1.0)  # of the band of the rows
-_SEGMENT = 1.0  # s
 
 
 @dataclass(frozen=True)
@@ -136,15 +204,15 @@ def bands(
     edge
         Share of the rows' Nyquist frequency that the decimation passes.
     """
-    length = int(_SEGMENT * row_rate)
-    if length < 16:
+    length = int(settings.SPECTRUM_SEGMENT * row_rate)
+    if length < settings.SPECTRUM_LEAST_ROWS:
         return None
     pieces = [
         residual[start : start + length]
         for run in runs
         for start in range(run.start, run.stop - length + 1, length)
     ]
-    if len(pieces) < 5:
+    if len(pieces) < settings.SPECTRUM_LEAST_PIECES:
         return None
     window = np.hanning(length)
     power = np.abs(np.fft.rfft(np.array(pieces) * window, axis=1)) ** 2

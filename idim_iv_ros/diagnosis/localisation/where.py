@@ -5,18 +5,122 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.held_out.time_blocks import time_blocks
-from idim_iv_ros.diagnosis.joint_units import unit_at
-from idim_iv_ros.diagnosis.localisation.joint_gaps import joint_gaps
-from idim_iv_ros.diagnosis.localisation.regimes import in_words, joined, regimes_of
-from idim_iv_ros.diagnosis.localisation.residual_split import Axis, axes_of, bands, split
-from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.motion_at_rows import motion_at_rows
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.held_out.time_blocks import interval, resampled, time_blocks
+from idim_iv_ros.diagnosis.localisation.residual_split import (
+    Axis,
+    Split,
+    axes_of,
+    bands,
+    motion_at_rows,
+    split,
+)
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
-from idim_iv_ros.diagnosis.refit.nominal_model import nominal_residuals
 from idim_iv_ros.diagnosis.result import JointGap, Regime
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.types import FloatArray
+
+
+def joint_gaps(
+    joints: Sequence[str],
+    torques: Sequence[FloatArray],
+    residuals: Sequence[FloatArray],
+    floors: Sequence[NoiseFloor],
+) -> tuple[JointGap, ...]:
+    """RMS, relative size and share of each joint; energies are divided by those of the torque.
+
+    Parameters
+    ----------
+    joints
+        Names.
+    torques, residuals
+        (r_j,) N m (N) of each joint.
+    floors
+    """
+    energy = [float(residual @ residual) for residual in residuals]
+    whole = [float(torque @ torque) for torque in torques]
+    relative = np.array([e / w if w > 0.0 else 0.0 for e, w in zip(energy, whole, strict=True)])
+    total = float(relative.sum())
+    return tuple(
+        JointGap(
+            joint=name,
+            rms=float(np.sqrt(energy[j] / max(len(residuals[j]), 1))),
+            relative_percent=100.0 * float(np.sqrt(relative[j])) if whole[j] > 0.0 else None,
+            share=float(relative[j] / total) if total > 0.0 else 0.0,
+            noise_floor=floors[j].sigma,
+            floor_origin=floors[j].origin,
+        )
+        for j, name in enumerate(joints)
+    )
+
+
+def lifts(parts: Split) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Energy share, occupancy and lift (k,) of each bin, and the lift's interval (k, 2)."""
+    total = parts.bins.sum(axis=0)
+    share = total / np.maximum(total.sum(axis=0), 1e-300)
+    draws = resampled(parts.bins)
+    shares = draws / np.maximum(draws.sum(axis=1, keepdims=True), 1e-300)
+    ratio = shares[:, :, 0] / np.maximum(shares[:, :, 1], 1e-12)
+    usable = shares[:, :, 1] > 0.0
+    limits = np.array(
+        [
+            interval(ratio[usable[:, k], k]) if usable[:, k].any() else (0.0, np.inf)
+            for k in range(ratio.shape[1])
+        ]
+    )
+    lift = share[:, 0] / np.maximum(share[:, 1], 1e-12)
+    return share[:, 0], share[:, 1], lift, limits
+
+
+def regimes_of(joint: str, parts: Split, unit: str) -> list[Regime]:
+    """Bins of one axis whose lift differs from 1; `unit` is that of its edges."""
+    if len(parts.bins) < settings.REGIME_LEAST_BLOCKS:
+        return []
+    energy, occupancy, lift, limits = lifts(parts)
+    return [
+        Regime(
+            joint=joint,
+            axis=parts.name,
+            low=float(parts.edges[k]),
+            high=float(parts.edges[k + 1]),
+            unit=unit,
+            energy_share=float(energy[k]),
+            occupancy=float(occupancy[k]),
+            lift=float(lift[k]),
+            ci95=(float(limits[k, 0]), float(limits[k, 1])),
+        )
+        for k in range(len(lift))
+        if occupancy[k] >= settings.LEAST_OCCUPANCY and (limits[k, 0] > 1.0 or limits[k, 1] < 1.0)
+    ]
+
+
+def joined(regimes: Sequence[Regime]) -> Regime | None:
+    """Adjacent high bins of one axis with the largest excess of the gap; None where it is small."""
+    best: Regime | None = None
+    current: Regime | None = None
+    for regime in regimes:
+        if regime.lift <= 1.0:
+            continue
+        if current is not None and current.high == regime.low:
+            energy = current.energy_share + regime.energy_share
+            occupancy = current.occupancy + regime.occupancy
+            current = Regime(
+                current.joint, current.axis, current.low, regime.high, current.unit,
+                energy, occupancy, energy / occupancy, None,
+            )  # fmt: skip
+        else:
+            current = regime
+        if (
+            current.lift < settings.FINDING_LEAST_LIFT
+            or current.energy_share < settings.FINDING_LEAST_ENERGY
+        ):
+            continue
+        gain = current.energy_share - current.occupancy
+        if best is None or gain > best.energy_share - best.occupancy:
+            best = current
+    return best
+
 
 _UNITS = {
     "speed": "rad/s",
@@ -27,13 +131,32 @@ _UNITS = {
     "reversal": "rad",
     "frequency": "Hz",
 }
-_GIVEN_FINDINGS, _REFIT_FINDINGS = 3, 2
-# The refit explains it all where its residual has less than this energy above the noise.
-_STRUCTURE = 1.2
 
 
 @dataclass(frozen=True)
-class Where:
+class Finding:
+    """A regime, or adjacent ones, in which much of the gap lies.
+
+    Attributes
+    ----------
+    regime : Regime
+    first, last : bool
+        Whether it begins or ends where the axis does.
+    after_refit : bool
+        Whether the gap is that of the refit.
+    excess : float
+        Energy share less occupancy, times the joint's share of the whole gap.
+    """
+
+    regime: Regime
+    first: bool
+    last: bool
+    after_refit: bool
+    excess: float
+
+
+@dataclass(frozen=True)
+class Localisation:
     """Where the gap lies.
 
     Attributes
@@ -41,70 +164,71 @@ class Where:
     joint_gaps : tuple of JointGap
     regimes : tuple of Regime
         Of the nominal model's gap (of the refit's where no model is given); largest lift first.
-    findings : tuple of str
-        The most telling regimes in words, those of what the refit leaves last.
+    findings : tuple of Finding
+        The largest first; those of the residual of the refit last.
     """
 
     joint_gaps: tuple[JointGap, ...]
     regimes: tuple[Regime, ...]
-    findings: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 def where(
     data: Baseline, regression: Regression, refit: Fit, floors: Sequence[NoiseFloor]
-) -> Where:
+) -> Localisation:
     """Find where the gap lies.
 
-    The nominal model's gap is what the user sees: its shares and regimes are reported. What the
-    refit leaves tells of missing effects: where it is above the noise, its findings follow, each
-    with "after a refit" in front.
+    The nominal model's gap is what the user sees: its shares and regimes are reported. The residual
+    of the refit shows missing effects: findings about it follow where it is above the noise.
     """
-    given = nominal_residuals(data, regression)
-    shown = refit.residuals if given is None else given
+    nominal = nominal_residuals(data, regression)
+    shown = refit.residuals if nominal is None else nominal
     gaps = joint_gaps(data.joints, [rows.torque for rows in regression.joints], shown, floors)
     starts = [part.start for part in data.prepared.session.parts]
     axes = [axes_of(motion_at_rows(data, joint), starts) for joint in range(len(data.joints))]
-    regimes, findings = _described(data, regression, shown, axes, gaps, "")
-    findings = findings[:_GIVEN_FINDINGS]
-    if given is not None:
-        _, more = _described(data, regression, refit.residuals, axes, gaps, "after a refit, ")
+    regimes, found = _regimes(data, regression, shown, axes, gaps, after_refit=False)
+    findings = found[: settings.NOMINAL_FINDINGS]
+    if nominal is not None:
+        _, found = _regimes(data, regression, refit.residuals, axes, gaps, after_refit=True)
         structured = {
             name
             for name, residual, floor in zip(data.joints, refit.residuals, floors, strict=True)
-            if floor.sigma is None or np.mean(residual**2) > _STRUCTURE * floor.sigma**2
+            if floor.sigma is None
+            or np.mean(residual**2) > settings.REFIT_STRUCTURE * floor.sigma**2
         }
-        more = [one for one in more if any(f"refit, {name}," in one for name in structured)]
-        findings = [*findings, *more[:_REFIT_FINDINGS]]
-    return Where(gaps, regimes, tuple(findings))
+        found = [each for each in found if each.regime.joint in structured]
+        findings += found[: settings.REFIT_FINDINGS]
+    return Localisation(gaps, regimes, tuple(findings))
 
 
-def _described(
+def _regimes(
     data: Baseline,
     regression: Regression,
     residuals: Sequence[FloatArray],
     axes: Sequence[Sequence[Axis]],
     gaps: Sequence[JointGap],
-    prefix: str,
-) -> tuple[tuple[Regime, ...], list[str]]:
-    """Regimes whose interval excludes 1, and sentences, the most telling first."""
+    *,
+    after_refit: bool,
+) -> tuple[tuple[Regime, ...], list[Finding]]:
+    """Regimes whose interval excludes 1, and findings, the largest first."""
     regimes: list[Regime] = []
-    sentences: list[tuple[float, str]] = []
+    findings: list[Finding] = []
     edge = data.prepared.configuration.processing.decimation_edge
-    session = data.prepared.session.parts
     for joint, name in enumerate(data.joints):
         residual = residuals[joint]
         blocks = time_blocks(data.recordings[joint], data.places[joint], data.row_rate)
         splits = [split(axis, residual, blocks) for axis in axes[joint]]
-        spectrum = bands(residual, regression.joints[joint].runs, data.row_rate, edge)
+        spectrum = bands(residual, regression.joints[joint].segments, data.row_rate, edge)
         for parts in [*splits, *([] if spectrum is None else [spectrum])]:
-            found = regimes_of(name, parts, unit_at(data, joint, _UNITS[parts.name]))
+            found = regimes_of(name, parts, data.unit_at(joint, _UNITS[parts.name]))
             regimes += found
             best = joined(found)
-            # Most of what moves slowly is slow: not worth a word.
-            slow = best is not None and parts.name == "frequency" and best.low <= 0.0
-            if best is not None and not slow:
-                weight = (best.energy_share - best.occupancy) * gaps[joint].share
-                sentences.append((weight, prefix + in_words(best, parts.edges, session)))
+            # Most of what moves slowly is slow: no finding.
+            if best is None or (parts.name == "frequency" and best.low <= 0.0):
+                continue
+            first, last = best.low <= parts.edges[0], best.high >= parts.edges[-1]
+            excess = (best.energy_share - best.occupancy) * gaps[joint].share
+            findings.append(Finding(best, first, last, after_refit, excess))
     regimes.sort(key=lambda regime: -regime.lift)
-    sentences.sort(key=lambda sentence: -sentence[0])
-    return tuple(regimes), [sentence for _, sentence in sentences]
+    findings.sort(key=lambda each: -each.excess)
+    return tuple(regimes), findings

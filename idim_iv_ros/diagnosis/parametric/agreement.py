@@ -10,20 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.contrast import Contrast, OneSetTest, contrast
 from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause, causes_of
 from idim_iv_ros.diagnosis.parametric.selection import smallest_set
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
-
-# Of the test of all recordings together.
-_LEVEL = 0.01
-# Torque that differs at a joint, as a share of that joint's, below which nobody cares: a long
-# recording rejects every model.
-LEAST_SHARE = 0.01
-# Of `contrast.FOLDS`, blocks that parameters of its own must predict better.
-LEAST_FOLDS = 4
 
 
 @dataclass(frozen=True)
@@ -107,9 +100,9 @@ def agreement(
 
 def _differs(test: OneSetTest, count: int) -> bool:
     return (
-        count * test.p_value < _LEVEL
-        and test.folds_positive >= LEAST_FOLDS
-        and float(test.shares.max()) >= LEAST_SHARE
+        count * test.p_value < settings.AGREEMENT_LEVEL
+        and test.folds_positive >= settings.AGREEMENT_LEAST_FOLDS
+        and float(test.shares.max()) >= settings.AGREEMENT_LEAST_SHARE
     )
 
 

@@ -1,28 +1,78 @@
-"""Which given numbers are wrong: the change from the given to the fitted parameters."""
+"""Which parameters of the nominal model are in error: the change from these to the fitted ones."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, change_regression
 from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause, causes_of
 from idim_iv_ros.diagnosis.parametric.hypotheses import Hypothesis, changes_of
-from idim_iv_ros.diagnosis.parametric.joints import LEAST_SHARE as JOINT_SHARE
+from idim_iv_ros.diagnosis.parametric.missing import missing_parameters, without_negative_drives
 from idim_iv_ros.diagnosis.parametric.selection import smallest_set
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.missing_armature import left_out_numbers, without_negative_drives
+from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, common_floor
+from idim_iv_ros.diagnosis.result import (
+    Cause,
+    Evidence,
+    Gap,
+    Indistinguishable,
+    JointChange,
+    ParameterError,
+)
+from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of, spread_shapes
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
-from idim_iv_ros.effects.catalogue import PARAMETRIC
+from idim_iv_ros.effects.effect import Effect, OperatingRange
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
+from idim_iv_ros.effects.registry import PARAMETRIC
 from idim_iv_ros.types import FloatArray
 
-# Share of the nominal model's gap that the refit must take; the second where structural effects
-# were accepted, for what is left of them biases the refit.
-LEAST_SHARE, LEAST_SHARE_BESIDE = 0.01, 0.05
-# Share of the gap's energy that each cause must take, beside those before it, unless it takes that
-# of one joint: `parametric_joints.LEAST_SHARE` of its torque.
-LEAST_SHARE_OF_A_CAUSE = 0.02
+
+def confounders(
+    data: Baseline, cause: ParametricCause, catalogue: Sequence[Effect]
+) -> tuple[Indistinguishable, ...]:
+    """Structural effects whose torque is that of a parameter error on this recording.
+
+    Those that no recording separates from it always count.
+
+    `Indistinguishable.correlation` is the multiple correlation of the cause's torque with the
+    effect's columns, in the best of a few shapes.
+    """
+    if cause.joint is None or cause.torque is None:
+        return ()
+    joint = data.joints.index(cause.joint)
+    covered = operating_range(data)
+    others = []
+    for effect in catalogue:
+        if effect.name in cause.effect.same_as:
+            others.append(Indistinguishable(effect.name, cause.joint, 1.0))
+        if effect.name not in cause.effect.confounders:
+            continue
+        correlation = _correlation(data, effect, joint, cause.torque, covered)
+        if correlation >= settings.CONFOUNDER_CORRELATION:
+            others.append(Indistinguishable(effect.name, cause.joint, correlation))
+    return tuple(others)
+
+
+def _correlation(
+    data: Baseline, effect: Effect, joint: int, torque: FloatArray, covered: OperatingRange
+) -> float:
+    """Largest over the shapes, 0 to 1."""
+    energy = float(torque @ torque)
+    places = [place for place in effect.places(len(data.joints)) if place.joint == joint]
+    if not places or energy <= 0.0:
+        return 0.0
+    shapes = spread_shapes(effect, places[0], covered)
+    if not shapes:
+        return 0.0
+    largest = 0.0
+    for shape, columns in zip(shapes, rows_of(data, effect, places[0], shapes), strict=True):
+        coefficients = np.asarray(np.linalg.lstsq(columns[joint], torque, rcond=None)[0])
+        if effect.admissible(shape, coefficients):
+            rest = torque - columns[joint] @ coefficients
+            largest = max(largest, 1.0 - float(rest @ rest) / energy)
+    return float(np.sqrt(max(largest, 0.0)))
 
 
 @dataclass(frozen=True)
@@ -74,10 +124,12 @@ def parametric_causes(
         nothing = np.full(len(data.joints), np.nan)
         return ParametricOutcome((), reason, None, nothing, nothing, nothing)
     changes = change_regression(data, regression, fit)
-    least_share = LEAST_SHARE_BESIDE if regression.added else LEAST_SHARE
+    least_share = (
+        settings.REFIT_LEAST_SHARE_BESIDE if regression.added else settings.REFIT_LEAST_SHARE
+    )
     while True:
-        known = left_out_numbers(changes, catalogue)
-        found, reason = _other_numbers(changes, known, least_share, catalogue)
+        known = missing_parameters(changes, catalogue)
+        found, reason = _other_causes(changes, known, least_share, catalogue)
         physical = without_negative_drives(changes, known, found)
         if physical.space.bare_drives == changes.space.bare_drives:
             break
@@ -91,7 +143,7 @@ def parametric_causes(
     return ParametricOutcome(causes, "" if causes else reason, given, after, least, changes.sizes)
 
 
-def _other_numbers(
+def _other_causes(
     changes: ChangeRegression,
     known: Sequence[Hypothesis],
     least: float,
@@ -113,9 +165,104 @@ def _large_enough(
     """Causes that take enough of the gap beside what was left out, or of a joint's torque."""
     kept, gap = [], 1.0
     for cause in causes:
-        enough = cause.share >= LEAST_SHARE_OF_A_CAUSE * gap
-        if enough or cause.share_of_torque >= JOINT_SHARE:
+        enough = cause.share >= settings.PARAMETRIC_LEAST_SHARE * gap
+        if enough or cause.share_of_torque >= settings.LEAST_PARAMETER_ERROR:
             kept.append(cause)
         if cause.effect.known_to_be_left_out(changes.space):
             gap -= cause.share
     return tuple(kept)
+
+
+def parameter_errors(data: Baseline, outcome: ParametricOutcome) -> tuple[ParameterError, ...]:
+    """Gap of the nominal model at each joint, with the causes and with all parameters refitted."""
+    if outcome.given is None:
+        return ()
+    errors = []
+    for joint, name in enumerate(data.joints):
+        named, refit = float(outcome.after[joint]), float(outcome.refit[joint])
+        remaining = float(np.sqrt(max(named**2 - refit**2, 0.0)))
+        errors.append(
+            ParameterError(
+                joint=name,
+                given=float(outcome.given[joint]),
+                named=named,
+                refit=refit,
+                remaining=remaining,
+                share_of_torque=remaining / float(outcome.sizes[joint]),
+            )
+        )
+    return tuple(errors)
+
+
+def remaining(errors: Sequence[ParameterError]) -> list[ParameterError]:
+    """Joints at which a parameter error remains that no cause names, the largest share first."""
+    return sorted(
+        (
+            each
+            for each in errors
+            if each.share_of_torque > settings.LEAST_PARAMETER_ERROR
+            and each.named > settings.PARAMETER_ERROR_OVER_REFIT * each.refit
+        ),
+        key=lambda each: -each.share_of_torque,
+    )
+
+
+def parametric_results(
+    data: Baseline,
+    found: Sequence[ParametricCause],
+    floors: Sequence[NoiseFloor],
+    structural: Sequence[Effect],
+) -> list[Cause]:
+    """Return causes as they are reported.
+
+    Parameters
+    ----------
+    structural
+        Effects of the catalogue, which may be indistinguishable from parameter errors.
+    """
+    results = []
+    for each in found:
+        others = (*each.indistinguishable_from, *confounders(data, each, structural))
+        cause = replace(each, indistinguishable_from=others)
+        changed = _joint_changes(data, cause)
+        results.append(
+            Cause(
+                effect=cause.effect.name,
+                kind="parametric",
+                joint=cause.joint,
+                other_joint=None,
+                parameters=cause.parameters,
+                evidence=Evidence(cause.statistic, cause.p_value, None, ""),
+                indistinguishable_from=others,
+                torque_gap=_gap(data, cause, floors),
+                simulation_gap=None,
+                sentence=sentences.parametric_cause(data, cause, changed),
+                joint_gaps=changed,
+            )
+        )
+    return results
+
+
+def _joint_changes(data: Baseline, cause: ParametricCause) -> tuple[JointChange, ...]:
+    """Joints whose gap the cause changes, its own first and then the largest share first."""
+    changed = [
+        data.joint_change(joint, before, after)
+        for joint, (before, after) in enumerate(zip(cause.before, cause.after, strict=True))
+    ]
+    kept = [
+        each
+        for each in changed
+        if each.joint == cause.joint or abs(each.share_of_torque) >= settings.LEAST_PARAMETER_ERROR
+    ]
+    return tuple(sorted(kept, key=lambda each: (each.joint != cause.joint, -each.share_of_torque)))
+
+
+def _gap(data: Baseline, cause: ParametricCause, floors: Sequence[NoiseFloor]) -> Gap:
+    own = None if cause.joint is None else data.joints.index(cause.joint)
+    which = list(range(len(data.joints))) if own is None else [own]
+    before = float(np.sqrt(np.sum(cause.before[which] ** 2)))
+    after = float(np.sqrt(np.sum(cause.after[which] ** 2)))
+    floor = common_floor([floors[joint] for joint in which])
+    room = before - (floor or 0.0)
+    shrinkage = (before - after) / room if room > settings.LEAST_ROOM * before else None
+    return Gap(before, after, floor, shrinkage, None)

@@ -6,20 +6,16 @@ from functools import cached_property
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.identifiability.motion_limits import too_little
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.identifiability.testability import too_little
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range
+from idim_iv_ros.diagnosis.structural.candidate import operating_range
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParameterSpace
-from idim_iv_ros.estimation.r_factor import r_factor
+from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
-
-# A direction of which, unit columns taken, less than this is left counts as not excited.
-_LEAST = 1e-5
-# Share of a column that accepted effects must leave, or the recording does not show it beside them.
-_LEAST_INDEPENDENT = 1e-2
 
 
 @dataclass(frozen=True)
@@ -70,15 +66,15 @@ class Accepted:
 
 @dataclass(frozen=True)
 class ChangeRegression:
-    """Least squares of y − X β₀ on changes of the given numbers, whitened and compressed.
+    """Least squares of y − X β₀ on changes of the given numbers, whitened and reduced.
 
     Accepted structural effects are taken out of both sides.
 
     Attributes
     ----------
     space : ParameterSpace
-    triangle : (e, d)
-        Whitened rows of unit changes, compressed by an orthogonal matrix.
+    factor : (e, d)
+        Whitened rows of unit changes, reduced by QR.
     right : (e,)
         The residual likewise; its energy is that of all rows.
     columns : tuple of (r_j, d)
@@ -93,7 +89,7 @@ class ChangeRegression:
     """
 
     space: ParameterSpace
-    triangle: FloatArray
+    factor: FloatArray
     right: FloatArray
     columns: tuple[FloatArray, ...]
     residuals: tuple[FloatArray, ...]
@@ -129,11 +125,11 @@ class ChangeRegression:
         if not changes:
             return Explained(0.0, 0, (), np.zeros((self.space.size, 0)))
         directions = np.column_stack([change.direction for change in changes])
-        white = self.triangle @ directions
+        white = self.factor @ directions
         norms = np.linalg.norm(white, axis=0)
         scale = 1.0 / np.where(norms > 0.0, norms, 1.0)
         left, singular, right = np.linalg.svd(white * scale, full_matrices=False)
-        rank = int(np.sum(singular > _LEAST))
+        rank = int(np.sum(singular > settings.LEAST_DIRECTION))
         seen = right[:rank].T  # (m, rank)
         coordinates = left[:, :rank].T @ self.right
         values = scale * (seen @ (coordinates / singular[:rank]))
@@ -183,7 +179,7 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
     regression
         With the accepted structural effects as added columns.
     fit
-        Of that regression; its colours whiten.
+        Of that regression; its noise models whiten.
     """
     model = data.prepared.model
     axes = level_axes(np.asarray(model.robot.pinocchio.gravity.linear))
@@ -191,28 +187,28 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
     moving = frozenset(range(len(data.joints))) - still
     bare = moving if data.prepared.armature_missing else frozenset()
     space = ParameterSpace(model, model.given, axes, bare)
-    b, joints = regression.parameters, len(regression.joints)
+    b = regression.parameters
     columns, effects, residuals, whitened = [], [], [], []
-    for joint, rows in enumerate(regression.joints):
-        unit = change_rows(data, regression, space, joint)
-        wide, places = regression.wide(joint)
-        structural = np.zeros((len(rows.torque), regression.total - b))
-        structural[:, places[len(rows.columns) :] - b] = wide[:, len(rows.columns) :]
-        residual = rows.torque - rows.matrix @ space.given[rows.columns]
-        whitened.append(
-            fit.noise_models[joint].apply(np.column_stack([structural, unit, residual]), rows.runs)
-        )
+    units = change_rows(data, regression, space)
+    for joint, (rows, unit) in enumerate(zip(regression.joints, units, strict=True)):
+        extended = regression.extended[joint]
+        structural = np.zeros((len(rows), regression.total - b))
+        own = len(rows.columns)
+        structural[:, extended.columns[own:] - b] = extended.matrix[:, own:]
+        residual = rows.residual(space.given)
+        table = np.column_stack([structural, unit, residual])
+        whitened.append(fit.noise_models[joint].standardized(table, rows.segments))
         columns.append(unit)
         effects.append(structural)
         residuals.append(residual)
-    triangle, moved = projected(np.vstack(whitened), regression.total - b)
+    factor, moved = beside(np.vstack(whitened), regression.total - b)
     return ChangeRegression(
         space,
-        triangle[:, :-1],
-        triangle[:, -1],
+        factor[:, :-1],
+        factor[:, -1],
         tuple(columns),
         tuple(residuals),
-        tuple(regression.joints[joint].torque for joint in range(joints)),
+        tuple(rows.torque for rows in regression.joints),
         Accepted(tuple(effects), moved[:, -1], moved[:, :-1]),
         still,
     )
@@ -225,15 +221,18 @@ def still_joints(data: Baseline) -> frozenset[int]:
 
 
 def change_rows(
-    data: Baseline, regression: Regression, space: ParameterSpace, joint: int
-) -> FloatArray:
-    """Rows (r_j, d) of unit changes of all numbers of a space at one joint, N m."""
-    rows, b = regression.joints[joint], regression.parameters
-    unit = np.zeros((len(rows.torque), space.size))
-    unit[:, rows.columns] = rows.matrix
-    unit[:, b : b + 2] = _gravity_rows(data, space.axes)[joint]
-    unit[:, b + 2 + joint] = rows.matrix @ space.given[rows.columns]
-    return unit
+    data: Baseline, regression: Regression, space: ParameterSpace
+) -> tuple[FloatArray, ...]:
+    """Rows (r_j, d) of unit changes of all numbers of a space, for each joint, N m."""
+    b, units = regression.parameters, []
+    gravity = _gravity_rows(data, space.axes)
+    for joint, rows in enumerate(regression.joints):
+        unit = np.zeros((len(rows), space.size))
+        unit[:, rows.columns] = rows.matrix
+        unit[:, b : b + 2] = gravity[joint]
+        unit[:, b + 2 + joint] = rows.prediction(space.given)
+        units.append(unit)
+    return tuple(units)
 
 
 def level_axes(gravity: FloatArray) -> FloatArray:
@@ -250,26 +249,21 @@ def level_axes(gravity: FloatArray) -> FloatArray:
     return np.array([first, second if second[max(kept)] > 0.0 else -second])
 
 
-def projected(rows: FloatArray, added: int) -> tuple[FloatArray, FloatArray]:
+def beside(rows: FloatArray, added: int) -> tuple[FloatArray, FloatArray]:
     """R factor of the rows less what the first `added` columns explain, and their coefficients.
 
     Returns
     -------
     (e, d + 1), (added, d + 1)
     """
-    if not added:
-        return r_factor(rows), np.zeros((0, rows.shape[1]))
-    norms = np.linalg.norm(rows[:, :added], axis=0)
-    scale = 1.0 / np.where(norms > 0.0, norms, 1.0)
-    left, singular, right = np.linalg.svd(rows[:, :added] * scale, full_matrices=False)
-    seen = singular > 1e-6
-    coordinates = left[:, seen].T @ rows[:, added:]
-    coefficients = scale[:, None] * (right[seen].T @ (coordinates / singular[seen, None]))
-    rest = rows[:, added:] - left[:, seen] @ coordinates
+    factor = r_factor(rows)
+    basis = independent_basis(factor[:, :added], tolerance=NOT_SHOWN)
+    whole = factor[:, added:]
+    rest = basis.remove(whole)
     # A free curve of the speed holds the joint's dry friction: what is left of that is rounding.
-    whole = np.linalg.norm(rows[:, added:], axis=0)
-    rest[:, np.linalg.norm(rest, axis=0) < _LEAST_INDEPENDENT * whole] = 0.0
-    return r_factor(rest), coefficients
+    little = settings.LEAST_BESIDE_EFFECTS * np.linalg.norm(whole, axis=0)
+    rest[:, np.linalg.norm(rest, axis=0) < little] = 0.0
+    return r_factor(rest), basis.solve(whole, added)
 
 
 def _gravity_rows(data: Baseline, axes: FloatArray) -> list[FloatArray]:
@@ -282,17 +276,7 @@ def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatAr
     """Torque of the given links under each of k gravities (k, 3): (r_j, k) for each joint, N m."""
     robot = data.prepared.model.robot
     tilted = [_with_gravity(robot, acceleration) for acceleration in accelerations]
-    nothing = np.zeros(len(robot.joints))
-    bodies = replace(
-        robot.given,
-        drive_inertia=nothing,
-        viscous=nothing,
-        coulomb=nothing,
-        offset=nothing,
-        coupling_inertia=np.zeros_like(robot.given.coupling_inertia),
-        coupling_viscous=np.zeros_like(robot.given.coupling_viscous),
-        coupling_coulomb=np.zeros_like(robot.given.coupling_coulomb),
-    )
+    bodies = robot.given.of_links
     parts = []
     for motion in data.motions:
         still = np.zeros_like(motion.position)

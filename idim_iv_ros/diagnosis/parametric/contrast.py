@@ -13,24 +13,20 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.change_regression import (
     Accepted,
     ChangeRegression,
+    beside,
     change_rows,
     level_axes,
-    projected,
     still_joints,
 )
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.parametric_effect import ParameterSpace
-from idim_iv_ros.estimation.r_factor import r_factor
+from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
-
-# Blocks of time of the second recordings that are held out in turn.
-FOLDS = 5
-# Singular value, unit columns taken, below which a direction is not excited.
-_LEAST = 1e-6
 
 
 @dataclass(frozen=True)
@@ -106,10 +102,13 @@ class Contrast:
 
     def _held_out(self) -> tuple[FloatArray, FloatArray, int]:
         """RMS in blocks of the second recordings that were not fitted, with one set and two."""
-        folds = [np.array_split(np.flatnonzero(inside), FOLDS) for inside in self.inside]
+        folds = [
+            np.array_split(np.flatnonzero(inside), settings.AGREEMENT_FOLDS)
+            for inside in self.inside
+        ]
         errors: tuple[list[list[FloatArray]], ...] = ([], [])
         positive = 0
-        for number in range(FOLDS):
+        for number in range(settings.AGREEMENT_FOLDS):
             kept = [
                 np.delete(rows, fold[number], axis=0)
                 for rows, fold in zip(self.whitened, folds, strict=True)
@@ -117,7 +116,8 @@ class Contrast:
             factor = r_factor(np.vstack(kept))
             scores = []
             for kind, width in enumerate((self.free, factor.shape[1] - 1)):
-                solution = _solved(factor, width)
+                basis = independent_basis(factor[:, :width], tolerance=NOT_SHOWN)
+                solution = basis.solve(factor[:, -1], width)
                 parts, score = [], 0.0
                 for joint, rows in enumerate(self.whitened):
                     fold = folds[joint][number]
@@ -136,14 +136,6 @@ class Contrast:
         changes = self.changes
         columns = np.hstack([changes.accepted.columns[joint][fold], changes.columns[joint][fold]])
         return np.asarray(changes.residuals[joint][fold] - columns[:, : len(solution)] @ solution)
-
-
-def _solved(factor: FloatArray, width: int) -> FloatArray:
-    """Least squares on the first columns of an R factor whose last column is the target."""
-    norms = np.linalg.norm(factor[:, :width], axis=0)
-    scale = 1.0 / np.where(norms > 0.0, norms, 1.0)
-    solution = np.linalg.lstsq(factor[:, :width] * scale, factor[:, -1], rcond=_LEAST)[0]
-    return np.asarray(scale * solution)
 
 
 def _rms(parts: Sequence[FloatArray]) -> FloatArray:
@@ -178,29 +170,28 @@ def contrast(
     b, total = regression.parameters, regression.total
     width = total + b * len(apart)
     columns, common, residuals, whitened, inside = [], [], [], [], []
-    for joint, rows in enumerate(regression.joints):
-        unit = change_rows(data, regression, space, joint)
+    units = change_rows(data, regression, space)
+    for joint, (rows, unit) in enumerate(zip(regression.joints, units, strict=True)):
         inside.append(np.isin(data.recordings[joint], list(second)))
         unit[~inside[-1]] = 0.0
-        wide, places = regression.wide(joint)
-        free = np.zeros((len(rows.torque), width))
-        free[:, places] = wide
+        extended = regression.extended[joint]
+        free = np.zeros((len(rows), width))
+        free[:, extended.columns] = extended.matrix
         residual = rows.torque - free[:, :b] @ fit.values
         for number, other in enumerate(apart):
             own = np.isin(data.recordings[joint], list(other))
             free[own, total + b * number : total + b * (number + 1)] = free[own, :b]
-        whitened.append(
-            fit.noise_models[joint].apply(np.column_stack([free, unit, residual]), rows.runs)
-        )
+        table = np.column_stack([free, unit, residual])
+        whitened.append(fit.noise_models[joint].standardized(table, rows.segments))
         columns.append(unit)
         common.append(free)
         residuals.append(residual)
-    triangle, moved = projected(np.vstack(whitened), width)
+    factor, moved = beside(np.vstack(whitened), width)
     kept = [*range(width + b), width + space.size]
     changes = ChangeRegression(
         space,
-        triangle[:, :-1],
-        triangle[:, -1],
+        factor[:, :-1],
+        factor[:, -1],
         tuple(columns),
         tuple(residuals),
         tuple(rows.torque for rows in regression.joints),

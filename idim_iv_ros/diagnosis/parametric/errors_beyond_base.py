@@ -1,21 +1,20 @@
-"""Wrong numbers that new base parameters cannot absorb: they show in the refit's residual.
+"""Parameter errors that new base parameters cannot absorb: they show in the refit's residual.
 
 A wrong torque constant of one joint contradicts the rows of the others, and a tilted base moves
 gravity out of the parameters' span. They are looked for beside the effects, so that no effect is
-named for them; what they are is then told from the change of the parameters.
+named for them; what they are is then read from the change of the parameters.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
-
-_SMALL = 1e-4  # rad
 
 
 class ErrorBeyondBase(Effect):
@@ -25,27 +24,17 @@ class ErrorBeyondBase(Effect):
     excitation = ""
 
     def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
-        """One."""
-        return [(1.0,)]
-
-    def free_numbers(self, shape: Shape) -> int:
-        """None."""
-        return 0
-
-    def neighbours(
-        self, shape: Shape, step: float, place: Place, covered: OperatingRange
-    ) -> list[Shape]:
-        """None."""
-        return []
+        """Return the only one."""
+        return [Shape()]
 
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
         """Small changes of either sign."""
-        return bool(np.all(np.abs(coefficients) < 0.6))
+        return bool(np.all(np.abs(coefficients) < settings.LARGEST_SMALL_ERROR))
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
-        """None: they are told from the change of the parameters."""
+        """None: they are read from the change of the parameters."""
         return {}
 
 
@@ -54,7 +43,7 @@ class GainError(ErrorBeyondBase):
 
     name = "torque_gain"
 
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """The joint's own torque."""
         return {place.joint: motion.torque[:, [place.joint]]}
 
@@ -68,7 +57,7 @@ class GravityError(ErrorBeyondBase):
         """One place: the base."""
         return [Place(0)]
 
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """Torque of the links per small angle of gravity about two axes."""
         model = motion.robot.pinocchio
         gravity = np.asarray(model.gravity.linear)
@@ -78,7 +67,7 @@ class GravityError(ErrorBeyondBase):
             if np.linalg.norm(moved) < 1e-6:
                 continue
             tilted = model.copy()
-            tilted.gravity.linear = gravity + _SMALL * moved
+            tilted.gravity.linear = gravity + settings.TILT_STEP * moved
             torque = inverse_dynamics(
                 replace(motion.robot, pinocchio=tilted),
                 motion.links,
@@ -86,7 +75,7 @@ class GravityError(ErrorBeyondBase):
                 motion.velocity,
                 motion.acceleration,
             )
-            parts.append((torque - motion.load) / _SMALL)
+            parts.append((torque - motion.load) / settings.TILT_STEP)
         if not parts:
             parts = [np.zeros_like(motion.load)]
         return {

@@ -1,4 +1,4 @@
-"""What each wrong part of the given numbers explains, and what it cannot be told from."""
+"""What each parameter error explains, and from which it is indistinguishable."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,6 +7,7 @@ from itertools import islice
 import numpy as np
 from scipy import stats
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression
 from idim_iv_ros.diagnosis.parametric.hypotheses import (
     Hypothesis,
@@ -18,18 +19,15 @@ from idim_iv_ros.diagnosis.parametric.hypotheses import (
     trials,
 )
 from idim_iv_ros.diagnosis.parametric.other_errors import estimated_beside_other_errors
+from idim_iv_ros.diagnosis.parametric.significance import differs
 from idim_iv_ros.diagnosis.result import EffectParameter, Indistinguishable
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParametricEffect
 from idim_iv_ros.types import FloatArray
 
-# Causes that bring this much less are not better or worse.
-ALIKE = 6.0
-LEAST_CORRELATION = 0.5
-
 
 @dataclass(frozen=True)
 class ParametricCause:
-    """One way in which the given numbers are wrong.
+    """One error of the nominal model's parameters.
 
     Attributes
     ----------
@@ -43,15 +41,15 @@ class ParametricCause:
     statistic : float
         Wald statistic beside the other causes.
     p_value : float
-        Of the statistic, with the choice among all causes paid for (Bonferroni).
+        Of the statistic, corrected for the choice among all causes (Bonferroni).
     share : float
         Of the energy of the nominal model's gap that goes with it, each joint by its torque.
     before, after : (n_joints,)
         RMS of the residual with the causes before this one, and with it, N m (N).
     sizes : (n_joints,)
         RMS of the recorded torque, N m (N).
-    rivals : tuple of Indistinguishable
-        Other wrong numbers.
+    indistinguishable_from : tuple of Indistinguishable
+        Other parameter errors.
     torque : (r_j,) or None
         What it adds at its joint, N m (N); None where it belongs to none.
     """
@@ -82,10 +80,10 @@ def causes_of(
     kept: Sequence[Hypothesis],
     catalogue: Sequence[ParametricEffect],
 ) -> tuple[ParametricCause, ...]:
-    """Tell what each hypothesis explains beside the others; strongest first.
+    """Say what each hypothesis explains beside the others; strongest first.
 
-    What the configuration itself leaves out stands before all others; it has only those rivals
-    that no recording tells from it.
+    What the configuration itself leaves out comes first; it is indistinguishable only from what no
+    recording separates from it.
 
     Parameters
     ----------
@@ -97,7 +95,7 @@ def causes_of(
     count = len({each.key for each in hypotheses(changes, catalogue)})
     sure, numbers = _sure(changes, kept)
     if kept and not sure:
-        # Most numbers are in error, and no few of them stand out: joint by joint, then.
+        # Most numbers are in error, and no few of them are significant: joint by joint, then.
         known = [each for each in kept if each.effect.known_to_be_left_out(changes.space)]
         sure, numbers = _sure(changes, [*known, *of_base_parameters(changes, catalogue, known)])
     kept = sure
@@ -127,9 +125,12 @@ def causes_of(
             before=before,
             after=after,
             sizes=changes.sizes,
-            indistinguishable_from=hypothesis.effect.inseparable_from(changes.space)
+            indistinguishable_from=tuple(
+                Indistinguishable(effect, joint, 1.0)
+                for effect, joint in hypothesis.effect.inseparable_from(changes.space)
+            )
             if hypothesis.effect.known_to_be_left_out(changes.space)
-            else _rivals(joints, changes, rest, this, tried),
+            else _indistinguishable(joints, changes, rest, this, tried),
             torque=_torque(changes, hypothesis, this),
         )
         causes.append((cause, hypothesis))
@@ -148,7 +149,11 @@ def _sure(
         estimates = iter(estimated_beside_other_errors(changes, changes_of(kept)))
         numbers = [tuple(islice(estimates, len(each.changes))) for each in kept]
         sure = [max((each.certainty for each in own), default=0.0) for own in numbers]
-        unsure = [place for place, own in enumerate(numbers) if not any(e.tells for e in own)]
+        unsure = [
+            place
+            for place, own in enumerate(numbers)
+            if not any(differs(e.value, e.std) for e in own)
+        ]
         if not unsure:
             return kept, numbers
         del kept[min(unsure, key=lambda place: sure[place])]
@@ -165,23 +170,23 @@ def _torque(changes: ChangeRegression, hypothesis: Hypothesis, this: Trial) -> F
     return np.asarray(changes.columns[hypothesis.joint] @ this.contribution)
 
 
-def _rivals(
+def _indistinguishable(
     joints: Sequence[str],
     changes: ChangeRegression,
     rest: Sequence[Hypothesis],
     this: Trial,
     tried: Sequence[Trial],
 ) -> tuple[Indistinguishable, ...]:
-    """Hypotheses that would do as well in this one's place, with a torque alike."""
-    rivals = []
+    """Hypotheses that would do as well in this one's place, with much the same torque."""
+    others = []
     for trial in tried:
-        if trial.support < this.support - ALIKE:
+        if trial.support < this.support - settings.INDISTINGUISHABLE_SUPPORT:
             continue
         correlation = _correlation(changes, rest, this, trial)
-        if correlation >= LEAST_CORRELATION:
+        if correlation >= settings.INDISTINGUISHABLE_CORRELATION:
             name = _name(joints, trial.hypothesis)
-            rivals.append(Indistinguishable(trial.hypothesis.effect.name, name, correlation))
-    return tuple(rivals)
+            others.append(Indistinguishable(trial.hypothesis.effect.name, name, correlation))
+    return tuple(others)
 
 
 def _one_after_the_other(
@@ -217,12 +222,12 @@ def _correlation(
     changes: ChangeRegression, rest: Sequence[Hypothesis], first: Trial, second: Trial
 ) -> float:
     """Of the torques that both add, whitened, less what the other causes absorb."""
-    one = changes.triangle @ first.contribution
-    two = changes.triangle @ second.contribution
+    one = changes.factor @ first.contribution
+    two = changes.factor @ second.contribution
     directions = [change.direction for change in changes_of(rest)]
     if directions:
         left, singular, _ = np.linalg.svd(
-            changes.triangle @ np.column_stack(directions), full_matrices=False
+            changes.factor @ np.column_stack(directions), full_matrices=False
         )
         basis = left[:, singular > 1e-9 * singular[0]]
         one, two = one - basis @ (basis.T @ one), two - basis @ (basis.T @ two)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, Explained
+from idim_iv_ros.diagnosis.parametric.significance import differs
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParametricEffect
 from idim_iv_ros.types import FloatArray
 
@@ -57,7 +58,7 @@ class Trial:
     @property
     def tells(self) -> bool:
         """Whether at least one of its numbers is known to differ from zero."""
-        return any(each.tells for each in self.own)
+        return any(differs(each.value, each.std) for each in self.own)
 
     @property
     def contribution(self) -> FloatArray:

@@ -15,15 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression
-from idim_iv_ros.diagnosis.parametric.significance import NORMAL_95
 from idim_iv_ros.effects.parametric_effect import Change, Estimated
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.types import FloatArray
-
-_LEAST_FREE = 3  # directions beside the causes from which ρ can be estimated
-_RANGE = (1e-5, 2.0)  # of ρ, relative error
-_LEAST = 1e-8  # of a column's energy that is its own
 
 
 @dataclass(frozen=True)
@@ -54,29 +50,29 @@ def estimated_beside_other_errors(
     """
     explained = changes.explain(named)
     refit = changes.refit()
-    if refit.rank - explained.rank < _LEAST_FREE:
+    if refit.rank - explained.rank < settings.LEAST_FREE_DIRECTIONS:
         return explained.found
-    base = changes.triangle[:, : len(changes.space.given)]
+    base = changes.factor[:, : len(changes.space.given)]
     left, singular, _ = np.linalg.svd(
         base * sizes(changes.space.model, changes.space.given), full_matrices=False
     )
     directions = np.column_stack([change.direction for change in named])
-    whitened = _Whitened(changes.triangle @ directions, changes.right, left, singular)
+    whitened = _Whitened(changes.factor @ directions, changes.right, left, singular)
     found = scipy.optimize.minimize_scalar(
         lambda logarithm: -_restricted_likelihood(whitened, float(np.exp(logarithm))),
-        bounds=tuple(np.log(_RANGE)),
+        bounds=tuple(np.log([settings.LEAST_RELATIVE_ERROR, settings.MOST_RELATIVE_ERROR])),
         method="bounded",
     )
     causes, target, _ = whitened.at(float(np.exp(found.x)))
     norms = np.linalg.norm(causes, axis=0)
     scale = 1.0 / np.where(norms > 0.0, norms, 1.0)
     _, singular, right = np.linalg.svd(causes * scale, full_matrices=False)
-    seen = singular > _LEAST
+    seen = singular > settings.LEAST_OWN_ENERGY
     root = right[seen].T / singular[seen]
     covariance = root @ root.T * np.outer(scale, scale)
     values = covariance @ (causes.T @ target)
     # ρ is known from so few directions only: the normal interval is as wide as Student's.
-    student = float(scipy.stats.t.isf(0.025, refit.rank - explained.rank)) / NORMAL_95
+    student = float(scipy.stats.t.isf(0.025, refit.rank - explained.rank)) / settings.NORMAL_95
     deviations = student * np.sqrt(np.diag(covariance))
     return tuple(
         Estimated(each.change, float(value), float(std) if each.determined else None)
@@ -104,7 +100,7 @@ def _restricted_likelihood(whitened: _Whitened, error: float) -> float:
     left, singular, _ = np.linalg.svd(
         causes / np.where(norms > 0.0, norms, 1.0), full_matrices=False
     )
-    seen = singular > _LEAST
+    seen = singular > settings.LEAST_OWN_ENERGY
     rest = target - left[:, seen] @ (left[:, seen].T @ target)
     own = float(np.sum(np.log(singular[seen]))) + float(np.sum(np.log(norms[norms > 0.0])))
     return -0.5 * (determinant + float(rest @ rest)) - own

@@ -3,17 +3,13 @@
 import numpy as np
 from scipy.stats import chi2
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.types import FloatArray
 
-# Half-width of the 95 % interval in standard deviations. The search has paid for its choices by
-# its p-value: here each number is judged as a reader judges it, by its own interval.
-NORMAL_95 = 1.96
-LEVEL = 0.05
 
-
-def differs(value: float, std: float) -> bool:
-    """Whether the 95 % interval of one number leaves out zero."""
-    return abs(value) >= NORMAL_95 * std
+def differs(value: float, std: float | None) -> bool:
+    """Whether the 95 % interval of one number leaves out zero; not where it is not known."""
+    return std is not None and abs(value) >= settings.NORMAL_95 * std
 
 
 def any_differs(values: FloatArray, covariance: FloatArray) -> bool:
@@ -28,4 +24,4 @@ def any_differs(values: FloatArray, covariance: FloatArray) -> bool:
     standard = values / deviations
     scaled = covariance / np.outer(deviations, deviations)
     statistic = float(standard @ np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) @ standard)
-    return statistic >= float(chi2.isf(LEVEL, len(values)))
+    return statistic >= float(chi2.isf(settings.SIGNIFICANCE_LEVEL, len(values)))

@@ -1,5 +1,6 @@
 """The refit: the model that every candidate is added to, and the rows that it leaves."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -7,27 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.refit.bandwidth import widened
-from idim_iv_ros.diagnosis.refit.reversals import may_count, reason_for_margin, with_margin
-from idim_iv_ros.diagnosis.refit.slip import simulated_slips
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, smooth_motions
-from idim_iv_ros.estimation import (
-    IdimIvEstimate,
-    InstrumentSources,
-    ObservationRows,
-    idim_iv,
-    instrument_sources,
-    observation_rows,
-    triangles_of_rows,
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.refit.processing import (
+    may_count,
+    reason_for_margin,
+    widened,
+    with_margin,
 )
+from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, simulated_slips, smooth_motions
+from idim_iv_ros.diagnosis.result import EffectParameter, JointChange
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv
+from idim_iv_ros.estimation.observation import observation_rows
+from idim_iv_ros.estimation.rows import JointRows
+from idim_iv_ros.estimation.sources import InstrumentSources, instrument_sources
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import REVERSAL_MARGIN
 from idim_iv_ros.types import FloatArray
-
-_LEAST_SPEED_SHARE = 0.005
-_FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class Baseline:
     Attributes
     ----------
     prepared : PreparedRegression
-    rows : tuple of ObservationRows
+    rows : tuple of JointRows
     estimate : IdimIvEstimate
     sources : InstrumentSources
     recordings : tuple of (r,) int, one for each joint
@@ -53,7 +52,7 @@ class Baseline:
     """
 
     prepared: PreparedRegression
-    rows: tuple[ObservationRows, ...]
+    rows: tuple[JointRows, ...]
     estimate: IdimIvEstimate
     sources: InstrumentSources
     recordings: tuple[NDArray[np.int64], ...]
@@ -80,13 +79,35 @@ class Baseline:
     def slowest(self) -> FloatArray:
         """Speeds (n_joints,) that count, rad/s (m/s); where rows of all do, a share of the peak."""
         peaks = np.max([np.abs(m.velocity).max(axis=0) for m in self.motions], axis=0)
-        return np.asarray(np.maximum(self.prepared.minimum_speed, _LEAST_SPEED_SHARE * peaks))
+        return np.asarray(
+            np.maximum(self.prepared.minimum_speed, settings.LEAST_SPEED_SHARE * peaks)
+        )
 
-    def at(self, values: FloatArray) -> "Baseline":
-        """Return the same with the candidates' torques computed at other parameters (b,)."""
-        links, whole = _parameters(self.prepared, values)
-        motions = tuple(motion.with_parameters(links, whole) for motion in self.motions)
-        return replace(self, motions=motions)
+    def unit_at(self, joint: int, unit: str) -> str:
+        """Translate units, also within words, from those of a joint that turns, torque in N m."""
+        slides = self.prepared.model.robot.joint_types[joint] == "prismatic"
+        effort = self.prepared.configuration.signals.effort_unit
+        if effort == "N m":
+            if slides:
+                unit = unit.replace("kg m²", "kg").replace("N m", "N")
+        else:
+            unit = unit.replace("kg m²", f"{effort} s²/rad").replace("N m", effort)
+        return re.sub(r"\brad\b", "m", unit) if slides else unit
+
+    def in_units_at(
+        self, joint: int, parameters: dict[str, EffectParameter]
+    ) -> dict[str, EffectParameter]:
+        """Parameters of an effect with the units that they have at a joint."""
+        return {
+            name: replace(parameter, unit=self.unit_at(joint, parameter.unit))
+            for name, parameter in parameters.items()
+        }
+
+    def joint_change(self, joint: int, before: float, after: float) -> JointChange:
+        """What takes the torque gap of a joint from `before` to `after`, N m (N)."""
+        energy = float(before) ** 2 - float(after) ** 2
+        share = float(np.sign(energy) * np.sqrt(abs(energy))) / self.torque_sizes[joint]
+        return JointChange(self.joints[joint], float(before), float(after), share)
 
     def counting(self, joint: int, values: Sequence[FloatArray]) -> FloatArray:
         """Rows of one joint (r, …) from decimated values (m, …) of each recording."""
@@ -99,7 +120,7 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
     """Refit the model by IDIM-IV, with torque offsets.
 
     Unless the user says how far rows keep from a reversal, they count there if, and only if, the
-    closed loop could be simulated: see `gap.reversals`.
+    closed loop could be simulated: see `refit.processing`.
 
     Raises
     ------
@@ -119,7 +140,7 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
 def _refit(prepared: PreparedRegression) -> Baseline:
     configuration = prepared.configuration
     rows = observation_rows(prepared.model, prepared.motions)
-    require_excitation(prepared, triangles_of_rows(rows))
+    require_excitation(prepared, rows)
     sources = instrument_sources(configuration, prepared.model, prepared.motions, prepared.cutoffs)
     estimate = idim_iv(
         rows,
@@ -186,18 +207,7 @@ def _parameters(
     for joint in range(len(drives)):
         if f"Ia{joint + 1}" not in named and prepared.configuration.signals.effort_unit == "N m":
             drives[joint] = -model.robot.given.drive_inertia[joint]
-    nothing = np.zeros_like(drives)
-    links = replace(
-        whole,
-        drive_inertia=drives,
-        viscous=nothing,
-        coulomb=nothing,
-        offset=nothing,
-        coupling_inertia=np.zeros_like(whole.coupling_inertia),
-        coupling_viscous=np.zeros_like(whole.coupling_viscous),
-        coupling_coulomb=np.zeros_like(whole.coupling_coulomb),
-    )
-    return links, whole
+    return replace(whole.of_links, drive_inertia=drives), whole
 
 
 def _recordings(prepared: PreparedRegression, joint: int) -> NDArray[np.int64]:
@@ -207,3 +217,29 @@ def _recordings(prepared: PreparedRegression, joint: int) -> NDArray[np.int64]:
 
 def _places(prepared: PreparedRegression, joint: int) -> NDArray[np.int64]:
     return np.concatenate([np.flatnonzero(m.kept[:, joint]) for m in prepared.motions])
+
+
+def nominal_residuals(data: Baseline, regression: Regression) -> tuple[FloatArray, ...] | None:
+    """Measured torque less that of the nominal model: (r_j,) N m (N) of each joint."""
+    values = data.prepared.given
+    if values is None:
+        return None
+    return tuple(rows.torque - rows.matrix @ values[rows.columns] for rows in regression.joints)
+
+
+def smooth_regression(data: Baseline) -> Regression:
+    """Regress the measured torque on the smooth motion, with friction that sticks."""
+    model = data.prepared.model
+    parts: list[list[np.ndarray]] = [[] for _ in data.joints]
+    for motion in data.motions:
+        matrices = model.joint_matrices(motion.position, motion.velocity, motion.acceleration)
+        for joint, matrix in enumerate(matrices):
+            names = [model.base.names[column] for column in data.rows[joint].columns]
+            if f"Fc{joint + 1}" in names:
+                matrix[:, names.index(f"Fc{joint + 1}")] = motion.slip[:, joint]
+            parts[joint].append(motion.rows(matrix)[motion.kept[:, joint]])
+    joints = tuple(
+        JointRows(np.concatenate(part), rows.torque, rows.columns, rows.segments, rows.name)
+        for rows, part in zip(data.rows, parts, strict=True)
+    )
+    return Regression(joints, len(model.base.columns))

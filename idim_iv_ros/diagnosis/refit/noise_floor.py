@@ -6,17 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import fftconvolve
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.types import FloatArray, IntArray
 
 REPEATS, LOWER_BOUND = "repeats", "lower bound"
-# A reference repeats another where they differ by less than this share of its spread (rms).
-_TOLERANCE = 0.01
-_COARSE = 5.0  # times the tolerance, before the shift is refined
-_LEAST_OVERLAP = 2.0  # s
-_LEAST_SHARE = 0.3  # of the shorter recording, between recordings
-_LEAST_ROWS = 50
 
 
 @dataclass(frozen=True)
@@ -74,7 +69,7 @@ def noise_floors(
         energy, degrees = 0.0, 0.0
         for repeat in repeats:
             one, two = _matching(data, joint, repeat)
-            if len(one) < _LEAST_ROWS + rows.matrix.shape[1]:
+            if len(one) < settings.REPEAT_LEAST_ROWS + rows.matrix.shape[1]:
                 continue
             more, count = difference_energy(
                 fit.residuals[joint][one] - fit.residuals[joint][two], rows.matrix[one]
@@ -91,6 +86,12 @@ def noise_floors(
             )
             floors.append(NoiseFloor(sigma, LOWER_BOUND, note))
     return tuple(floors)
+
+
+def common_floor(floors: Sequence[NoiseFloor]) -> float | None:
+    """Noise of several joints together, root of the sum of squares; None where one is unknown."""
+    known = [floor.sigma for floor in floors if floor.sigma is not None]
+    return float(np.sqrt(np.sum(np.square(known)))) if len(known) == len(floors) else None
 
 
 def difference_energy(difference: FloatArray, drifting: FloatArray) -> tuple[float, float]:
@@ -152,9 +153,11 @@ def find_repeats(
 def _shift(one: FloatArray, two: FloatArray, rate: float, stride: int) -> int | None:
     """Shift at which two references agree over the longest stretch, None where they do not."""
     shorter = min(len(one), len(two))
-    least = max(_LEAST_OVERLAP * rate, _LEAST_SHARE * shorter)
+    least = max(settings.REPEAT_LEAST_OVERLAP * rate, settings.REPEAT_LEAST_SHARE * shorter)
     lags, distance, overlap = _distances(one[::stride], two[::stride])
-    close = (distance < _COARSE * _TOLERANCE) & (overlap * stride >= least)
+    close = (distance < settings.REPEAT_COARSE * settings.REPEAT_TOLERANCE) & (
+        overlap * stride >= least
+    )
     if not close.any():
         return None
     return _refined(one, two, int(lags[close][np.argmin(distance[close])]) * stride, stride)
@@ -165,11 +168,11 @@ def _period(reference: FloatArray, rate: float, stride: int) -> int | None:
     lags, distance, overlap = _distances(reference[::stride], reference[::stride])
     ahead = lags > 0
     lags, distance, overlap = lags[ahead], distance[ahead], overlap[ahead]
-    far = np.flatnonzero(distance > 0.3)
+    far = np.flatnonzero(distance > settings.REPEAT_HAS_LEFT)
     if len(far) == 0:
         return None
-    usable = (lags > lags[far[0]]) & (overlap * stride >= _LEAST_OVERLAP * rate)
-    close = np.flatnonzero(usable & (distance < _COARSE * _TOLERANCE))
+    usable = (lags > lags[far[0]]) & (overlap * stride >= settings.REPEAT_LEAST_OVERLAP * rate)
+    close = np.flatnonzero(usable & (distance < settings.REPEAT_COARSE * settings.REPEAT_TOLERANCE))
     if len(close) == 0:
         return None
     end = close[0]
@@ -197,14 +200,14 @@ def _distances(one: FloatArray, two: FloatArray) -> tuple[IntArray, FloatArray, 
     mean = (plain[high] - plain[low]) / overlap[:, None]
     spread = energy_a / overlap - np.sum(mean**2, axis=1)
     whole = float(np.sum(np.var(one, axis=0)))
-    moving = spread > 0.1 * whole
+    moving = spread > settings.REPEAT_LEAST_MOTION * whole
     squares = np.maximum(energy_a + energy_b - 2.0 * cross, 0.0) / overlap
     ratio = squares / np.where(moving, spread, 1.0)
     return lags, np.where(moving, np.sqrt(ratio), np.inf), overlap
 
 
 def _refined(one: FloatArray, two: FloatArray, lag: int, stride: int) -> int | None:
-    best, least = None, _TOLERANCE
+    best, least = None, float(settings.REPEAT_TOLERANCE)
     for shift in range(lag - stride, lag + stride + 1):
         low, high = max(0, -shift), min(len(one), len(two) - shift)
         part = one[low:high]

@@ -12,21 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter, SignalChain
 from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression
-from idim_iv_ros.estimation import torque_rows
+from idim_iv_ros.estimation.observation import torque_rows
 from idim_iv_ros.types import BoolArray, FloatArray
-
-# Joints agree if their shifts differ by less than this share of the control period, and their
-# uncertainty: clocks of one bus are no better.
-_AGREEMENT = 0.15
-_DEVIATIONS = 3.0
-# Control periods by which a chain with half a period of hold and one of computing may be late; a
-# shift beyond it is one of the recording only where most joints of several share it.
-_EARLIEST, _LATEST = -1.0, 2.0
-_STEPS = 2  # the shift enters the regression to first order
-_SPLINE = 5  # order of the interpolation that shifts the effort
 
 
 @dataclass(frozen=True)
@@ -108,7 +99,7 @@ def aligned(data: Baseline, regression: Regression) -> tuple[Baseline, Regressio
     chain = _chain(np.zeros(len(data.joints)), np.full(len(data.joints), np.inf), period)
     rates = [_rate_of_torque(data, joint) for joint in range(len(data.joints))]
     shifted = data
-    for _ in range(_STEPS):
+    for _ in range(settings.SHIFT_STEPS):
         shifts, deviations = _joint_shifts(_with_torque_of(shifted, regression), rates)
         chain = _chain(chain.shift + shifts, deviations, period)
         shifted = _shifted(data, chain.shift)
@@ -146,11 +137,15 @@ def _rate_of_torque(data: Baseline, joint: int) -> Columns:
 def _chain(shifts: FloatArray, deviations: FloatArray, period: float) -> EffortShift:
     """Shift that most joints share; of as many, the smallest."""
     usable = np.isfinite(deviations) & (deviations > 0.0) & (deviations < period)
-    likely = (shifts >= _EARLIEST * period) & (shifts <= _LATEST * period)
+    likely = (shifts >= settings.EARLIEST_SHIFT * period) & (
+        shifts <= settings.LATEST_SHIFT * period
+    )
     best = np.zeros(len(shifts), dtype=bool)
     preference = (0, -np.inf)
     for joint in np.flatnonzero(usable):
-        room = _AGREEMENT * period + _DEVIATIONS * np.hypot(deviations, deviations[joint])
+        room = settings.SHIFT_AGREEMENT * period + settings.SHIFT_DEVIATIONS * np.hypot(
+            deviations, deviations[joint]
+        )
         agreeing = usable & (np.abs(shifts - shifts[joint]) <= room)
         count = int(agreeing.sum())
         shared = count >= 2 and 2 * count > usable.sum()
@@ -174,7 +169,7 @@ def _shifted(data: Baseline, shift: float) -> Baseline:
     for motion in data.prepared.motions:
         signals = motion.signals
         later = scipy.ndimage.shift(
-            signals.torque, (shift * signals.rate, 0.0), order=_SPLINE, mode="nearest"
+            signals.torque, (shift * signals.rate, 0.0), order=settings.SHIFT_SPLINE, mode="nearest"
         )
         torques.append(torque_rows(replace(motion, signals=replace(signals, torque=later))))
     rows = tuple(

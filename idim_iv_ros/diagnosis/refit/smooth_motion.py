@@ -3,28 +3,64 @@
 The simulated motion has no noise but misses what the model lacks; the measured motion has both.
 Here the measured one counts below a few hertz and the simulated one above: derivatives up to the
 fourth then carry almost no noise of the encoders, and friction changes sign when the robot turned.
+
+At a reversal an ideal dry friction does not jump: the joint rests while the torque that holds it
+crosses from one level to the other. A model with the sign of the speed is wrong there by as much
+as the friction, for tens of milliseconds, and filters smear that over the rows around.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from idim_iv_ros.estimation import Instruments
-from idim_iv_ros.model import DynamicParameters, RobotModel
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
+from idim_iv_ros.estimation.instruments import Instruments, SimulatedLoop
+from idim_iv_ros.identification.prepare import PreparedRegression
+from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
 from idim_iv_ros.signals import Motion, ParallelDecimation, zero_phase_butterworth
-from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
+from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, mass_matrix
+from idim_iv_ros.simulation.replay import replay
 from idim_iv_ros.types import FloatArray
 
-# Of the decimation cut-off: below this share the measured motion counts.
-_MEASURED_BELOW = 0.9
-_ORDER = 2
-_SMALL = 1e-5  # rad (m), of a numerical derivative
-# Samples for each decimated row at which candidates are computed, at least.
-SAMPLES_PER_ROW = 5
+
+def simulated_slips(
+    prepared: PreparedRegression, estimate: IdimIvEstimate
+) -> tuple[FloatArray | None, ...]:
+    """Friction of each recording's span as a share of its level, (n_samples, n_joints), −1 to 1.
+
+    None where the closed loop is not simulated.
+    """
+    source = estimate.source
+    if not isinstance(source, SimulatedLoop):
+        return tuple(None for _ in prepared.motions)
+    return tuple(
+        _slip(source.model, estimate.linear.values, motion, law)
+        for motion, law in zip(source.motions, source.laws, strict=True)
+    )
+
+
+def _slip(
+    model: InverseModel, values: FloatArray, motion: Motion, law: ControlLaw
+) -> FloatArray | None:
+    parameters = model.dynamic_parameters(values)
+    result = replay(model.robot, parameters, law, motion)
+    if result.diverged is not None:
+        return None
+    slippery = parameters.without_dry_friction
+    rest = inverse_dynamics(
+        model.robot, slippery, result.position, result.velocity, result.acceleration
+    )
+    friction = result.applied_torque - rest
+    sticking = result.velocity == 0.0
+    level = np.maximum(parameters.coulomb, 0.0)
+    share = np.clip(friction / np.where(level > 0.0, level, 1.0), -1.0, 1.0)
+    slip = np.where(sticking & (level > 0.0), share, np.sign(result.velocity))
+    return np.asarray(slip[motion.span])
 
 
 @dataclass(frozen=True)
@@ -71,8 +107,7 @@ class SmoothMotion:
     @cached_property
     def torque(self) -> FloatArray:
         """(s, n_joints) N m: torque of the refit, its dry friction as it sticks and slips."""
-        slippery = replace(self.whole, coulomb=np.zeros_like(self.whole.coulomb))
-        return self._torque(slippery) + self.whole.coulomb * self.slip
+        return self._torque(self.whole.without_dry_friction) + self.whole.coulomb * self.slip
 
     @cached_property
     def inertia(self) -> FloatArray:
@@ -83,11 +118,11 @@ class SmoothMotion:
         """(s, n_joints) N m/rad: change of the links' torques as a joint's position moves."""
         if joint not in self._slopes:
             position = self.position.copy()
-            position[:, joint] += _SMALL
+            position[:, joint] += settings.SLOPE_STEP
             moved = inverse_dynamics(
                 self.robot, self.links, position, self.velocity, self.acceleration
             )
-            self._slopes[joint] = (moved - self.load) / _SMALL
+            self._slopes[joint] = (moved - self.load) / settings.SLOPE_STEP
         return self._slopes[joint]
 
     @cached_property
@@ -113,10 +148,6 @@ class SmoothMotion:
     def rows(self, values: FloatArray) -> FloatArray:
         """Decimate values (s, …) of this grid to all rows (m, …), counting or not."""
         return self.decimation.whole(values)
-
-    def with_parameters(self, links: DynamicParameters, whole: DynamicParameters) -> "SmoothMotion":
-        """Return the same motion with other parameters."""
-        return replace(self, links=links, whole=whole)
 
     def _torque(self, parameters: DynamicParameters) -> FloatArray:
         return inverse_dynamics(
@@ -156,7 +187,12 @@ def smooth_motions(
         simulated = states(0, samples)
         rate = motion.signals.rate
         below = [
-            zero_phase_butterworth(m - s, rate=rate, cutoff=_MEASURED_BELOW * cutoff, order=_ORDER)
+            zero_phase_butterworth(
+                m - s,
+                rate=rate,
+                cutoff=settings.MEASURED_BELOW * cutoff,
+                order=settings.JOINING_ORDER,
+            )
             for m, s in zip(measured, simulated, strict=True)
         ]
         joined = [s + d for s, d in zip(simulated, below, strict=True)]
@@ -191,7 +227,7 @@ def _averaged(slip: FloatArray, stride: int) -> FloatArray:
 
 def _stride(factor: int) -> int:
     """Largest divisor of the decimation factor that leaves enough samples for each row."""
-    for stride in range(max(factor // SAMPLES_PER_ROW, 1), 0, -1):
+    for stride in range(max(factor // settings.SAMPLES_PER_ROW, 1), 0, -1):
         if factor % stride == 0:
             return stride
     return 1

@@ -1,43 +1,41 @@
 """Which effects explain what the refit leaves, found one after the other."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.identifiability.motion_limits import cannot_show
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.identifiability.testability import cannot_show
+from idim_iv_ros.diagnosis.parametric.errors_beyond_base import ERRORS_BEYOND_BASE
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.structural.candidate import Candidate
-from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range
-from idim_iv_ros.diagnosis.structural.confidence import indistinguishable
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression, Scan
-from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
+from idim_iv_ros.diagnosis.structural.candidate import Candidate, operating_range
+from idim_iv_ros.diagnosis.structural.confidence import confidence_set
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC, Nonparametric
+from idim_iv_ros.diagnosis.structural.scan import Scan
 from idim_iv_ros.diagnosis.structural.search import Grids, Search
 from idim_iv_ros.effects.effect import Effect, Place
+from idim_iv_ros.effects.registry import STRUCTURAL
+from idim_iv_ros.progress import Progress
 from idim_iv_ros.types import FloatArray
-
-MOST_EFFECTS = 4
-# Share of the whitened residual's energy that it must explain.
-LEAST_SHARE = 0.01
-# Of the gap that the candidate with the widest reach closes, what the one to be named must close.
-LEAST_REACH = 0.67
-# Candidates that bring this much less are not better or worse.
-ALIKE = 6.0
-# Of the best candidate's support, what an alternative must have to be compared on held-out blocks,
-# and how many are.
-NEAR, MOST_ALTERNATIVES = 0.5, 12
-# Of the support of a flexible function, what an effect of the catalogue must reach to be named.
-FIT_OF_THE_NAMED = 0.75
-# Of the support of a named effect at the same joint, what such a function must bring beside it.
-LEAST_BESIDE_A_NAME = 0.33
 
 
 @dataclass(frozen=True)
 class Found:
-    """An accepted effect and what cannot be told from it."""
+    """An accepted effect.
+
+    Attributes
+    ----------
+    candidate : Candidate
+    indistinguishable_from : tuple of (Candidate, float)
+        What predicts held-out data as well in its place, with the correlation of the torques.
+    alternatives : tuple of Candidate
+        What was compared with it on held-out data.
+    """
 
     candidate: Candidate
-    indistinguishable_from: tuple[tuple[Candidate, float], ...]
+    indistinguishable_from: tuple[tuple[Candidate, float], ...] = ()
     alternatives: tuple[Candidate, ...] = ()
 
 
@@ -68,13 +66,25 @@ class Attribution:
     tried: int
 
 
+def attributed(
+    data: Baseline,
+    regression: Regression,
+    without: Collection[str],
+    progress: Progress | None = None,
+) -> Attribution:
+    """Look for effects of the catalogue beside the refit, and for nonparametric alternatives."""
+    structural = [*STRUCTURAL, *ERRORS_BEYOND_BASE]
+    effects = [effect for effect in structural if effect.name not in without]
+    return attribute(data, regression, [*effects, *NONPARAMETRIC], progress)
+
+
 def attribute(
     data: Baseline,
     regression: Regression,
     catalogue: Sequence[Effect],
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Attribution:
-    """Accept the best effect beside those accepted before, until none is worth it."""
+    """Accept the best effect beside those accepted before, until none is acceptable."""
     refit = regression.fit()
     covered = operating_range(data)
     found: list[Found] = []
@@ -82,89 +92,96 @@ def attribute(
     grids: Grids = {}
     tried = 0
     known: dict[tuple[Effect, Place], Candidate | None] = {}
-    for _ in range(MOST_EFFECTS + len(data.joints)):
-        if len(found) >= MOST_EFFECTS:
+    for _ in range(settings.MOST_EFFECTS + len(data.joints)):
+        if len(found) >= settings.MOST_EFFECTS:
             break
         search = Search(data, covered, current, fit, grids)
         candidates = _all(search, catalogue, found, known, progress)
         tried = tried or sum(each.tried for each in candidates)
-        candidates = [each for each in candidates if _not_a_patch(each, found)]
-        best = named_first(with_reach(candidates))
+        candidates = [each for each in candidates if _own_cause(each, found)]
+        best = preferred(with_most_of_gap(candidates))
         best = None if best is None else search.again(best)
-        if best is None or not worth(best):
+        if best is None or not acceptable(best):
             break
-        found.append(Found(best, (), _alternatives(best, candidates)))
+        found.append(Found(best, alternatives=_alternatives(best, candidates)))
         current, fit = current.with_columns(best.columns), best.fit
         if len(found) > 1:
             found, current, fit = _revised(search, regression, refit, found, catalogue)
         _forget(known, set(best.columns))
-    found = _with_sets(data, regression, fit, found)
-    return Attribution(regression, refit, tuple(found), current, fit, tried)
+    sets = _with_sets(data, regression, fit, found)
+    return Attribution(regression, refit, sets, current, fit, tried)
+
+
+def preferred(candidates: Sequence[Candidate]) -> Candidate | None:
+    """Return the best effect of the catalogue, unless a nonparametric alternative is far better.
+
+    The true shape is seldom that of the catalogue: a flexible function then fits a little better
+    than the right effect. It fits much better than every wrong one.
+    """
+    named = [each for each in candidates if not isinstance(each.effect, Nonparametric)]
+    flexible = [each for each in candidates if isinstance(each.effect, Nonparametric)]
+    best = max(named, key=lambda each: each.support, default=None)
+    alternative = max(flexible, key=lambda each: each.support, default=None)
+    if best is None or alternative is None:
+        return best or alternative
+    least = settings.CATALOGUE_OVER_NONPARAMETRIC * alternative.support
+    least -= settings.INDISTINGUISHABLE_SUPPORT
+    return best if best.support >= least else alternative
+
+
+def with_most_of_gap(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return the acceptable candidates that explain most of the gap.
+
+    The likelihood alone prefers what is fast and small, where there is little noise, to what is
+    slow and large. That is found too, once the large is in the model.
+    """
+    able = [each for each in candidates if acceptable(each)]
+    largest = max((each.explained for each in able), default=0.0)
+    return [each for each in able if each.explained >= settings.LEAST_OF_LARGEST * largest]
+
+
+def acceptable(candidate: Candidate) -> bool:
+    """Whether a candidate is supported and large enough to matter."""
+    rows = sum(len(candidate.fit.residuals[joint]) for joint in candidate.own_joints)
+    share = 1.0 - np.exp(-2.0 * candidate.gain / rows)
+    least = settings.LEAST_SUPPORT
+    if candidate.effect.of_high_derivatives:
+        least = settings.LEAST_SUPPORT_OF_DERIVATIVES
+    return bool(
+        candidate.support >= least
+        and share >= settings.LEAST_SHARE_OF_EFFECT
+        and candidate.explained >= settings.LEAST_SHARE_OF_EFFECT
+    )
 
 
 def _alternatives(best: Candidate, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
-    """Candidates that may do as well as the best, each once, the best supported first."""
+    """Candidates that may predict as well as the best, each once, the best supported first."""
+    least = settings.ALTERNATIVE_SUPPORT * best.support
     kept: dict[tuple[str, int, int | None], Candidate] = {}
     for each in candidates:
-        if each.key != best.key and each.key not in kept and each.support >= NEAR * best.support:
+        if each.key != best.key and each.key not in kept and each.support >= least:
             kept[each.key] = each
-    return tuple(sorted(kept.values(), key=lambda each: -each.support)[:MOST_ALTERNATIVES])
+    found = sorted(kept.values(), key=lambda each: -each.support)
+    return tuple(found[: settings.MOST_ALTERNATIVES])
 
 
 def _with_sets(
     data: Baseline, regression: Regression, fit: Fit, found: Sequence[Found]
-) -> list[Found]:
+) -> tuple[Found, ...]:
+    """Accepted effects, each with what is indistinguishable from it beside the others."""
+    taken = {each.candidate.key for each in found}
     made = []
     for this in found:
         others = regression
         for other in found:
             if other is not this:
                 others = others.with_columns(other.candidate.columns)
-        taken = {other.candidate.key for other in found}
         free = [each for each in this.alternatives if each.key not in taken]
-        kept = indistinguishable(data, others, fit.noise_models, this.candidate, free)
-        scan = others.scan(others.fit(fit.noise_models, steps=0))
+        kept = confidence_set(data, others, fit.noise_models, this.candidate, free)
+        scan = Scan(others, fit.noise_models)
         pairs = tuple((each, _correlation(scan, this.candidate, each)) for each in kept)
         made.append(replace(this, indistinguishable_from=pairs))
-    return made
-
-
-def named_first(candidates: Sequence[Candidate]) -> Candidate | None:
-    """Return the best effect of the catalogue, unless a competitor without a name is far better.
-
-    The true shape is seldom that of the catalogue: a flexible function then fits a little better
-    than the right effect. It fits much better than every wrong one.
-    """
-    named = [each for each in candidates if not isinstance(each.effect, Nonparametric)]
-    nameless = [each for each in candidates if isinstance(each.effect, Nonparametric)]
-    best = max(named, key=lambda each: each.support, default=None)
-    rival = max(nameless, key=lambda each: each.support, default=None)
-    if best is None or rival is None:
-        return best or rival
-    least = FIT_OF_THE_NAMED * rival.support - ALIKE
-    return best if best.support >= least else rival
-
-
-def with_reach(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return the candidates that close most of the gap.
-
-    The likelihood alone prefers what is fast and small, where there is little noise, to what is
-    slow and large. That is found too, once the large is in the model.
-    """
-    able = [each for each in candidates if worth(each)]
-    widest = max((each.closed for each in able), default=0.0)
-    return [each for each in able if each.closed >= LEAST_REACH * widest]
-
-
-def worth(candidate: Candidate) -> bool:
-    """Whether a candidate is supported and large enough to matter."""
-    rows = sum(len(candidate.fit.residuals[joint]) for joint in candidate.own_joints)
-    share = 1.0 - np.exp(-2.0 * candidate.gain / rows)
-    return bool(
-        candidate.support >= candidate.effect.least_support
-        and share >= LEAST_SHARE
-        and candidate.closed >= LEAST_SHARE
-    )
+    return tuple(made)
 
 
 def _correlation(scan: Scan, first: Candidate, second: Candidate) -> float:
@@ -188,7 +205,7 @@ def _all(
     catalogue: Sequence[Effect],
     found: Sequence[Found],
     known: dict[tuple[Effect, Place], Candidate | None],
-    progress: Callable[[str, float], None] | None,
+    progress: Progress | None,
 ) -> list[Candidate]:
     taken = {each.candidate.key for each in found}
     jobs: list[tuple[Effect, Place]] = [
@@ -209,8 +226,8 @@ def _all(
     return [candidate for candidate in candidates if candidate is not None]
 
 
-def _not_a_patch(candidate: Candidate, found: Sequence[Found]) -> bool:
-    """Whether a function without a name is more than the misfit of a named effect.
+def _own_cause(candidate: Candidate, found: Sequence[Found]) -> bool:
+    """Whether a nonparametric function is more than the misfit of an accepted effect.
 
     The shape of an effect is never exactly that of the catalogue: what a flexible function of the
     same family explains beside it, or a little beside it at the same joint, is no other cause.
@@ -223,7 +240,7 @@ def _not_a_patch(candidate: Candidate, found: Sequence[Found]) -> bool:
         ):
             continue
         same = other.effect.family == candidate.effect.family
-        least = LEAST_BESIDE_A_NAME * other.support
+        least = settings.NONPARAMETRIC_BESIDE_EFFECT * other.support
         if same or candidate.support < least:
             return False
     return True
@@ -243,7 +260,7 @@ def _revised(
     found: list[Found],
     catalogue: Sequence[Effect],
 ) -> tuple[list[Found], Regression, Fit]:
-    """Look at each effect again beside the others: its shape, its rivals, whether it is needed."""
+    """Look at each effect again beside the others: its shape, alternatives, if it is needed."""
     data, covered, grids = before.data, before.covered, before.grids
     newest = found[-1]
     by_name = {effect.name: effect for effect in catalogue}
@@ -266,9 +283,10 @@ def _revised(
             for place in by_name[name].places(len(data.joints)):
                 if name in this.candidate.effect.confounders and place.joint == joint:
                     options[(name, place.joint, place.other)] = (by_name[name], place)
-        for rival in this.alternatives:
-            if rival.support >= this.candidate.support - ALIKE:
-                options[rival.key] = (rival.effect, rival.place)
+        least = this.candidate.support - settings.INDISTINGUISHABLE_SUPPORT
+        for close in this.alternatives:
+            if close.support >= least:
+                options[close.key] = (close.effect, close.place)
         taken = {other.candidate.key for other in kept if other is not this}
         again = [
             search.best(effect, place)
@@ -276,12 +294,12 @@ def _revised(
             if key not in taken
         ]
         usable = [candidate for candidate in again if candidate is not None]
-        best = named_first(with_reach(usable))
-        if best is None or not worth(best):
+        best = preferred(with_most_of_gap(usable))
+        if best is None or not acceptable(best):
             kept.remove(this)
         else:
-            alternatives = _alternatives(best, [*usable, this.candidate, *this.alternatives])
-            kept[number] = Found(best, (), alternatives)
+            others_tried = [*usable, this.candidate, *this.alternatives]
+            kept[number] = Found(best, alternatives=_alternatives(best, others_tried))
     current = regression
     for each in kept:
         current = current.with_columns(each.candidate.columns)

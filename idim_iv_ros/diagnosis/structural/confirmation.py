@@ -1,23 +1,54 @@
 """Effects that also hold on data not used to fit them."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut, held_out
+from idim_iv_ros.diagnosis.identifiability.testability import floor_noise_models
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat
+from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat, noise_floors, repeats_of
 from idim_iv_ros.diagnosis.structural.attribution import Attribution, Found
 from idim_iv_ros.diagnosis.structural.causes import NamedModel, built_model, label, named_model
 from idim_iv_ros.diagnosis.structural.deviations import differs_from_nothing
+from idim_iv_ros.diagnosis.structural.likelihood import Fit
+from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
-# Share of the whitened residual's energy that an effect must take on data not used to fit, and of
-# the folds on which it must help.
-_LEAST_GAIN, _LEAST_FOLDS = 0.02, 0.75
-# Of the folds where the effect changes with time: much of a drift may lie in a part of the session.
-_LEAST_FOLDS_OF_DRIFT = 0.5
+
+@dataclass(frozen=True)
+class Confirmed:
+    """The effects that hold on data not used to fit.
+
+    Attributes
+    ----------
+    model : NamedModel
+        The refit with these effects.
+    tested : HeldOut
+        Held-out residuals of its stages.
+    floors : tuple of NoiseFloor
+        One for each joint.
+    """
+
+    model: NamedModel
+    tested: HeldOut
+    floors: tuple[NoiseFloor, ...]
+
+    def noise(self, refit: Fit) -> tuple[AutoregressiveModel, ...]:
+        """Noise models of the refit, no larger than the noise floor."""
+        return floor_noise_models(refit, [floor.sigma for floor in self.floors])
+
+
+def confirmation(data: Baseline, attribution: Attribution) -> Confirmed:
+    """Test the effects that were found on data not used to fit; see `confirmed`."""
+    repeats = repeats_of(data)
+    floors = noise_floors(data, attribution.extended, attribution.fit, repeats)
+    model = named_model(attribution)
+    return Confirmed(
+        *confirmed(data, attribution, model, floors, repeats, data.prepared.given), floors
+    )
 
 
 def confirmed(
@@ -30,12 +61,12 @@ def confirmed(
 ) -> tuple[NamedModel, HeldOut]:
     """Drop effects that do not help on data not used to fit, and test again without them.
 
-    Effects whose size may be zero at 95 % go, too: `effect_deviations.differs_from_nothing`.
+    Effects whose size may be zero at 95 % go, too: `deviations.differs_from_nothing`.
 
     Parameters
     ----------
     model
-        With all effects that have a name.
+        With all effects of the catalogue.
     floors
         Of the noise of each joint.
     repeats
@@ -67,7 +98,7 @@ def confirmed(
         result = tested(model)
         helpful = _helpful(model, result)
         if len(helpful) < len(model.found):
-            model = built_model(attribution, helpful, model.nameless)
+            model = built_model(attribution, helpful, model.nonparametric)
             result = tested(model)
         known = sized(data, model)
         unknown = [each for each in model.found if not any(each is other for other in known)]
@@ -83,7 +114,7 @@ def confirmed(
 def _helpful(model: NamedModel, tested: HeldOut) -> list[Found]:
     """Effects that help on held-out data."""
     helpful: list[Found] = []
-    doubtful: set[int] = set()  # joints where what came later may patch what did not hold
+    doubtful: set[int] = set()  # joints where what came later may correct what did not hold
     for number, each in enumerate(model.found):
         joint = each.candidate.place.joint
         if joint not in doubtful and _helps(tested, number, each):
@@ -110,5 +141,5 @@ def _helps(tested: HeldOut, number: int, found: Found) -> bool:
     gain, helped, folds = tested.gain(number)
     sure = gap.after < gap.before if gap.ci95 is None else gap.ci95[0] > 0.0
     drifts = found.candidate.effect.family == "time"
-    least = _LEAST_FOLDS_OF_DRIFT if drifts else _LEAST_FOLDS
-    return gain >= _LEAST_GAIN and helped >= least * folds and sure
+    least = settings.HELD_OUT_LEAST_FOLDS_OF_DRIFT if drifts else settings.HELD_OUT_LEAST_FOLDS
+    return gain >= settings.HELD_OUT_LEAST_GAIN and helped >= least * folds and sure

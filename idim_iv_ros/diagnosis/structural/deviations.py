@@ -12,17 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.significance import any_differs
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.diagnosis.structural.candidate import Candidate
-from idim_iv_ros.diagnosis.structural.candidate_rows import operating_range, rows_of
+from idim_iv_ros.diagnosis.structural.candidate import Candidate, operating_range, rows_of
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.types import FloatArray
-
-_STEP = 0.01  # of a number of the shape
-_SMALL = 1e-4  # of a coefficient
 
 
 def parameters_of(
@@ -126,8 +123,9 @@ def _with_free_shape(
 def _near(effect: Effect, shape: Shape, place: Place, covered: OperatingRange) -> list[Shape]:
     """One neighbour for each number, or numbers that move together, of the shape."""
     kept: dict[tuple[int, ...], Shape] = {}
-    for near in effect.neighbours(shape, _STEP, place, covered):
-        moved = tuple(k for k, (a, b) in enumerate(zip(near, shape, strict=True)) if a != b)
+    for near in effect.neighbours(shape, settings.SHAPE_STEP, place, covered):
+        pairs = zip(near.numbers, shape.numbers, strict=True)
+        moved = tuple(k for k, (a, b) in enumerate(pairs) if a != b)
         if moved:
             kept.setdefault(moved, near)
     return list(kept.values())
@@ -149,7 +147,7 @@ def _slopes(
     here = values(shape, coefficients)
     slopes = []
     for k, size in enumerate(np.maximum(np.abs(coefficients), held)):
-        step = _SMALL * max(float(size), 1e-12)
+        step = settings.COEFFICIENT_STEP * max(float(size), 1e-12)
         changed = coefficients.copy()
         changed[k] += step
         slopes.append((values(shape, changed) - here) / step)

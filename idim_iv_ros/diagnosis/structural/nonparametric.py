@@ -1,19 +1,34 @@
-"""Competitors without a name: flexible functions of one family each.
+"""Nonparametric alternatives: flexible functions of one family each.
 
 Where one of them explains the residual better than any effect of the catalogue, in spite of its
 many coefficients, the cause is not in the catalogue: it is described instead of misnamed.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.result import EffectParameter, Family
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
-_END = 0.4  # of the range, from either end: where a stop is looked for
+
+@dataclass(frozen=True)
+class Knots(Shape):
+    """Values of a variable between which a curve is straight."""
+
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class StopShape(Shape):
+    """Position of a stop, rad (m), above which (side 1) or below which (−1) it acts."""
+
+    side: float
+    position: float
 
 
 class Nonparametric(Effect):
@@ -21,12 +36,6 @@ class Nonparametric(Effect):
 
     excitation = ""
     words: str
-
-    def neighbours(
-        self, shape: Shape, step: float, place: Place, covered: OperatingRange
-    ) -> list[Shape]:
-        """None."""
-        return []
 
     def free_numbers(self, shape: Shape) -> int:
         """None: knots are fixed."""
@@ -51,8 +60,8 @@ class Curve(Nonparametric):
         name: str,
         family: Family,
         words: str,
-        variable: Callable[[SmoothMotion, int], FloatArray],
-        weight: Callable[[SmoothMotion, int], FloatArray],
+        variable: Callable[[RobotMotion, int], FloatArray],
+        weight: Callable[[RobotMotion, int], FloatArray],
         knots: Callable[[OperatingRange, int], FloatArray],
     ) -> None:
         self.name = name  # type: ignore[misc]
@@ -62,15 +71,23 @@ class Curve(Nonparametric):
         self._weight = weight
         self._knots = knots
 
+    def neighbours(
+        self, shape: Knots, step: float, place: Place, covered: OperatingRange
+    ) -> list[Shape]:
+        """Return none: the knots are fixed."""
+        return []
+
     def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
         """One set of knots."""
         knots = self._knots(covered, place.joint)
-        return [tuple(float(k) for k in knots)] if np.all(np.diff(knots) > 0.0) else []
+        return [Knots(tuple(map(float, knots)))] if np.all(np.diff(knots) > 0.0) else []
 
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
-        """See the class."""
+    def columns(self, motion: RobotMotion, place: Place, shape: Knots) -> dict[int, FloatArray]:
+        """Hat functions at the knots."""
         values = self._variable(motion, place.joint)
-        hats = np.column_stack([np.interp(values, shape, row) for row in np.eye(len(shape))])
+        hats = np.column_stack(
+            [np.interp(values, shape.values, row) for row in np.eye(len(shape.values))]
+        )
         return {place.joint: hats * self._weight(motion, place.joint)[:, None]}
 
 
@@ -87,28 +104,27 @@ class Stop(Nonparametric):
             float(covered.low[place.joint]),
             float(covered.high[place.joint]),
         )
-        reach = _END * (high - low)
+        length = settings.STOP_RANGE * (high - low)
         if high <= low:
             return []
-        upper: list[Shape] = [
-            (1.0, float(p)) for p in np.linspace(high - reach, high - 0.02 * reach, 25)
-        ]
-        return upper + [(-1.0, float(p)) for p in np.linspace(low + 0.02 * reach, low + reach, 25)]
+        upper = np.linspace(high - length, high - 0.02 * length, 25)
+        lower = np.linspace(low + 0.02 * length, low + length, 25)
+        return [StopShape(side, float(p)) for side, ps in ((1.0, upper), (-1.0, lower)) for p in ps]
 
     def neighbours(
-        self, shape: Shape, step: float, place: Place, covered: OperatingRange
+        self, shape: StopShape, step: float, place: Place, covered: OperatingRange
     ) -> list[Shape]:
         """Nearby positions."""
         move = 0.05 * step * covered.span(place.joint)
-        return [(shape[0], shape[1] + move), (shape[0], shape[1] - move)]
+        return [replace(shape, position=shape.position + sign * move) for sign in (1.0, -1.0)]
 
     def free_numbers(self, shape: Shape) -> int:
         """Side and position."""
         return 2
 
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: StopShape) -> dict[int, FloatArray]:
         """Spring and damper beyond the position."""
-        side, start = shape
+        side, start = shape.side, shape.position
         beyond = np.maximum(side * (motion.position[:, place.joint] - start), 0.0)
         inside = beyond > 0.0
         v = motion.velocity[:, place.joint]
@@ -121,13 +137,13 @@ class Lags(Nonparametric):
     name = "dynamics of the torque"
     family = "frequency"
     words = "follows the torque's rate of change"
-    least_support = 25.0
+    of_high_derivatives = True
 
     def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
-        """One."""
-        return [(1.0,)]
+        """Return the only one."""
+        return [Shape()]
 
-    def columns(self, motion: SmoothMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """See the class."""
         rows = [motion.torque[:, place.joint]]
         for _ in range(3):
@@ -135,39 +151,39 @@ class Lags(Nonparametric):
         return {place.joint: np.column_stack(rows[1:])}
 
 
-def _speed(motion: SmoothMotion, joint: int) -> FloatArray:
+def _speed(motion: RobotMotion, joint: int) -> FloatArray:
     return np.abs(motion.velocity[:, joint])
 
 
-def _position(motion: SmoothMotion, joint: int) -> FloatArray:
+def _position(motion: RobotMotion, joint: int) -> FloatArray:
     return np.asarray(motion.position[:, joint])
 
 
-def _load(motion: SmoothMotion, joint: int) -> FloatArray:
+def _load(motion: RobotMotion, joint: int) -> FloatArray:
     return np.abs(motion.load[:, joint])
 
 
-def _torque(motion: SmoothMotion, joint: int) -> FloatArray:
+def _torque(motion: RobotMotion, joint: int) -> FloatArray:
     return np.abs(motion.torque[:, joint])
 
 
-def _time(motion: SmoothMotion, joint: int) -> FloatArray:
+def _time(motion: RobotMotion, joint: int) -> FloatArray:
     return motion.time
 
 
-def _one(motion: SmoothMotion, joint: int) -> FloatArray:
+def _one(motion: RobotMotion, joint: int) -> FloatArray:
     return np.ones(len(motion.time))
 
 
-def _slip(motion: SmoothMotion, joint: int) -> FloatArray:
+def _slip(motion: RobotMotion, joint: int) -> FloatArray:
     return np.asarray(motion.slip[:, joint])
 
 
-def _sign_of_torque(motion: SmoothMotion, joint: int) -> FloatArray:
+def _sign_of_torque(motion: RobotMotion, joint: int) -> FloatArray:
     return np.sign(motion.torque[:, joint])
 
 
-def _velocity(motion: SmoothMotion, joint: int) -> FloatArray:
+def _velocity(motion: RobotMotion, joint: int) -> FloatArray:
     return np.asarray(motion.velocity[:, joint])
 
 
@@ -204,7 +220,7 @@ NONPARAMETRIC: tuple[Nonparametric, ...] = (
         "differs between the directions and depends on the speed", _speed, _one, _speeds,
     ),
     Curve(
-        "torque over position", "position", "depends on the position, alike in both directions",
+        "torque over position", "position", "depends on the position, the same in both directions",
         _position, _one, _positions,
     ),
     Curve(

@@ -6,24 +6,21 @@ from functools import cached_property
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.structural.candidate import Candidate
-from idim_iv_ros.diagnosis.structural.candidate_rows import rows_of
+from idim_iv_ros.diagnosis.structural.candidate import Candidate, rows_of
 from idim_iv_ros.diagnosis.structural.likelihood import (
     Columns,
     Fit,
-    NoiseModel,
     Regression,
-    Scan,
     white_noise_models,
 )
+from idim_iv_ros.diagnosis.structural.scan import Scan
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
 _STEPS = (0.3, 0.15, 0.07)
-_CHANGES = 4  # of a shape at each step, at most
-# One term more must bring this many times what it would by chance.
-_WORTH = 12.0
 
 
 Grids = dict[tuple[str, Place, tuple[Shape, ...]], list[Columns]]
@@ -52,7 +49,7 @@ class Search:
     @cached_property
     def scan(self) -> Scan:
         """Score of candidates beside the model."""
-        return self.regression.scan(self.fit)
+        return Scan(self.regression, self.fit.noise_models, self.fit.residuals)
 
     def best(self, effect: Effect, place: Place) -> Candidate | None:
         """Return the candidate with its best shape, None where no shape is possible."""
@@ -61,23 +58,24 @@ class Search:
         present = [candidate for candidate in found if candidate is not None]
         return max(present, key=lambda each: each.support, default=None)
 
-    def _best_of(self, effect: Effect, place: Place, grid: list[Shape]) -> Candidate | None:
+    def _best_of(self, effect: Effect, place: Place, grid: Sequence[Shape]) -> Candidate | None:
         shape, score = self._scan(effect, place, grid, self._kept_rows(effect, place, grid))
         tried = len(grid)
         if shape is None:
             return None
         shape, score = self._refined(effect, place, shape, score)
         while True:
-            longer = effect.longer(shape, place, self.covered)
-            if not longer:
+            further = effect.longer(shape, place, self.covered)
+            if not further:
                 break
+            longer, terms = zip(*further, strict=True)
             tried += len(longer)
-            rows = self._longer_rows(effect, place, shape, longer)
+            rows = self._longer_rows(effect, place, shape, terms)
             more, higher = self._scan(effect, place, longer, rows)
             if more is None:
                 break
             more, higher = self._refined(effect, place, more, higher)
-            if higher - score < 2.0 * _WORTH:
+            if higher - score < 2.0 * settings.LEAST_SUPPORT_OF_TERM:
                 break
             shape, score = more, higher
         columns = rows_of(self.data, effect, place, [shape])[0]
@@ -96,7 +94,7 @@ class Search:
         if not all(np.isfinite(rows).all() for rows in columns.values()):
             return None
         larger = self.regression.with_columns(columns)
-        fit = larger.fit(self.fit.noise_models, steps=2)
+        fit = larger.fit(self.fit.noise_models, steps=settings.NOISE_MODEL_MORE_STEPS)
         width = next(iter(columns.values())).shape[1]
         coefficients = fit.coefficients[-width:]
         if not effect.admissible(shape, coefficients):
@@ -112,13 +110,13 @@ class Search:
             columns,
             fit,
             gain=larger.gain_of_last(fit),
-            closed=self._closed(larger, place),
+            explained=self._explained(larger, place),
             numbers=width + effect.free_numbers(shape),
             tried=tried,
         )
 
     @cached_property
-    def _white(self) -> tuple[NoiseModel, ...]:
+    def _white(self) -> tuple[AutoregressiveModel, ...]:
         return white_noise_models(self.fit.residuals)
 
     @cached_property
@@ -126,7 +124,7 @@ class Search:
         """Of least torque gap, without a candidate."""
         return self.regression.fit(self._white, steps=0)
 
-    def _closed(self, larger: Regression, place: Place) -> float:
+    def _explained(self, larger: Regression, place: Place) -> float:
         """Mean over the joints of the effect."""
         after = larger.fit(self._white, steps=0).residuals
         joints = [place.joint] if place.other is None else [place.joint, place.other]
@@ -143,8 +141,7 @@ class Search:
         """Shape with the highest score, and the score; `rows` are those of the shapes."""
         best: Shape | None = None
         highest = -1.0
-        for shape, columns in zip(shapes, rows, strict=True):
-            score, coefficients = self.scan.score(columns)
+        for shape, (score, coefficients) in zip(shapes, self.scan.scores(rows), strict=True):
             if score > highest and effect.admissible(shape, coefficients):
                 best, highest = shape, score
         return best, highest
@@ -163,11 +160,10 @@ class Search:
         )
 
     def _longer_rows(
-        self, effect: Effect, place: Place, shape: Shape, longer: Sequence[Shape]
+        self, effect: Effect, place: Place, shape: Shape, terms: Sequence[Shape]
     ) -> list[Columns]:
-        """Rows of shapes with one term more: those of the term were made before."""
+        """Rows of a shape with each of the terms beside its own: theirs were made before."""
         own = rows_of(self.data, effect, place, [shape])[0]
-        terms = [tuple(each[len(shape) :]) for each in longer]
         return [
             {joint: np.hstack([own[joint], term[joint]]) for joint in own}
             for term in self._kept_rows(effect, place, terms)
@@ -177,13 +173,13 @@ class Search:
         self, effect: Effect, place: Place, shape: Shape, score: float
     ) -> tuple[Shape, float]:
         for step in _STEPS:
-            for _ in range(_CHANGES):
+            for _ in range(settings.SHAPE_CHANGES):
                 near = effect.neighbours(shape, step, place, self.covered)
                 if not near:
                     return shape, score
                 rows = rows_of(self.data, effect, place, near)
                 better, higher = self._scan(effect, place, near, rows)
-                if better is None or higher <= score + 0.01:
+                if better is None or higher <= score + settings.SHAPE_GAIN:
                     break
                 shape, score = better, higher
         return shape, score

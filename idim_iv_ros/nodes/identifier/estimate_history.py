@@ -1,18 +1,14 @@
-"""Estimates of one bag after the other: what is kept over a restart, and what drifts."""
+"""Estimates of one bag after the other: what is kept over a restart and compared."""
 
-import dataclasses
-import json
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import NormalDist
-from typing import Any
+from typing import ClassVar, Literal
 
-from idim_iv_ros.errors import DataError
-from idim_iv_ros.nodes.identifier.documents import write_document
+from idim_iv_ros.documents import Document, Number
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.statistics.drift import Drift, drifts_of
 
-FORMAT = "idim_iv_ros/history/1"
 FILE = "history.json"
 
 
@@ -31,7 +27,7 @@ class PastEstimates:
         Relative to the bag directory.
     folder : str
         Of its files, relative to the output directory.
-    values : mapping
+    values : dict
         Value and standard deviation of each parameter.
     """
 
@@ -41,36 +37,15 @@ class PastEstimates:
     effort_unit: str
     bags: tuple[str, ...]
     folder: str
-    values: Mapping[str, tuple[float, float]]
+    values: dict[str, tuple[Number, Number]]
 
 
-@dataclass(frozen=True)
-class Drift:
-    """A parameter of the last identification beside its first estimate.
-
-    Attributes
-    ----------
-    statistic : float
-        Difference over the root of the sum of both variances: standard normal if the parameter
-        has not changed.
-    limit : float
-        What its magnitude exceeds by chance with the probability that was asked for, shared
-        among all parameters (Bonferroni).
-    since : tuple of str
-        Bags of the first estimate.
-    """
-
-    parameter: str
-    value: float
-    first: float
-    statistic: float
-    limit: float
-    since: tuple[str, ...]
-
-    @property
-    def drifts(self) -> bool:
-        """Whether the difference is more than chance."""
-        return abs(self.statistic) > self.limit
+@dataclass(frozen=True, kw_only=True)
+class _Saved(Document):
+    what: ClassVar[str] = "a history"
+    written_by: ClassVar[str] = "serve"
+    format: Literal["idim_iv_ros/history/1"] = "idim_iv_ros/history/1"
+    identifications: tuple[PastEstimates, ...]
 
 
 class EstimateHistory:
@@ -84,7 +59,12 @@ class EstimateHistory:
 
     def __init__(self, directory: Path) -> None:
         self._path = directory / FILE
-        self.entries: list[PastEstimates] = _read(self._path)
+        self.entries: list[PastEstimates] = []
+        if self._path.exists():
+            try:
+                self.entries = list(_Saved.read(self._path).identifications)
+            except UsageError as error:
+                raise DataError(f"{error}; or move it away") from error
 
     def add(self, entry: PastEstimates, length: int) -> None:
         """Keep an identification; an earlier one of the same bags gives way to it.
@@ -102,22 +82,13 @@ class EstimateHistory:
         """
         kept = [each for each in self.entries if not _same_data(each, entry)]
         self.entries = [*kept, entry][-length:]
-        document = {
-            "format": FORMAT,
-            "identifications": [dataclasses.asdict(each) for each in self.entries],
-        }
-        write_document(self._path, document)
+        _Saved(identifications=tuple(self.entries)).write(self._path)
 
     def drifts(self, significance: float) -> list[Drift]:
         """Compare the last identification with the first that is comparable.
 
         Comparable: the same robot, estimator, unit of effort and parameters, and no bag in
         common, for estimates from the same data are not independent.
-
-        Parameters
-        ----------
-        significance
-            Probability that any of the parameters is flagged although none has changed.
 
         Returns
         -------
@@ -130,14 +101,7 @@ class EstimateHistory:
         first = next((each for each in self.entries if _comparable(each, last)), None)
         if first is None:
             return []
-        limit = -NormalDist().inv_cdf(significance / (2.0 * len(last.values)))
-        drifts = []
-        for name, (value, std) in last.values.items():
-            value_then, std_then = first.values[name]
-            spread = math.hypot(std, std_then)
-            statistic = (value - value_then) / spread if spread > 0.0 else 0.0
-            drifts.append(Drift(name, value, value_then, statistic, limit, first.bags))
-        return drifts
+        return drifts_of(first.values, last.values, significance, first.bags)
 
 
 def _same_data(one: PastEstimates, other: PastEstimates) -> bool:
@@ -154,29 +118,3 @@ def _comparable(first: PastEstimates, last: PastEstimates) -> bool:
 
 def _kind(entry: PastEstimates) -> Sequence[str]:
     return entry.robot, entry.estimator, entry.effort_unit
-
-
-def _read(path: Path) -> list[PastEstimates]:
-    try:
-        document: Any = json.loads(path.read_text(encoding="utf-8"))
-        if document["format"] != FORMAT:
-            raise DataError(f"{path}: its format is not {FORMAT}; move it away")
-        return [
-            PastEstimates(
-                stamp=int(each["stamp"]),
-                robot=str(each["robot"]),
-                estimator=str(each["estimator"]),
-                effort_unit=str(each["effort_unit"]),
-                bags=tuple(map(str, each["bags"])),
-                folder=str(each["folder"]),
-                values={
-                    name: (float(value), float(std))
-                    for name, (value, std) in each["values"].items()
-                },
-            )
-            for each in document["identifications"]
-        ]
-    except FileNotFoundError:
-        return []
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise DataError(f"{path}: cannot be read as a history; move it away") from error

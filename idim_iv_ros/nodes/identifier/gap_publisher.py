@@ -1,20 +1,34 @@
 """The last diagnosis: published latched, kept over a restart."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar, Literal
 
 from builtin_interfaces.msg import Time
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from idim_iv_interfaces.msg import GapReport
+from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.documents import Document
 from idim_iv_ros.errors import IdimError
-from idim_iv_ros.formats import GAP, GAP_FORMAT
-from idim_iv_ros.nodes.identifier.documents import read_document, write_document
-from idim_iv_ros.nodes.identifier.gap_messages import gap_message
+from idim_iv_ros.files import GAP
+from idim_iv_ros.nodes.identifier.messages import gap_message
 
-FORMAT = "idim_iv_ros/last_gap/1"
 FILE = "last_gap.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _LastGap(Document):
+    """When the last diagnosis ended, of which bags, and the folder of its gap.json."""
+
+    what: ClassVar[str] = "a record of the last diagnosis"
+    written_by: ClassVar[str] = "serve"
+    format: Literal["idim_iv_ros/last_gap/1"] = "idim_iv_ros/last_gap/1"
+    stamp: int
+    bags: tuple[str, ...]
+    folder: str
 
 
 class GapPublisher:
@@ -38,10 +52,10 @@ class GapPublisher:
         if not path.exists():
             return
         try:
-            kept = read_document(path, FORMAT)
-            self._publish(int(kept["stamp"]), kept["bags"], Path(kept["folder"]).name)
-        except (IdimError, KeyError, TypeError, ValueError) as error:
-            self._node.get_logger().warning(f"{path}: {error}")
+            kept = _LastGap.read(path)
+            self._publish(kept.stamp, kept.bags, Path(kept.folder).name)
+        except IdimError as error:
+            self._node.get_logger().warning(str(error))
 
     def add(self, stamp: int, bags: Sequence[str], folder: str) -> None:
         """Publish and keep a diagnosis.
@@ -61,11 +75,10 @@ class GapPublisher:
             Its gap.json cannot be read, or it cannot be kept.
         """
         self._publish(stamp, bags, folder)
-        kept = {"format": FORMAT, "stamp": stamp, "bags": list(bags), "folder": folder}
-        write_document(self._directory / FILE, kept)
+        _LastGap(stamp=stamp, bags=tuple(bags), folder=folder).write(self._directory / FILE)
 
     def _publish(self, stamp: int, bags: Sequence[str], folder: str) -> None:
         time = Time(sec=stamp // 1_000_000_000, nanosec=stamp % 1_000_000_000)
-        document = read_document(self._directory / folder / GAP, GAP_FORMAT)
-        self.last = gap_message(document, time, bags, folder)
+        result = GapResult.read(self._directory / folder / GAP)
+        self.last = gap_message(result, time, bags, folder)
         self._reports.publish(self.last)

@@ -92,7 +92,7 @@ def _identify(request: Mapping[str, Any], configuration: Configuration, progress
 def _diagnose(request: Mapping[str, Any], configuration: Configuration, progress: Progress) -> str:
     # Here, so that an identification does not load them.
     from idim_iv_ros.diagnosis.diagnose import diagnose
-    from idim_iv_ros.effects.catalogue import EFFECTS
+    from idim_iv_ros.effects.registry import EFFECTS
 
     for name in request["without"]:
         if name not in EFFECTS:

@@ -1,14 +1,22 @@
-"""One identification or diagnosis that was asked for, and who asked."""
+"""One identification or diagnosis that was asked for: who asked, and what a request may name."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import math
+import stat
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
 
 WAITING = "waiting"
 Task = Literal["identification", "diagnosis"]
+
+_MOST_BAGS, _MOST_EFFECTS = 1000, 100
+_LONGEST = 1000  # characters of a name
+ESTIMATORS = ("idim-iv", "idim-ls")
 
 
 @dataclass(frozen=True)
@@ -72,3 +80,174 @@ class Job:
     success: bool = False
     cancelled: bool = False
     stage: str = WAITING
+
+
+RequestedJob = Callable[[Any, IdentifierSettings, Configuration | None, JobListener], Job]
+
+
+def requested_identification(
+    request: Any,
+    settings: IdentifierSettings,
+    configuration: Configuration | None,
+    listener: JobListener,
+) -> Job:
+    """Return the job of an Identify request, a goal or a service request.
+
+    Parameters
+    ----------
+    request
+        With `bags`, `configuration`, `estimator` and `timeout`.
+    settings
+    configuration
+        The node's own.
+    listener
+        Who asks.
+
+    Raises
+    ------
+    UsageError
+        A name leads out of its folder, a file is missing or too large, the estimator is unknown
+        or the timeout is no time.
+    """
+    estimator = request.estimator or ESTIMATORS[0]
+    if estimator not in ESTIMATORS:
+        raise UsageError(f"estimator {estimator!r} is neither {' nor '.join(ESTIMATORS)}")
+    job = _job("identification", request, settings, configuration, listener)
+    return replace(job, estimator=estimator)
+
+
+def requested_diagnosis(
+    request: Any,
+    settings: IdentifierSettings,
+    configuration: Configuration | None,
+    listener: JobListener,
+) -> Job:
+    """Return the job of a Diagnose request, a goal or a service request.
+
+    Parameters
+    ----------
+    request
+        With `bags`, `configuration`, `without` and `timeout`.
+    settings
+    configuration
+        The node's own.
+    listener
+        Who asks.
+
+    Raises
+    ------
+    UsageError
+        As `requested_identification`; effects are looked up by the worker.
+    """
+    if len(request.without) > _MOST_EFFECTS:
+        raise UsageError(f"without: {len(request.without)} effects; at most {_MOST_EFFECTS}")
+    job = _job("diagnosis", request, settings, configuration, listener)
+    return replace(job, without=tuple(dict.fromkeys(request.without)))
+
+
+def _job(
+    task: Task,
+    request: Any,
+    settings: IdentifierSettings,
+    configuration: Configuration | None,
+    listener: JobListener,
+) -> Job:
+    root = Path(settings.bag_directory)
+    if not request.bags:
+        raise UsageError("name at least one bag")
+    if len(request.bags) > _MOST_BAGS:
+        raise UsageError(f"{len(request.bags)} bags; at most {_MOST_BAGS}")
+    bags = [confined_bag(root, name) for name in request.bags]
+    size = sum(each for _, each in bags)
+    if size > settings.max_bag_size:
+        raise UsageError(
+            f"the bags have {size / 1e6:.3g} MB; max_bag_size is {settings.max_bag_size / 1e6:.3g}"
+        )
+    if not math.isfinite(request.timeout) or request.timeout < 0.0:
+        raise UsageError(f"timeout: {request.timeout} s is no time")
+    return Job(
+        task=task,
+        bags=tuple(path for path, _ in bags),
+        names=tuple(str(path.relative_to(root.resolve())) for path, _ in bags),
+        configuration=_configuration(request.configuration, settings, configuration),
+        timeout=min(request.timeout or settings.job_timeout, settings.job_timeout),
+        listener=listener,
+    )
+
+
+def _configuration(
+    name: str, settings: IdentifierSettings, own: Configuration | None
+) -> Configuration:
+    if own is None:
+        raise UsageError("no robot is configured: set the parameter configuration")
+    if not name:
+        return own
+    folder = Path(settings.configuration).parent
+    return load_configuration(confined(folder, name, "the folder of the configuration"))
+
+
+def confined(folder: Path, name: str, what: str) -> Path:
+    """Return the file or folder that a request names, links resolved.
+
+    Parameters
+    ----------
+    folder
+        What is named lies in here.
+    name
+        Relative to `folder`, or absolute and inside it.
+    what
+        The parameter that holds the folder, for the message.
+
+    Raises
+    ------
+    UsageError
+        An empty name, one with ``..``, or one that leads out of the folder, also by a link.
+    """
+    if len(name) > _LONGEST:
+        raise UsageError(f"{what}: a name of {len(name)} characters is too long")
+    if not name or "\0" in name:
+        raise UsageError(f"{name!r} names no file in {what}")
+    if ".." in Path(name).parts:
+        raise UsageError(f"{name}: '..' is not allowed; name a file in {what}")
+    path = _resolved(folder / name, name)
+    if not path.is_relative_to(_resolved(folder, what)):
+        raise UsageError(f"{name}: leads out of {what}")
+    return path
+
+
+def confined_bag(folder: Path, name: str) -> tuple[Path, int]:
+    """Return a bag that a request names, and its size in bytes.
+
+    Raises
+    ------
+    UsageError
+        As `confined`; or the bag, or a file of it, does not exist, leads out of the folder, or is
+        no regular file.
+    """
+    path = confined(folder, name, "bag_directory")
+    root = _resolved(folder, "bag_directory")
+    try:
+        files: Iterable[Path] = path.iterdir() if path.is_dir() else [path]
+        return path, sum(_size(file, root, name) for file in files)
+    except FileNotFoundError as error:
+        raise UsageError(f"{name}: no such bag in bag_directory") from error
+    except OSError as error:
+        raise UsageError(f"{name}: cannot be read: {error.strerror or error}") from error
+
+
+def _size(file: Path, root: Path, name: str) -> int:
+    if not _resolved(file, name).is_relative_to(root):
+        raise UsageError(f"{name}: its file {file.name} leads out of bag_directory")
+    status = file.stat()
+    if stat.S_ISDIR(status.st_mode):
+        return 0  # no part of a bag: it is never read
+    if not stat.S_ISREG(status.st_mode):
+        raise UsageError(f"{name}: its file {file.name} is no regular file")
+    return status.st_size
+
+
+def _resolved(path: Path, name: str) -> Path:
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError) as error:  # too long, or a link to itself
+        raise UsageError(f"{name}: no such file") from error

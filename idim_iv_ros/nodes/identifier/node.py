@@ -21,13 +21,14 @@ from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import IdimError
 from idim_iv_ros.nodes.entry import run_node
 from idim_iv_ros.nodes.identifier.gap_publisher import GapPublisher
-from idim_iv_ros.nodes.identifier.job import Job, JobListener
-from idim_iv_ros.nodes.identifier.job_queue import JobQueue
-from idim_iv_ros.nodes.identifier.job_request import (
+from idim_iv_ros.nodes.identifier.job import (
+    Job,
+    JobListener,
     RequestedJob,
     requested_diagnosis,
     requested_identification,
 )
+from idim_iv_ros.nodes.identifier.job_queue import JobQueue
 from idim_iv_ros.nodes.identifier.report import work_diagnosis
 from idim_iv_ros.nodes.identifier.request_server import RequestServer
 from idim_iv_ros.nodes.identifier.result_publisher import ResultPublisher
@@ -125,7 +126,7 @@ class Identifier:
             self._submit(requested_identification, request, listener)
 
     def _submit(self, requested: RequestedJob, request: Any, listener: JobListener) -> Job | None:
-        """Queue a job; None if it was refused, and the listener was told why."""
+        """Queue a job; None if it was refused, and the listener has the reason."""
         try:
             job = requested(request, self._settings, self._configuration, listener)
             self._jobs.submit(job)

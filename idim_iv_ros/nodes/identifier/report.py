@@ -5,15 +5,15 @@ from collections.abc import Sequence
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from idim_iv_interfaces.msg import IdentificationResult
-from idim_iv_ros.nodes.diagnostic_status import diagnostic_status
-from idim_iv_ros.nodes.identifier.estimate_history import Drift
+from idim_iv_ros.nodes.entry import diagnostic_status
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue
+from idim_iv_ros.statistics.drift import Drift
 
 _LEVELS = {
-    "stands": DiagnosticStatus.OK,
-    "oversampled, refined": DiagnosticStatus.WARN,
-    "cannot be told": DiagnosticStatus.WARN,
-    "model error here": DiagnosticStatus.ERROR,
+    "valid": DiagnosticStatus.OK,
+    "autocorrelated": DiagnosticStatus.WARN,
+    "inconclusive": DiagnosticStatus.WARN,
+    "misspecified": DiagnosticStatus.ERROR,
 }
 
 

@@ -1,13 +1,117 @@
-"""A service and an action of the same name that ask for the same jobs."""
+"""A service and an action of the same name that ask for the same jobs, and answer later.
+
+An awaiting callback keeps rclpy's executor busy (it resumes every waiting coroutine in each turn,
+100 % of a core), and a blocking one needs a thread for each request. Here the request and its
+answer are two callbacks.
+"""
 
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.action.server import ServerGoalHandle
+from action_msgs.msg import GoalStatus
+from rclpy.action.server import ActionServer, CancelResponse, ServerGoalHandle
 from rclpy.node import Node
 
-from idim_iv_ros.nodes.deferred import DeferredActionServer, Later, create_deferred_service
 from idim_iv_ros.nodes.identifier.job import Job, JobListener
+
+
+class Later:
+    """The answer to one request of a service, given once with `send`."""
+
+    def __init__(self, send: Callable[[Any, Any], None]) -> None:
+        self._send = send
+        self._header: Any = None
+        self._response: Any = None
+
+    def send(self, response: Any) -> None:
+        """Give the answer; also before the callback of the request has returned."""
+        self._response = response
+        if self._header is not None:
+            self._send(response, self._header)
+
+    def _asked_by(self, header: Any) -> None:
+        self._header = header
+        if self._response is not None:
+            self._send(self._response, header)
+
+
+def create_deferred_service(
+    node: Node, kind: Any, name: str, asked: Callable[[Any, Later], None]
+) -> None:
+    """Make a service; `asked` takes each request and where its answer goes."""
+    service = node.create_service(
+        kind, name, lambda request, _: _ask(asked, request, Later(answer))
+    )
+    answer = service.send_response
+
+    def send_response(later: Later, header: Any) -> None:
+        later._asked_by(header)
+
+    service.send_response = send_response  # type: ignore[assignment]
+
+
+def _ask(asked: Callable[[Any, Later], None], request: Any, later: Later) -> Later:
+    asked(request, later)
+    return later
+
+
+class DeferredActionServer(ActionServer):
+    """An action server whose goals run outside of it.
+
+    Parameters
+    ----------
+    node, kind, name
+    accepted
+        Takes each goal; `ServerGoalHandle.execute` says that its work begins.
+    cancel
+        Takes a goal that is to be cancelled; `finish` is called for it afterwards.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        kind: Any,
+        name: str,
+        accepted: Callable[[ServerGoalHandle], None],
+        cancel: Callable[[ServerGoalHandle], None],
+    ) -> None:
+        def accept_cancel(goal: ServerGoalHandle) -> CancelResponse:
+            cancel(goal)
+            return CancelResponse.ACCEPT
+
+        super().__init__(  # type: ignore[no-untyped-call]
+            node,
+            kind,
+            name,
+            lambda goal: None,
+            handle_accepted_callback=accepted,
+            cancel_callback=accept_cancel,
+        )
+
+    def notify_execute(
+        self, goal_handle: ServerGoalHandle, execute_callback: Callable[..., Any] | None
+    ) -> None:
+        """Do nothing: whoever called `execute` does the work."""
+
+    def finish(self, goal: ServerGoalHandle, result: Any) -> None:
+        """End a goal with a result; without its `success` it is aborted, or was cancelled."""
+        if goal.status == GoalStatus.STATUS_ACCEPTED:
+            goal.execute()  # only then may it be aborted
+
+        def end(handle: ServerGoalHandle) -> Any:
+            if result.success:
+                handle.succeed()
+            elif handle.is_cancel_requested:
+                handle.canceled()
+            else:
+                handle.abort()
+            return result
+
+        super().notify_execute(goal, end)  # type: ignore[no-untyped-call]
+
+    def destroy(self) -> None:
+        """Take the server away; its goals are lost."""
+        super().destroy()  # type: ignore[no-untyped-call]
 
 
 class RequestServer:
@@ -22,8 +126,8 @@ class RequestServer:
         Their types: requests and goals have the same fields, answers `success`, `message` and
         `result`, feedback `stage` and `progress`.
     submit
-        Takes a request and who asks; returns its job, or None if it was refused and who asks was
-        told why.
+        Takes a request and who asks; returns its job, or None if it was refused and who asks has
+        the reason.
     cancel
         Takes a job that is to be cancelled.
     result

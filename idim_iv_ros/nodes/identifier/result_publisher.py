@@ -9,12 +9,15 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from idim_iv_interfaces.msg import IdentificationResult, ParameterEstimates
-from idim_iv_ros.errors import DataError
-from idim_iv_ros.nodes.identifier.estimate_history import Drift, EstimateHistory, PastEstimates
-from idim_iv_ros.nodes.identifier.identification_messages import read_result, result_message
+from idim_iv_ros.errors import IdimError
+from idim_iv_ros.files import RESULT
+from idim_iv_ros.identification import result as identification
+from idim_iv_ros.nodes.identifier.estimate_history import EstimateHistory, PastEstimates
 from idim_iv_ros.nodes.identifier.job import Job
+from idim_iv_ros.nodes.identifier.messages import result_message
 from idim_iv_ros.nodes.identifier.report import drift_diagnosis, joint_diagnoses
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
+from idim_iv_ros.statistics.drift import Drift
 
 
 class ResultPublisher:
@@ -45,7 +48,7 @@ class ResultPublisher:
         for entry in reversed(self._history.entries):
             try:
                 self._publish(entry)
-            except DataError as error:
+            except IdimError as error:
                 self._node.get_logger().warning(str(error))
                 continue
             self._drifts = self._history.drifts(significance)
@@ -56,21 +59,19 @@ class ResultPublisher:
 
         Raises
         ------
-        DataError
-            Its result.json cannot be read.
         UsageError
-            The history cannot be written.
+            Its result.json cannot be read, or the history cannot be written.
         """
         assert job.folder is not None
-        document = read_result(job.folder)
+        result = identification.IdentificationResult.read(job.folder / RESULT)
         entry = PastEstimates(
             stamp=self._node.get_clock().now().nanoseconds or time.time_ns(),
-            robot=document["robot"],
-            estimator=document["estimator"],
-            effort_unit=document["effort_unit"],
+            robot=result.robot,
+            estimator=result.estimator,
+            effort_unit=result.effort_unit,
             bags=job.names,
             folder=job.folder.name,
-            values={each["name"]: (each["value"], each["std"]) for each in document["parameters"]},
+            values={each.name: (each.value, each.std) for each in result.parameters},
         )
         self._publish(entry)
         self._history.add(entry, settings.history_length)
@@ -89,7 +90,8 @@ class ResultPublisher:
 
     def _publish(self, entry: PastEstimates) -> None:
         stamp = Time(sec=entry.stamp // 1_000_000_000, nanosec=entry.stamp % 1_000_000_000)
-        document = read_result(self._directory / entry.folder)
-        self.last = result_message(document, stamp, entry.bags, entry.folder)
+        path = self._directory / entry.folder / RESULT
+        result = identification.IdentificationResult.read(path)
+        self.last = result_message(result, stamp, entry.bags, entry.folder)
         self._estimates.publish(self.last.parameters)
         self._results.publish(self.last)

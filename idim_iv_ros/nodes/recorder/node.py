@@ -17,7 +17,6 @@ from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.entry import run_node
 from idim_iv_ros.nodes.parameters import changed, declare
-from idim_iv_ros.nodes.recorder.intake import Intake
 from idim_iv_ros.nodes.recorder.report import (
     bag_closed,
     recorder_diagnosis,
@@ -27,8 +26,8 @@ from idim_iv_ros.nodes.recorder.report import (
 )
 from idim_iv_ros.nodes.recorder.session import RecordingSession
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
-from idim_iv_ros.nodes.recorder.topics import recorder_topics
-from idim_iv_ros.nodes.recorder.writer_thread import WriterThread
+from idim_iv_ros.nodes.recorder.threads import Intake, WriterThread
+from idim_iv_ros.nodes.recorder.watched_topic import recorder_topics
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag
 
 _LOOK = 0.1  # s between two looks for publishers

@@ -10,10 +10,9 @@ from pathlib import Path
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
-from idim_iv_ros.recording.bags.channel import TopicChannel
-from idim_iv_ros.recording.bags.metadata import FileSummary
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag, GrowingBag, SplitLimits
-from idim_iv_ros.recording.writing.growing_mcap import Message
+from idim_iv_ros.recording.writing.growing_mcap import FileSummary, Message
+from idim_iv_ros.recording.writing.write import TopicChannel
 
 
 class State(IntEnum):
@@ -34,7 +33,7 @@ class RecordingSession:
     clock : callable
         Log time now, ns.
     closed : callable
-        Told of every bag that is complete on disk, and whether it was stopped by a fault.
+        Takes every bag that is complete on disk, and whether it was stopped by a fault.
 
     Attributes
     ----------
@@ -75,7 +74,7 @@ class RecordingSession:
         return sum(file.counts.get(topic, 0) for file in self._last)
 
     def free_disk(self) -> int:
-        """Free bytes where the bags lie; zero if that cannot be told."""
+        """Free bytes where the bags lie; zero if that is not known."""
         try:
             disk = os.statvfs(self.settings.bag_directory)
         except OSError:
@@ -202,7 +201,7 @@ class RecordingSession:
         self.dropped += closed.lost
         fault = (
             f"{closed.folder}: {closed.lost} messages could not be written and memory_limit is "
-            "reached; what is on disk is whole; free space, then call start"
+            "reached; what is on disk is complete; free space, then call start"
         )
         self._end(closed, faulty=True)
         self.fault = fault

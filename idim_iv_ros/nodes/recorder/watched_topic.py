@@ -1,4 +1,4 @@
-"""One topic of the recorder: subscribed as its publishers offer it, emptied without executor."""
+"""The recorder's topics: subscribed as their publishers offer them, emptied without executor."""
 
 import threading
 from collections.abc import Sequence
@@ -12,13 +12,16 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from idim_iv_ros.nodes.recorder.joint_content import JointContent
-from idim_iv_ros.nodes.recorder.topic_monitor import TopicMonitor
-from idim_iv_ros.nodes.recorder.writer_thread import Taken
-from idim_iv_ros.recording.bags.cdr_layout import FLOAT_ARRAY, JOINT_STATE
-from idim_iv_ros.recording.bags.channel import OfferedQos, TopicChannel
+from idim_iv_ros.nodes.recorder.settings import RecorderSettings, signals
+from idim_iv_ros.nodes.recorder.topic_monitor import JointContent, Taken, TopicMonitor
+from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE
+from idim_iv_ros.recording.read import DESCRIPTION
+from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
 
 _AT_ONCE = 20_000
+
+_STRING = "std_msgs/msg/String"
+_FEW = 10  # descriptions that wait
 
 
 class NeverExecuted(CallbackGroup):
@@ -214,3 +217,28 @@ def _request(channel: TopicChannel) -> tuple[bool, bool]:
 def _python_type(message_type: str) -> type:
     package, kind, name = message_type.split("/")
     return getattr(import_module(f"{package}.{kind}"), name)  # type: ignore[no-any-return]
+
+
+def recorder_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
+    """Return joint states, effort, reference and robot description, remapped as the node is.
+
+    Raises
+    ------
+    UsageError
+        The configuration cannot be read.
+    """
+    names, joints = signals(settings)
+    needed: dict[str, list[str]] = {names.joint_states: ["position"]}
+    needed.setdefault(names.effort or names.joint_states, []).append("effort")
+    if names.reference is not None:
+        needed.setdefault(names.reference, []).append("position")
+    if not settings.configuration:
+        needed[names.joint_states] = []
+    topics = []
+    for name, fields in needed.items():
+        types = [JOINT_STATE, FLOAT_ARRAY] if fields == ["effort"] else [JOINT_STATE]
+        resolved = node.resolve_topic_name(name)
+        depth = settings.queue_depth
+        topics.append(WatchedTopic(node, resolved, types, joints, sorted(set(fields)), depth))
+    description = node.resolve_topic_name(DESCRIPTION)
+    return [*topics, WatchedTopic(node, description, [_STRING], (), (), _FEW)]

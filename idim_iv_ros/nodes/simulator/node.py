@@ -5,6 +5,7 @@ import json
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -24,10 +25,8 @@ from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.nodes.entry import run_node
-from idim_iv_ros.nodes.parameters import changed, checked, declare
-from idim_iv_ros.nodes.simulator.motion_plan import REST, commanded, published
-from idim_iv_ros.nodes.simulator.playback import Playback
-from idim_iv_ros.nodes.simulator.settings import SimulatorSettings
+from idim_iv_ros.nodes.parameters import Settings, changed, checked, declare, parameter
+from idim_iv_ros.nodes.simulator.playback import REST, Playback, commanded, published
 from idim_iv_ros.recording.read import DESCRIPTION
 from idim_iv_ros.simulators.robot import simulated_robot
 
@@ -37,11 +36,37 @@ ABOUT = """robot_simulator: a simulated robot that publishes its joint states in
   ros2 service call /robot_simulator/move std_srvs/srv/Trigger
 
 ~/move plays the CSV file of the parameter `trajectory`, or a random exciting motion; a
-trajectory_msgs/JointTrajectory on ~/joint_trajectory is played too. ~/truth tells the true base
+trajectory_msgs/JointTrajectory on ~/joint_trajectory is played too. ~/truth holds the true base
 parameters as JSON, ~/moving whether a motion is planned or under way."""
 
 _FASTEST = 1000.0  # Hz
 _QUEUE = 1000
+
+_LARGEST_SEED = 2**31
+
+
+@dataclass(frozen=True)
+class SimulatorSettings(Settings):
+    """Values of the parameters; the names are the same."""
+
+    configuration: str = parameter("", "the robot's YAML file", read_only=True)
+    trajectory: str = parameter("", "CSV file that ~/move plays; empty: a random motion")
+    motion_duration: float = parameter(10.0, "duration of the random motion, s", (1.0, 3600.0))
+    motion_seed: int = parameter(1, "seed of the random motion", (0, _LARGEST_SEED))
+    seed: int = parameter(1, "seed of the noise", (0, _LARGEST_SEED))
+
+    def check(self) -> None:
+        """Check what a range cannot express.
+
+        Raises
+        ------
+        UsageError
+            No configuration, or a trajectory that cannot be read.
+        """
+        if not self.configuration:
+            raise UsageError("configuration: name it: --ros-args -p configuration:=ROBOT.yaml")
+        if self.trajectory:
+            read_trajectory(Path(self.trajectory))
 
 
 class RobotSimulator:
@@ -144,8 +169,9 @@ class RobotSimulator:
                 seed=self._settings.motion_seed,
             )
 
-        response.message = self._plan(trajectory) or "planning, then moving"
-        response.success = not response.message.startswith("busy")
+        refusal = self._plan(trajectory)
+        response.success = not refusal
+        response.message = refusal or "planning, then moving"
         return response
 
     def _plan(self, trajectory: Callable[[], Trajectory]) -> str:

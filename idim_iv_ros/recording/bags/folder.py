@@ -2,7 +2,7 @@
 
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,11 +13,12 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.files import is_file, is_there
 from idim_iv_ros.interruption import undone_if_interrupted
-from idim_iv_ros.recording.bags.mcap_file import McapFile
-from idim_iv_ros.recording.bags.message_batch import MessageBatch
-from idim_iv_ros.recording.bags.sqlite_file import SqliteFile
-from idim_iv_ros.recording.paths import is_file, is_there
+from idim_iv_ros.recording.bags.cdr import MessageBatch
+from idim_iv_ros.recording.bags.mcap import McapFile
+from idim_iv_ros.recording.bags.sqlite import SqliteFile
+from idim_iv_ros.recording.recording import Note
 
 _LONGEST_METADATA = 1 << 24  # bytes
 
@@ -191,3 +192,35 @@ def _decompressed(path: Path, stack: ExitStack) -> Path:
     except (zstandard.ZstdError, OSError) as error:
         raise DataError(f"{path}: cannot be decompressed ({error})") from error
     return out
+
+
+def loss_sentence(bag: Bag, topics: Iterable[str]) -> str:
+    """Say how many messages and seconds of some topics were saved; empty for a whole bag."""
+    if not bag.damages:
+        return ""
+    parts = "; ".join(_topic_sentence(bag, topic) for topic in topics)
+    return f"{' and '.join(bag.damages)}: {parts}"
+
+
+def loss_notes(bag: Bag, topics: Iterable[str]) -> list[Note]:
+    """Return the same as a note; it limits the recording if a message of the topics is lost."""
+    listed = list(topics)
+    sentence = loss_sentence(bag, listed)
+    if not sentence:
+        return []
+    lost = not bag.counted or any(bag.missing[topic] for topic in listed)
+    return [Note("", sentence, 1, limits=lost)]
+
+
+def _topic_sentence(bag: Bag, topic: str) -> str:
+    found, missing = bag.found[topic], bag.missing[topic]
+    interval = bag.intervals.get(topic, 0.0)
+    saved = f"{found * interval:.4g} s"
+    if not bag.counted:
+        least = f"at least {missing} and perhaps more" if missing else "how many more there were"
+        tail = "are lost" if missing else "is not known"
+        return f"{found} messages on {topic} ({saved}) were saved, {least} {tail}"
+    if not missing:
+        return f"no message on {topic} is lost"
+    lost = f" ({missing * interval:.3g} s)" if interval else ""
+    return f"{missing} messages on {topic}{lost} are lost, {found} ({saved}) were saved"

@@ -7,8 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.cdr_layout import FLOAT_ARRAY, JOINT_STATE, CdrLayout, read_layout
-from idim_iv_ros.recording.bags.message_batch import MessageBatch
+from idim_iv_ros.recording.bags.cdr import (
+    FLOAT_ARRAY,
+    JOINT_STATE,
+    CdrLayout,
+    MessageBatch,
+    read_layout,
+)
+from idim_iv_ros.recording.recording import Note
 from idim_iv_ros.types import FloatArray, IntArray
 
 _TOGETHER = 200_000  # messages
@@ -43,6 +49,21 @@ class JointMessages:
 
     def __len__(self) -> int:
         return len(self.stamps)
+
+    def notes(self) -> list[Note]:
+        """What a user should know: damaged messages, changing layouts, missing values."""
+        notes = []
+        if self.damaged:
+            what = "damaged messages were left out"
+            notes.append(Note(self.topic, what, self.damaged, limits=True))
+        if self.layouts > 1:
+            what = "different layouts of the message (joint order or missing fields)"
+            notes.append(Note(self.topic, what, self.layouts))
+        for name, values in self.values.items():
+            missing = int(np.count_nonzero(~np.isfinite(values)))
+            if missing and missing < values.size:
+                notes.append(Note(self.topic, f"{name}: values missing or NaN", missing))
+        return notes
 
 
 @dataclass

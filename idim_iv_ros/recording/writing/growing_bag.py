@@ -1,13 +1,14 @@
 """A rosbag2 folder while it is recorded: files that follow each other, metadata as it goes."""
 
+import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from idim_iv_ros.recording.bags.channel import TopicChannel
-from idim_iv_ros.recording.bags.metadata import FileSummary, time_span, write_metadata
-from idim_iv_ros.recording.writing.growing_mcap import GrowingMcap, Message
+from idim_iv_ros.files import write_together
+from idim_iv_ros.recording.writing.growing_mcap import FileSummary, GrowingMcap, Message
+from idim_iv_ros.recording.writing.write import TopicChannel
 
 
 @dataclass(frozen=True)
@@ -162,3 +163,68 @@ class GrowingBag:
     def _write_metadata(self) -> None:
         files = [*self.closed, self.file.summary]
         write_metadata(self.folder, files, list(self.topics.values()))
+
+
+def write_metadata(
+    folder: Path, files: Sequence[FileSummary], topics: Sequence[TopicChannel]
+) -> None:
+    """Write metadata.yaml, version 9 (ROS 2 Jazzy): a reader sees the old one or the new one.
+
+    Raises
+    ------
+    OSError
+        It cannot be written; the old one stays.
+    """
+    document = {"rosbag2_bagfile_information": _metadata(files, topics)}
+    # JSON is YAML, and is written in no time: the file is renewed with every commit.
+    write_together({folder / "metadata.yaml": json.dumps(document, indent=2)})
+
+
+def _metadata(files: Sequence[FileSummary], topics: Sequence[TopicChannel]) -> dict[str, object]:
+    start, duration = time_span(files)
+    return {
+        "version": 9,
+        "storage_identifier": "mcap",
+        **_times(start, duration),
+        "message_count": sum(file.messages for file in files),
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.message_type,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": [qos.document for qos in topic.offered],
+                    "type_description_hash": topic.type_hash,
+                },
+                "message_count": sum(file.counts.get(topic.name, 0) for file in files),
+            }
+            for topic in topics
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file.name for file in files],
+        "files": [
+            {
+                "path": file.name,
+                **_times(file.start or 0, file.duration),
+                "message_count": file.messages,
+            }
+            for file in files
+        ],
+        "custom_data": None,
+        "ros_distro": "jazzy",
+    }
+
+
+def _times(start: int, duration: int) -> dict[str, object]:
+    return {
+        "duration": {"nanoseconds": duration},
+        "starting_time": {"nanoseconds_since_epoch": start},
+    }
+
+
+def time_span(files: Sequence[FileSummary]) -> tuple[int, int]:
+    """First log time of all files, and from there to the last, ns; zero without messages."""
+    starts = [file.start for file in files if file.start is not None]
+    ends = [file.start + file.duration for file in files if file.start is not None]
+    return (min(starts), max(ends) - min(starts)) if starts else (0, 0)

@@ -1,16 +1,43 @@
 """An MCAP file that is whole after every commit, whatever happens to the process afterwards."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
-from idim_iv_ros.recording.bags.channel import TopicChannel
-from idim_iv_ros.recording.bags.metadata import FileSummary
-from idim_iv_ros.recording.writing.short_chunks import ShortChunkWriter
+from idim_iv_ros.recording.writing.write import ShortChunkWriter, TopicChannel
 
 Message = tuple[int, str, bytes, int, int]
 """Log time (ns), topic, serialised message, publish time (ns), sequence number."""
+
+
+@dataclass(frozen=True)
+class FileSummary:
+    """One file of a bag.
+
+    Attributes
+    ----------
+    name : str
+        Relative to the folder.
+    start, duration : int
+        Log time of the first message, and from there to the last, ns.
+    counts : mapping
+        Messages of each topic.
+    size : int
+        Bytes.
+    """
+
+    name: str
+    start: int | None
+    duration: int
+    counts: Mapping[str, int]
+    size: int
+
+    @property
+    def messages(self) -> int:
+        """Messages in the file."""
+        return sum(self.counts.values())
 
 
 class GrowingMcap:

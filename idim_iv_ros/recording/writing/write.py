@@ -1,29 +1,148 @@
 """Writing recordings as MCAP bags that ROS 2 tools open."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache
 from pathlib import Path
+from typing import IO, cast
 
 import numpy as np
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
-from idim_iv_ros.atomic_files import temporary_file
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.file_paths import FilePath
-from idim_iv_ros.formats import PROGRAM
-from idim_iv_ros.interruption import undone_if_interrupted
-from idim_iv_ros.own_files import require_replaceable
-from idim_iv_ros.recording.bags.cdr_layout import JOINT_STATE, read_layout
-from idim_iv_ros.recording.bags.channel import OfferedQos, TopicChannel
-from idim_iv_ros.recording.writing.short_chunks import ShortChunkWriter
+from idim_iv_ros.files import PROGRAM, FilePath, complete_files, require_replaceable
+from idim_iv_ros.recording.bags.cdr import JOINT_STATE, read_layout
 from idim_iv_ros.types import FloatArray, IntArray
 
 _STRING = "std_msgs/msg/String"
-_LATCHED = OfferedQos(durability="transient_local")
+_FOREVER = {"sec": 9223372036, "nsec": 854775807}
+# A damaged byte costs the messages of one chunk: chunks are short.
+_CHUNK_DURATION, _CHUNK_SIZE = 1_000_000_000, 1 << 20  # ns of log time, bytes
+
+
+@dataclass(frozen=True)
+class OfferedQos:
+    """Quality of service of one publisher, as rosbag2 writes it.
+
+    Attributes
+    ----------
+    reliability : str
+        ``reliable`` or ``best_effort``.
+    durability : str
+        ``volatile`` or ``transient_local``.
+    depth : int
+        Of the publisher's history; discovery does not say it, and a replay does not need it.
+    """
+
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    depth: int = 10
+
+    @property
+    def document(self) -> dict[str, object]:
+        """One item of the list ``offered_qos_profiles``."""
+        return {
+            "history": "keep_last",
+            "depth": self.depth,
+            "reliability": self.reliability,
+            "durability": self.durability,
+            "deadline": _FOREVER,
+            "lifespan": _FOREVER,
+            "liveliness": "automatic",
+            "liveliness_lease_duration": _FOREVER,
+            "avoid_ros_namespace_conventions": False,
+        }
+
+
+@dataclass(frozen=True)
+class TopicChannel:
+    """One topic of a bag.
+
+    Attributes
+    ----------
+    name, message_type : str
+        ``/joint_states``, ``sensor_msgs/msg/JointState``.
+    offered : tuple of OfferedQos
+        One for each publisher.
+    """
+
+    name: str
+    message_type: str
+    offered: tuple[OfferedQos, ...] = (OfferedQos(),)
+
+    @property
+    def latched(self) -> bool:
+        """Whether late subscribers get the last message: every publisher is transient local."""
+        return bool(self.offered) and all(
+            qos.durability == "transient_local" for qos in self.offered
+        )
+
+    @property
+    def type_hash(self) -> str:
+        """Hash of the type's description (REP 2011)."""
+        return _definition(self.message_type)[1]
+
+    def register(self, writer: Writer) -> int:
+        """Describe the topic in an MCAP file and return its channel."""
+        text, hash_ = _definition(self.message_type)
+        schema = writer.register_schema(self.message_type, "ros2msg", text.encode())
+        metadata = {
+            # Every reader of YAML reads JSON.
+            "offered_qos_profiles": json.dumps([qos.document for qos in self.offered]),
+            "topic_type_hash": hash_,
+        }
+        return int(writer.register_channel(self.name, "cdr", schema, metadata))
+
+
+@cache
+def _definition(message_type: str) -> tuple[str, str]:
+    """Text with all dependencies, and hash."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    text, _ = store.generate_msgdef(message_type, ros_version=2)
+    return text, store.hash_rihs01(message_type)
+
+
+class ShortChunkWriter(Writer):
+    """Writes chunks of at most one second of log time, and of little more than 1 MiB.
+
+    Parameters
+    ----------
+    stream
+        Has `write`, `tell` and `flush`.
+    library
+        What wrote the file, in its header.
+    summary_offsets
+        Whether they are written; they pile up where `finish` is called again and again.
+    """
+
+    def __init__(self, stream: object, *, library: str, summary_offsets: bool = True) -> None:
+        super().__init__(
+            cast(IO[bytes], stream),
+            chunk_size=_CHUNK_SIZE,
+            compression=CompressionType.ZSTD,
+            use_summary_offsets=summary_offsets,
+        )
+        self._first: int | None = None
+        self.start(profile="ros2", library=library)
+
+    def add_message(
+        self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int = 0
+    ) -> None:
+        """Write a message, in a new chunk if the present one is a second long."""
+        if self._first is None:
+            self._first = log_time
+        elif abs(log_time - self._first) >= _CHUNK_DURATION:
+            self.flush()
+            self._first = log_time
+        super().add_message(channel_id, log_time, data, publish_time, sequence)
+
+    def flush(self) -> None:
+        """End the present chunk."""
+        self._first = None
+        super().flush()  # type: ignore[no-untyped-call]
 
 
 @dataclass(frozen=True)
@@ -73,18 +192,25 @@ def write_bag(
     """
     out = Path(out)
     require_replaceable([out], force=force)
-    with _whole_file(out) as temporary, temporary.open("wb") as stream:
-        writer = ShortChunkWriter(stream, library=PROGRAM)
-        if robot_description is not None:
-            channel = TopicChannel("/robot_description", _STRING, (_LATCHED,)).register(writer)
-            start = min(_nanoseconds(topic.time)[0] for topic in topics)
-            writer.add_message(
-                channel, int(start), _string(robot_description), int(start), sequence=0
-            )
-            # By itself: it is long, and a byte of it shall not cost the first second.
-            writer.flush()
-        _write_topics(writer, topics)
-        writer.finish()  # type: ignore[no-untyped-call]
+    try:
+        with complete_files([out]) as temporary, temporary[out].open("wb") as stream:
+            _write(stream, topics, robot_description)
+    except OSError as error:
+        raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
+
+
+def _write(stream: IO[bytes], topics: Sequence[JointTopic], robot_description: str | None) -> None:
+    writer = ShortChunkWriter(stream, library=PROGRAM)
+    if robot_description is not None:
+        channel = TopicChannel(
+            "/robot_description", _STRING, (OfferedQos(durability="transient_local"),)
+        ).register(writer)
+        start = min(_nanoseconds(topic.time)[0] for topic in topics)
+        writer.add_message(channel, int(start), _string(robot_description), int(start), sequence=0)
+        # By itself: it is long, and a byte of it shall not cost the first second.
+        writer.flush()
+    _write_topics(writer, topics)
+    writer.finish()  # type: ignore[no-untyped-call]
 
 
 def _write_topics(writer: Writer, topics: Sequence[JointTopic]) -> None:
@@ -149,18 +275,3 @@ def _string(text: str) -> bytes:
 
 def _nanoseconds(time: FloatArray) -> IntArray:
     return np.round(np.asarray(time, dtype=float) * 1e9).astype(np.int64)
-
-
-@contextmanager
-def _whole_file(out: Path) -> Iterator[Path]:
-    """A temporary file beside `out` that takes its name when all went well."""
-    temporary = temporary_file(out)
-    try:
-        try:
-            with undone_if_interrupted(partial(temporary.unlink, missing_ok=True)):
-                yield temporary
-                temporary.replace(out)
-        except OSError as error:
-            raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
-    finally:
-        temporary.unlink(missing_ok=True)

@@ -1,1 +1,1 @@
-"""The sections of the report, one file each: a function from the result to HTML."""
+"""The sections of the reports: one file, and one template under ``templates/``, each."""

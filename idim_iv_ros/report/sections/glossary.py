@@ -1,45 +1,13 @@
-"""The words of the field that the report uses."""
+"""The words of the field that a report uses."""
 
-from idim_iv_ros.report.markup import Html, section, tag
+from typing import Any
 
-_WORDS = (
-    (
-        "Base parameters",
-        "the combinations of masses, moments, inertias and friction that the torque depends on; "
-        "single ones among them cannot be told apart, the grouped expression says which were "
-        "joined",
-    ),
-    (
-        "Essential parameters",
-        "the base parameters that this recording needs to explain the torque (backward "
-        "elimination by F-test)",
-    ),
-    (
-        "σ, %σ",
-        "standard deviation of an estimate, and in percent of its absolute value; a parameter "
-        "with a small %σ is well known",
-    ),
-    (
-        "Refined",
-        "estimated on rows that an autoregressive filter made white, so that the standard "
-        "deviations count no sample twice",
-    ),
-    ("IDIM-LS", "least squares on the inverse dynamic model, with the measured motion"),
-    (
-        "IDIM-IV",
-        "the same with instrumental variables, a simulated motion in place of the noisy one: "
-        "free of the bias that noise in closed loop gives to least squares",
-    ),
-    (
-        "Names",
-        "XX … ZZ inertia, MX MY MZ first moments, M mass of a link about its joint frame; Ia "
-        "drive inertia, Fv viscous and Fc Coulomb friction, off offset; Fvm, Fcm friction of a "
-        "coupling. The number is the link, from 1",
-    ),
-)
+from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.report.section import Report, Section
 
 
-def glossary_section() -> Html:
-    """Return the glossary."""
-    entries = [(tag("dt", word), tag("dd", meaning)) for word, meaning in _WORDS]
-    return section("Glossary", "glossary", tag("dl", entries, css="glossary"))
+def _context(report: Report[Any]) -> dict[str, Any]:
+    return {"diagnosis": isinstance(report.result, GapResult)}
+
+
+GLOSSARY: Section[Any] = Section("Glossary", "glossary", "glossary.html.j2", _context)

@@ -1,8 +1,10 @@
 """The parameters: value, interval, and what least squares and the nominal model say."""
 
-import math
 import re
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from idim_iv_ros.identification.result import (
     IMPOSSIBLE,
@@ -10,190 +12,100 @@ from idim_iv_ros.identification.result import (
     ParameterEstimate,
     RefinedEstimate,
 )
-from idim_iv_ros.report.markup import Html, join, section, tag
-from idim_iv_ros.report.numerals import (
-    beside,
-    cell,
-    known,
-    measured_cells,
-    number,
-    p_value,
-    percent,
+from idim_iv_ros.report.advice import verdict_badge
+from idim_iv_ros.report.figures import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    Figure,
+    Mark,
+    axis,
+    layout,
 )
-from idim_iv_ros.report.sections.forest import forest_plot
+from idim_iv_ros.report.numerals import INTERVAL, beside, known, measured, number, percent
+from idim_iv_ros.report.section import Report, Section
 
 POORLY_KNOWN_PERCENT = 30.0
 _LONG_TABLE = 20
-_FAR_APART = 3.0
+_LARGEST_SPAN = 100.0  # percent; what lies further out is drawn at the edge
+_ROW = 19
+
+
+def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
+    result = report.result
+    refined = {} if result.refined is None else {p.name: p for p in result.refined.parameters}
+    ordered = sorted(result.parameters, key=lambda parameter: not parameter.essential)
+    minor = sum(not parameter.essential for parameter in ordered)
+    ordinary = result.estimator == "idim-ls"
+    impossible = [p.name for p in result.parameters if IMPOSSIBLE in (p.remark, p.essential_remark)]
+    figure = _forest(result)
+    return {
+        "misspecified": [
+            each.joint for each in result.residuals if verdict_badge(each.verdict)[0] == "bad"
+        ],
+        "impossible": impossible,
+        "moved": () if result.refined is None else result.refined.moved,
+        "poor": POORLY_KNOWN_PERCENT,
+        "fit": result.fit,
+        "alpha": result.instruments.alpha,
+        "ls": "Ordinary LS" if ordinary else "IDIM-LS",
+        "with_essential": any(known(p.essential_value) for p in result.parameters),
+        "with_refined": bool(refined),
+        "with_given": any(known(p.given_value) for p in result.parameters),
+        "essential": len(ordered) - minor,
+        "minor": minor,
+        "folded": minor > 0 and len(ordered) > _LONG_TABLE,
+        "rows": [_row(each, refined.get(each.name), ordinary) for each in ordered],
+        "figure": figure,
+        "legend": _legend(result) if figure else [],
+    }
 
 
 @dataclass(frozen=True)
-class _Columns:
-    """Which of the optional columns the table has."""
+class Cell:
+    """A number as text, and what its column is sorted by."""
 
-    essential: bool
-    refined: bool
-    given: bool
-    ls: str
+    text: str
+    key: float | None
 
 
-def parameters_section(result: IdentificationResult) -> Html:
-    """Return the table of parameters and the plot that compares the estimates."""
-    refined = {} if result.refined is None else {p.name: p for p in result.refined.parameters}
-    columns = _Columns(
-        essential=any(known(p.essential_value) for p in result.parameters),
-        refined=bool(refined),
-        given=any(known(p.given_value) for p in result.parameters),
-        ls="Ordinary LS" if result.estimator == "idim-ls" else "IDIM-LS",
-    )
-    ordered = sorted(result.parameters, key=lambda parameter: not parameter.essential)
-    rows = [_row(parameter, refined.get(parameter.name), columns) for parameter in ordered]
-    minor = sum(not parameter.essential for parameter in ordered)
-    return section(
-        "Parameters",
-        "parameters",
-        _warnings(result),
-        _explanation(result, columns),
-        tag(
-            "input",
-            type="checkbox",
-            id="only-essential",
-            checked=minor > 0 and len(ordered) > _LONG_TABLE,
+def _row(
+    parameter: ParameterEstimate, refined: RefinedEstimate | None, ordinary: bool
+) -> dict[str, Any]:
+    relative = parameter.relative_std_percent
+    poor = relative is None or not known(relative) or relative > POORLY_KNOWN_PERCENT
+    ls_value = parameter.ordinary_ls_value if ordinary else parameter.ls_value
+    given, std = parameter.given_value, parameter.std
+    essential = Cell("left out", None)
+    if parameter.essential:
+        essential = _measured(parameter.essential_value, parameter.essential_std)
+    return {
+        "name": parameter.name,
+        "css": " ".join(
+            word for word, on in (("minor", not parameter.essential), ("poor", poor)) if on
         ),
-        tag(
-            "label",
-            f"Show only the {len(ordered) - minor} essential parameters "
-            f"(hides {minor} that are not)",
-            for_="only-essential",
-        )
-        if minor
-        else None,
-        tag(
-            "div",
-            tag("table", _header(columns), tag("tbody", rows), css="sortable parameters"),
-            css="wide",
-        ),
-        forest_plot(result),
-    )
+        "expression": _typeset(parameter.expression),
+        "unit": parameter.unit,
+        "estimate": _measured(parameter.value, std),
+        "relative": _cell(percent(relative), relative),
+        "remark": parameter.remark,
+        "essential": essential,
+        "refined": _measured(None, None)
+        if refined is None
+        else _measured(refined.value, refined.std),
+        "ls": _cell(beside(ls_value, std), ls_value),
+        "given": _cell(beside(given, std) if known(given) else number(None), given),
+    }
 
 
-def _warnings(result: IdentificationResult) -> list[Html]:
-    found = (_wrong_model(result), _impossible(result), _disagreement(result))
-    return [each for each in found if each is not None]
+def _cell(text: str, value: float | None) -> Cell:
+    return Cell(text, value if known(value) else None)
 
 
-def _impossible(result: IdentificationResult) -> Html | None:
-    """Warn of values that no body, drive or friction has."""
-    names = [p.name for p in result.parameters if IMPOSSIBLE in (p.remark, p.essential_remark)]
-    if not names:
-        return None
-    return tag(
-        "p",
-        tag("b", "Some values are physically impossible. "),
-        f"{', '.join(names)}: below zero beyond the 95 % interval, though every parameter in the "
-        "grouped expression is a mass, a moment of inertia or a friction. The model lacks an "
-        "effect that these parameters take up, or the recording does not excite them.",
-        css="warning",
-    )
-
-
-def _disagreement(result: IdentificationResult) -> Html | None:
-    """Warn where whitening moves an estimate further than noise can (a specification test)."""
-    if result.refined is None:
-        return None
-    refined = {parameter.name: parameter for parameter in result.refined.parameters}
-    moved = [
-        p.name
-        for p in result.parameters
-        if p.essential
-        and p.name in refined
-        and abs(refined[p.name].value - p.value)
-        > _FAR_APART * math.hypot(p.std, refined[p.name].std)
-    ]
-    if not moved:
-        return None
-    return tag(
-        "p",
-        tag("b", "Whitening moves some estimates further than noise can. "),
-        f"{', '.join(moved)}: refined and unrefined estimate differ by more than "
-        f"{_FAR_APART:.0f} of their σ. A model error that lives at some frequencies only, often "
-        "friction at the reversals, does this; σ does not cover it.",
-        css="warning",
-    )
-
-
-def _wrong_model(result: IdentificationResult) -> Html | None:
-    wrong = [each.joint for each in result.verdicts if each.verdict == "model error here"]
-    if not wrong:
-        return None
-    return tag(
-        "p",
-        tag("b", "Do not rely on all of these values. "),
-        f"The model or the control law is wrong at {', '.join(wrong)}: estimates that depend on "
-        "these joints are biased, and the intervals do not cover that.",
-        css="warning",
-    )
-
-
-def _explanation(result: IdentificationResult, columns: _Columns) -> Html:
-    fit = result.fit
-    sentences = [
-        "± is the half-width of the 95 % interval, 1.96 σ; σ takes the colour of the residual "
-        "into account. %σ is 100 σ / |value|. "
-        f"Grey: not essential, or %σ above {POORLY_KNOWN_PERCENT:.0f} % (poorly known). "
-        "Remark: “not significant” where the interval holds zero (what is essential together need "
-        "not be significant alone), “physically impossible” where it lies below zero and no part "
-        "of the expression may be negative. "
-    ]
-    if columns.essential:
-        sentences.append(
-            "“Estimate” has all base parameters in the model; “essential only” just the essential "
-            "ones (chosen by an F-test on whitened rows). Take a column as a whole. "
-        )
-        if known(fit.essential_p_value):
-            sentences.append(
-                "The data do not tell the two models apart "
-                if fit.essential_p_value >= result.instruments.alpha
-                else "The parameters left out are jointly significant "
-            )
-            sentences.append(f"(F-test, p = {p_value(fit.essential_p_value)}). ")
-    if columns.refined:
-        sentences.append(
-            "“Refined” was estimated on rows that the autoregressive filters made white: where "
-            "the instruments are valid, these are the deviations to use. "
-        )
-    if columns.given:
-        sentences.append("“Given” is what the URDF and the configuration hold (CAD).")
-    return tag("p", sentences, css="explanation")
-
-
-def _header(columns: _Columns) -> Html:
-    heads: list[tuple[str, int, bool]] = [
-        ("Name", 1, False),
-        ("Grouped expression", 1, False),
-        ("Unit", 1, False),
-        ("Estimate ± 95 %", 2, True),
-        ("%σ", 1, True),
-        ("Remark", 1, False),
-    ]
-    heads += [("Essential only ± 95 %", 2, True)] if columns.essential else []
-    heads += [("Refined ± 95 %", 2, True)] if columns.refined else []
-    heads += [(columns.ls, 1, True)]
-    heads += [("Given", 1, True)] if columns.given else []
-    cells, column = [], 0
-    for text, width, numeric in heads:
-        cells.append(
-            tag(
-                "th",
-                tag("button", text, type="button", title="Sort") if numeric else text,
-                scope="col",
-                css="num" if numeric else None,
-                colspan=str(width) if width > 1 else None,
-                data_column=str(column) if numeric else None,
-            )
-        )
-        column += width
-    return tag("thead", tag("tr", cells))
+def _measured(value: float | None, std: float | None) -> Cell:
+    return _cell(" ".join(filter(None, measured(value, std))), value)
 
 
 def _typeset(expression: str) -> str:
@@ -203,32 +115,122 @@ def _typeset(expression: str) -> str:
     return re.sub(r"(?<=[0-9.]) (?=[A-Za-z])", "\N{NO-BREAK SPACE}", text)
 
 
-def _row(parameter: ParameterEstimate, refined: RefinedEstimate | None, columns: _Columns) -> Html:
-    relative = parameter.relative_std_percent
-    poor = not known(relative) or (relative is not None and relative > POORLY_KNOWN_PERCENT)
-    classes = " ".join(
-        word for word, on in (("minor", not parameter.essential), ("poor", poor)) if on
-    )
-    ls_value = parameter.ordinary_ls_value if columns.ls == "Ordinary LS" else parameter.ls_value
-    given = parameter.given_value
-    cells = [
-        tag("th", parameter.name, scope="row"),
-        tag("td", _typeset(parameter.expression), css="expression"),
-        tag("td", parameter.unit, css="unit"),
-        measured_cells(parameter.value, parameter.std),
-        cell(percent(relative), relative),
-        tag("td", parameter.remark, css="words"),
+@dataclass(frozen=True)
+class _Series:
+    """Another estimate of the parameters, in percent of the estimate."""
+
+    name: str
+    colour: str
+    symbol: str
+    shifts: list[float | None]
+
+
+def _series(result: IdentificationResult, shown: list[ParameterEstimate]) -> list[_Series]:
+    refined = {} if result.refined is None else {p.name: p for p in result.refined.parameters}
+    ordinary = result.estimator == "idim-ls"
+    ls = [_shift(p, p.ordinary_ls_value if ordinary else p.ls_value) for p in shown]
+    series = [_Series("ordinary LS" if ordinary else "IDIM-LS", ORANGE, "square-open", ls)]
+    if refined:
+        values = [refined[p.name].value if p.name in refined else None for p in shown]
+        shifts = [_shift(p, value) for p, value in zip(shown, values, strict=True)]
+        series.append(_Series("refined", GREEN, "diamond", shifts))
+    if any(known(p.given_value) for p in shown):
+        given = [_shift(p, p.given_value) for p in shown]
+        series.append(_Series("given (nominal model)", INK, "x-thin", given))
+    return series
+
+
+def _shown(result: IdentificationResult) -> list[ParameterEstimate]:
+    return [p for p in result.parameters if p.essential and known(p.value) and p.value != 0.0]
+
+
+def _legend(result: IdentificationResult) -> list[Mark]:
+    return [
+        Mark("line", BLUE, "estimate and its 95 % interval"),
+        *(
+            Mark(f"sign {each.symbol}", each.colour, each.name)
+            for each in _series(result, _shown(result))
+        ),
+        Mark("sign arrow", INK, "beyond the edge (move the pointer there for its value)"),
     ]
-    if columns.essential:
-        if parameter.essential:
-            cells.append(measured_cells(parameter.essential_value, parameter.essential_std))
-        else:
-            cells.append(join(cell("left out"), tag("td")))
-    if columns.refined:
-        value, std = (None, None) if refined is None else (refined.value, refined.std)
-        cells.append(measured_cells(value, std))
-    cells.append(cell(beside(ls_value, parameter.std), ls_value))
-    if columns.given:
-        text = "0" if given == 0.0 else beside(given, parameter.std)
-        cells.append(cell(text if known(given) else number(None), given))
-    return tag("tr", cells, css=classes or None)
+
+
+def _forest(result: IdentificationResult) -> Figure | None:
+    """Other estimates beside the interval of each essential parameter that is not zero."""
+    shown = _shown(result)
+    if not shown:
+        return None
+    half = [INTERVAL * (p.relative_std_percent or 0.0) for p in shown]
+    series = _series(result, shown)
+    limit = _limit(half, [each.shifts for each in series])
+    names = [p.name for p in shown]
+    data = [_intervals(names, half, limit), *(_marks(names, each, limit) for each in series)]
+    axes = {
+        "xaxis": axis(
+            "Difference from the estimate, % of the estimate",
+            range=[-1.04 * limit, 1.04 * limit],
+            zeroline=True,
+            zerolinecolor=GREY,
+        ),
+        "yaxis": axis(range=[len(shown) - 0.4, -0.6], type="category", dtick=1, showgrid=True),
+    }
+    words = "Other estimates and given values relative to the estimate"
+    return Figure("forest", 70 + _ROW * max(3, len(shown)), words, data, layout(axes))
+
+
+def _shift(parameter: ParameterEstimate, value: float | None) -> float | None:
+    if value is None or not known(value):
+        return None
+    return 100.0 * (value - parameter.value) / abs(parameter.value)
+
+
+def _limit(half: list[float], shifts: list[list[float | None]]) -> float:
+    """Half-width of the axis, percent: all intervals and most marks are inside."""
+    marks = [abs(shift) for each in shifts for shift in each if shift is not None]
+    wanted = max(1.2 * float(np.percentile(half, 90)), 1.1 * float(np.median([*marks, 0.0])), 5.0)
+    return min(wanted, _LARGEST_SPAN)
+
+
+def _intervals(names: list[str], half: list[float], limit: float) -> dict[str, Any]:
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "x": [0.0] * len(names),
+        "y": names,
+        "customdata": [round(each, 3) for each in half],
+        "error_x": {
+            "type": "data",
+            "array": [min(each, 2.0 * limit) for each in half],
+            "color": BLUE,
+            "thickness": 2,
+            "width": 4,
+        },
+        "marker": {"color": BLUE, "size": 6},
+        "hovertemplate": "%{y}: estimate ± %{customdata:.3g} %<extra></extra>",
+    }
+
+
+def _marks(names: list[str], series: _Series, limit: float) -> dict[str, Any]:
+    places, symbols = [], []
+    for shift in series.shifts:
+        outside = shift is not None and abs(shift) > limit
+        places.append(float(np.clip(shift, -limit, limit)) if shift is not None else None)
+        arrow = "triangle-right" if (shift or 0.0) > 0.0 else "triangle-left"
+        symbols.append(arrow if outside else series.symbol)
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "x": places,
+        "y": names,
+        "customdata": series.shifts,
+        "marker": {
+            "color": series.colour,
+            "size": 8,
+            "symbol": symbols,
+            "line": {"color": series.colour, "width": 1.5},
+        },
+        "hovertemplate": f"%{{y}}: {series.name} %{{customdata:+.3g}} %<extra></extra>",
+    }
+
+
+PARAMETERS = Section("Parameters", "parameters", "parameters.html.j2", _context)

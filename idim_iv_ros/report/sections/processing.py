@@ -2,55 +2,31 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
-from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.report.markup import Html, bullets, section, sentence, tag
-from idim_iv_ros.report.numerals import cell, count, exact, percent, with_unit
-from idim_iv_ros.report.sections.recordings import recording_block
-from idim_iv_ros.report.units import speed_unit
-
-
-def processing_section(result: IdentificationResult) -> Html:
-    """Return filters with their reasons, dropped samples, recordings and control law."""
-    return section(
-        "What was filtered and dropped",
-        "processing",
-        tag(
-            "div",
-            tag("div", _filters(result), _dropped(result)),
-            _speeds(result),
-            css="grid pair",
-        ),
-        tag("h3", "Decisions and their reasons") if result.processing.reasons else None,
-        bullets(sentence(reason, result.joints) for reason in result.processing.reasons),
-        tag("h3", "Control law") if result.controller else None,
-        bullets(sentence(line, result.joints) for line in result.controller),
-        [recording_block(bag) for bag in result.bags],
-    )
+from idim_iv_ros.identification.result import BagSummary, IdentificationResult
+from idim_iv_ros.report.gap_words import unit_in
+from idim_iv_ros.report.numerals import count, exact, percent, sentence, with_unit
+from idim_iv_ros.report.section import Report, Section
 
 
-def _filters(result: IdentificationResult) -> Html:
+def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
+    result = report.result
     used = result.processing
-    order = f"Butterworth of order {used.position_order}, forward and backward (no phase)"
-    rows = [
-        ("Position filter", exact(used.position_cutoff, "Hz"), order),
-        ("Derivatives", "", "central differences of the filtered position"),
-        (
-            "Decimation filter",
-            exact(used.decimation_cutoff, "Hz"),
-            "low-pass Chebyshev, the same on the torque and on every column",
-        ),
-        (
-            "Decimation",
-            _decimation(used.decimation_factors),
-            f"leaves {exact(round(used.row_rate, 2), 'rows')} per second",
-        ),
-    ]
-    body = [
-        tag("tr", tag("th", name, scope="row"), cell(value), tag("td", note, css="words"))
-        for name, value, note in rows
-    ]
-    return tag("table", tag("caption", "Filters"), tag("tbody", body), css="filters")
+    speeds = zip(result.joints, used.minimum_speed, strict=False)
+    return {
+        "used": used,
+        "decimation": _decimation(used.decimation_factors),
+        "row_rate": exact(round(used.row_rate, 2), "rows"),
+        "speeds": [
+            (joint, with_unit(speed, unit_in(result, "rad/s", joint), 2)) for joint, speed in speeds
+        ],
+        "dropped": _dropped(result),
+        "reasons": [sentence(reason, result.joints) for reason in used.reasons],
+        "controller": [sentence(line, result.joints) for line in result.controller],
+        "bags": [_recording(bag) for bag in result.bags],
+    }
 
 
 def _decimation(factors: Sequence[int]) -> str:
@@ -58,38 +34,54 @@ def _decimation(factors: Sequence[int]) -> str:
     return "none" if kept == ["all"] else " or ".join(kept)
 
 
-def _speeds(result: IdentificationResult) -> Html:
-    pairs = zip(result.joints, result.processing.minimum_speed, strict=False)
-    body = [
-        tag(
-            "tr",
-            tag("th", joint, scope="row"),
-            cell(with_unit(speed, speed_unit(result, index), 2)),
-        )
-        for index, (joint, speed) in enumerate(pairs)
-    ]
-    why = tag("small", " slower samples do not count: the sign of the speed is unsure there")
-    caption = tag("caption", "Reversal speed", why)
-    return tag("table", caption, tag("tbody", body), css="speeds")
-
-
-def _dropped(result: IdentificationResult) -> Html:
+def _dropped(result: IdentificationResult) -> list[tuple[str, str, str]]:
+    """Samples that count, that were dropped by reason, and all: words, number, share."""
     dropped: Counter[str] = Counter()
     for bag in result.bags:
         dropped.update(bag.dropped)
     total = result.fit.samples + sum(dropped.values())
-    lines = [("used", result.fit.samples), *dropped.items()]
-    body = [
-        tag(
-            "tr",
-            tag("th", reason if reason == "used" else f"dropped: {reason}", scope="row"),
-            cell(count(number_of)),
-            cell(percent(100.0 * number_of / total if total else None, 3)),
-        )
-        for reason, number_of in lines
+    lines = [("used", result.fit.samples)]
+    lines += [(f"dropped: {reason}", samples) for reason, samples in dropped.items()]
+    rows = [
+        (words, count(samples), percent(100.0 * samples / total if total else None, 3))
+        for words, samples in lines
     ]
-    body.append(
-        tag("tr", tag("th", "all", scope="row"), cell(count(total)), cell(""), css="everything")
-    )
-    caption = tag("caption", "Decimated samples, summed over the joints")
-    return tag("table", caption, tag("tbody", body), css="dropped")
+    return [*rows, ("all", count(total), "")]
+
+
+def _recording(bag: BagSummary) -> dict[str, Any]:
+    notes = [
+        f"{f'{note.topic}: ' if note.topic else ''}{note.what}"
+        f"{f' ({count(note.count)}×)' if note.count > 1 else ''}"
+        for note in bag.notes
+    ]
+    return {
+        "bag": bag,
+        "name": Path(bag.path).name,
+        "size": f"{with_unit(bag.duration, 's', 4)} at {exact(bag.rate, 'Hz')}",
+        "notes": [*notes, *(each.sentence for each in bag.frozen)],
+        "clocks": [
+            (
+                clock.topic,
+                "header stamps" if clock.source == "header" else "arrival time",
+                count(clock.messages),
+                with_unit(clock.rate, "Hz", 4),
+                _seconds(clock.jitter),
+                _seconds(clock.longest_gap),
+                *map(count, (clock.gaps, clock.repeated, clock.backward)),
+            )
+            for clock in bag.clocks
+        ],
+    }
+
+
+def _seconds(value: float) -> str:
+    # Less than a nanosecond is rounding: ROS stamps hold no more.
+    if value < 1e-9:
+        return "0"
+    if value < 1e-3:
+        return with_unit(1e6 * value, "µs")
+    return with_unit(1e3 * value, "ms") if value < 1.0 else with_unit(value, "s")
+
+
+PROCESSING = Section("Processing", "processing", "processing.html.j2", _context)

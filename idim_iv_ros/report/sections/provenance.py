@@ -1,70 +1,62 @@
-"""How to repeat and cite the result: configuration, versions, timing."""
+"""How to obtain the same numbers again: command, versions, timing, configuration; and notes."""
 
 import io
+import shlex
+from pathlib import PurePath
 from typing import Any
 
 from ruamel.yaml import YAML
 
-from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.report.json_result import plain
-from idim_iv_ros.report.markup import Html, section, tag
-from idim_iv_ros.report.numerals import cell, with_unit
-
-_PAPER = (
-    "M. Brunot, A. Janot, F. Carrillo, H. Garnier, “A Pragmatic and Systematic Statistical "
-    "Analysis for Identification of Industrial Robots”"
-)
+from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.report.numerals import sentence, with_unit
+from idim_iv_ros.report.section import Report, Section
 
 
-def provenance_section(result: IdentificationResult) -> Html:
-    """Return everything that is needed to obtain the same numbers again."""
-    bags = " ".join(quoted(bag.path) for bag in result.bags)
-    estimator = "" if result.estimator == "idim-iv" else f" --estimator {result.estimator}"
-    command = f"idim-iv identify {bags} --config robot.yaml --out results{estimator}"
-    return section(
-        "How to repeat and cite",
-        "repeat",
-        tag("p", "Save the configuration below as ", tag("code", "robot.yaml"), " and run"),
-        tag("pre", command),
-        tag("p", "All numbers, unrounded, are in ", tag("code", "result.json"), " beside this."),
-        tag("p", f"The method: {_PAPER}. Name the version of the software below with it."),
-        tag(
-            "div",
-            facts("Software", dict(result.software)),
-            facts("Time spent", time_spent(result.timing)),
-            css="grid pair",
-        ),
-        tag("h3", "Configuration"),
-        tag("pre", yaml_text(result.configuration)),
-    )
-
-
-def facts(title: str, known: dict[str, str]) -> Html:
-    """Return names and values as a table."""
-    rows = [tag("tr", tag("th", name, scope="row"), cell(value)) for name, value in known.items()]
-    return tag("table", tag("caption", title), tag("tbody", rows), css="facts")
-
-
-def time_spent(timing: dict[str, float]) -> dict[str, str]:
-    """Return the time of each stage and of all, in words."""
-    spent = {stage: with_unit(seconds, "s", 2) for stage, seconds in timing.items()}
+def _context(report: Report[Any]) -> dict[str, Any]:
+    result = report.result
+    diagnosis = isinstance(result, GapResult)
+    # Whoever reads the page elsewhere has the configuration from it, not its folder.
+    name = PurePath(report.config).name
+    if diagnosis:
+        options = [word for each in result.without for word in ("--without", each)]
+        words = ["diagnose", *result.bags, "--config", name, "--out", "why", *options]
+    else:
+        options = [] if result.estimator == "idim-iv" else ["--estimator", result.estimator]
+        bags = [bag.path for bag in result.bags]
+        words = ["identify", *bags, "--config", name, "--out", "results", *options]
+    spent = {stage: with_unit(seconds, "s", 2) for stage, seconds in result.timing.items()}
     if spent:
-        spent["all"] = with_unit(sum(timing.values()), "s", 2)
-    return spent
+        spent["all"] = with_unit(sum(result.timing.values()), "s", 2)
+    return {
+        "command": f"idim-iv {shlex.join(words)}",
+        "config": name,
+        "numbers": report.numbers,
+        "cite": not diagnosis,
+        "software": dict(result.software),
+        "spent": spent,
+        "configuration": _yaml(result.configuration),
+        "extended": result.extended_parameters if diagnosis else {},
+    }
 
 
-def yaml_text(configuration: dict[str, object]) -> str:
+def _yaml(configuration: dict[str, object]) -> str:
     """Return a configuration as it is written in the robot's file."""
     writer: Any = YAML(typ="safe", pure=True)
     writer.default_flow_style = None
     writer.sort_base_mapping_type_on_output = False
     writer.width = 100
     text = io.StringIO()
-    writer.dump(plain(configuration), text)
+    writer.dump(configuration, text)
     return text.getvalue()
 
 
-def quoted(path: str) -> str:
-    """Return a path as a shell takes it."""
-    safe = path and all(letter.isalnum() or letter in "/._-+" for letter in path)
-    return path if safe else "'" + path.replace("'", "'\\''") + "'"
+def _notes(report: Report[GapResult]) -> dict[str, Any] | None:
+    result = report.result
+    if not result.notes:
+        return None
+    names = [*result.joints, *result.bags]
+    return {"notes": [sentence(note, names) for note in result.notes]}
+
+
+PROVENANCE: Section[Any] = Section("Repeat", "repeat", "provenance.html.j2", _context)
+NOTES = Section("Notes", "notes", "notes.html.j2", _notes)

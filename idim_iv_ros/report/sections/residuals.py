@@ -1,111 +1,96 @@
-"""What is left of the torque: is it noise? Autocorrelation, distribution, words."""
+"""What is left of an identified torque: is it noise? Autocorrelation, distribution, words."""
+
+from typing import Any
 
 import numpy as np
 
-from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.report.figures import BLUE, INK, ORANGE, SHADE, embed, legend
-from idim_iv_ros.report.markup import Html, section, tag
-from idim_iv_ros.report.numerals import cell, number, p_value, percent, with_unit
-from idim_iv_ros.report.sections.residual_plots import acf_figure, histogram_figure
-from idim_iv_ros.report.series import contiguous_runs
-from idim_iv_ros.report.session_axis import axis_of_identification
-from idim_iv_ros.report.units import torque_unit
-from idim_iv_ros.statistics import HypothesisTest, ResidualDiagnosis
+from idim_iv_ros.identification.result import IdentificationResult, JointResidual
+from idim_iv_ros.report.figures import (
+    BLUE,
+    INK,
+    ORANGE,
+    SHADE,
+    Figure,
+    Mark,
+    axis,
+    layout,
+    line,
+    typed,
+)
+from idim_iv_ros.report.gap_words import torque_unit
+from idim_iv_ros.report.numerals import number, p_value, percent, with_unit
+from idim_iv_ros.report.section import Report, Section
+from idim_iv_ros.report.time_axis import contiguous_rows
+from idim_iv_ros.statistics import HypothesisTest
+from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 230
 _SPACE = "\N{NO-BREAK SPACE}"
+_BINS = 41
+_WIDEST = 5.0  # σ; further samples are counted in the outermost bins
+
+# An answer and what it rests on.
+Answer = tuple[str, str]
 
 
-def residuals_section(result: IdentificationResult) -> Html:
-    """Return the residual analysis of each joint (paper, section IV)."""
-    return section(
-        "Residuals",
-        "residuals",
-        tag(
-            "p",
-            "If the model is right, the residual is noise. A white residual (no correlation "
-            "between one sample and the next) lets the usual standard deviations stand. A coloured "
-            "one means, where the instruments are valid, that the data are sampled faster than "
-            "the control loop moves: samples repeat each other, and standard deviations that "
-            "count them all are too small. An autoregressive filter, its order chosen by AIC, "
-            "makes the residual white. The distribution matters less: it is shown so that "
-            "outliers and asymmetry can be seen.",
-            css="explanation",
-        ),
-        _table(result),
-        legend(
-            ("line", ORANGE, "residual as it is"),
-            ("bar", BLUE, "whitened by the autoregressive filter"),
-            ("band", SHADE, "95 % of a white residual's correlations"),
-            ("line", INK, "Gaussian"),
-        ),
-        [_plots(result, index) for index in range(len(result.residuals))],
-    )
+def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
+    result = report.result
+    return {
+        "rows": [
+            (
+                each.joint,
+                with_unit(each.rms, torque_unit(result, each.joint), 2),
+                percent(each.relative_percent),
+                str(each.ar_order),
+                percent(100.0 * each.predictable_share),
+                f"{number(each.sigma_understatement, 2)} ×",
+                _white(each),
+                _whitened(each),
+                _gaussian(each),
+            )
+            for each in result.residuals
+        ],
+        "legend": [
+            Mark("line", ORANGE, "residual as it is"),
+            Mark("bar", BLUE, "whitened by the autoregressive filter"),
+            Mark("band", SHADE, "95 % of a white residual's correlations"),
+            Mark("line", INK, "Gaussian"),
+        ],
+        "plots": [_plots(report, index) for index in range(len(result.residuals))],
+    }
 
 
-def _table(result: IdentificationResult) -> Html:
-    heads = (
-        ("Joint", False),
-        ("Rms", True),
-        ("% of torque", True),
-        ("AR order", True),
-        ("Predicted by its past", True),
-        ("White-noise σ too small by", True),
-        ("White?", False),
-        ("White after filtering?", False),
-        ("Gaussian after filtering?", False),
-    )
-    rows = [
-        tag(
-            "tr",
-            tag("th", residual.joint, scope="row"),
-            cell(with_unit(residual.rms, torque_unit(result, index), 2)),
-            cell(percent(residual.relative_percent)),
-            cell(residual.ar_order),
-            cell(percent(100.0 * residual.predictable_share)),
-            cell(f"{number(residual.sigma_understatement, 2)} ×"),
-            tag("td", _white_words(residual)),
-            tag("td", _whitened_words(residual)),
-            tag("td", _gaussian_words(residual)),
-        )
-        for index, residual in enumerate(result.residuals)
-    ]
-    head = [tag("th", text, scope="col", css="num" if num else None) for text, num in heads]
-    table = tag("table", tag("thead", tag("tr", head)), tag("tbody", rows), css="residuals")
-    return tag("div", table, css="wide")
-
-
-def _white_words(residual: ResidualDiagnosis) -> Html:
-    if residual.white is None:
-        return _words("not tested", residual.whiteness.reason or "")
+def _white(residual: JointResidual) -> Answer:
     test = residual.whiteness
+    if residual.white is None:
+        return "not tested", test.reason or ""
     if not residual.white:
-        return _words("no", _p(test))
-    return _words("yes" if test.accepted else "yes, what colour there is harms nothing", _p(test))
+        return "no", _p(test)
+    return ("yes" if test.accepted else "yes, its autocorrelation is harmless"), _p(test)
 
 
-def _whitened_words(residual: ResidualDiagnosis) -> Html:
+def _whitened(residual: JointResidual) -> Answer:
     test = residual.whiteness_after
     if residual.ar_order == 0:
-        return _words("nothing to filter", "")
+        return "nothing to filter", ""
     if test.accepted is None:
-        return _words("not tested", test.reason or "")
+        return "not tested", test.reason or ""
     if test.accepted:
-        return _words("yes", _p(test))
+        return "yes", _p(test)
     left = number(residual.largest_correlation_after, 2)
-    return _words("not fully", f"{_p(test)}, largest correlation {left}")
+    return "not fully", f"{_p(test)}, largest correlation {left}"
 
 
-def _gaussian_words(residual: ResidualDiagnosis) -> Html:
+def _gaussian(residual: JointResidual) -> Answer:
     test = residual.normality
     if test.accepted is None:
-        return _words("not tested", test.reason or "")
+        return "not tested", test.reason or ""
     skewness, kurtosis = residual.skewness, residual.excess_kurtosis
     shape = f"skewness {number(skewness, 2)}, excess kurtosis {number(kurtosis, 2)}"
     if test.accepted:
-        return _words("yes", f"{_p(test)}; {shape}")
+        return "yes", f"{_p(test)}; {shape}"
     near = abs(skewness) < 0.5 and abs(kurtosis) < 1.0
-    return _words("nearly" if near else "no", f"{_p(test)}; {shape}")
+    return ("nearly" if near else "no"), f"{_p(test)}; {shape}"
 
 
 def _p(test: HypothesisTest) -> str:
@@ -113,45 +98,116 @@ def _p(test: HypothesisTest) -> str:
     return f"p{_SPACE}{text}" if text.startswith("<") else f"p{_SPACE}={_SPACE}{text}"
 
 
-def _words(answer: str, detail: str) -> Html:
-    return tag("span", answer, tag("small", f" ({detail})") if detail else None)
-
-
-def _plots(result: IdentificationResult, index: int) -> Html:
+def _plots(report: Report[IdentificationResult], index: int) -> tuple[str, str, Figure, Figure]:
+    result = report.result
     residual, series = result.residuals[index], result.series[index]
     raw = np.asarray(series.measured) - np.asarray(series.predicted)
-    runs = contiguous_runs(series, axis_of_identification(result))
-    whitened = residual.autoregression.whiten(raw, runs) if runs else raw
-    joint = residual.joint
-    rate = result.processing.row_rate
-    return tag(
-        "div",
-        tag("h3", joint, tag("small", _caption(residual))),
-        tag(
-            "div",
-            embed(
-                acf_figure(residual, rate),
-                f"acf-{index}",
-                _HEIGHT,
-                f"Autocorrelation of the residual of {joint}",
-            ),
-            embed(
-                histogram_figure(raw, whitened),
-                f"histogram-{index}",
-                _HEIGHT,
-                f"Histogram of the residual of {joint} with a Gaussian",
-            ),
-            css="grid pair",
-        ),
-        css="plot",
+    pieces = contiguous_rows(series, report.session)
+    whitening = residual.autoregression
+    whitened = whitening.whiten(raw, pieces) if whitening is not None and pieces else raw
+    if residual.white is None:
+        state = "autocorrelation not tested"
+    elif residual.white:
+        state = "may be treated as white"
+    else:
+        state = f"autocorrelated, AR({residual.ar_order})"
+    return (
+        residual.joint,
+        state,
+        _acf(residual, result.processing.row_rate, index),
+        _histogram(raw, whitened, residual.joint, index),
     )
 
 
-def _caption(residual: ResidualDiagnosis) -> str:
-    if residual.white is None:
-        colour = "colour not tested"
-    elif residual.white:
-        colour = "may be treated as white"
-    else:
-        colour = f"coloured, AR({residual.ar_order})"
-    return f" {colour}"
+def _acf(residual: JointResidual, rate: float, index: int) -> Figure:
+    """Autocorrelation before and after whitening, with the bounds of white noise."""
+    data = [_stems(residual.acf, ORANGE, "residual", -0.14, rate)]
+    if residual.ar_order > 0:
+        data.append(_stems(residual.acf_whitened, BLUE, "whitened", 0.14, rate))
+    bound = float(residual.acf_bound)
+    everything = np.concatenate([residual.acf[1:], residual.acf_whitened[1:], [-bound]])
+    band = {
+        "type": "rect",
+        "xref": "paper",
+        "x0": 0,
+        "x1": 1,
+        "y0": -bound,
+        "y1": bound,
+        "fillcolor": SHADE,
+        "line": {"width": 0},
+        "layer": "below",
+    }
+    axes = {
+        "xaxis": axis("Lag, samples", range=[-0.6, len(residual.acf) - 0.4], showgrid=False),
+        "yaxis": axis(
+            "Autocorrelation",
+            range=[1.15 * min(float(np.nanmin(everything)), -0.08), 1.04],
+            zeroline=True,
+            zerolinecolor=INK,
+        ),
+    }
+    words = f"Autocorrelation of the residual of {residual.joint}"
+    return Figure(f"acf-{index}", _HEIGHT, words, data, layout(axes, shapes=[band]))
+
+
+def _stems(
+    correlation: FloatArray, colour: str, name: str, offset: float, rate: float
+) -> dict[str, Any]:
+    """Return vertical lines with a dot, one trace."""
+    lags = np.arange(len(correlation))
+    height = np.nan_to_num(np.asarray(correlation, dtype=float))
+    apart = np.full(len(lags), np.nan)
+    x = np.column_stack([lags + offset, lags + offset, apart]).ravel()
+    y = np.column_stack([np.zeros(len(lags)), height, apart]).ravel()
+    size = np.tile([0.0, 4.0, 0.0], len(lags))
+    lag_times = [f"{lag} samples ({1000.0 * lag / rate:.4g} ms)" for lag in lags]
+    return line(
+        x,
+        y,
+        colour,
+        1.5,
+        f"{name}: %{{y:.3f}} at %{{text}}",
+        mode="lines+markers",
+        text=[words for each in lag_times for words in ("", each, "")],
+        marker={"color": colour, "size": size.tolist(), "line": {"width": 0}},
+    )
+
+
+def _histogram(raw: FloatArray, whitened: FloatArray, joint: str, index: int) -> Figure:
+    """Histograms of the residual and the whitened residual, each in its own σ."""
+    edges = np.linspace(-_WIDEST, _WIDEST, _BINS + 1)
+    centres = 0.5 * (edges[1:] + edges[:-1])
+    grid = np.linspace(-_WIDEST, _WIDEST, 161)
+    gauss = np.exp(-0.5 * grid**2) / np.sqrt(2.0 * np.pi)
+    bars = {
+        "type": "bar",
+        "x": typed(centres),
+        "y": typed(_density(whitened, edges)),
+        "width": float(edges[1] - edges[0]),
+        "marker": {"color": BLUE, "opacity": 0.55, "line": {"width": 0}},
+        "hovertemplate": "whitened: density %{y:.3f} at %{x:.2f} σ<extra></extra>",
+    }
+    hover = "residual: density %{y:.3f} at %{x:.2f} σ"
+    data = [
+        bars,
+        line(centres, _density(raw, edges), ORANGE, 1.5, hover),
+        line(grid, gauss, INK, 1.5, "", hoverinfo="skip"),
+    ]
+    axes = {
+        "xaxis": axis("Residual, in its standard deviation σ", range=[-5.2, 5.2], dtick=1),
+        "yaxis": axis("Density, 1/σ", rangemode="tozero", nticks=5),
+    }
+    words = f"Histogram of the residual of {joint} with a Gaussian"
+    return Figure(f"histogram-{index}", _HEIGHT, words, data, layout(axes, bargap=0))
+
+
+def _density(values: FloatArray, edges: FloatArray) -> FloatArray:
+    spread = float(np.std(values)) if len(values) else 0.0
+    if spread == 0.0:
+        return np.zeros(len(edges) - 1)
+    unit = np.clip((values - np.mean(values)) / spread, edges[0], edges[-1])
+    counts, _ = np.histogram(unit, bins=edges)
+    return counts / (len(values) * np.diff(edges))
+
+
+RESIDUALS = Section("Residuals", "residuals", "residuals.html.j2", _context)

@@ -1,122 +1,173 @@
-"""Measured against predicted torque of each joint, with the residual beneath."""
+"""Measured and modelled torque over time, with what each model leaves; of both commands."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from idim_iv_ros.diagnosis.result import GapResult, GapSeries
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.figures import (
     BLUE,
     GREY,
+    INK,
     ORANGE,
     SHADE,
     Figure,
+    Mark,
     axis,
-    embed,
-    figure,
-    legend,
-    typed,
+    layout,
+    line,
+    outline,
 )
-from idim_iv_ros.report.markup import Html, section, tag
+from idim_iv_ros.report.gap_words import (
+    drawable,
+    extended_beyond_refit,
+    held_out_words,
+    torque_unit,
+    torque_word,
+)
 from idim_iv_ros.report.numerals import percent, with_unit
-from idim_iv_ros.report.series import PlotSeries, thin
-from idim_iv_ros.report.session_axis import SessionAxis, axis_of_identification
-from idim_iv_ros.report.units import torque_unit, torque_word
+from idim_iv_ros.report.section import Report, Section
+from idim_iv_ros.report.time_axis import Curves, SessionAxis, curves
+from idim_iv_ros.types import FloatArray
 
-_HEIGHT = 300
+_HEIGHT = 320
 _FEW = 3
 
 
-def torque_section(result: IdentificationResult) -> Html:
-    """Return one plot for each joint."""
-    plots = []
-    session = axis_of_identification(result)
-    for index, series in enumerate(result.series):
-        unit = torque_unit(result, index)
-        residual = result.residuals[index]
-        size = f"{percent(residual.relative_percent)}, rms {with_unit(residual.rms, unit, 2)}"
-        drawing = _drawing(thin(series, session), unit, session)
-        words = f"Measured and predicted torque of {series.joint} over time"
-        plots.append(
-            tag(
-                "div",
-                tag("h3", series.joint, tag("small", f" residual {size}")),
-                embed(drawing, f"torque-{index}", _HEIGHT, words),
-                css="plot",
-            )
+@dataclass(frozen=True)
+class Model:
+    """Torque of one model, N m (N)."""
+
+    name: str
+    torque: FloatArray
+    colour: str
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """What is drawn of one joint."""
+
+    joint: str
+    time: FloatArray
+    measured: FloatArray
+    models: list[Model]
+    words: str
+    step: float | None
+
+
+def _context(report: Report[Any]) -> dict[str, Any] | None:
+    result = report.result
+    rows = _of_diagnosis(result) if isinstance(result, GapResult) else _of_identification(result)
+    if not rows:
+        return None
+    left = "Gap" if isinstance(result, GapResult) else "Residual"
+    plots = [
+        (
+            each.joint,
+            each.words,
+            _figure(each, index, torque_unit(result, each.joint), report.session, left),
         )
-    return section(
-        "Measured and predicted torque",
-        "torque",
-        tag(
-            "p",
-            "The predicted torque is the observation matrix of the measured motion times the "
-            "estimated parameters; the residual is measured minus predicted. Where the plot is "
-            "shaded the samples do not count (reversals, edges, not measured). Drag to zoom, "
-            f"double-click to go back.{session.words}",
-            css="explanation",
-        ),
-        legend(
-            ("line", GREY, "measured"),
-            ("line", BLUE, "predicted"),
-            ("line", ORANGE, "residual"),
-            ("band", SHADE, "samples that do not count"),
-        ),
-        tag("div", plots, css="grid one" if len(plots) <= _FEW else "grid two"),
-    )
-
-
-def _drawing(series: PlotSeries, unit: str, session: SessionAxis) -> Figure:
-    hover = "%{y:.4g} " + unit + " at %{x:.3f} s"
-    data = [
-        *_shaded(series, "y", [series.measured, series.predicted]),
-        *_shaded(series, "y2", [series.residual]),
-        _line(series, series.measured, "y", GREY, 2.4, f"measured {hover}"),
-        _line(series, series.predicted, "y", BLUE, 1.3, f"predicted {hover}"),
-        _line(series, series.residual, "y2", ORANGE, 1.0, f"residual {hover}"),
+        for index, each in enumerate(rows)
     ]
+    models = {model.name: model.colour for each in rows for model in each.models}
+    return {
+        "diagnosis": isinstance(result, GapResult),
+        "session": report.session.words,
+        "legend": [
+            Mark("line", INK, "measured"),
+            *(Mark("line", colour, name) for name, colour in models.items()),
+            Mark("band", SHADE, "samples that do not count"),
+        ],
+        "plots": plots,
+        "columns": "one" if len(plots) <= _FEW else "two",
+    }
+
+
+def _of_identification(result: IdentificationResult) -> list[_Rows]:
+    rows = []
+    for series, residual in zip(result.series, result.residuals, strict=True):
+        size = with_unit(residual.rms, torque_unit(result, series.joint), 2)
+        words = f"residual {percent(residual.relative_percent)}, rms {size}"
+        model = Model("predicted", np.asarray(series.predicted), BLUE)
+        measured = np.asarray(series.measured)
+        rows.append(_Rows(series.joint, np.asarray(series.time), measured, [model], words, None))
+    return rows
+
+
+def _of_diagnosis(result: GapResult) -> list[_Rows]:
+    return [
+        _Rows(
+            series.joint,
+            series.time,
+            series.torque,
+            _models(series),
+            held_out_words(result, series.joint),
+            series.step,
+        )
+        for series in drawable(result)
+    ]
+
+
+def _models(series: GapSeries) -> list[Model]:
+    models = [] if series.given is None else [Model("nominal model", series.given, GREY)]
+    models.append(Model("refit", series.refit, ORANGE))
+    if extended_beyond_refit(series):
+        models.append(Model("extended model", series.extended, BLUE))
+    return models
+
+
+def _figure(rows: _Rows, index: int, unit: str, session: SessionAxis, left: str) -> Figure:
+    residuals = [rows.measured - model.torque for model in rows.models]
+    torques = [model.torque for model in rows.models]
+    thinned = curves(
+        rows.time,
+        [*torques, *residuals, rows.measured],
+        session,
+        peaks_of=[rows.measured, residuals[0], residuals[-1]],
+        step=rows.step,
+    )
+    hover = f"%{{y:.4g}} {unit} at %{{x:.3f}} s"
+    count = len(rows.models)
+    above, below, measured = (
+        thinned.values[:count],
+        thinned.values[count:-1],
+        thinned.values[-1],
+    )
+    # The measured torque is drawn last: thin, above the wider models.
+    data = [
+        *_shaded(thinned, "y", [*above, measured]),
+        *_shaded(thinned, "y2", list(below)),
+    ]
+    first = len(data)
+    for place, (model, torque, residual) in enumerate(zip(rows.models, above, below, strict=True)):
+        same = {"same": first} if place else thinned.time
+        data.append(line(same, torque, model.colour, 2.4, f"{model.name} {hover}"))
+        beyond = f"measured − {model.name} {hover}"
+        data.append(line({"same": first}, residual, model.colour, 1.0, beyond, yaxis="y2"))
+    data.append(line({"same": first}, measured, INK, 0.9, f"measured {hover}"))
     axes = {
         "xaxis": axis("Time, s", anchor="y2"),
-        "yaxis": axis(f"{torque_word(unit)}, {unit}", domain=[0.36, 1.0], nticks=6),
-        "yaxis2": axis(f"Residual, {unit}", domain=[0.0, 0.29], nticks=4),
+        "yaxis": axis(f"{torque_word(unit)}, {unit}", domain=[0.42, 1.0], nticks=6),
+        "yaxis2": axis(f"{left}, {unit}", domain=[0.0, 0.34], nticks=4),
     }
-    return figure(data, axes, hovermode="closest", **session.marks())
+    words = f"Measured torque of {rows.joint} and that of the models over time"
+    return Figure(f"torque-{index}", _HEIGHT, words, data, layout(axes, **session.marks()))
 
 
-def _line(
-    series: PlotSeries, values: Any, y_axis: str, colour: str, width: float, hover: str
-) -> dict[str, Any]:
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "x": typed(series.time),
-        "y": typed(values),
-        "yaxis": y_axis,
-        "line": {"color": colour, "width": width},
-        "hovertemplate": f"{hover}<extra></extra>",
-    }
-
-
-def _shaded(series: PlotSeries, y_axis: str, curves: list[Any]) -> list[dict[str, Any]]:
+def _shaded(thinned: Curves, y_axis: str, drawn: list[FloatArray]) -> list[dict[str, Any]]:
     """Return all gaps as one filled trace, as tall as the curves."""
-    values = np.concatenate(curves)
+    values = np.concatenate(drawn)
     values = values[np.isfinite(values)]
-    if len(series.gaps) == 0 or len(values) == 0:
+    if len(thinned.gaps) == 0 or len(values) == 0:
         return []
     low, high = float(values.min()), float(values.max())
-    start, end = series.gaps[:, 0], series.gaps[:, 1]
+    start, end = thinned.gaps[:, 0], thinned.gaps[:, 1]
     apart = np.full(len(start), np.nan)
     x = np.column_stack([start, start, end, end, apart]).ravel()
     y = np.tile([low, high, high, low, np.nan], len(start))
-    return [
-        {
-            "type": "scatter",
-            "mode": "none",
-            "x": typed(x),
-            "y": typed(y),
-            "yaxis": y_axis,
-            "fill": "toself",
-            "fillcolor": SHADE,
-            "hoverinfo": "skip",
-        }
-    ]
+    return [outline(x, y, SHADE, yaxis=y_axis)]
+
+
+TORQUE: Section[Any] = Section("Torque", "torque", "torque.html.j2", _context)

@@ -1,93 +1,153 @@
-"""May the result be believed? The first thing that a reader sees."""
+"""The first screen: what was found, what to do next, the robot, and the numbers behind it."""
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.report.badges import verdict_badge, verdict_colour
-from idim_iv_ros.report.markup import Html, join, key_numbers, sentence, tag
-from idim_iv_ros.report.numerals import cell, count, exact, number, percent, with_unit
-from idim_iv_ros.report.units import torque_unit
+from idim_iv_ros.report.advice import (
+    diagnosis_headline,
+    diagnosis_steps,
+    identification_headline,
+    identification_steps,
+    verdict_badge,
+)
+from idim_iv_ros.report.gap_words import VERDICTS, duration, torque_unit
+from idim_iv_ros.report.numerals import count, exact, number, percent, sentence, with_unit
+from idim_iv_ros.report.robot_drawing import ShadedRobot, robot_figure
+from idim_iv_ros.report.section import R, Report, Section
+
+# Name, value, note.
+Tile = tuple[str, str, str]
 
 
-def verdict_section(result: IdentificationResult) -> Html:
-    """Return the verdict in one sentence, joint by joint, and the key numbers."""
-    verdict = result.verdict
-    return tag(
-        "section",
-        tag(
-            "div",
-            verdict_badge(verdict.verdict),
-            tag("p", verdict.sentence, css="headline"),
-            css=f"verdict {verdict_colour(verdict.verdict)}",
-        ),
-        _key_numbers(result),
-        _joints(result),
-        id="verdict",
+def shaded_robot(report: Report[R]) -> ShadedRobot | None:
+    """Return the robot with what its joints are coloured by; None where it cannot be drawn."""
+    drawn = report.nominal.skeleton
+    if drawn is None:
+        return None
+    result = report.result
+    values: Mapping[str, float | None]
+    if isinstance(result, GapResult):
+        values = {each.joint: 100.0 * each.share for each in result.joint_gaps}
+        title = "share of the gap"
+    else:
+        values = result.fit.joint_relative_error_percent
+        title = "relative error of the torque"
+    return ShadedRobot(drawn, result.joints, tuple(map(values.get, result.joints)), title)
+
+
+def _frame(report: Report[R], **own: Any) -> dict[str, Any]:
+    robot = shaded_robot(report)
+    return {
+        "figure": None if robot is None else robot_figure(robot),
+        "title": "" if robot is None else robot.title,
+        "missing": report.nominal.missing,
+        **own,
+    }
+
+
+def _identification(report: Report[IdentificationResult]) -> dict[str, Any]:
+    result = report.result
+    return _frame(
+        report,
+        badge=verdict_badge(result.verdict.verdict),
+        headline=identification_headline(result),
+        steps=identification_steps(report),
+        summary=result.verdict.sentence,
+        tiles=_identification_tiles(result),
+        source=result.instruments.source,
+        joints=[
+            (
+                each.joint,
+                verdict_badge(each.verdict),
+                sentence(each.sentence.removeprefix(f"{each.joint}: ")),
+                percent(each.relative_percent),
+                with_unit(each.rms, torque_unit(result, each.joint), 2),
+            )
+            for each in result.residuals
+        ],
     )
 
 
-def _key_numbers(result: IdentificationResult) -> Html:
+def _identification_tiles(result: IdentificationResult) -> Sequence[Tile]:
     fit = result.fit
     ls_error = f"IDIM-LS: {percent(fit.ls_relative_error_percent, 3)}"
     if result.estimator == "idim-ls":
         ls_error = "of the measured torque"
     seconds = sum(bag.duration for bag in result.bags)
-    rates = sorted({bag.rate for bag in result.bags})
-    bags = f"{len(result.bags)} recording{'s' if len(result.bags) != 1 else ''}"
-    recorded = f"{bags}, {' and '.join(exact(rate, 'Hz') for rate in rates)}"
+    rates = " and ".join(exact(rate, "Hz") for rate in sorted({bag.rate for bag in result.bags}))
     row_rate = exact(round(result.processing.row_rate, 2), "Hz")
-    numbers = [
+    essential = f"{fit.essential_parameters} of {fit.base_parameters}"
+    return [
         ("Relative error", percent(fit.relative_error_percent, 3), ls_error),
-        (
-            "Parameters",
-            f"{fit.essential_parameters} of {fit.base_parameters}",
-            "base parameters are essential",
-        ),
+        ("Parameters", essential, "base parameters are essential"),
         _iterations(result),
-        ("Recorded", with_unit(seconds, "s", 3), recorded),
-        (
-            "Used",
-            count(fit.samples),
-            f"samples of all joints, decimated to {row_rate}",
-        ),
-        ("Condition number", number(fit.condition_number, 3), "of the observation matrix"),
+        ("Recorded", with_unit(seconds, "s"), f"{_recordings(len(result.bags))}, {rates}"),
+        ("Used", count(fit.samples), f"samples of all joints, decimated to {row_rate}"),
+        ("Condition number", number(fit.condition_number), "of the observation matrix"),
     ]
-    return join(
-        key_numbers(numbers),
-        tag("p", tag("b", "Instruments: "), result.instruments.source, "."),
-    )
 
 
-def _iterations(result: IdentificationResult) -> tuple[str, str, str]:
+def _iterations(result: IdentificationResult) -> Tile:
     if result.estimator == "idim-ls":
         return ("Estimator", "IDIM-LS", result.convergence_note)
-    state = "" if result.converged else "NOT converged: "
+    state = "converged" if result.converged else "NOT converged"
     note = result.convergence_note.removeprefix("not converged: ")
-    return ("Iterations", str(result.iterations), f"{state or 'converged: '}{note}")
+    return ("Iterations", str(result.iterations), f"{state}: {note}")
 
 
-def _joints(result: IdentificationResult) -> Html:
-    rows = []
-    for index, (residual, verdict) in enumerate(
-        zip(result.residuals, result.verdicts, strict=True)
-    ):
-        words = verdict.sentence.removeprefix(f"{verdict.joint}: ")
-        rows.append(
-            tag(
-                "tr",
-                tag("th", verdict.joint, scope="row"),
-                tag("td", verdict_badge(verdict.verdict)),
-                tag("td", sentence(words), css="words"),
-                cell(percent(residual.relative_percent)),
-                cell(with_unit(residual.rms, torque_unit(result, index), 2)),
+def _recordings(bags: int) -> str:
+    return f"{bags} recording{'s' if bags != 1 else ''}"
+
+
+def _diagnosis(report: Report[GapResult]) -> dict[str, Any]:
+    result = report.result
+    first = result.stages[0] if result.stages else None
+    nominal = first is not None and first.name == "given"
+    return _frame(
+        report,
+        badge=VERDICTS[result.verdict],
+        headline=diagnosis_headline(result),
+        steps=diagnosis_steps(report),
+        summary=result.summary,
+        tiles=_diagnosis_tiles(result),
+        findings=result.findings,
+        model="nominal model" if nominal else "refit",
+        joints=[
+            (
+                each.joint,
+                100.0 * each.share,
+                percent(each.relative_percent, 3),
+                with_unit(each.noise_floor, torque_unit(result, each.joint)),
+                each.floor_origin,
             )
-        )
-    heads = ("Joint", "Verdict", "What it means", "Residual, % of torque", "Residual, rms")
-    return tag(
-        "table",
-        tag("thead", tag("tr", [_head(text) for text in heads])),
-        tag("tbody", rows),
-        css="joints",
+            for each in result.joint_gaps
+        ],
     )
 
 
-def _head(text: str) -> Html:
-    return tag("th", text, scope="col", css="num" if text.startswith("Residual") else None)
+def _diagnosis_tiles(result: GapResult) -> Sequence[Tile]:
+    worst = max(result.joint_gaps, key=lambda each: each.share, default=None)
+    tiles: list[Tile] = []
+    if worst is not None:
+        share = percent(100.0 * worst.share)
+        tiles.append(("Largest gap", worst.joint, f"{share} of the gap of all joints"))
+    if worst is not None and len(result.stages) > 1:
+        ends = (result.stages[0], result.stages[-1])
+        unit = torque_unit(result, worst.joint)
+        before, after = (number(each.torque_rms.get(worst.joint)) for each in ends)
+        note = "torque gap there, rms on held-out data: first and last model"
+        tiles.append((f"Before → after, {unit}", f"{before} → {after}", note))
+    bags = _recordings(len(result.bags))
+    untestable = "effects that this recording cannot show"
+    return [
+        ("Causes accepted", str(len(result.causes)), "each beyond chance, strongest first below"),
+        *tiles,
+        ("Recorded", with_unit(duration(result), "s"), bags),
+        ("Not testable", str(len(result.not_testable)), untestable),
+    ]
+
+
+VERDICT = Section("Verdict", "verdict", "verdict.html.j2", _identification)
+GAP_VERDICT = Section("Verdict", "verdict", "gap_verdict.html.j2", _diagnosis)

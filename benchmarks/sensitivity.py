@@ -1,0 +1,225 @@
+"""Which thresholds of the diagnosis an answer depends on.
+
+    python -m benchmarks.sensitivity --out DIR [--cells N] [--settings NAME …]
+
+Every threshold that was chosen on development cells (`idim_iv_ros.diagnosis.settings`) is halved
+and doubled on cells of `benchmarks.withheld_effects` with two joints. The seed is not that of the
+benchmark, so that no cell of it is looked at here. A share above one half is moved by its distance
+from 1. Answers lie in DIR/answers, one file a cell: a run that was stopped goes on where it was,
+and another one adds cells or settings. The page lists all answers that are there.
+
+A cell is read once. A threshold of the refit needs everything again, one of the attribution keeps
+the refit, and one of what comes after keeps both.
+"""
+
+import argparse
+import json
+import shlex
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import islice, zip_longest
+from pathlib import Path
+
+from benchmarks.measurement import write_page
+from benchmarks.withheld_effects.cells import Cell, all_cells, family
+from benchmarks.withheld_effects.generate import cell_name, write_cell
+from idim_iv_ros import load_configuration
+from idim_iv_ros.compilation import one_thread
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.assembly import assembled
+from idim_iv_ros.diagnosis.diagnose import concluded
+from idim_iv_ros.diagnosis.refit.refit import refitted
+from idim_iv_ros.diagnosis.structural.attribution import attributed
+from idim_iv_ros.identification.prepare import read_configured
+from idim_iv_ros.progress import Stopwatch
+
+SEED = 20260117
+CELLS = 60
+# What only these read changes what is shown beside the causes, and neither verdict nor cause.
+_SHOWN = (
+    "assembly.py",
+    "identifiability/detectability.py",
+    "localisation/residual_split.py",
+    "localisation/where.py",
+    "tracking.py",
+)
+_REFIT = ("refit/", "parametric/missing.py", "structural/likelihood.py")
+_ATTRIBUTION = ("identifiability/testability.py", "structural/")
+_AFTER = (
+    "refit/noise_floor.py",
+    "structural/causes.py",
+    "structural/confirmation.py",
+    "structural/deviations.py",
+)
+
+Answer = dict[str, object]
+
+
+def chosen() -> list[str]:
+    """Names of the settings that were chosen by hand and can change an answer."""
+    files = settings.readers()
+    return [
+        name
+        for name, each in settings.all_settings().items()
+        if each.origin == settings.CHOSEN and not set(files[name]) <= set(_SHOWN)
+    ]
+
+
+def variants(name: str) -> tuple[settings.Setting | settings.Count, ...]:
+    """Return a setting at half and at twice its value; a large share by its distance from 1."""
+    each = settings.all_settings()[name]
+    if 0.5 < each < 1.0:
+        rest = 1.0 - each
+        return each.times((1.0 - 0.5 * rest) / each), each.times((1.0 - 2.0 * rest) / each)
+    return each.times(0.5), each.times(2.0)
+
+
+def first_step(name: str) -> str:
+    """Return the first step of a diagnosis that reads a setting."""
+    steps = [_step(file) for file in settings.readers()[name]]
+    return min(steps, key=("refit", "attribution", "conclusion").index)
+
+
+def _step(file: str) -> str:
+    if file in _AFTER:
+        return "conclusion"
+    if file.startswith(_REFIT):
+        return "refit"
+    return "attribution" if file.startswith(_ATTRIBUTION) else "conclusion"
+
+
+@contextmanager
+def changed(name: str, value: settings.Setting | settings.Count) -> Iterator[None]:
+    """Give a setting another value for a while."""
+    kept = getattr(settings, name)
+    setattr(settings, name, value)
+    try:
+        yield
+    finally:
+        setattr(settings, name, kept)
+
+
+def answers_of(
+    folder: Path, cell: Cell, wanted: list[str], known: dict[str, Answer]
+) -> Iterator[None]:
+    """Diagnose a cell with every wanted setting at both values; fills `known` one by one."""
+    keys = [f"{name}={value:g}" for name in wanted for value in variants(name)]
+    if set(keys) <= set(known):
+        return
+    configuration = load_configuration(folder / "robot.yaml")
+    without = (cell.without,) if cell.without else ()
+    watch = Stopwatch(None)
+    recordings = read_configured(sorted(folder.glob("*.mcap")), configuration)
+
+    base = refitted(recordings, configuration, without)
+    attribution = attributed(base.data, base.regression, without)
+
+    def answer(step: str) -> Answer:
+        here = refitted(recordings, configuration, without) if step == "refit" else base
+        there = (
+            attribution if step == "conclusion" else attributed(here.data, here.regression, without)
+        )
+        result = assembled(concluded(here, there, configuration, without, watch))
+        causes = [f"{cause.effect}[{cause.joint or ''}]" for cause in result.causes]
+        return {"verdict": result.verdict, "causes": causes}
+
+    if "" not in known:
+        known[""] = answer("conclusion")
+        yield
+    for name in wanted:
+        for value in variants(name):
+            key = f"{name}={value:g}"
+            if key not in known:
+                with changed(name, value):
+                    known[key] = answer(first_step(name))
+                yield
+
+
+def development_cells(count: int) -> dict[str, Cell]:
+    """Return so many cells by their names, one of each family in turn."""
+    families: dict[str, list[tuple[str, Cell]]] = {}
+    named = {cell_name(cell, SEED): cell for cell in all_cells(SEED) if cell.robot == "arm2"}
+    for name, cell in sorted(named.items()):
+        families.setdefault(family(cell), []).append((name, cell))
+    turns = zip_longest(*(families[each] for each in sorted(families)))
+    return dict(islice((each for turn in turns for each in turn if each is not None), count))
+
+
+def run(out: Path, count: int, wanted: list[str]) -> None:
+    """Write the cells and their answers that are not there yet."""
+    (out / "answers").mkdir(parents=True, exist_ok=True)
+    for name, cell in development_cells(count).items():
+        if not (out / "cells" / name).is_dir():
+            (out / "cells").mkdir(exist_ok=True)
+            write_cell(out, name, cell, SEED)
+        file = out / "answers" / f"{name}.json"
+        known = json.loads(file.read_text()) if file.is_file() else {}
+        with one_thread():
+            for _ in answers_of(out / "cells" / name, cell, wanted, known):
+                file.write_text(json.dumps(known, indent=1) + "\n")
+        print(name, cell.group, known[""], flush=True)
+
+
+def what_changes(answers: dict[str, dict[str, Answer]]) -> list[str]:
+    """Lines of the page: for each setting and value, in how many cells what is another."""
+    keys = [key for key in dict.fromkeys(k for known in answers.values() for k in known) if key]
+    lines = [
+        "| setting | value | tried | cells | verdict | first cause | causes | where |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    rows = []
+    for key in keys:
+        name, value = key.split("=")
+        tried = {cell: (known[""], known[key]) for cell, known in answers.items() if key in known}
+        verdict = sum(a["verdict"] != b["verdict"] for a, b in tried.values())
+        first = sum(a["causes"][:1] != b["causes"][:1] for a, b in tried.values())
+        others = {c: b for c, (a, b) in tried.items() if a != b}
+        where = "; ".join(
+            f"{cell[:4]}: {b['verdict']}, {', '.join(b['causes']) or 'no cause'}"
+            for cell, b in others.items()
+        )
+        causes = sum(a["causes"] != b["causes"] for a, b in tried.values())
+        value_now = f"{settings.all_settings()[name]:g}"
+        row = f"| `{name}` | {value_now} | {value} | {len(tried)} | {verdict} | {first} | {causes} "
+        rows.append((len(others), f"{row}| {where} |"))
+    rows.sort(key=lambda row: -row[0])
+    return lines + [row for _, row in rows]
+
+
+def page(out: Path, command: list[str]) -> None:
+    """Write benchmarks/results/sensitivity.md from all answers."""
+    answers = {file.stem: json.loads(file.read_text()) for file in (out / "answers").glob("*.json")}
+    answers = dict(sorted(answers.items()))
+    tried = {key.split("=")[0] for known in answers.values() for key in known if key}
+    untried = [name for name in chosen() if name not in tried]
+    lines = [
+        f"- arguments: `{shlex.join(command)}`",
+        f"- {len(answers)} of {CELLS} cells, {len(tried)} of {len(chosen())} settings",
+        "",
+        *what_changes(answers),
+        "",
+        "## Cells, with all settings as they are",
+        "",
+        *(
+            f"- {cell[:4]}: {known['']['verdict']}, {', '.join(known['']['causes']) or 'no cause'}"
+            for cell, known in answers.items()
+        ),
+    ]
+    if untried:
+        lines += ["", f"Not tried: {', '.join(f'`{name}`' for name in untried)}."]
+    write_page("sensitivity", "Which thresholds the answer depends on", lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--cells", type=int, default=CELLS)
+    parser.add_argument("--settings", nargs="*", choices=chosen(), default=chosen())
+    given = parser.parse_args()
+    run(given.out, given.cells, given.settings)
+    page(given.out, sys.argv[1:])
+
+
+if __name__ == "__main__":
+    main()

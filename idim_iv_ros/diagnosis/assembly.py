@@ -1,0 +1,253 @@
+"""The result of a diagnosis from what its steps found."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from importlib import metadata
+
+import numpy as np
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis import sentences, settings
+from idim_iv_ros.diagnosis.controller.check import LawCheck, why_not_checked
+from idim_iv_ros.diagnosis.localisation.residual_split import motion_at_rows
+from idim_iv_ros.diagnosis.localisation.unexplained import (
+    small_nonparametric,
+    unexplained,
+    unexplained_residual,
+)
+from idim_iv_ros.diagnosis.localisation.where import Localisation
+from idim_iv_ros.diagnosis.parametric.agreement import Agreement
+from idim_iv_ros.diagnosis.parametric.causes import (
+    ParametricOutcome,
+    parameter_errors,
+    remaining,
+)
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
+from idim_iv_ros.diagnosis.refit.refit import Refit
+from idim_iv_ros.diagnosis.result import (
+    Cause,
+    Confusability,
+    Difference,
+    EffectParameter,
+    GapResult,
+    GapSeries,
+    NotTestable,
+    RecordingAgreement,
+    Stage,
+    Where,
+)
+from idim_iv_ros.diagnosis.structural.causes import NamedModel
+from idim_iv_ros.diagnosis.structural.confirmation import Confirmed
+from idim_iv_ros.diagnosis.tracking import Tracking, tracking_series, with_tracking
+from idim_iv_ros.diagnosis.verdict import leading, strongest_first, verdict_of
+from idim_iv_ros.identification.prepare import ARMATURE_MISSING
+
+_REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What the steps of a diagnosis found.
+
+    Attributes
+    ----------
+    configuration : Configuration
+    without : tuple of str
+        Effects that were left out of the catalogue.
+    refit : Refit
+    held : Confirmed
+        The effects that hold on data not used to fit.
+    tracked : sequence of Tracking
+        Simulated motion of every stage.
+    causes : sequence of Cause
+    parametric : ParametricOutcome
+    law : LawCheck
+    agreement : Agreement
+    where : Localisation
+    confusability : tuple of Confusability
+    not_testable : tuple of NotTestable
+    """
+
+    configuration: Configuration
+    without: tuple[str, ...]
+    refit: Refit
+    held: Confirmed
+    tracked: Sequence[Tracking]
+    causes: Sequence[Cause]
+    parametric: ParametricOutcome
+    law: LawCheck
+    agreement: Agreement
+    where: Localisation
+    confusability: tuple[Confusability, ...]
+    not_testable: tuple[NotTestable, ...]
+
+
+def assembled(found: Diagnosis) -> GapResult:
+    """Build the result."""
+    refit, model = found.refit, found.held.model
+    data, law = refit.data, found.law
+    causes = strongest_first(found.causes, data)
+    outside = unexplained(data, model)
+    session = data.prepared.session.parts
+    errors = parameter_errors(data, found.parametric)
+    not_named = remaining(errors)
+    stages = with_tracking(found.held.tested.stages(), found.tracked)
+    residual = unexplained_residual(data, stages, found.held.floors)
+    verdict = verdict_of(causes, outside, parameters=bool(not_named), unexplained=bool(residual))
+    listed = leading(causes, data)
+    summary = [
+        sentences.capitalised(ARMATURE_MISSING) + "." if data.prepared.armature_missing else "",
+        sentences.summary(
+            verdict,
+            listed,
+            outside,
+            found.where.joint_gaps,
+            found.without,
+            more=len(causes) - len(listed),
+            model="refit" if data.prepared.given is None else "nominal model",
+            remaining=sentences.remaining_parameter_errors(data, not_named),
+            residual=sentences.unexplained_residual(data, residual),
+        ),
+        *(sentences.capitalised(sentence) + "." for sentence in law.beyond),
+    ]
+    recordings = _recordings(data, found.agreement)
+    summary.insert(0, sentences.disagreement([each for each in recordings if not each.agrees]))
+    named = {(cause.effect, cause.joint) for cause in causes}
+    first, last = (found.tracked[0], found.tracked[-1]) if found.tracked else (None, None)
+    speed = None if law.speed is None else law.speed.words
+    return GapResult(
+        robot=data.prepared.model.robot.name,
+        joints=data.joints,
+        joint_types=data.prepared.model.robot.joint_types,
+        bags=tuple(part.bag for part in session),
+        session=session,
+        software={name: metadata.version(name) for name in _REPORTED},
+        configuration=found.configuration.model_dump(mode="json", exclude_none=True),
+        without=found.without,
+        verdict=verdict,
+        summary=" ".join(part for part in summary if part),
+        causes=tuple(causes),
+        unexplained=outside,
+        where=Where(found.where.joint_gaps, found.where.regimes),
+        findings=tuple(sentences.finding(each, session) for each in found.where.findings),
+        not_testable=tuple(
+            each for each in found.not_testable if (each.effect, each.joint) not in named
+        ),
+        stages=_with_weightless(refit, stages),
+        confusability=found.confusability,
+        series=_series(refit, model),
+        tracking=tracking_series(data, first, last),
+        notes=_notes(found, speed),
+        extended_parameters=_extended_parameters(refit, model),
+        parameter_errors=errors,
+        signal_chain=refit.shift.part_of_result(data.joints, speed),
+        recordings=recordings,
+    )
+
+
+def _recordings(data: Baseline, agreement: Agreement) -> tuple[RecordingAgreement, ...]:
+    """One entry for each recording; one that differs is judged beside those that differ more."""
+    apart = {each.recording: each for each in agreement.differences}
+    made = []
+    for number, part in enumerate(data.prepared.session.parts):
+        if number >= len(agreement.tests):
+            break
+        difference = apart.get(number)
+        test = agreement.tests[number] if difference is None else difference.test
+        joint = int(np.argmax(test.shares))
+        made.append(
+            RecordingAgreement(
+                bag=part.bag,
+                agrees=difference is None,
+                statistic=test.statistic,
+                df=test.df,
+                df_denom=test.df_denominator,
+                p_value=test.p_value if difference is None else difference.p_value,
+                joint=data.joints[joint],
+                share_of_torque=float(test.shares[joint]),
+                differences=tuple(
+                    Difference(cause.effect.name, cause.joint, cause.parameters)
+                    for cause in (() if difference is None else difference.causes)
+                ),
+            )
+        )
+    return tuple(made)
+
+
+def _with_weightless(refit: Refit, stages: tuple[Stage, ...]) -> tuple[Stage, ...]:
+    """Put the nominal model without gravity first where gravity was missing."""
+    if refit.weightless is None:
+        return stages
+    return (
+        refit.weightless.stage(0),
+        replace(stages[0], name="+gravity_direction"),
+        *stages[1:],
+    )
+
+
+def _series(refit: Refit, model: NamedModel) -> tuple[GapSeries, ...]:
+    """Measured torque and that of three models for the figures, one series for each joint."""
+    data, regression = refit.data, refit.regression
+    residuals = nominal_residuals(data, regression)
+    made = []
+    for joint, name in enumerate(data.joints):
+        torque = regression.joints[joint].torque
+        motion = motion_at_rows(data, joint)
+        made.append(
+            GapSeries(
+                joint=name,
+                time=motion.time,
+                torque=torque,
+                given=None if residuals is None else torque - residuals[joint],
+                refit=torque - model.fits[0].residuals[joint],
+                extended=torque - model.fit.residuals[joint],
+                position=motion.position,
+                speed=motion.velocity,
+                load=motion.load,
+                since_reversal=motion.since_reversal,
+                step=1.0 / data.row_rate,
+            )
+        )
+    return tuple(made)
+
+
+def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
+    """What could not be done and why, each once."""
+    data, tested = found.refit.data, found.held.tested
+    prepared = data.prepared
+    notes = [
+        found.refit.shift.sentence(data.joints),
+        law_speed and f"the speed in the control law: {law_speed}",
+        tested.note and f"held-out gaps: {tested.note}",
+        *(floor.note and f"noise floor: {floor.note}" for floor in found.held.floors),
+    ]
+    seconds = sum(recording.duration for recording in prepared.recordings)
+    if seconds < settings.SHORT_RECORDING:
+        notes.append(
+            f"only {seconds:.3g} s were recorded: effects may pass for one another, or for noise; "
+            "record a minute or more"
+        )
+    unchecked = why_not_checked(data)
+    notes += [
+        prepared.why_no_given,
+        *data.sources.controller,
+        unchecked and f"commands not compared with the control law: {unchecked}",
+        *(each.note or each.caveat for each in found.tracked),
+        *prepared.doubts,
+        *prepared.advice,
+        *prepared.reasons,
+        *(
+            sentences.small_nonparametric(data, each.candidate)
+            for each in small_nonparametric(data, found.held.model)
+        ),
+    ]
+    return tuple(dict.fromkeys(note for note in notes if note))
+
+
+def _extended_parameters(refit: Refit, model: NamedModel) -> dict[str, EffectParameter]:
+    base = refit.data.prepared.model.base
+    deviations = np.sqrt(np.maximum(np.diag(model.fit.covariance), 0.0))
+    return {
+        name: EffectParameter(float(model.fit.values[k]), float(deviations[k]), base.units[k])
+        for k, name in enumerate(base.names)
+    }

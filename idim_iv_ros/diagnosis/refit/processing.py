@@ -1,0 +1,148 @@
+"""The processing that the diagnosis proposes where the user leaves it open.
+
+The band in which candidates are looked for is as wide as the encoders' noise allows.
+
+Rows beside a reversal count only where it is known when joints stick and slip. There dry friction
+crosses from one level to the other while the joint sticks. A simulated closed loop shows when;
+without one only the sign of the measured speed remains, which is wrong there by as much as the
+friction, and the decimation filter smears that over the rows around.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import welch
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
+from idim_iv_ros.estimation.least_squares import solve_least_squares
+from idim_iv_ros.estimation.observation import observation_rows
+from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
+from idim_iv_ros.recording import Recording
+from idim_iv_ros.signals import REVERSAL_MARGIN, Motion
+from idim_iv_ros.simulation import joint_inertia
+from idim_iv_ros.types import FloatArray
+
+
+def widened(recordings: Sequence[Recording], configuration: Configuration) -> Configuration:
+    """Propose a decimation cut-off for the diagnosis where the user names none.
+
+    What distinguishes effects (ripple, shafts, delays) lies higher than what identifies inertias.
+    White noise of standard deviation σ_q at the positions gives the torque of an inertia J the
+    density J² σ_q² (2πf)⁴; up to f its power is a share s² of the torque's own noise for
+    (2πf)² = √5 s σ_τ / (J σ_q).
+    """
+    processing = configuration.processing
+    if processing.decimation_cutoff is not None:
+        return configuration
+    prepared = prepare(recordings, configuration)
+    rate = min(motion.signals.rate for motion in prepared.motions)
+    highest = min(
+        settings.WIDEST_BAND,
+        rate / (2.0 * settings.POSITION_OVER_DECIMATION * settings.NYQUIST_MARGIN),
+    )
+    cutoff = max(min(_noise_limit(prepared), highest), prepared.cutoffs.decimation)
+    edge = processing.decimation_edge
+    factor = max(1, int(edge * rate / (2.0 * cutoff)))
+    if factor > settings.SAMPLES_PER_ROW:  # a multiple, so that candidates need a coarse grid only
+        factor += -factor % settings.SAMPLES_PER_ROW
+    cutoff = edge * rate / (2.0 * factor)
+    position = processing.position_cutoff
+    if position is None:
+        position = min(
+            max(prepared.cutoffs.position, settings.POSITION_OVER_DECIMATION * cutoff),
+            settings.HIGHEST_CUTOFF * rate,
+        )
+    changed = processing.model_copy(
+        update={
+            "position_cutoff": position,
+            "decimation_cutoff": min(cutoff, position),
+        }
+    )
+    return configuration.model_copy(update={"processing": changed})
+
+
+def _noise_limit(prepared: PreparedRegression) -> float:
+    """Hz, the least over the joints."""
+    rows = observation_rows(prepared.model, prepared.motions)
+    require_excitation(prepared, rows)
+    values = solve_least_squares(rows, len(prepared.model.base.columns)).values
+    position = prepared.motions[0].position
+    model = prepared.model
+    sample = position[:: max(1, len(position) // 50)]
+    inertia = joint_inertia(model.robot, model.dynamic_parameters(values), sample)
+    position_noise = _noise(prepared.motions, "position")
+    torque_noise = _noise(prepared.motions, "torque")
+    ratio = torque_noise / np.maximum(np.abs(inertia) * position_noise, 1e-30)
+    return float(np.sqrt(np.sqrt(5.0) * settings.ACCELERATION_NOISE * ratio.min())) / (2.0 * np.pi)
+
+
+def _noise(motions: Sequence[Motion], quantity: str) -> FloatArray:
+    """Standard deviation (n_joints,) of the noise in single samples: the upper half of the band."""
+    variances = []
+    for motion in motions:
+        values = getattr(motion.signals, quantity)
+        rate = motion.signals.rate
+        segment = min(len(values), max(64, int(settings.NOISE_SEGMENT * rate)))
+        frequency, density = welch(values, fs=rate, nperseg=segment, axis=0)
+        upper = density[frequency > 0.25 * rate]
+        variances.append(np.median(upper, axis=0) * rate / 2.0)
+    return np.asarray(np.sqrt(np.mean(variances, axis=0)))
+
+
+def may_count(configuration: Configuration, recordings: Sequence[Recording]) -> bool:
+    """Whether the loop may be simulated with a configured law, and the user leaves it open."""
+    return (
+        configuration.processing.reversal_margin is None
+        and configuration.controller.type != "unknown"
+        and all(recording.position_reference is not None for recording in recordings)
+    )
+
+
+def with_margin(configuration: Configuration, margin: float) -> Configuration:
+    """Return the configuration with rows dropped so far from a slow sample."""
+    processing = configuration.processing.model_copy(update={"reversal_margin": margin})
+    return configuration.model_copy(update={"processing": processing})
+
+
+def reason_for_margin(
+    configuration: Configuration, margin: float, estimate: IdimIvEstimate, *, sticking: bool
+) -> str:
+    """Say whether rows beside a reversal count, and why.
+
+    Parameters
+    ----------
+    configuration
+        As the user gave it.
+    margin
+        Decimated samples on either side of a slow one that were dropped.
+    sticking
+        Whether it is known where joints stick.
+    """
+    given = configuration.processing.reversal_margin
+    why = _why_not(configuration, estimate)
+    if given is not None:
+        if sticking or given >= REVERSAL_MARGIN:
+            return ""
+        return (
+            f"processing.reversal_margin {given:g} as configured, although it is not known where "
+            f"joints stick ({why}): rows beside a reversal count with the sign of the speed"
+        )
+    if margin < REVERSAL_MARGIN:
+        return (
+            f"rows beside a reversal count (processing.reversal_margin {margin:g} proposed): the "
+            "closed loop is simulated, which shows where joints stick"
+        )
+    return (
+        f"rows beside a reversal do not count (processing.reversal_margin {margin:g} proposed): "
+        f"it is not known where joints stick, for {why}"
+    )
+
+
+def _why_not(configuration: Configuration, estimate: IdimIvEstimate) -> str:
+    if configuration.controller.type == "unknown":
+        return "the control law is not configured"
+    if estimate.failures:
+        return f"the closed loop cannot be simulated: {estimate.failures[0]}"
+    return "the closed loop is not simulated"

@@ -1,0 +1,78 @@
+"""The refit on the smooth motion: its effort aligned, and gravity where it was missing."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis.held_out.held_out import HeldOut, held_out
+from idim_iv_ros.diagnosis.parametric.missing import MissingGravity, missing_gravity
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
+from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
+from idim_iv_ros.diagnosis.result import Cause
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.effects.gravity_direction import GravityDirection
+from idim_iv_ros.recording import Recording
+
+
+@dataclass(frozen=True)
+class Refit:
+    """The model that every candidate is added to.
+
+    Attributes
+    ----------
+    data : Baseline
+    regression : Regression
+        On the smooth motion.
+    shift : EffortShift
+        Taken out of the effort of both.
+    gravity : MissingGravity or None
+        Which the nominal model lacks; `data` has it.
+    weightless : HeldOut or None
+        The nominal model without it and its refit.
+    """
+
+    data: Baseline
+    regression: Regression
+    shift: EffortShift
+    gravity: MissingGravity | None = None
+    weightless: HeldOut | None = None
+
+    def gravity_causes(self, tested: HeldOut) -> list[Cause]:
+        """Missing gravity as a cause, if it is one; `tested`: the models with gravity."""
+        if self.gravity is None or self.weightless is None:
+            return []
+        return [self.gravity.cause(self.weightless, tested)]
+
+
+def refitted(
+    recordings: Sequence[Recording], configuration: Configuration, without: Collection[str]
+) -> Refit:
+    """Refit the nominal model and align the effort.
+
+    Parameters
+    ----------
+    without
+        Effects that are left out of the catalogue: gravity is looked for where the configuration
+        has none, unless its direction is among them.
+
+    Raises
+    ------
+    UsageError, DataError
+        As `identify`.
+    """
+    data = baseline(recordings, configuration)
+    regression = smooth_regression(data)
+    may_lack = GravityDirection.name not in without
+    gravity = missing_gravity(data, regression) if may_lack else None
+    if gravity is None:
+        return Refit(*aligned(data, regression))
+    weightless = _nominal_and_refit(data, regression)
+    data = baseline(recordings, gravity.corrected(configuration))
+    return Refit(*aligned(data, smooth_regression(data)), gravity, weightless)
+
+
+def _nominal_and_refit(data: Baseline, regression: Regression) -> HeldOut:
+    fit, repeats = regression.fit(), repeats_of(data)
+    floors = noise_floors(data, regression, fit, repeats)
+    return held_out(data, regression, fit, [], floors, repeats, data.prepared.given)

@@ -1,0 +1,196 @@
+"""Documents of this program: JSON that one class writes, checks and reads back as itself."""
+
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, TypeVar
+
+import numpy as np
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    TypeAdapter,
+    ValidationError,
+    WithJsonSchema,
+    WrapValidator,
+)
+from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core import from_json
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.files import PROGRAM, FilePath, read_text, write_together
+from idim_iv_ros.types import FloatArray
+
+_LARGEST_FILE = 50.0  # MB
+_NUMBER_OR_NULL = {"anyOf": [{"type": "number"}, {"type": "null"}]}
+
+T = TypeVar("T")
+D = TypeVar("D", bound="Document")
+
+
+def _null_as(number: float) -> WrapValidator:
+    def read(value: object, check: Callable[[object], float]) -> float:
+        return number if value is None else check(value)
+
+    return WrapValidator(read)
+
+
+# Numbers that may not exist (NaN), and ends that may be open: null in a document.
+Number = Annotated[float, _null_as(math.nan), WithJsonSchema(_NUMBER_OR_NULL)]
+LowEnd = Annotated[float, _null_as(-math.inf), WithJsonSchema(_NUMBER_OR_NULL)]
+HighEnd = Annotated[float, _null_as(math.inf), WithJsonSchema(_NUMBER_OR_NULL)]
+
+Matrix = Annotated[
+    FloatArray,
+    BeforeValidator(
+        lambda rows: np.array(TypeAdapter(list[list[Number]]).validate_python(rows), dtype=float)
+    ),
+    PlainSerializer(np.ndarray.tolist),
+    WithJsonSchema({"type": "array", "items": {"type": "array", "items": _NUMBER_OR_NULL}}),
+]
+
+# What a report draws and a document leaves out.
+Unsaved = Annotated[T, Field(exclude=True)]
+
+
+class Document:
+    """Base of a frozen dataclass that is a document: its fields, in their order, are the keys.
+
+    A field of type `Unsaved` is left out, and has its default when the document is read back.
+    Numbers that do not exist are null.
+
+    Attributes
+    ----------
+    what, written_by : str
+        What it is (``a diagnosis``) and which command writes it, for messages.
+    format : str
+        First field, its default names the format.
+    """
+
+    what: ClassVar[str]
+    written_by: ClassVar[str]
+    format: str
+    __pydantic_config__ = ConfigDict(
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        arbitrary_types_allowed=True,
+    )
+
+    def to_document(self) -> dict[str, Any]:
+        """Return the document as plain Python values; numbers that do not exist are None."""
+        values = _adapter(type(self)).dump_python(self, by_alias=True, warnings=False)
+        document: dict[str, Any] = _plain(values)
+        return document
+
+    def to_json(self) -> str:
+        """Return the document as text."""
+        return json.dumps(self.to_document(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def write(self, path: FilePath) -> None:
+        """Write the document, complete or not at all.
+
+        Raises
+        ------
+        UsageError
+            It cannot be written, and why.
+        """
+        try:
+            write_together({Path(path): self.to_json()})
+        except OSError as error:
+            raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+    @classmethod
+    def read(cls: type[D], path: FilePath) -> D:
+        """Read a document that `write` wrote.
+
+        Raises
+        ------
+        UsageError
+            The file cannot be read, or as `from_json`.
+        """
+        text = read_text(Path(path), f"the {cls.what.partition(' ')[2]}", megabytes=_LARGEST_FILE)
+        return cls.from_json(text, str(path))
+
+    @classmethod
+    def from_json(cls: type[D], text: str, name: str) -> D:
+        """Read a document from its text.
+
+        Parameters
+        ----------
+        text
+        name
+            Of the file, for the message.
+
+        Raises
+        ------
+        UsageError
+            Not JSON, another format, or a key that is missing, wrong or unknown; one line with
+            the file, the key and what to do.
+        """
+        again = f"write it with this version's `idim-iv {cls.written_by}`"
+        try:
+            content = from_json(text)
+        except ValueError as error:
+            raise UsageError(f"{name}: not JSON: {error}") from error
+        found = content.get("format") if isinstance(content, Mapping) else None
+        if found != cls.format:
+            shown = repr(found) if isinstance(found, str) else "missing"
+            raise UsageError(
+                f"{name}: not {cls.what}: its format is {shown}, not {cls.format!r}; {again}"
+            )
+        try:
+            # From the text: a list of JSON may then stand for a tuple, and nothing for a number.
+            return _adapter(cls).validate_json(text)
+        except ValidationError as error:
+            first = error.errors()[0]
+            key = ".".join(str(part) for part in first["loc"])
+            problem = {
+                "missing": "missing",
+                "unexpected_keyword_argument": f"unknown to this version of {PROGRAM}",
+            }.get(first["type"], first["msg"])
+            raise UsageError(" ".join(f"{name}: {key}: {problem}; {again}".split())) from error
+
+    @classmethod
+    def json_schema(cls) -> dict[str, Any]:
+        """Return the JSON Schema of the documents that `write` writes."""
+        return _adapter(cls).json_schema(mode="serialization", schema_generator=_WholeSchema)
+
+
+class _WholeSchema(GenerateJsonSchema):
+    """Every key is written, also one with a default; none needs a title beside its name."""
+
+    def field_is_required(self, field: Any, total: bool) -> bool:
+        return True
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        return False
+
+
+_adapters: dict[type, TypeAdapter[Any]] = {}
+
+
+def _adapter(kind: type[T]) -> TypeAdapter[T]:
+    if kind not in _adapters:
+        _adapters[kind] = TypeAdapter(kind)
+    return _adapters[kind]
+
+
+def _plain(value: object) -> Any:
+    """Return the value with plain Python types only; what is not a finite number is None."""
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, np.generic | np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, Iterable):
+        return [_plain(each) for each in value]
+    raise TypeError(f"{type(value).__name__} has no place in a document")

@@ -1,0 +1,144 @@
+"""What every cause of the catalogue declares about itself, parametric or structural."""
+
+import math
+import re
+from abc import ABC
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from idim_iv_ros.effects.contribution import Contribution, Law
+from idim_iv_ros.errors import UsageError
+
+Kind = Literal["parametric", "structural"]
+Family = Literal["velocity", "position", "load", "time", "frequency", "event"]
+Bound = Literal["any", "positive", "not negative", "1 or -1", "0 or 1", "unbounded"]
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One number of an effect; `std` is None where the recording does not determine it."""
+
+    value: float
+    std: float | None
+    unit: str
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """One parameter that an effect has.
+
+    Attributes
+    ----------
+    name : str
+        As in gap.json; one that ends in _k stands for _1, _2, … that belong together.
+    unit : str
+        Of a revolute joint.
+    words : str
+        What it is; empty where its name says it.
+    default : float or None
+        For the simulator: None where it must be given, NaN where something else takes its place
+        (the configured gain, a stiffness from the inertias).
+    bound : Bound
+        Of numbers given to the simulator; all but "unbounded" ones must be finite.
+    """
+
+    name: str
+    unit: str
+    words: str = ""
+    default: float | None = 0.0
+    bound: Bound = "any"
+
+    def check(self, value: float, name: str) -> None:
+        """Refuse a value out of the bounds.
+
+        Raises
+        ------
+        UsageError
+            With `name`, which says whose parameter it is.
+        """
+        if math.isnan(value) or (math.isinf(value) and self.bound != "unbounded"):
+            raise UsageError(f"{name} is not a finite number")
+        allowed = {
+            "positive": value > 0.0,
+            "not negative": value >= 0.0,
+            "1 or -1": abs(value) == 1.0,
+            "0 or 1": value in (0.0, 1.0),
+        }
+        if not allowed.get(self.bound, True):
+            verb = (
+                "must not be negative" if self.bound == "not negative" else f"must be {self.bound}"
+            )
+            raise UsageError(f"{name} {verb}, not {value:g}")
+
+
+@dataclass(frozen=True)
+class GivenNumbers:
+    """Checked parameters of one effect for the simulator, each of them present.
+
+    Attributes
+    ----------
+    value : mapping of str to float
+        By name, those without a number at the end.
+    terms : sequence of mapping
+        Those that end in a number, one mapping for each number, by names that end in _k.
+    coulomb : float
+        Coulomb friction of the joint, N m (N).
+    """
+
+    value: Mapping[str, float]
+    terms: Sequence[Mapping[str, float]]
+    coulomb: float
+
+
+class Cause(ABC):
+    """One cause of the catalogue: its names, what it may be mistaken for, how it is simulated."""
+
+    name: ClassVar[str]
+    kind: ClassVar[Kind]
+    # Place in the catalogue: where two explain equally well, the lower one counts.
+    order: ClassVar[int]
+    # What it may be mistaken for, and what no recording separates from it.
+    confounders: ClassVar[tuple[str, ...]] = ()
+    same_as: ClassVar[tuple[str, ...]] = ()
+    # What to record so that it shows: in words, and as kinds of segment of the designed motion
+    # (`excitation.segments`); where no segment shows it, `beyond_motion` says what does.
+    excitation: ClassVar[str]
+    segments: ClassVar[tuple[str, ...]] = ()
+    beyond_motion: ClassVar[str] = ""
+    joints_needed: ClassVar[int] = 1
+    specs: ClassVar[tuple[ParameterSpec, ...]] = ()
+    # Simulator: whether the base parameters hold it already; whether it may be at all joints, none
+    # being named; the compiled laws that its contributions use.
+    in_base_parameters: ClassVar[bool] = False
+    everywhere: ClassVar[bool] = False
+    laws: ClassVar[tuple[Law, ...]] = ()
+
+    def contributions(self, given: GivenNumbers) -> Iterable[Contribution]:
+        """What it adds to a simulated joint; nothing where the base parameters hold it."""
+        return ()
+
+    def refused(self, value: Mapping[str, float]) -> str:
+        """Why parameters that are each within their bounds do not go together; empty if they do."""
+        return ""
+
+    def spec(self, name: str) -> ParameterSpec | None:
+        """Return the declaration of a parameter; that of wave_number_k for wave_number_2."""
+        known = {spec.name: spec for spec in self.specs}
+        return known.get(name) or known.get(re.sub(r"_[1-9]\d*$", "_k", name))
+
+    def parameter_words(self, name: str) -> str:
+        """Return what a parameter is; its name without underscores where that says it."""
+        spec = self.spec(name)
+        if spec is None or not spec.words:
+            return name.replace("_", " ")
+        return f"{spec.words} {name.rsplit('_', 1)[1]}" if spec.name != name else spec.words
+
+    def numbers(self, **found: tuple[float, float | None]) -> dict[str, EffectParameter]:
+        """Return parameters with their units, from (value, std) by name."""
+        return {name: self._number(name, *each) for name, each in found.items()}
+
+    def _number(self, name: str, value: float, std: float | None) -> EffectParameter:
+        spec = self.spec(name)
+        assert spec is not None, f"{self.name} declares no {name}"
+        return EffectParameter(float(value), None if std is None else float(std), spec.unit)

@@ -1,0 +1,208 @@
+"""What an effect adds to a simulated robot: the few kinds of contribution that a file declares.
+
+The laws are compiled functions of plain numbers; the simulator calls them without knowing whose
+they are. `p` are the values of a contribution, in the order that its file gives them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from idim_iv_ros.compilation import kernel
+from idim_iv_ros.types import FloatArray
+
+# Numbers that a term keeps from one time step to the next, at most.
+STATES = 2
+# Speed below which friction is not divided by it, rad/s.
+LEAST_SPEED = 1e-9
+
+
+class Instant(NamedTuple):
+    """Where a joint is at the middle of a time step.
+
+    Attributes
+    ----------
+    time : s since the start of the session
+    position : rad (m)
+    speed : rad/s (m/s)
+        In the direction in which it moves, not negative; of a coupling that of its contact.
+    direction : 1 or -1
+        In which it moves or, at rest, would be moved; 0 where nothing moves it.
+    load : N m (N)
+        Of the rigid links, or of the whole model (`TorqueTerm.of_motor`).
+    velocity : rad/s (m/s)
+        At the start of the step.
+    step : s
+    """
+
+    time: float
+    position: float
+    speed: float
+    direction: float
+    load: float
+    velocity: float
+    step: float
+
+
+class Torque(NamedTuple):
+    """What a term adds at an instant: all that opposes motion as level or damping.
+
+    Attributes
+    ----------
+    level : dry friction, N m (N)
+    damping : N m s/rad
+    force : torque that the motor must overcome in either direction, N m (N)
+    stiffness : slope of `force` over the position, where it must enter the step implicitly, N m/rad
+    """
+
+    level: float
+    damping: float
+    force: float
+    stiffness: float
+
+
+@kernel
+def _keeps(p: FloatArray, state: FloatArray, dq: float, ddq: float, step: float) -> bool:
+    """State that no time step changes so much that it must be computed anew."""
+    return False
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueLaw:
+    """Torque of a term at an instant, compiled.
+
+    Attributes
+    ----------
+    torque : (p, at: Instant, state) -> Torque
+    advance : (p, state, dq, ddq, step) -> None, or None for a law without state
+        Moves the state (STATES,) along a step that starts at velocity dq.
+    turns : (p, state, dq, ddq, step) -> bool
+        Whether the state turns into another regime within this step, which is then set: the step is
+        to be computed anew.
+    """
+
+    torque: Callable[..., Any]
+    advance: Callable[..., Any] | None = None
+    turns: Callable[..., Any] = _keeps
+
+
+@dataclass(frozen=True, eq=False)
+class DriveLaw:
+    """Torque that acts for a commanded one, compiled: (p, command) -> torque."""
+
+    curve: Callable[..., Any]
+
+
+@dataclass(frozen=True, eq=False)
+class EncoderLaw:
+    """What an encoder adds to a position and its slope, compiled: (p, q) -> (error, slope).
+
+    `error.py_func` is called with arrays, too: it uses NumPy's functions and no compiled ones.
+    """
+
+    error: Callable[..., Any]
+
+
+Law = TorqueLaw | DriveLaw | EncoderLaw
+
+
+@dataclass(frozen=True)
+class TorqueTerm:
+    """A torque at the joint.
+
+    Attributes
+    ----------
+    law : TorqueLaw
+    values : tuple of float
+    friction : bool
+        Whether it is friction, which only together with that of the model is kept from driving.
+    dry : bool
+        Whether it lets the joint stick.
+    replaced : float
+        N m (N) of the model's Coulomb friction that it takes the place of.
+    of_motor : bool
+        Whether its load is that of the whole model (links, drives, friction, offset).
+    """
+
+    law: TorqueLaw
+    values: tuple[float, ...]
+    friction: bool = False
+    dry: bool = False
+    replaced: float = 0.0
+    of_motor: bool = False
+
+
+@dataclass(frozen=True)
+class CouplingTerm:
+    """Friction between the joint and another: of the sum (direction 1) or difference (−1)."""
+
+    law: TorqueLaw
+    values: tuple[float, ...]
+    direction: float
+    dry: bool
+
+
+@dataclass(frozen=True)
+class ShaftPart:
+    """Part of what is between motor and link.
+
+    Attributes
+    ----------
+    gap : dead zone of ± gap/2, rad (m)
+    stiffness, damping : N m/rad, N m s/rad; NaN: from the inertias
+    flanks : bool
+        Whether the stiffness is that of flanks alone, which beside a shaft are rigid.
+    """
+
+    gap: float
+    stiffness: float
+    damping: float
+    flanks: bool
+
+
+@dataclass(frozen=True)
+class DriveCurve:
+    """Change from the command to the acting torque; the lower `rank` acts first."""
+
+    law: DriveLaw
+    values: tuple[float, ...]
+    rank: int
+
+
+@dataclass(frozen=True)
+class EncoderError:
+    """What the encoder shows beyond the position."""
+
+    law: EncoderLaw
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class CommandDelay:
+    """Delay of the command beyond that of the law, s."""
+
+    seconds: float
+
+
+@dataclass(frozen=True)
+class LawChange:
+    """The law that the robot runs in the place of the configured one.
+
+    Attributes
+    ----------
+    kp, kd, ki : from errors to torque; NaN: as configured
+    feedforward_velocity, feedforward_acceleration : N m s/rad, kg m²
+    lag : time constant of a first-order filter behind the law, s
+    """
+
+    kp: float
+    kd: float
+    ki: float
+    feedforward_velocity: float
+    feedforward_acceleration: float
+    lag: float
+
+
+Contribution = (
+    TorqueTerm | CouplingTerm | ShaftPart | DriveCurve | EncoderError | CommandDelay | LawChange
+)

@@ -1,0 +1,48 @@
+"""The catalogue: every cause that a file of `effects/` defines, and what all of them declare."""
+
+from importlib import import_module
+from inspect import getmembers, isabstract, isclass
+from pkgutil import iter_modules
+from types import ModuleType
+
+from idim_iv_ros.effects.cause import Cause
+from idim_iv_ros.effects.contribution import DriveLaw, EncoderLaw, TorqueLaw
+from idim_iv_ros.effects.effect import Effect, StructuralEffect
+from idim_iv_ros.effects.parametric_effect import ParametricEffect
+
+
+def _modules() -> tuple[ModuleType, ...]:
+    package = import_module("idim_iv_ros.effects")
+    names = [module.name for module in iter_modules(package.__path__)]
+    return tuple(import_module(f"{package.__name__}.{name}") for name in names)
+
+
+def _one_of_each(modules: tuple[ModuleType, ...]) -> tuple[Cause, ...]:
+    """Every cause of the modules: parametric, then structural, in the order that they give."""
+    found = [
+        each()
+        for module in modules
+        for _, each in getmembers(module, isclass)
+        if each.__module__ == module.__name__ and issubclass(each, Cause) and not isabstract(each)
+    ]
+    named = [cause for cause in found if hasattr(cause, "name")]
+    return tuple(sorted(named, key=lambda cause: (cause.kind, cause.order)))
+
+
+# Source of all that is compiled of effects, for the key of numba's cache.
+MODULES = _modules()
+CAUSES = _one_of_each(MODULES)
+BY_NAME: dict[str, Cause] = {cause.name: cause for cause in CAUSES}
+PARAMETRIC = tuple(cause for cause in CAUSES if isinstance(cause, ParametricEffect))
+# What may explain the residual of the refit; a controller is checked on its own.
+STRUCTURAL: tuple[Effect, ...] = tuple(
+    cause for cause in CAUSES if isinstance(cause, StructuralEffect)
+)
+
+# Every name that a cause may have.
+EFFECTS: tuple[str, ...] = tuple(BY_NAME)
+
+# What the simulator's kernel dispatches over, by place.
+TORQUE_LAWS = tuple(law for each in CAUSES for law in each.laws if isinstance(law, TorqueLaw))
+DRIVE_LAWS = tuple(law for each in CAUSES for law in each.laws if isinstance(law, DriveLaw))
+ENCODER_LAWS = tuple(law for each in CAUSES for law in each.laws if isinstance(law, EncoderLaw))

@@ -1,0 +1,245 @@
+"""Segments of a diagnosis motion: what each kind reveals, and their shapes.
+
+A shape starts and ends at rest: position, velocity and acceleration, (n_samples, n_joints) each,
+relative to its start, at 0, 1/rate, … up to but without the end, where the next one begins.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from idim_iv_ros.effects.registry import BY_NAME, CAUSES
+from idim_iv_ros.types import FloatArray
+
+# Kinds of segment; which effects each reveals is in the files of `effects/`.
+KINDS = ("repeat", "range_sweep", "creep", "plateau", "reversals", "multisine")
+EFFECTS: dict[str, tuple[str, ...]] = {
+    kind: tuple(cause.name for cause in CAUSES if kind in cause.segments) for kind in KINDS
+}
+NOT_REVEALED = {cause.name: cause.beyond_motion for cause in CAUSES if not cause.segments}
+
+Shape = tuple[FloatArray, FloatArray, FloatArray]
+
+LOWEST_LINE = 0.5  # Hz
+_FADE = 1.0  # s
+
+# Pairs that no motion separates.
+_NO_MOTION = {
+    frozenset({"payload", "link_inertia"}): (
+        "no motion does if the load is fixed to the link; take it off and record once more"
+    ),
+    frozenset({"torque_offset", "asymmetric_friction"}): (
+        "no motion does: dry friction that differs between the directions is a constant torque "
+        "beside its mean. Measure the torque without the drive's friction, behind the gear"
+    ),
+}
+
+
+@dataclass(frozen=True)
+class SegmentPlan:
+    """A segment before it has its place in time.
+
+    Attributes
+    ----------
+    name, kind : str
+    offset : (n_joints,)
+        Where it starts, relative to the base posture, rad (m).
+    shape : position, velocity, acceleration relative to its start
+    speed : (n_joints,) or None
+        Constant speeds of the way there, rad/s (m/s); the way back has the opposite.
+    amplitude : (n_joints,) or None
+        Largest deviation, rad (m).
+    frequency : (lowest, highest) Hz or None
+    """
+
+    name: str
+    kind: str
+    offset: FloatArray
+    shape: Shape
+    speed: FloatArray | None = None
+    amplitude: FloatArray | None = None
+    frequency: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A segment with its place in the motion.
+
+    Attributes
+    ----------
+    plan : SegmentPlan
+    start, end : float
+        s
+    effects : tuple of str
+    """
+
+    plan: SegmentPlan
+    start: float
+    end: float
+    effects: tuple[str, ...]
+
+    def document(self) -> dict[str, object]:
+        """Row of the side table, for JSON: s, rad/s (m/s), rad (m), Hz."""
+        plan = self.plan
+        return {
+            "name": plan.name,
+            "kind": plan.kind,
+            "start": round(self.start, 9),
+            "end": round(self.end, 9),
+            "effects": list(self.effects),
+            "speed": None if plan.speed is None else [float(v) for v in plan.speed],
+            "amplitude": None if plan.amplitude is None else [float(a) for a in plan.amplitude],
+            "frequency": None if plan.frequency is None else list(plan.frequency),
+        }
+
+
+def effects_of(kind: str, joints: int) -> tuple[str, ...]:
+    """Effects that a kind of segment reveals on a robot with so many joints."""
+    return tuple(name for name in EFFECTS[kind] if joints >= BY_NAME[name].joints_needed)
+
+
+def separating_motion(first: str, second: str) -> str:
+    """Return in words which segments of ``excite --for diagnosis`` separate two effects.
+
+    A segment that reveals one effect and not the other separates them; where there is none,
+    those that reveal either are named. Empty where nothing is known of either.
+    """
+    pair = frozenset({first, second})
+    if pair in _NO_MOTION:
+        return _NO_MOTION[pair]
+    apart = [kind for kind, effects in EFFECTS.items() if (first in effects) != (second in effects)]
+    either = [kind for kind, effects in EFFECTS.items() if first in effects or second in effects]
+    needs = [NOT_REVEALED[each] for each in (first, second) if each in NOT_REVEALED]
+    kinds = apart or either
+    if kinds:
+        names = " and ".join(filter(None, (", ".join(kinds[:-1]), kinds[-1])))
+        plural = "s" if len(kinds) > 1 else ""
+        needs.insert(0, f"the segment{plural} {names} of idim-iv excite --for diagnosis")
+    return "; ".join(needs)
+
+
+def rest_to_rest(displacement: FloatArray, seconds: float, rate: float) -> Shape:
+    """Quintic from rest to rest: peaks 1.875 d/T in velocity, 5.774 d/T² in acceleration."""
+    s, seconds = _phase(seconds, rate)
+    position = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    velocity = 30.0 * s**2 * (1.0 - s) ** 2 / seconds
+    acceleration = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / seconds**2
+    return position * displacement, velocity * displacement, acceleration * displacement
+
+
+def there_and_back(speed: FloatArray, plateau: float, ramp: float, rate: float) -> Shape:
+    """Constant speed for `plateau` s, and the same way back.
+
+    The speed rises and falls within `ramp` s as 3s² - 2s³, so that the acceleration is
+    continuous, zero at both ends, and 1.5 speed / ramp at most. Its length is
+    speed · (plateau + ramp).
+    """
+    rise, ramp = _phase(ramp, rate)
+    flat = np.zeros((max(round(plateau * rate), 1), 1))
+    level = np.vstack([3 * rise**2 - 2 * rise**3, flat + 1.0, 1.0 - 3 * rise**2 + 2 * rise**3])
+    slope = 6.0 * rise * (1.0 - rise) / ramp
+    slope = np.vstack([slope, flat, -slope])
+    up = ramp * (rise**3 - 0.5 * rise**4)
+    middle = 0.5 * ramp + np.arange(len(flat))[:, None] / rate
+    top = 0.5 * ramp + len(flat) / rate
+    way = np.vstack([up, middle, top + ramp * (rise - rise**3 + 0.5 * rise**4)])
+    far = top + 0.5 * ramp
+    way, level = np.vstack([way, far - way]), np.vstack([level, -level])
+    return way * speed, level * speed, np.vstack([slope, -slope]) * speed
+
+
+def waves(
+    amplitude: FloatArray,
+    frequency: FloatArray,
+    phase: FloatArray,
+    seconds: float,
+    fade: float,
+    rate: float,
+) -> Shape:
+    """Sum of sines of (n_lines, n_joints) each, faded in and out over `fade` s (quintic)."""
+    s, seconds = _phase(seconds, rate)
+    time = s * seconds
+    position, velocity, acceleration = np.zeros((3, len(s), amplitude.shape[1]))
+    for a, f, p in zip(amplitude, frequency, phase, strict=True):
+        pulsation = 2.0 * np.pi * f
+        position += a * np.sin(pulsation * time + p)
+        velocity += a * pulsation * np.cos(pulsation * time + p)
+        acceleration -= a * pulsation**2 * np.sin(pulsation * time + p)
+    distance = np.minimum(time, seconds - time)
+    u = np.clip(distance / fade, 0.0, 1.0)
+    side = np.where(time <= seconds / 2.0, 1.0, -1.0) / fade
+    window = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+    first = side * 30.0 * u**2 * (1.0 - u) ** 2
+    second = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / fade**2
+    return (
+        window * position,
+        window * velocity + first * position,
+        window * acceleration + 2.0 * first * velocity + second * position,
+    )
+
+
+def reversals(
+    joints: int, amplitude: float, frequency: float, size: float, seconds: float, rate: float
+) -> SegmentPlan:
+    """The same sine at all joints, faded in and out over one of its periods.
+
+    Parameters
+    ----------
+    amplitude : rad (m)
+    frequency : Hz
+    size : factor of the amplitude
+    """
+    level, line = np.full((1, joints), size * amplitude), np.full((1, joints), frequency)
+    shape = waves(level, line, np.zeros((1, joints)), seconds, 1.0 / frequency, rate)
+    return SegmentPlan(
+        f"reversals_{1000 * amplitude:g}_mrad_{frequency:g}_Hz",
+        "reversals",
+        np.zeros(joints),
+        shape,
+        amplitude=level[0],
+        frequency=(frequency, frequency),
+    )
+
+
+def multisine(
+    highest: FloatArray, amplitude: float, seconds: float, rate: float, seed: int
+) -> SegmentPlan:
+    """Sum of sines of random phase from 0.5 Hz up to `highest`, faded in and out over 1 s.
+
+    Every joint has lines of its own, k/T with k ≡ joint modulo the number of joints, so that what
+    one joint does to another is separate from its own response. All lines have the same velocity.
+
+    Parameters
+    ----------
+    highest : (n_joints,) Hz
+    amplitude : largest deviation, rad (m)
+    """
+    joints = len(highest)
+    flat = max(seconds - 2.0 * _FADE, 2.0 / LOWEST_LINE)
+    # At least two lines for each joint, however slow its loop.
+    highest = np.maximum(highest, LOWEST_LINE + 2.0 * joints / flat)
+    numbers = np.arange(1, int(highest.max() * flat) + 1)[:, None]
+    lines = numbers / flat
+    own = numbers % joints == np.arange(joints)
+    used = own & (lines >= LOWEST_LINE) & (lines <= highest)
+    phase = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, used.shape)
+    frequency = np.broadcast_to(lines, used.shape)
+    level = np.where(used, 1.0 / frequency, 0.0)
+    total = flat + 2.0 * _FADE
+    position, velocity, acceleration = waves(level, frequency, phase, total, _FADE, rate)
+    scale = amplitude / np.abs(position).max(axis=0)
+    shape = (scale * position, scale * velocity, scale * acceleration)
+    return SegmentPlan(
+        "multisine",
+        "multisine",
+        np.zeros(joints),
+        shape,
+        amplitude=np.full(joints, amplitude),
+        frequency=(float(lines[used.any(axis=1)].min()), float(highest.max())),
+    )
+
+
+def _phase(seconds: float, rate: float) -> tuple[FloatArray, float]:
+    """Progress from 0 up to but without 1, (n_samples, 1), and the seconds it really takes."""
+    samples = max(int(np.ceil(seconds * rate - 1e-6)), 2)
+    return np.arange(samples)[:, None] / samples, samples / rate

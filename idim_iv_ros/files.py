@@ -1,0 +1,340 @@
+"""Files: their names, reading them, writing them whole or not at all, and which ones are ours.
+
+A file that somebody else wrote, or changed since, is not replaced. This program's own are known so:
+
+======================  ==========================================================================
+file                    known by
+======================  ==========================================================================
+``.json``               its key ``format``, which begins with ``idim_iv_ros/``
+``.html``               ``<meta name="generator" content="idim_iv_ros">``
+``.mcap``               the library that its header names (a recorded bag is never replaced)
+``.csv``, ``.yaml``     its digest in the JSON file of the same name beside it (a motion), or in
+                        its own first line (a configuration): once edited, it is the user's
+======================  ==========================================================================
+"""
+
+import hashlib
+import json
+import os
+import stat
+import struct
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.interruption import undone_if_interrupted, uninterrupted
+
+FilePath = str | os.PathLike[str]
+FilePaths = FilePath | Iterable[FilePath]
+
+# The first part of every format, and how HTML and MCAP files name what wrote them.
+PROGRAM = "idim_iv_ros"
+IDENTIFICATION_FORMAT: Final = "idim_iv_ros/identification/1"  # of result.json
+GAP_FORMAT: Final = "idim_iv_ros/gap/1"
+CHECK_FORMAT: Final = "idim_iv_ros/check/1"
+IMPORT_FORMAT = f"{PROGRAM}/import/1"
+INIT_FORMAT = f"{PROGRAM}/init/1"
+SIMULATION_FORMAT = f"{PROGRAM}/simulation/1"
+TRUTH_FORMAT = f"{PROGRAM}/truth/1"  # of BAG.truth.json
+
+RESULT, GAP, REPORT = "result.json", "gap.json", "report.html"
+
+GENERATOR = f'<meta name="generator" content="{PROGRAM}">'
+PNG_SOFTWARE = b"Software\0" + PROGRAM.encode()  # content of the text chunk of a picture
+FILES = "files"  # key of a JSON file that holds the digests of the files beside it
+
+_HEAD = 4096  # characters of an HTML file in which the generator is looked for
+_MCAP_MAGIC = b"\x89MCAP0\r\n"
+_SIGNATURE = "# Written by idim_iv_ros. Digest of what follows, as long as nobody edits it: "
+
+
+def as_paths(bags: FilePaths) -> tuple[Path, ...]:
+    """Return one or many bags as paths.
+
+    Raises
+    ------
+    UsageError
+        There is none.
+    """
+    given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
+    if not given:
+        raise UsageError("no bag was given; at least one is needed")
+    return tuple(Path(each) for each in given)
+
+
+def as_file(out: FilePath) -> Path:
+    """Return the path of a file that will be written.
+
+    Raises
+    ------
+    UsageError
+        It has no name: it is empty, ``.`` or ``/``.
+    """
+    path = Path(out)
+    if not path.name:
+        raise UsageError(f"--out {path}: the name of a file is needed")
+    return path
+
+
+def is_file(path: Path) -> bool:
+    """Whether `path` is a file; see `is_there`."""
+    return is_there(path) and path.is_file()
+
+
+def is_there(path: Path) -> bool:
+    """Whether there is a file or folder `path`.
+
+    Raises
+    ------
+    UsageError
+        The name is no name for this system (too long), or a folder on the way may not be entered.
+    """
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except (OSError, ValueError) as error:
+        shown = str(path) if len(str(path)) < 80 else f"{str(path)[:60]}…"
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise UsageError(f"{shown}: cannot be read: {reason}") from error
+    return True
+
+
+def utf_8(content: bytes) -> str:
+    """UTF-8, with or without a byte order mark."""
+    return content.decode("utf-8-sig")
+
+
+def read_text(
+    path: Path, what: str, *, megabytes: float, decode: Callable[[bytes], str] = utf_8
+) -> str:
+    """Read a text file.
+
+    A device or a pipe is refused before it is opened: it may never end, or never begin.
+
+    Parameters
+    ----------
+    path
+    what
+        What is expected there, for the message: ``the trajectory``.
+    megabytes
+        The largest size that such a file has.
+    decode
+        From the bytes to the text; a `ValueError` or `LookupError` where they are none.
+
+    Raises
+    ------
+    UsageError
+        Missing, unreadable, no regular file, too large, or no text; one line with the path.
+    """
+    try:
+        state = path.stat()
+        if stat.S_ISDIR(state.st_mode):
+            raise IsADirectoryError(0, "it is a folder")
+        if not stat.S_ISREG(state.st_mode):
+            raise OSError(0, "it is a device, a pipe or a socket; write it to a file first")
+        with path.open("rb") as file:
+            content = file.read(int(1e6 * megabytes) + 1)
+        if len(content) > 1e6 * megabytes:
+            raise OSError(0, f"it is larger than {megabytes:g} MB")
+        return decode(content)
+    except (OSError, ValueError, LookupError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not a text file"
+        raise UsageError(f"{path}: cannot read {what}: {reason or error}") from error
+
+
+def probe_place(path: Path) -> None:
+    """Find out, before long work, whether a file can be written beside `path`.
+
+    Raises
+    ------
+    OSError
+        It cannot, and why.
+    """
+    probe = _temporary(path)
+    with uninterrupted():
+        try:
+            probe.write_bytes(b"\0")
+        finally:
+            probe.unlink(missing_ok=True)
+
+
+def require_file_place(files: Iterable[Path], *, force: bool = False) -> None:
+    """Refuse, before long work, files that could not be written or must not be replaced.
+
+    Raises
+    ------
+    UsageError
+        The folder of a file is missing or cannot be written, or as `require_replaceable`.
+    """
+    files = list(files)
+    require_replaceable(files, force=force)
+    for file in files:
+        if not file.parent.is_dir():
+            raise UsageError(f"{file}: no folder {file.parent}")
+        try:
+            probe_place(file)
+        except OSError as error:
+            raise UsageError(f"{file}: cannot be written: {error.strerror or error}") from error
+
+
+@contextmanager
+def complete_files(paths: Iterable[Path]) -> Iterator[dict[Path, Path]]:
+    """Temporary files that take the names of `paths`, all together, if the ``with`` ends well.
+
+    Raises
+    ------
+    OSError
+        A file cannot be written, or a folder has its name.
+    """
+    temporary = {path: _temporary(path) for path in paths}
+    with ExitStack() as undone:
+        for path, file in temporary.items():
+            if path.is_dir():
+                raise IsADirectoryError(f"{path} is a folder")
+            undone.callback(file.unlink, missing_ok=True)
+            undone.enter_context(undone_if_interrupted(partial(file.unlink, missing_ok=True)))
+        yield temporary
+        with uninterrupted():
+            for path, file in temporary.items():
+                file.replace(path)
+
+
+def write_together(texts: Mapping[Path, str]) -> None:
+    """Write text files that appear complete and together, or not at all.
+
+    Raises
+    ------
+    OSError
+        A file cannot be written, or a folder has its name.
+    """
+    with complete_files(texts) as temporary:
+        for path, text in texts.items():
+            with temporary[path].open("w", encoding="utf-8") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+
+
+def _temporary(path: Path) -> Path:
+    """Where a file is written before it is complete.
+
+    Its name is short and of ASCII whatever that of the file: a name of 255 bytes is a name, too.
+    """
+    name = hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]
+    return path.with_name(f".{name}.{os.getpid()}.tmp")
+
+
+def require_replaceable(paths: Iterable[Path], *, force: bool = False) -> None:
+    """Refuse to replace a file that this program did not write.
+
+    Raises
+    ------
+    UsageError
+        There is such a file (unless `force`), something else than a file in its place, or a name
+        that cannot be.
+    """
+    for path in paths:
+        try:
+            kind = _kind(path)
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise UsageError(f"{path}: cannot be written: {reason}") from error
+        if kind not in (None, "file"):
+            raise UsageError(f"{path} is {kind}; give another --out")
+        if kind and not force and not is_own(path):
+            raise UsageError(
+                f"{path}: exists, and was not written by idim_iv_ros or was changed since; give "
+                "another --out, or --force to replace it"
+            )
+
+
+def _kind(path: Path) -> str | None:
+    """``file`` or what else is there, in words; None where there is nothing."""
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        return "a link that leads nowhere" if path.is_symlink() else None
+    except NotADirectoryError:
+        return None  # on the way there is a file; the missing folder is what is wrong
+    if stat.S_ISDIR(mode):
+        return "a folder"
+    return "file" if stat.S_ISREG(mode) else "a device, a pipe or a socket"
+
+
+def is_own(path: Path) -> bool:
+    """Whether this program wrote the file and nobody changed it in a way that can be seen."""
+    known = {
+        ".json": _own_json,
+        ".html": _own_html,
+        ".svg": _own_html,
+        ".png": _own_png,
+        ".mcap": _own_mcap,
+    }
+    try:
+        return known.get(path.suffix, _own_digest)(path)
+    except (OSError, ValueError, RecursionError):
+        return False
+
+
+def digest(text: str) -> str:
+    """SHA-256 of a text, in hexadecimal digits."""
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()
+
+
+def digests(texts: Mapping[str, str]) -> dict[str, str]:
+    """Digests of files by their names, for the key `FILES` of the JSON file beside them."""
+    return {name: digest(text) for name, text in texts.items()}
+
+
+def signed(text: str) -> str:
+    """Text of a YAML file with a first line that says whether it was edited."""
+    return f"{_SIGNATURE}{digest(text)}\n{text}"
+
+
+def _own_json(path: Path) -> bool:
+    document = json.loads(path.read_text(encoding="utf-8"))
+    return isinstance(document, dict) and str(document.get("format")).startswith(f"{PROGRAM}/")
+
+
+def _own_html(path: Path) -> bool:
+    with path.open(encoding="utf-8") as file:
+        return GENERATOR in file.read(_HEAD)
+
+
+def _own_png(path: Path) -> bool:
+    with path.open("rb") as file:
+        return PNG_SOFTWARE in file.read(_HEAD)
+
+
+def _own_mcap(path: Path) -> bool:
+    """Whether its header (opcode 1: length, profile, library) names this program."""
+    with path.open("rb") as file:
+        start = file.read(_HEAD)
+    if not start.startswith(_MCAP_MAGIC + b"\x01"):
+        return False
+    place = len(_MCAP_MAGIC) + 9
+    try:
+        (profile,) = struct.unpack_from("<I", start, place)
+        (size,) = struct.unpack_from("<I", start, place + 4 + profile)
+    except struct.error:
+        return False
+    library = start[place + 8 + profile :][:size]
+    return library == PROGRAM.encode()
+
+
+def _own_digest(path: Path) -> bool:
+    text = path.read_text(encoding="utf-8")
+    first, _, rest = text.partition("\n")
+    if first.startswith(_SIGNATURE):
+        return first.removeprefix(_SIGNATURE) == digest(rest)
+    stem = path.name.split(".", 1)[0]
+    for beside in {path.with_suffix(".json"), path.with_name(f"{stem}.json")}:
+        if beside.is_file() and _own_json(beside):
+            files = json.loads(beside.read_text(encoding="utf-8")).get(FILES)
+            if isinstance(files, dict) and files.get(path.name) == digest(text):
+                return True
+    return False

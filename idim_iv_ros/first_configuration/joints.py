@@ -1,0 +1,122 @@
+"""Which joints of the URDF are identified, and why the others are not."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.first_configuration.topics import BagContents, JointContents
+from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.model.urdf import MOVABLE, UrdfJoint
+from idim_iv_ros.model.urdf_reader import read_urdf_text
+
+_GRIPPER = re.compile(r"grip|finger|knuckle|jaw|thumb|palm", re.IGNORECASE)
+_STILL = {"revolute": 0.02, "continuous": 0.02, "prismatic": 0.002}  # rad, rad, m
+# A joint that is left out is locked at zero; this far away, it is not where it was.
+_AWAY = 0.05  # rad or m
+
+
+@dataclass(frozen=True)
+class JointChoice:
+    """The joints of a configuration.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        From the base to the tool.
+    left_out : dict of str to str
+        Movable joints of the URDF and joints of the bag that are left out, and why.
+    warnings : tuple of str
+        Joints that are left out although they matter.
+    """
+
+    joints: tuple[str, ...]
+    left_out: dict[str, str]
+    warnings: tuple[str, ...]
+
+
+def choose_joints(
+    urdf: str, source: str, bags: Sequence[BagContents], states: str, efforts: str
+) -> JointChoice:
+    """Choose the joints that move and have an effort in every bag.
+
+    Parameters
+    ----------
+    urdf, source
+        Text of the URDF, and what to call it.
+    states, efforts
+        Topics.
+
+    Raises
+    ------
+    UsageError
+        Not a URDF; see `read_urdf_text`.
+    DataError
+        No joint is left.
+    """
+    known = read_urdf_text(urdf, source)
+    chosen, left_out, warnings = [], {}, []
+    for _, joint in known.outward():
+        if joint is None or joint.type == "fixed":
+            continue
+        name = joint.name
+        position = [_contents(bag, states, name) for bag in bags]
+        effort = [_contents(bag, efforts, name) for bag in bags]
+        reason = _why_not(joint, position, effort, _is_array(bags[0], efforts))
+        if not reason:
+            chosen.append(name)
+            continue
+        left_out[name] = reason
+        lowest = position[0].lowest if position[0] is not None else None
+        if lowest is not None and not _is_gripper(joint) and abs(lowest) > _AWAY:
+            warnings.append(
+                f"{name} is left out ({reason}) and the model locks it at zero, but it was at "
+                f"{lowest:.3g}: record a motion of it as well"
+            )
+    recorded = [name for topic in bags[0].topics if topic.name == states for name in topic.joints]
+    left_out.update({name: "not in the URDF" for name in recorded if name not in known.joints})
+    if not chosen:
+        why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
+        raise DataError(
+            f"{bags[0].path}: no joint of {source} can be identified ({why or 'it has none'})"
+        )
+    return JointChoice(tuple(chosen), left_out, tuple(warnings))
+
+
+def _why_not(
+    joint: UrdfJoint,
+    position: Sequence[JointContents | None],
+    effort: Sequence[JointContents | None],
+    array: bool,
+) -> str:
+    """Reason to leave a movable joint out; empty where it is identified."""
+    if joint.type not in MOVABLE:
+        return f"its type is {joint.type}"
+    if joint.mimics:
+        return f"it mimics {joint.mimics}"
+    if _is_gripper(joint):
+        return "a gripper, by its name"
+    if any(each is None or each.lowest is None for each in position):
+        return "not in the bag"
+    if not array and not all(each is not None and each.largest_effort for each in effort):
+        return "its effort is empty or zero"
+    moved = max(each.range for each in position if each is not None)
+    if moved < _STILL[joint.type]:
+        unit = unit_at("rad", joint.type)
+        return f"it stands still: it moves over {moved:.1g} {unit}"
+    return ""
+
+
+def _is_gripper(joint: UrdfJoint) -> bool:
+    return _GRIPPER.search(joint.name) is not None
+
+
+def _is_array(bag: BagContents, name: str) -> bool:
+    return any(topic.name == name and topic.numbers for topic in bag.topics)
+
+
+def _contents(bag: BagContents, name: str, joint: str) -> JointContents | None:
+    for topic in bag.topics:
+        if topic.name == name:
+            return topic.joints.get(joint)
+    return None

@@ -1,0 +1,205 @@
+"""What the signals show: whether efforts are torques or currents, and a control law."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from idim_iv_ros.estimation.observation import observation_rows
+from idim_iv_ros.identification.prepare import PreparedRegression
+from idim_iv_ros.model import JointLimits
+from idim_iv_ros.signals import Motion
+from idim_iv_ros.simulation import ControllerFit, fit_controller
+from idim_iv_ros.types import FloatArray
+
+_FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
+_LEAST_SHARE = 0.05  # of the torque's variance that only the masses explain
+_LEAST_ROWS = 20
+_LEAST_RATIO = 5.0  # standard deviations
+_SAME = (0.5, 2.0)  # effort over torque: masses of a URDF are not that far off
+_OVER_LIMIT = 1.5
+
+_LEAST_R_SQUARED = 0.95
+_LARGEST_DEVIATION = 0.1  # of a gain
+_DIGITS = 4
+# Hz. Noise of the positions grows in the velocity with its frequency and would lower kd; a motion
+# that identifies a robot has nothing above this.
+_HIGHEST_CUTOFF = 30.0
+
+
+@dataclass(frozen=True)
+class EffortUnit:
+    """Unit of the efforts and why it is taken for that."""
+
+    unit: Literal["N m", "A"]
+    reason: str
+
+
+def guess_effort_unit(prepared: PreparedRegression) -> EffortUnit:
+    """Compare the recorded efforts with the torques of the URDF's masses, then with its limits."""
+    peaks = np.max(
+        [np.abs(motion.signals.torque).max(axis=0) for motion in prepared.motions], axis=0
+    )
+    names = prepared.configuration.robot.joints
+    if prepared.model.robot.has_inertials:
+        ratios = _ratios(prepared)
+        if ratios:
+            middle = float(np.median(list(ratios.values())))
+            listed = ", ".join(f"{names[joint]} {ratio:.2g}" for joint, ratio in ratios.items())
+            measured = f"effort over the torque that the URDF's masses need: {listed}"
+            if _SAME[0] <= middle <= _SAME[1]:
+                return EffortUnit("N m", measured)
+            if middle < 0.0:
+                return EffortUnit("A", f"{measured}: the sign is opposite, see effort_scale")
+            return EffortUnit("A", f"{measured}: not a torque, probably a motor current")
+    return _from_limits(peaks, prepared.model.robot.limits, names)
+
+
+def _ratios(prepared: PreparedRegression) -> dict[int, float]:
+    """Effort over the torque of the URDF's masses, of the joints where that can be said.
+
+    Friction and the inertia of the joint's own drive, which no URDF gives, are left free: the ratio
+    is seen on gravity and on the other joints' motion (Frisch and Waugh's partial regression).
+    """
+    base = prepared.model.base
+    given = prepared.model.given_without_friction
+    standard = base.layout.parameters
+    friction = np.array([standard[column].kind in _FRICTION for column in base.columns])
+    ratios = {}
+    for joint, rows in enumerate(observation_rows(prepared.model, prepared.motions)):
+        drive = np.array([each.kind == "Ia" and each.joint == joint for each in standard])
+        own = np.any(base.grouping[:, drive] != 0.0, axis=1)
+        if len(rows) < _LEAST_ROWS:
+            continue
+        free = np.column_stack([rows.matrix[:, (friction | own)[rows.columns]], np.ones(len(rows))])
+        torque = _without(free, rows.matrix @ given[rows.columns])
+        effort = _without(free, rows.torque)
+        energy = float(torque @ torque)
+        if energy <= 0.0:
+            continue
+        ratio = float(torque @ effort) / energy
+        residual = effort - ratio * torque
+        deviation = float(np.std(residual)) / np.sqrt(energy)
+        share = (
+            ratio**2 * energy / max(float(np.sum((rows.torque - rows.torque.mean()) ** 2)), 1e-300)
+        )
+        if share > _LEAST_SHARE and abs(ratio) > _LEAST_RATIO * deviation:
+            ratios[joint] = ratio
+    return ratios
+
+
+def _without(columns: FloatArray, signal: FloatArray) -> FloatArray:
+    """What of a signal no combination of the columns explains."""
+    return np.asarray(signal - columns @ np.linalg.lstsq(columns, signal, rcond=None)[0])
+
+
+def _from_limits(peaks: FloatArray, limits: JointLimits, names: list[str]) -> EffortUnit:
+    known = np.isfinite(limits.effort) & (limits.effort > 0.0)
+    if not known.any():
+        return EffortUnit(
+            "N m", "not known: the URDF has neither masses nor effort limits to compare with"
+        )
+    shares = np.where(known, peaks / np.where(known, limits.effort, 1.0), 0.0)
+    most = int(np.argmax(shares))
+    text = f"largest effort of {names[most]} is {100 * shares[most]:.2g} % of the URDF's limit"
+    if shares[most] > _OVER_LIMIT:
+        return EffortUnit("A", f"{text}: not a torque")
+    return EffortUnit("N m", f"not sure: {text}, and the masses do not show in the efforts")
+
+
+@dataclass(frozen=True)
+class ProposedLaw:
+    """Keys of the section `controller`, and why.
+
+    Attributes
+    ----------
+    keys : dict
+    reason : str
+        Of the type.
+    """
+
+    keys: dict[str, object] = field(default_factory=lambda: {"type": "unknown"})
+    reason: str = "no reference in the bag"
+
+
+def propose_law(motions: Sequence[Motion]) -> ProposedLaw:
+    """Fit a PD law with integral and say whether it explains the efforts."""
+    if any(motion.signals.position_reference is None for motion in motions):
+        return ProposedLaw()
+    fits = [fit for motion in motions for fit in _fits(motion)]
+    fit, half = max(fits, key=lambda each: float(each[0].r_squared.sum()))
+    worst = float(fit.r_squared.min())
+    if worst < _LEAST_R_SQUARED:
+        return ProposedLaw(
+            reason=f"a PD law explains only R² = {worst:.2f} of a joint's effort; every "
+            "identification fits its own"
+        )
+    # What the control holds from one sample to the next acts half a sample late on average; the
+    # simulation of the loop holds it likewise, so that this is no delay of its own.
+    delay = max(fit.delay + (0.5 if half else 0.0) - 0.5, 0.0)
+    return _pd(fit, worst, delay / fit.rate)
+
+
+def _fits(motion: Motion) -> list[tuple[ControllerFit, bool]]:
+    """Laws with delays of whole samples, and of whole samples and a half.
+
+    A delay that is off by half a sample T shows as kd off by kp T / 2.
+    """
+    signals = motion.signals
+    assert signals.position_reference is not None
+    later = np.concatenate([signals.torque[1:], signals.torque[-1:]])
+    return [
+        (
+            fit_controller(
+                signals.rate,
+                signals.position,
+                signals.velocity,
+                torque,
+                signals.position_reference,
+                signals.velocity_reference,
+                cutoff=min(signals.rate / 10.0, _HIGHEST_CUTOFF),
+            ),
+            half,
+        )
+        for torque, half in ((signals.torque, False), (0.5 * (signals.torque + later), True))
+    ]
+
+
+def _pd(fit: ControllerFit, worst: float, delay: float) -> ProposedLaw:
+    """Keys of a PD law with a delay in s, or why it is none."""
+    kp, kd = fit.gain("kp"), fit.gain("kd")
+    forward = fit.included[:, fit.terms.index("reference_velocity")]
+    on_measured = forward & (np.abs(fit.gain("reference_velocity") + kd) < 0.2 * np.abs(kd))
+    uncertain = np.abs(fit.std[:, :2]) > _LARGEST_DEVIATION * np.abs(fit.gains[:, :2])
+    beyond = [
+        term
+        for term in ("reference_acceleration", "reference_direction")
+        if fit.included[:, fit.terms.index(term)].any()
+    ]
+    if forward.any() and not on_measured.all():
+        beyond.append("reference_velocity")
+    for refused, why in (
+        (np.any(kp <= 0.0) or np.any(kd <= 0.0), "the fitted gains are not all positive"),
+        (bool(uncertain.any()), "the log does not show the gains to 10 %"),
+        (bool(beyond), f"the law has feedforward terms ({', '.join(beyond)})"),
+    ):
+        if refused:
+            return ProposedLaw(reason=f"{why}; every identification fits its own law")
+    keys: dict[str, object] = {"type": "pd", "kp": _rounded(kp), "kd": _rounded(kd)}
+    if fit.included[:, fit.terms.index("ki")].any():
+        keys["ki"] = _rounded(fit.gain("ki"))
+    if on_measured.all():
+        keys["velocity_reference"] = False
+    if delay > 0.0:
+        keys["delay"] = round(delay, 6)
+    deviation = 100.0 * float(np.max(np.abs(fit.std[:, :2] / fit.gains[:, :2])))
+    reason = (
+        f"fitted from the log, R² ≥ {worst:.3f}, σ of the gains up to {deviation:.2g} %; replace "
+        "them by those of the real controller"
+    )
+    return ProposedLaw(keys, reason)
+
+
+def _rounded(values: np.ndarray) -> list[float]:
+    return [float(f"{value:.{_DIGITS}g}") for value in values]

@@ -1,0 +1,260 @@
+"""What the topics of a bag hold, and which are the joint states, the efforts and the reference."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE, read_layout
+from idim_iv_ros.recording.bags.folder import Bag
+from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
+from idim_iv_ros.recording.other_topics import robot_description, sounds_like_reference
+from idim_iv_ros.recording.read import DESCRIPTION
+
+
+@dataclass(frozen=True)
+class JointContents:
+    """What one JointState topic holds of one joint.
+
+    Attributes
+    ----------
+    lowest, highest : float or None
+        Positions, rad (m); None where it has none.
+    largest_effort : float or None
+        In the unit of the driver; None where it has none, 0 where all are zero.
+    """
+
+    lowest: float | None
+    highest: float | None
+    largest_effort: float | None
+
+    @property
+    def range(self) -> float:
+        """Distance over which the joint moves, rad (m)."""
+        return 0.0 if self.lowest is None or self.highest is None else self.highest - self.lowest
+
+
+@dataclass(frozen=True)
+class TopicContents:
+    """One topic of a bag that can hold joint quantities.
+
+    Attributes
+    ----------
+    name : str
+    messages : int
+    rate : float
+        Messages per second.
+    joints : dict of str to JointContents
+        Empty for an array of numbers.
+    numbers : int
+        Length of an array of numbers; 0 for joint states.
+    """
+
+    name: str
+    messages: int
+    rate: float
+    joints: dict[str, JointContents]
+    numbers: int = 0
+
+    def with_position(self) -> set[str]:
+        """Joints of which there are positions."""
+        return {name for name, each in self.joints.items() if each.lowest is not None}
+
+    def with_effort(self) -> set[str]:
+        """Joints of which some effort is not zero."""
+        return {name for name, each in self.joints.items() if each.largest_effort}
+
+
+@dataclass(frozen=True)
+class BagContents:
+    """Topics of one bag.
+
+    Attributes
+    ----------
+    path : Path
+    topics : tuple of TopicContents
+    unreadable : dict of str to str
+        Types of the other topics, by name.
+    description : str or None
+        URDF on /robot_description.
+    """
+
+    path: Path
+    topics: tuple[TopicContents, ...]
+    unreadable: dict[str, str]
+    description: str | None
+
+
+def read_contents(path: Path) -> BagContents:
+    """Look through a bag.
+
+    Raises
+    ------
+    UsageError, DataError
+        No such bag, or not one.
+    """
+    bag, description = Bag(path), None
+    for _, batch in bag.batches({DESCRIPTION}):
+        description = robot_description(batch) or description
+    kinds = {name: kind for name, kind in bag.topics.items() if kind in (JOINT_STATE, FLOAT_ARRAY)}
+    names: dict[str, JointMessageReader] = {}
+    numbers: dict[str, int] = {}
+    counts: dict[str, tuple[int, int, int]] = {}  # messages, first and last arrival in ns
+    for topic, batch in Bag(path).batches(set(kinds)):
+        count, first, _ = counts.get(topic, (0, int(batch.arrival[0]), 0))
+        counts[topic] = (count + len(batch), first, int(batch.arrival[-1]))
+        if kinds[topic] == JOINT_STATE:
+            names.setdefault(topic, JointMessageReader(topic, JOINT_STATE, [], [])).add(batch)
+        elif topic not in numbers:
+            layout = read_layout(batch.message(0), FLOAT_ARRAY)
+            numbers[topic] = layout.fields["data"][1]
+    joints = _joints(path, {topic: reader.finish().names for topic, reader in names.items()})
+    topics = tuple(
+        TopicContents(
+            topic,
+            count,
+            (count - 1) / max(1e-9 * (last - first), 1e-9) if count > 1 else 0.0,
+            joints.get(topic, {}),
+            numbers.get(topic, 0),
+        )
+        for topic, (count, first, last) in counts.items()
+    )
+    unreadable = {name: kind for name, kind in bag.topics.items() if name not in kinds}
+    unreadable.pop(DESCRIPTION, None)
+    return BagContents(path, topics, unreadable, description)
+
+
+def _joints(path: Path, names: dict[str, tuple[str, ...]]) -> dict[str, dict[str, JointContents]]:
+    readers = {
+        topic: JointMessageReader(topic, JOINT_STATE, each, ["position", "effort"])
+        for topic, each in names.items()
+    }
+    for topic, batch in Bag(path).batches(set(readers)):
+        readers[topic].add(batch)
+    contents = {}
+    for topic, reader in readers.items():
+        values = reader.finish().values
+        contents[topic] = {
+            joint: _contents(values["position"][:, column], values["effort"][:, column])
+            for column, joint in enumerate(names[topic])
+        }
+    return contents
+
+
+def _contents(position: np.ndarray, effort: np.ndarray) -> JointContents:
+    position, effort = position[np.isfinite(position)], effort[np.isfinite(effort)]
+    return JointContents(
+        float(position.min()) if len(position) else None,
+        float(position.max()) if len(position) else None,
+        float(np.abs(effort).max()) if len(effort) else None,
+    )
+
+
+@dataclass(frozen=True)
+class TopicChoice:
+    """The topics of a configuration, and why.
+
+    Attributes
+    ----------
+    states : TopicContents
+        Of the first bag.
+    effort, reference : TopicContents or None
+        Of the first bag; None where efforts are on `states`, and where there is no reference.
+    reasons : dict of str to str
+        By key of the section `signals`.
+    """
+
+    states: TopicContents
+    effort: TopicContents | None
+    reference: TopicContents | None
+    reasons: dict[str, str]
+
+    @property
+    def efforts(self) -> TopicContents:
+        """The topic with the efforts."""
+        return self.effort or self.states
+
+
+def choose_states(bags: Sequence[BagContents]) -> tuple[TopicContents, TopicContents | None]:
+    """Choose the topic of the joint states, and that of the efforts where it is another.
+
+    Raises
+    ------
+    DataError
+        No bag has positions, or no effort that is not zero.
+    """
+    first = bags[0]
+    states = [topic for topic in first.topics if topic.with_position()]
+    if not states:
+        held = ", ".join(f"{name} ({kind})" for name, kind in first.unreadable.items())
+        raise DataError(
+            f"{first.path}: no sensor_msgs/msg/JointState with positions; "
+            f"it holds {held or 'nothing else'}; record /joint_states"
+        )
+    chosen = max(states, key=_likeness)
+    if chosen.with_effort():
+        return chosen, None
+    others = [topic for topic in first.topics if topic.name != chosen.name]
+    efforts = [topic for topic in others if topic.with_effort() & chosen.with_position()]
+    efforts += [topic for topic in others if topic.numbers == len(chosen.joints)]
+    if not efforts:
+        zero = any(each.largest_effort is not None for each in chosen.joints.values())
+        how = "is zero throughout" if zero else "is empty"
+        raise DataError(
+            f"{first.path}: effort on {chosen.name} {how} and no other topic holds any: nothing "
+            "can be identified; let the driver publish motor currents or torques as effort"
+        )
+    return chosen, efforts[0]
+
+
+def _likeness(topic: TopicContents) -> tuple[bool, int, int, bool, int]:
+    """Measured joint states: not a reference, with efforts, of many joints."""
+    return (
+        not sounds_like_reference(topic.name),
+        len(topic.with_effort() & topic.with_position()),
+        len(topic.with_position()),
+        topic.name.endswith("joint_states"),
+        topic.messages,
+    )
+
+
+def choose_topics(bags: Sequence[BagContents], joints: Sequence[str]) -> TopicChoice:
+    """Choose all topics for these joints."""
+    states, effort = choose_states(bags)
+    used = {states.name, effort.name if effort else ""}
+    common = [topic for topic in bags[0].topics if _in_all(topic.name, bags, joints)]
+    others = [topic for topic in common if topic.name not in used]
+    references = [topic for topic in others if sounds_like_reference(topic.name)]
+    reference = max(references, key=lambda topic: topic.messages, default=None)
+    reasons = {"joint_states": _summary(states, bags[0])}
+    if effort is not None:
+        reasons["effort"] = f"{states.name} holds none; {_summary(effort, bags[0])}"
+        if effort.numbers:
+            reasons["effort"] += "; its numbers are taken in the order of robot.joints"
+    if reference is not None:
+        reasons["reference"] = _summary(reference, bags[0])
+    elif others:
+        names = ", ".join(topic.name for topic in others)
+        reasons["reference"] = f"none of that name; {names}: positions too, if that is it"
+    else:
+        reasons["reference"] = "none in the bag: record it, it makes the instruments testable"
+        controllers = [n for n, kind in bags[0].unreadable.items() if "ControllerState" in kind]
+        if controllers:
+            reasons["reference"] = (
+                f"{controllers[0]} has it, but only sensor_msgs/msg/JointState is read"
+            )
+    return TopicChoice(states, effort, reference, reasons)
+
+
+def _in_all(name: str, bags: Sequence[BagContents], joints: Sequence[str]) -> bool:
+    """Whether every bag holds positions of all joints on the topic."""
+    return all(
+        any(topic.name == name and topic.with_position() >= set(joints) for topic in bag.topics)
+        for bag in bags
+    )
+
+
+def _summary(topic: TopicContents, bag: BagContents) -> str:
+    return f"{topic.messages} messages at {topic.rate:.4g} Hz in {bag.path.name}"

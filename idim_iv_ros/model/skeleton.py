@@ -1,0 +1,93 @@
+"""Where the joints of a robot are in space, to draw it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from idim_iv_ros.model.link_frames import link_frames
+from idim_iv_ros.model.robot import RobotModel
+from idim_iv_ros.types import FloatArray, IntArray
+
+# Of half of a revolute joint's range, and at most, rad: a bent arm is easier to recognise than one
+# that is stretched out.
+_BEND, _MOST_BEND = 0.3, 0.6
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """Joints and ends of a robot in one posture, m in the base frame.
+
+    Attributes
+    ----------
+    origins : (n_joints, 3)
+        Origin of each joint, in the order of the configuration.
+    axes : (n_joints, 3)
+        Unit vector along which each joint moves or about which it turns.
+    parents : (n_joints,) int
+        Joint that carries each joint; -1 for the base.
+    links : tuple of str
+        Link that each joint moves.
+    ends : tuple of (int, (3,))
+        Joints that carry no other, with the frame on them that is farthest away.
+    """
+
+    origins: FloatArray
+    axes: FloatArray
+    parents: IntArray
+    links: tuple[str, ...]
+    ends: tuple[tuple[int, FloatArray], ...]
+
+    @property
+    def segments(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Lines (start, end), (3,) each, from the base over every joint to the ends."""
+        lines = [
+            (np.zeros(3) if parent < 0 else self.origins[parent], self.origins[joint])
+            for joint, parent in enumerate(self.parents)
+        ]
+        return lines + [(self.origins[joint], end) for joint, end in self.ends]
+
+
+def skeleton(robot: RobotModel) -> Skeleton:
+    """Return the joints in the middle of their ranges, revolute ones a little bent."""
+    model = robot.pinocchio
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, _posture(robot))
+    # Joints of the tree are numbered from 1, in another order than those of the configuration.
+    tree = np.argsort(robot.order) + 1
+    place = {int(joint): k for k, joint in enumerate(tree)}
+    turned = link_frames(robot).turned
+    origins = np.array([data.oMi[int(joint)].translation for joint in tree])
+    axes = np.array([data.oMi[int(joint)].rotation @ turned[joint][:, 2] for joint in tree])
+    parents = np.array([place.get(int(model.parents[int(joint)]), -1) for joint in tree])
+    ends = []
+    for joint in sorted(set(range(len(tree))) - set(parents.tolist())):
+        frames = [
+            data.oMf[k].translation
+            for k, frame in enumerate(model.frames)
+            if frame.parentJoint == int(tree[joint])
+        ]
+        far = max(frames, key=lambda point: float(np.linalg.norm(point - origins[joint])))
+        ends.append((joint, np.array(far)))
+    links = tuple(_link(model, int(joint)) for joint in tree)
+    return Skeleton(origins, axes, parents, links, tuple(ends))
+
+
+def _posture(robot: RobotModel) -> FloatArray:
+    """Positions (n_joints,) in the order of the tree."""
+    lower, upper = robot.limits.lower, robot.limits.upper
+    known = np.isfinite(lower) & np.isfinite(upper)
+    middle = np.where(known, 0.5 * (np.where(known, lower, 0.0) + np.where(known, upper, 0.0)), 0.0)
+    half = np.where(known, 0.5 * (np.where(known, upper, 0.0) - np.where(known, lower, 0.0)), np.pi)
+    revolute = np.array([each == "revolute" for each in robot.joint_types])
+    sign = np.where(np.arange(len(middle)) % 2 == 0, 1.0, -1.0)
+    position = middle + sign * np.where(revolute, np.minimum(_BEND * half, _MOST_BEND), 0.0)
+    return np.asarray(position[robot.order])
+
+
+def _link(model: pin.Model, joint: int) -> str:
+    """Name of the link whose frame is that of a joint of the tree."""
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY and frame.parentJoint == joint:
+            return str(frame.name)
+    return ""

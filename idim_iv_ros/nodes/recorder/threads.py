@@ -1,0 +1,214 @@
+"""The recorder's two threads: one empties the subscriptions, one counts and writes what came.
+
+Taking messages never waits for a disk.
+"""
+
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from itertools import repeat
+from queue import Empty, SimpleQueue
+from typing import TypeVar
+
+import numpy as np
+
+from idim_iv_ros.errors import one_line
+from idim_iv_ros.nodes.recorder.session import RecordingSession
+from idim_iv_ros.nodes.recorder.topic_monitor import MonitorLimits, Taken, TopicMonitor, batch_of
+from idim_iv_ros.nodes.recorder.watched_topic import WatchedTopic
+from idim_iv_ros.recording.writing.growing_mcap import Message
+from idim_iv_ros.recording.writing.write import TopicChannel
+
+Result = TypeVar("Result")
+
+_PERIOD, _INTAKE_PERIOD = 0.1, 0.01  # s
+
+
+class WriterThread(threading.Thread):
+    """Runs a RecordingSession; everything that touches the session happens in this thread.
+
+    Attributes
+    ----------
+    session : RecordingSession
+    overrun : int
+        Messages that arrived while `memory_limit` was full of messages not yet looked at.
+    failure : str
+        An error that should not happen; empty if none has.
+    """
+
+    def __init__(self, session: RecordingSession) -> None:
+        super().__init__(name="writer", daemon=True)
+        self.session = session
+        self.overrun = 0
+        self.failure = ""
+        self._queue: SimpleQueue[_Batch | _Call] = SimpleQueue()
+        self._queued_bytes = 0
+        self._wake = threading.Event()
+        self._ended = False
+
+    def submit(
+        self,
+        channel: TopicChannel,
+        monitor: TopicMonitor,
+        taken: list[Taken],
+        log_time: int | None,
+    ) -> None:
+        """Hand over messages of one topic; `log_time` in ns if not their time of receipt."""
+        size = sum(len(message) for message, _ in taken)
+        if self._queued_bytes + size > self.session.settings.memory_limit:
+            self.overrun += len(taken)
+            return
+        self._queued_bytes += size
+        self._queue.put(_Batch(channel, monitor, taken, log_time, size))
+
+    def call(self, function: Callable[[], Result], timeout: float = 10.0) -> Result:
+        """Run a function after everything that was submitted, and return what it returns."""
+        future: Future[Result] = Future()
+
+        def run() -> None:
+            try:
+                future.set_result(function())
+            except Exception as error:  # belongs to the caller, who waits in another thread
+                future.set_exception(error)
+
+        self._queue.put(_Call(run))
+        self._wake.set()
+        return future.result(timeout)
+
+    def end(self) -> None:
+        """End the thread after everything that was submitted."""
+        self._ended = True
+        self._wake.set()
+        self.join()
+
+    def run(self) -> None:
+        """Work until `end`."""
+        while not self._ended:
+            self._wake.wait(_PERIOD)
+            self._wake.clear()
+            self._guarded(self._work)
+            self._guarded(self.session.tick)
+        self._guarded(self._work)
+
+    def _guarded(self, step: Callable[[], None]) -> None:
+        try:
+            step()
+        except Exception as error:  # the thread must live on: what comes next can be written
+            self.failure = f"messages could not be written: {one_line(error)}"
+
+    def _work(self) -> None:
+        waiting: dict[str, list[_Batch]] = {}
+        while True:
+            try:
+                item = self._queue.get_nowait()
+            except Empty:
+                break
+            if isinstance(item, _Batch):
+                waiting.setdefault(item.channel.name, []).append(item)
+                self._queued_bytes -= item.size
+                continue
+            self._write(waiting)
+            waiting = {}
+            item.run()
+        self._write(waiting)
+
+    def _write(self, waiting: "dict[str, list[_Batch]]") -> None:
+        messages: list[Message] = []
+        settings = self.session.settings
+        limits = MonitorLimits(settings.late_after, settings.gap_factor)
+        for topic, batches in waiting.items():
+            taken = [each for batch in batches for each in batch.taken]
+            arrived = batch_of(topic, taken)
+            batches[-1].monitor.add(arrived, limits)
+            log_times = arrived.received.tolist()
+            if batches[0].log_time is not None:
+                log_times = [batch.log_time for batch in batches for _ in batch.taken]
+            sequence = np.maximum(arrived.sequence, 0).tolist()
+            messages += zip(
+                log_times,
+                repeat(topic),
+                arrived.messages,
+                arrived.sent.tolist(),
+                sequence,
+                strict=False,
+            )
+        if messages:
+            self.session.write([batches[-1].channel for batches in waiting.values()], messages)
+
+
+class _Batch:
+    __slots__ = ("channel", "log_time", "monitor", "size", "taken")
+
+    def __init__(
+        self,
+        channel: TopicChannel,
+        monitor: TopicMonitor,
+        taken: list[Taken],
+        log_time: int | None,
+        size: int,
+    ) -> None:
+        self.channel, self.monitor, self.taken = channel, monitor, taken
+        self.log_time, self.size = log_time, size
+
+
+class _Call:
+    __slots__ = ("run",)
+
+    def __init__(self, run: Callable[[], None]) -> None:
+        self.run = run
+
+
+class Intake(threading.Thread):
+    """Takes what arrived on all topics a hundred times a second and hands it to the writer.
+
+    It waits on a steady clock: with simulated time, or without any clock, messages are taken
+    all the same.
+
+    Parameters
+    ----------
+    writer : WriterThread
+    largest : callable
+        Bytes of the largest message that is taken.
+    log_time : callable
+        Time to log messages with, ns; None for their time of receipt.
+
+    Attributes
+    ----------
+    topics : sequence of WatchedTopic
+    failure : str
+        Why messages could not be taken; empty if they could.
+    """
+
+    def __init__(
+        self,
+        writer: WriterThread,
+        largest: Callable[[], int],
+        log_time: Callable[[], int | None],
+    ) -> None:
+        super().__init__(name="intake", daemon=True)
+        self.topics: Sequence[WatchedTopic] = ()
+        self.failure = ""
+        self._writer, self._largest, self._log_time = writer, largest, log_time
+        self._lock = threading.Lock()
+        self._ended = threading.Event()
+
+    def run(self) -> None:
+        """Take messages until `end`."""
+        while not self._ended.wait(_INTAKE_PERIOD):
+            try:
+                self.drain()
+            except Exception as error:  # one topic that cannot be read must not end all
+                self.failure = f"cannot take messages: {one_line(error)}"
+
+    def drain(self) -> None:
+        """Hand over everything that has arrived by now."""
+        with self._lock:
+            for topic in self.topics:
+                taken = topic.take(self._largest())
+                if taken and topic.channel is not None:
+                    self._writer.submit(topic.channel, topic.monitor, taken, self._log_time())
+
+    def end(self) -> None:
+        """End the thread."""
+        self._ended.set()
+        self.join()

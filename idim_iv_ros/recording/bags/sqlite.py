@@ -1,0 +1,177 @@
+"""rosbag2's sqlite3 files, with or without their metadata.yaml.
+
+A file may hold any database: only tables are read, by their row numbers, and nothing in it that
+computes (views, virtual tables, generated columns).
+"""
+
+import os
+import sqlite3
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from urllib.parse import quote
+
+import numpy as np
+
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.recording.bags.cdr import MessageBatch
+
+_ROWS = 20_000
+_TOPICS = 10_000
+_LONGEST_ROW = 1 << 28  # bytes
+_BATCH = 1 << 26  # bytes
+# After a damaged page reading goes on this many rows later, then twice as many, …
+_FIRST_STEP, _MOST_HOLES = 1, 200
+_COLUMNS = {
+    "topics": {"id", "name", "type", "serialization_format"},
+    "messages": {"topic_id", "timestamp", "data"},
+}
+
+_Row = tuple[int, object, object, object]
+
+
+def _has_log(path: Path) -> bool:
+    """Whether a write-ahead log beside the file holds what a killed recorder had not merged yet."""
+    try:
+        return path.with_name(f"{path.name}-wal").is_file()
+    except OSError:  # a name too long for a file: then there is none
+        return False
+
+
+@dataclass
+class SqliteFile:
+    """One .db3 file.
+
+    Attributes
+    ----------
+    path : Path
+    topics : dict
+        Type of each topic, known once it was read.
+    truncated : bool
+        Whether nothing could be read behind a damaged page.
+    damaged : int
+        Stretches of damaged pages, and rows that are no message; they are left out.
+    missing : Counter
+        Always empty: of a damaged page nobody knows the topics.
+    """
+
+    path: Path
+    topics: dict[str, str] = field(default_factory=dict)
+    truncated: bool = False
+    damaged: int = 0
+    missing: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def counted(self) -> bool:
+        """Whether nothing is lost."""
+        return not (self.truncated or self.damaged)
+
+    def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
+        """Raw messages of the wanted topics, block by block, each in the order of arrival.
+
+        Raises
+        ------
+        DataError
+            Not a rosbag2 database.
+        """
+        mode = "mode=ro" if _has_log(self.path) else "immutable=1"
+        address = f"file:{quote(os.fsencode(self.path))}?{mode}"
+        try:
+            with closing(sqlite3.connect(address, uri=True)) as connection:
+                numbers = self._open(connection)
+                topics = {number: name for number, name in numbers.items() if name in wanted}
+                yield from self._read(connection, topics)
+        except (sqlite3.Error, UnicodeDecodeError) as error:  # a damaged name is no text
+            raise DataError(f"{self.path}: not a rosbag2 database ({error})") from error
+
+    def _open(self, connection: sqlite3.Connection) -> dict[int, str]:
+        """Topics by their number, of a database that has what rosbag2 writes."""
+        connection.text_factory = bytes
+        connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST_ROW)
+        connection.execute("PRAGMA query_only = 1")
+        connection.execute("PRAGMA trusted_schema = 0")
+        for table, needed in _COLUMNS.items():
+            self._require_table(connection, table, needed)
+        numbers: dict[int, str] = {}
+        query = f"SELECT id, name, type, serialization_format FROM topics LIMIT {_TOPICS}"
+        for number, name, message_type, encoding in connection.execute(query):
+            if not (isinstance(name, bytes) and isinstance(message_type, bytes)):
+                continue
+            if isinstance(number, int) and encoding == b"cdr":
+                numbers[number] = name.decode(errors="replace")
+                self.topics[numbers[number]] = message_type.decode(errors="replace")
+        return numbers
+
+    def _require_table(self, connection: sqlite3.Connection, table: str, needed: set[str]) -> None:
+        """Refuse a view, a virtual table and computed columns: they may never come to an end."""
+        query = "SELECT type, sql FROM sqlite_master WHERE name = ?"
+        found = connection.execute(query, (table,)).fetchone()
+        if found is None:
+            raise DataError(f"{self.path}: not a rosbag2 database: it has no table {table}")
+        kind, definition = (bytes(text or b"").decode(errors="replace") for text in found)
+        if kind != "table" or "VIRTUAL" in definition.upper().split("(")[0]:
+            raise DataError(f"{self.path}: not a rosbag2 database: {table} is no plain table")
+        columns = {
+            bytes(name).decode(errors="replace"): hidden
+            for _, name, *_, hidden in connection.execute(f"PRAGMA table_xinfo({table})")
+        }
+        absent = sorted(name for name in needed if columns.get(name, 1) != 0)
+        if absent:
+            listed = ", ".join(absent)
+            raise DataError(f"{self.path}: not a rosbag2 database: {table} has no column {listed}")
+
+    def _read(
+        self, connection: sqlite3.Connection, topics: dict[int, str]
+    ) -> Iterator[tuple[str, MessageBatch]]:
+        if not topics:
+            return
+        marks = ", ".join("?" * len(topics))
+        query = (
+            "SELECT rowid, topic_id, timestamp, data FROM messages NOT INDEXED "
+            f"WHERE rowid > ? AND topic_id IN ({marks}) ORDER BY rowid"
+        )
+        last, step = -1, _FIRST_STEP
+        while True:
+            block: list[_Row] = []
+            size = 0
+            try:
+                for row in connection.execute(query, (last, *topics)):
+                    block.append(row)
+                    last, step = row[0], _FIRST_STEP
+                    size += len(row[3]) if isinstance(row[3], bytes) else 0
+                    if len(block) >= _ROWS or size > _BATCH:
+                        yield from self._batches(block, topics)
+                        block, size = [], 0
+                yield from self._batches(block, topics)
+                return
+            except sqlite3.DatabaseError:
+                yield from self._batches(block, topics)
+                self.damaged += 1 if step == _FIRST_STEP else 0
+                last, step = last + step, 2 * step
+                if step > 1 << 40 or self.damaged > _MOST_HOLES:
+                    self.truncated = True
+                    return
+
+    def _batches(
+        self, rows: Sequence[_Row], topics: dict[int, str]
+    ) -> Iterator[tuple[str, MessageBatch]]:
+        by_topic: dict[str, list[tuple[int, bytes]]] = {}
+        for _, number, stamp, data in rows:
+            if isinstance(number, int) and isinstance(stamp, int) and isinstance(data, bytes):
+                by_topic.setdefault(topics[number], []).append((stamp, data))
+            else:
+                self.damaged += 1
+        for topic, messages in by_topic.items():
+            messages.sort(key=lambda message: message[0])
+            sizes = np.array([len(data) for _, data in messages], dtype=np.int64)
+            yield (
+                topic,
+                MessageBatch(
+                    buffer=np.frombuffer(b"".join(data for _, data in messages), dtype=np.uint8),
+                    offsets=np.concatenate([[0], np.cumsum(sizes)[:-1]]),
+                    sizes=sizes,
+                    arrival=np.array([stamp for stamp, _ in messages], dtype=np.int64),
+                ),
+            )

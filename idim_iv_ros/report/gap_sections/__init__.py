@@ -1,1 +1,0 @@
-"""The sections of the diagnosis report, one file each: a function from the result to HTML."""

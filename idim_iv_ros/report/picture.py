@@ -1,0 +1,165 @@
+"""A result as one picture to show others: the verdict, how far the gap shrinks, the robot."""
+
+import struct
+import textwrap
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+from markupsafe import Markup
+
+from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.files import GENERATOR, PNG_SOFTWARE, FilePath, require_file_place, write_together
+from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.report.advice import diagnosis_headline, identification_headline, verdict_badge
+from idim_iv_ros.report.gap_words import VERDICTS, stage_words, torque_unit
+from idim_iv_ros.report.numerals import known, number, percent
+from idim_iv_ros.report.page import environment
+from idim_iv_ros.report.robot_drawing import colour_bar, flat_robot
+from idim_iv_ros.report.section import Report
+from idim_iv_ros.report.sections.verdict import shaded_robot
+
+SUFFIXES = (".svg", ".png")
+WIDTH, HEIGHT = 1200, 630
+_LETTERS = 84  # of a line of the headline
+_MOST_BARS = 9
+_BARS_WIDTH = 300.0
+_ROBOT = (420.0, 330.0)
+_PNG_HEADER = 33  # bytes of the signature and the first chunk
+
+
+@dataclass(frozen=True)
+class PictureBar:
+    """One bar: its name, length in pixels, colour and value in words."""
+
+    name: str
+    length: float
+    colour: str
+    value: str
+
+
+def require_picture(path: FilePath | None, *, force: bool = False) -> None:
+    """Make sure, before long work, that a picture of that name can be made.
+
+    Raises
+    ------
+    UsageError
+        Another suffix than ``.svg`` or ``.png``, a PNG without the library for it, or as
+        `require_file_place`.
+    """
+    if path is None:
+        return
+    suffix = Path(path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise UsageError(f"--picture {path}: give a name that ends in .svg or .png")
+    if suffix == ".png":
+        _rasteriser(path)
+    require_file_place([Path(path)], force=force)
+
+
+def write_picture(result: IdentificationResult | GapResult, path: FilePath) -> Path:
+    """Write the summary of a result as an SVG or PNG picture, in the place of any file there.
+
+    Raises
+    ------
+    UsageError
+        A PNG without the library for it, or the file cannot be written.
+    """
+    path = Path(path)
+    svg = picture_svg(result)
+    try:
+        if path.suffix.lower() == ".png":
+            path.write_bytes(_signed(_rasteriser(path)(svg_string=svg, width=2 * WIDTH)))
+        else:
+            write_together({path: svg})
+    except OSError as error:
+        raise UsageError(f"{path}: cannot write the picture: {error.strerror or error}") from error
+    return path
+
+
+def _rasteriser(path: FilePath) -> Callable[..., bytes]:
+    try:
+        from resvg_py import svg_to_bytes
+    except ImportError as error:
+        raise UsageError(
+            f"--picture {path}: PNG needs resvg-py, `pip install 'idim-iv-ros[picture]'`; SVG "
+            "needs nothing"
+        ) from error
+    return lambda **options: bytes(svg_to_bytes(**options))
+
+
+def _signed(png: bytes) -> bytes:
+    """Name the program in a tEXt chunk after the header, by which `own_files` knows the file."""
+    content = b"tEXt" + PNG_SOFTWARE
+    chunk = struct.pack(">I", len(PNG_SOFTWARE)) + content + struct.pack(">I", crc32(content))
+    return png[:_PNG_HEADER] + chunk + png[_PNG_HEADER:]
+
+
+def picture_svg(result: IdentificationResult | GapResult) -> str:
+    """Return the picture as the text of an SVG file."""
+    report: Report[Any] = Report(result)
+    robot = shaded_robot(report)
+    if isinstance(result, GapResult):
+        badge, headline = VERDICTS[result.verdict], diagnosis_headline(result)
+        title, bars = _stages(result)
+    else:
+        badge, headline = verdict_badge(result.verdict.verdict), identification_headline(result)
+        title, bars = _errors(result)
+    return environment().get_template("picture.svg.j2").render(
+        generator=Markup(GENERATOR),
+        robot_name=result.robot,
+        badge=badge,
+        lines=textwrap.wrap(" ".join(headline), _LETTERS),
+        bars_title=title,
+        bars=bars,
+        robot=None if robot is None else flat_robot(robot, *_ROBOT),
+        robot_title="" if robot is None else f"{robot.title}, %",
+        largest="" if robot is None else number(robot.largest, 2),
+        stops=colour_bar(),
+        missing=report.nominal.missing,
+        width=WIDTH,
+        height=HEIGHT,
+    )  # fmt: skip
+
+
+def _stages(result: GapResult) -> tuple[str, list[PictureBar]]:
+    """The models at the joint with the widest gap."""
+    worst = max(result.joint_gaps, key=lambda each: each.share, default=None)
+    if worst is None:
+        return "", []
+    unit = torque_unit(result, worst.joint)
+    sizes = [(stage.name, stage.torque_rms.get(worst.joint)) for stage in result.stages]
+    named = [(name, size) for name, size in sizes if size is not None and known(size)]
+    if len(named) > _MOST_BARS:
+        named = [*named[:2], *named[-_MOST_BARS + 2 :]]
+    colours = {"given": "#8a94a3", "refit": "#d55e00"}
+    rows = [
+        (stage_words(name), size, colours.get(name, "#0072b2"), f"{number(size)} {unit}")
+        for name, size in named
+    ]
+    if worst.noise_floor is not None:
+        value = f"{number(worst.noise_floor)} {unit}"
+        rows.append(("noise floor", worst.noise_floor, "#b9c1cc", value))
+    return f"Torque gap at {worst.joint}, rms on held-out data", _bars(rows)
+
+
+def _errors(result: IdentificationResult) -> tuple[str, list[PictureBar]]:
+    """The relative error of each joint."""
+    errors = result.fit.joint_relative_error_percent
+    rows = [
+        (joint, error, "#0072b2", percent(error))
+        for joint, error in list(errors.items())[:_MOST_BARS]
+        if error is not None and known(error)
+    ]
+    return "Relative error of the torque", _bars(rows)
+
+
+def _bars(rows: Sequence[tuple[str, float, str, str]]) -> list[PictureBar]:
+    largest = max((size for _, size, *_ in rows), default=0.0) or 1.0
+    return [
+        PictureBar(name, round(_BARS_WIDTH * size / largest, 1), colour, value)
+        for name, size, colour, value in rows
+    ]

@@ -1,0 +1,96 @@
+"""A section of a report: a title, a template, and what the template shows."""
+
+import os
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Generic, TypeVar
+
+from jinja2 import Environment
+from markupsafe import Markup
+
+from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.errors import ReportWarning, one_line
+from idim_iv_ros.files import GAP, RESULT
+from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.report.nominal import Nominal, read_nominal
+from idim_iv_ros.report.time_axis import SessionAxis, session_axis_of
+
+Result = IdentificationResult | GapResult
+R = TypeVar("R", IdentificationResult, GapResult, Result)
+
+
+@dataclass(frozen=True)
+class Report(Generic[R]):
+    """A result as its page shows it.
+
+    Attributes
+    ----------
+    result : IdentificationResult or GapResult
+    config : str
+        The robot's configuration file as commands and instructions name it.
+    """
+
+    result: R
+    config: str = "robot.yaml"
+
+    @property
+    def numbers(self) -> str:
+        """File that holds all numbers."""
+        return GAP if isinstance(self.result, GapResult) else RESULT
+
+    @cached_property
+    def nominal(self) -> Nominal:
+        """The nominal model, read again from the configuration."""
+        return read_nominal(self.result.configuration)
+
+    @cached_property
+    def session(self) -> SessionAxis:
+        """Where each recording is drawn."""
+        return session_axis_of(self.result)
+
+
+@dataclass(frozen=True)
+class Section(Generic[R]):
+    """One section.
+
+    Attributes
+    ----------
+    title : str
+        In the navigation.
+    anchor : str
+        Its identifier in the page.
+    template : str
+        File under ``templates/``.
+    context : callable
+        Returns what the template shows; None where the section does not apply to a result.
+    """
+
+    title: str
+    anchor: str
+    template: str
+    context: Callable[[Report[R]], Mapping[str, Any] | None]
+
+    def render(self, report: Report[R], templates: Environment) -> Markup | None:
+        """Return the section, or its place with one line where it cannot be drawn.
+
+        A failure is a warning (`ReportWarning`): what was computed is in the file of numbers. With
+        ``IDIM_IV_TRACEBACK`` set in the environment it is raised.
+        """
+        try:
+            shown = self.context(report)
+            if shown is None:
+                return None
+            text = templates.get_template(self.template).render(anchor=self.anchor, **shown)
+        except Exception as error:
+            if os.environ.get("IDIM_IV_TRACEBACK"):
+                raise
+            reason = one_line(error)
+            what = f"the section “{self.title}” of the report cannot be drawn ({reason})"
+            message = f"{what}; all numbers are in {report.numbers}"
+            warnings.warn(message, ReportWarning, stacklevel=2)
+            text = templates.get_template("failed.html.j2").render(
+                anchor=self.anchor, title=self.title, reason=reason, numbers=report.numbers
+            )
+        return Markup(text)

@@ -1,0 +1,208 @@
+"""Each accepted cause: what, how large, why it is believed, what it may be mistaken for."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from idim_iv_ros.diagnosis.parameter_words import parameter_words
+from idim_iv_ros.diagnosis.result import Cause, Gap, GapResult, JointChange, Stage
+from idim_iv_ros.excitation.segments import separating_motion
+from idim_iv_ros.report.advice import FAMILIES
+from idim_iv_ros.report.gap_words import (
+    effect_at,
+    effect_words,
+    small_unit,
+    stage_words,
+    torque_unit,
+)
+from idim_iv_ros.report.numerals import known, number, p_value, percent, sentence, with_unit
+from idim_iv_ros.report.section import Report, Section
+
+_CONTROL_LAW = "controller_mismatch"
+
+
+@dataclass(frozen=True)
+class TrackingChange:
+    """Tracking error of a cause.
+
+    Attributes
+    ----------
+    gap : Gap or None
+        Before and after, rad (m); None where it is not known.
+    words : str
+        What it is the change of, or why it is not known; empty where it is the cause's own.
+    """
+
+    gap: Gap | None
+    words: str
+
+
+def tracking_change(result: GapResult, cause: Cause) -> TrackingChange:
+    """Return the tracking error with and without a cause.
+
+    A structural cause has its own. Parameter errors are simulated together, in the refit, and
+    their change is that of its stage.
+    """
+    if cause.simulation_gap is not None:
+        return TrackingChange(cause.simulation_gap, "")
+    if cause.effect == _CONTROL_LAW:
+        return TrackingChange(None, "the loop is simulated with the configured control law only")
+    stages = _stages(result, cause)
+    if stages is None:
+        return TrackingChange(None, "no closed loop was simulated")
+    before, after = stages
+    for stage in (before, after):
+        if stage.tracking_rms is None:
+            why = f": {stage.note}" if stage.note else ""
+            return TrackingChange(None, f"{stage_words(stage.name)} not simulated{why}")
+    one, two = (_error(result, stage, cause.joint) for stage in (before, after))
+    if one is None or two is None:
+        return TrackingChange(None, "see each joint under “How far the gap shrinks”")
+    words = f"{stage_words(before.name)} → {stage_words(after.name)}"
+    if cause.kind == "parametric":
+        words += ", in which all parameter errors are corrected together"
+    shrinkage = 1.0 - two / one if one > 0.0 else None
+    return TrackingChange(Gap(one, two, None, shrinkage, None), words)
+
+
+def _stages(result: GapResult, cause: Cause) -> tuple[Stage, Stage] | None:
+    """Return the stages before and after a cause."""
+    own = f"+{cause.effect}" if cause.joint is None else f"+{cause.effect}[{cause.joint}]"
+    names = [stage.name for stage in result.stages]
+    if own in names:
+        after = names.index(own)
+    elif cause.kind == "parametric" and "refit" in names:
+        after = names.index("refit")
+    else:
+        return None
+    return (result.stages[after - 1], result.stages[after]) if after > 0 else None
+
+
+def _error(result: GapResult, stage: Stage, joint: str | None) -> float | None:
+    """Of a joint, or of all (root of the sum of squares) where they have one unit."""
+    errors = stage.tracking_rms or {}
+    if joint is not None:
+        error = errors.get(joint)
+        return error if known(error) else None
+    if " or " in small_unit(result, None) or not all(known(each) for each in errors.values()):
+        return None
+    return math.sqrt(sum(each**2 for each in errors.values()))
+
+
+def _card(result: GapResult, cause: Cause) -> dict[str, Any]:
+    title = effect_at(cause.effect, cause.joint, cause.other_joint)
+    tracking = tracking_change(result, cause)
+    gaps = [_torque_gap(result, cause)]
+    if tracking.gap is not None:
+        unit = small_unit(result, cause.joint)
+        gaps.append(_gap("Tracking error", tracking.gap, 1e3, unit, tracking.words))
+    return {
+        "title": title[:1].upper() + title[1:],
+        "kind": ("bad" if cause.kind == "structural" else "fair", "", cause.kind),
+        "sentence": sentence(cause.sentence, result.joints),
+        "parameters": {
+            parameter_words(cause.effect, name): each for name, each in cause.parameters.items()
+        },
+        "unsure": any(each.std is None for each in cause.parameters.values()),
+        "facts": _evidence(cause),
+        "place": cause.joint or "all joints",
+        "gaps": gaps,
+        "changes": [_change(result, cause, each) for each in cause.joint_gaps],
+        "untracked": "" if tracking.gap else sentence(f"Tracking error: {tracking.words}"),
+        "others": [
+            (
+                effect_at(other.effect, other.joint),
+                number(other.correlation),
+                separating_motion(cause.effect, other.effect),
+            )
+            for other in cause.indistinguishable_from
+        ],
+    }
+
+
+def _evidence(cause: Cause) -> list[tuple[str, str]]:
+    evidence = cause.evidence
+    name = "2 log likelihood ratio" if cause.kind == "structural" else "Wald statistic"
+    facts = [
+        (name, number(evidence.statistic)),
+        ("p-value, corrected for the number of candidates", p_value(evidence.p_value)),
+    ]
+    if evidence.held_out_gain is not None:  # parameter errors and control laws need no blocks
+        gain = percent(100.0 * evidence.held_out_gain)
+        facts.append(("Residual energy that it removes on held-out blocks", gain))
+    if evidence.folds_positive:
+        facts.append(("Held-out blocks on which it helps", evidence.folds_positive))
+    return facts
+
+
+def _torque_gap(result: GapResult, cause: Cause) -> dict[str, Any]:
+    """The gap that it takes, with sizes only where they are those of the stages.
+
+    A parameter error is judged on all samples; the sizes of its steps would stand beside other
+    ones, on held-out data, of the same models.
+    """
+    if cause.kind == "parametric":
+        return _gap("Torque gap", cause.torque_gap, None, "", "on all samples")
+    return _gap("Torque gap", cause.torque_gap, 1.0, torque_unit(result, cause.joint), "")
+
+
+def _change(result: GapResult, cause: Cause, each: JointChange) -> str:
+    """What the cause takes of the gap at a joint, as a share of the joint's torque."""
+    share = f"{each.joint}: {percent(100.0 * each.share_of_torque)} of its torque"
+    if cause.kind == "parametric":
+        return share
+    unit = torque_unit(result, each.joint)
+    return f"{share}, {with_unit(each.before, unit)} → {with_unit(each.after, unit)}"
+
+
+def _gap(title: str, gap: Gap, factor: float | None, unit: str, which: str) -> dict[str, Any]:
+    """A gap before and after, with its meter."""
+    sizes = ""
+    if factor is not None:
+        before, after = (with_unit(factor * each, unit) for each in (gap.before, gap.after))
+        sizes = f"{before} → {after}"
+    return {
+        "title": title,
+        "sizes": sizes,
+        "words": "; ".join(filter(None, (_shrinkage(gap), which))),
+        "share": None if not known(gap.shrinkage) else _percent_inside(gap.shrinkage),
+        "interval": None if gap.ci95 is None else tuple(map(_percent_inside, gap.ci95)),
+    }
+
+
+def _percent_inside(share: float | None) -> float:
+    """Return a share in percent, within the meter."""
+    return 0.0 if share is None or not known(share) else round(100.0 * min(max(share, 0.0), 1.0), 1)
+
+
+def _shrinkage(gap: Gap) -> str:
+    if gap.shrinkage is None or not known(gap.shrinkage):
+        return "its share is not known"
+    interval = ""
+    if gap.ci95 is not None and known(gap.ci95[0]) and known(gap.ci95[1]):
+        low, high = (number(100.0 * each, 2) for each in gap.ci95)
+        interval = f" ({low} to {high} %)"
+    of = "of the gap above the noise floor" if gap.noise_floor is not None else "of the gap"
+    return f"removes {percent(100.0 * gap.shrinkage)}{interval} {of}"
+
+
+def _context(report: Report[GapResult]) -> dict[str, Any]:
+    result = report.result
+    rest = result.unexplained
+    return {
+        "without": ", ".join(effect_words(each) for each in result.without),
+        "causes": [_card(result, cause) for cause in result.causes],
+        "unexplained": rest,
+        "family": "" if rest is None else FAMILIES[rest.family],
+        "errors": [
+            (
+                each.joint,
+                with_unit(each.remaining, torque_unit(result, each.joint)),
+                percent(100.0 * each.share_of_torque),
+            )
+            for each in result.parameter_errors
+        ],
+    }
+
+
+CAUSES = Section("Causes", "causes", "causes.html.j2", _context)

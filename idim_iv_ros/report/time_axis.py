@@ -1,0 +1,225 @@
+"""Curves over time: recordings of a session one after the other, thinned, with their gaps."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.identification.result import IdentificationResult, JointSeries
+from idim_iv_ros.recording import SessionPart
+from idim_iv_ros.report.figures import GREY, MUTED
+from idim_iv_ros.types import FloatArray, IntArray
+
+# Of the length of all recordings: no pause between two is drawn longer.
+_WIDEST_PAUSE = 0.02
+# Pixels of a narrow plot and of a letter of its names: longer names would cover each other.
+_WIDTH, _LETTER = 480.0, 6.0
+# More recordings than this are not even numbered.
+_NUMBERED = 20
+
+
+@dataclass(frozen=True)
+class SessionAxis:
+    """Where the recordings of a session are drawn.
+
+    Attributes
+    ----------
+    parts : tuple of SessionPart
+        In their order; empty where nothing is known of them.
+    drawn : tuple of float
+        Start of each recording on the axis, s.
+    """
+
+    parts: tuple[SessionPart, ...]
+    drawn: tuple[float, ...]
+
+    @property
+    def shortened(self) -> bool:
+        """Whether a pause is drawn shorter than it was."""
+        return any(
+            part.start - self.parts[0].start > place + 1e-9
+            for part, place in zip(self.parts, self.drawn, strict=True)
+        )
+
+    @property
+    def words(self) -> str:
+        """What a reader has to know of several recordings; empty for one."""
+        if len(self.parts) < 2:
+            return ""
+        pauses = ", pauses shortened" if self.shortened else ""
+        names = ""
+        if len(self.parts) <= _NUMBERED and not self._names_fit:
+            listed = [f"{number + 1} {part.bag}" for number, part in enumerate(self.parts)]
+            names = f": {', '.join(listed)}"
+        return f"Recordings follow one another in the order of their stamps{pauses}{names}."
+
+    @property
+    def _names_fit(self) -> bool:
+        """Whether the name of each recording is shorter than its part of the axis."""
+        whole = self.drawn[-1] + self.parts[-1].duration
+        ends = [*self.drawn[1:], whole]
+        return all(
+            _LETTER * len(part.bag) <= _WIDTH * (end - start) / whole
+            for part, start, end in zip(self.parts, self.drawn, ends, strict=True)
+        )
+
+    def ends(self, time: FloatArray) -> IntArray:
+        """Rows after which another recording begins."""
+        return np.flatnonzero(np.diff(self._recording(time)))
+
+    def on_axis(self, time: FloatArray) -> FloatArray:
+        """Places (r,) on the axis, s."""
+        if not self.parts:
+            return time
+        shift = np.array(self.drawn) - [part.start for part in self.parts]
+        return np.asarray(time + shift[self._recording(time)])
+
+    def _recording(self, time: FloatArray) -> IntArray:
+        """Recording of each time of the session, (r,)."""
+        if not self.parts:
+            return np.zeros(len(time), dtype=np.int64)
+        starts = [part.start for part in self.parts]
+        place = np.searchsorted(starts, time, side="right") - 1
+        return np.asarray(np.maximum(place, 0), dtype=np.int64)
+
+    def marks(self) -> dict[str, Any]:
+        """Layout of a figure: a line where each recording starts, with its name or number."""
+        if len(self.parts) < 2:
+            return {}
+        shape = {"type": "line", "y0": 0.0, "y1": 1.0, "yref": "paper"}
+        dots = {"color": GREY, "width": 1, "dash": "dot"}
+        lines = [{**shape, "x0": place, "x1": place, "line": dots} for place in self.drawn[1:]]
+        if len(self.parts) > _NUMBERED:
+            return {"shapes": lines}
+        words = [part.bag if self._names_fit else f"{k + 1}" for k, part in enumerate(self.parts)]
+        names = [
+            {
+                "x": place,
+                "y": 1.0,
+                "yref": "paper",
+                "text": word.replace("&", "&amp;").replace("<", "&lt;"),
+                "showarrow": False,
+                "xanchor": "left",
+                "yanchor": "bottom",
+                "font": {"size": 10, "color": MUTED},
+            }
+            for place, word in zip(self.drawn, words, strict=True)
+        ]
+        # Room for the names above the plot.
+        margin = {"l": 58, "r": 12, "t": 22, "b": 40}
+        return {"shapes": lines, "annotations": names, "margin": margin}
+
+
+def session_axis(parts: Sequence[SessionPart]) -> SessionAxis:
+    """Place recordings on an axis, pauses between them no longer than can be seen."""
+    widest = _WIDEST_PAUSE * sum(part.duration for part in parts)
+    drawn = [0.0] if parts else []
+    for before, part in itertools.pairwise(parts):
+        drawn.append(drawn[-1] + min(part.start - before.start, before.duration + widest))
+    return SessionAxis(tuple(parts), tuple(drawn))
+
+
+def session_axis_of(result: IdentificationResult | GapResult) -> SessionAxis:
+    """Return the axis of the recordings of a result."""
+    if isinstance(result, GapResult):
+        return session_axis(result.session)
+    return session_axis(
+        [
+            SessionPart(bag.path.rsplit("/", 1)[-1], bag.session_start, bag.duration)
+            for bag in result.bags
+        ]
+    )
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Curves for a plot; NaN where lines are interrupted.
+
+    Attributes
+    ----------
+    time : (m,)
+        s on the axis.
+    values : tuple of (m,)
+    gaps : (k, 2) s
+        Start and end of each stretch of a recording without rows that is wide enough to be seen.
+    """
+
+    time: FloatArray
+    values: tuple[FloatArray, ...]
+    gaps: FloatArray
+
+
+def curves(
+    time: FloatArray,
+    values: Sequence[FloatArray],
+    session: SessionAxis,
+    *,
+    peaks_of: Sequence[FloatArray],
+    step: float | None = None,
+    buckets: int = 300,
+) -> Curves:
+    """Thin curves without losing their peaks, and interrupt them where rows are missing.
+
+    Gaps narrower than a thousandth of the session are drawn through, those between recordings
+    never are.
+
+    Parameters
+    ----------
+    time, values : (r,)
+        s of the session, and the curves over it.
+    peaks_of : sequence of (r,)
+        Curves whose smallest and largest rows are kept in each bucket.
+    step : float, optional
+        Of the rows, s; the median of their distances if left out.
+    buckets : int
+        Equal pieces of a long series.
+    """
+    borders = session.ends(time)
+    place = session.on_axis(time)
+    if len(place) < 2:
+        return Curves(place, tuple(values), np.zeros((0, 2)))
+    step = float(np.median(np.diff(place))) if step is None else step
+    widest = max(1.5 * step, (place[-1] - place[0]) / 1000.0)
+    inside = np.setdiff1d(np.flatnonzero(np.diff(place) > widest), borders)
+    ends = np.union1d(inside, borders)
+    chosen = np.union1d(peaks(peaks_of, buckets), np.concatenate([ends, ends + 1]))
+    breaks = np.searchsorted(chosen, ends) + 1
+    return Curves(
+        np.insert(place[chosen].astype(float), breaks, np.nan),
+        tuple(np.insert(each[chosen].astype(float), breaks, np.nan) for each in values),
+        np.column_stack([place[inside], place[inside + 1]]),
+    )
+
+
+def peaks(curves: Sequence[FloatArray], buckets: int) -> NDArray[np.int64]:
+    """Return the rows that a plot of these curves needs.
+
+    Each of `buckets` equal pieces keeps the rows where a curve is smallest and largest; a short
+    series is kept whole.
+    """
+    count = len(curves[0])
+    if count <= 4 * buckets:
+        return np.arange(count)
+    bounds = np.linspace(0, count, buckets + 1).astype(int)
+    chosen: list[Any] = [0, count - 1]
+    for first, last in itertools.pairwise(bounds):
+        for curve in curves:
+            piece = curve[first:last]
+            chosen += [first + int(np.argmin(piece)), first + int(np.argmax(piece))]
+    return np.unique(chosen)
+
+
+def contiguous_rows(series: JointSeries, session: SessionAxis) -> list[slice]:
+    """Return the rows of one recording that follow each other without a gap, as slices."""
+    time = np.asarray(series.time)
+    steps = np.diff(time)
+    if len(steps) == 0:
+        return [slice(0, len(time))] if len(time) else []
+    gaps = np.flatnonzero(steps > 1.5 * np.median(steps))
+    cuts = np.union1d(gaps, session.ends(time)) + 1
+    bounds = [0, *cuts.tolist(), len(time)]
+    return [slice(first, last) for first, last in itertools.pairwise(bounds)]

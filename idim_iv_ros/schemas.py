@@ -1,0 +1,33 @@
+"""The JSON Schemas of gap.json and result.json: ``python -m idim_iv_ros.schemas docs/schemas``."""
+
+import json
+import sys
+from pathlib import Path
+
+from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.documents import Document
+from idim_iv_ros.identification.result import IdentificationResult
+
+SCHEMAS: dict[str, type[Document]] = {
+    "gap.schema.json": GapResult,
+    "result.schema.json": IdentificationResult,
+}
+
+
+def schema_texts() -> dict[str, str]:
+    """Return the content of each file by its name."""
+    return {
+        name: json.dumps(kind.json_schema(), indent=2, ensure_ascii=False) + "\n"
+        for name, kind in SCHEMAS.items()
+    }
+
+
+def main(folder: Path) -> None:
+    """Write the files into a folder, which is created if it does not exist."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in schema_texts().items():
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

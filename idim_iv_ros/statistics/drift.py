@@ -1,0 +1,69 @@
+"""Whether parameters changed between two identifications, beyond what noise explains."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from statistics import NormalDist
+
+Estimate = tuple[float, float]  # value and standard deviation
+
+
+@dataclass(frozen=True)
+class Drift:
+    """A parameter of the last identification beside its first estimate.
+
+    Attributes
+    ----------
+    parameter : str
+    value, first : float
+        Last and first estimate.
+    statistic : float
+        See `in_deviations`: standard normal if the parameter has not changed.
+    limit : float
+        What its magnitude exceeds by chance with the probability that was asked for, shared
+        among all parameters (Bonferroni).
+    since : tuple of str
+        Recordings of the first estimate.
+    """
+
+    parameter: str
+    value: float
+    first: float
+    statistic: float
+    limit: float
+    since: tuple[str, ...]
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the difference is more than chance."""
+        return abs(self.statistic) > self.limit
+
+
+def drifts_of(
+    first: Mapping[str, Estimate],
+    last: Mapping[str, Estimate],
+    significance: float,
+    since: tuple[str, ...],
+) -> list[Drift]:
+    """Compare two independent estimates of the same parameters.
+
+    Parameters
+    ----------
+    first, last
+        Value and standard deviation by name, the same names in both.
+    significance
+        Probability that any of the parameters is flagged although none has changed.
+    since
+        Recordings of the first estimate.
+    """
+    limit = -NormalDist().inv_cdf(significance / (2.0 * len(last)))
+    return [
+        Drift(name, value, first[name][0], in_deviations(*first[name], value, std), limit, since)
+        for name, (value, std) in last.items()
+    ]
+
+
+def in_deviations(first: float, first_std: float, last: float, last_std: float) -> float:
+    """Last less first, over the root of the sum of both variances; 0 where both are exact."""
+    spread = math.hypot(first_std, last_std)
+    return (last - first) / spread if spread > 0.0 else 0.0

@@ -1,0 +1,198 @@
+"""gap.json: what is written is what is read, and what is no gap.json is refused in one line."""
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+
+from idim_iv_ros.diagnosis.result import GapResult, Regime, Where
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.report import write_gap_report
+from tests.report.sample_gap import CASES, Case, sample_gap
+
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "schemas"
+
+# The design's format, and what the project added to it.
+TOP = {
+    *("format", "verdict", "causes", "unexplained", "where", "not_testable", "stages"),
+    *("robot", "joints", "joint_types", "bags", "session", "software", "configuration"),
+    *("without", "summary"),
+    *("findings", "notes", "extended_parameters", "timing", "parameter_errors", "signal_chain"),
+}
+CAUSE = {
+    *("effect", "kind", "joint", "parameters", "evidence", "indistinguishable_from"),
+    *("torque_gap", "joint_gaps", "simulation_gap", "other_joint", "sentence"),
+}
+EVIDENCE = {"statistic", "p_value", "held_out_gain", "folds_positive"}
+JOINT = {"joint", "rms", "relative_percent", "share", "noise_floor", "floor_origin"}
+REGIME = {
+    *("joint", "axis", "low", "high", "unit", "energy_share", "occupancy", "lift", "ci95"),
+}
+
+
+@pytest.mark.parametrize("joints", [2, 6])
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("bare", [False, True])
+def test_the_document_has_exactly_the_keys_of_the_format(
+    joints: int, case: Case, bare: bool
+) -> None:
+    result = sample_gap(joints, case, given=not bare, floor=not bare, tracking=not bare)
+    document = result.to_document()
+    assert document["format"] == "idim_iv_ros/gap/1"
+    assert set(document) == TOP
+    assert document["verdict"] == case
+    assert [each["effect"] for each in document["causes"]] == [e.effect for e in result.causes]
+    for cause in document["causes"]:
+        assert set(cause) == CAUSE
+        assert set(cause["evidence"]) == EVIDENCE
+        assert set(cause["torque_gap"]) == {"before", "after", "noise_floor", "shrinkage", "ci95"}
+        if cause["simulation_gap"] is not None:
+            assert set(cause["simulation_gap"]) == {"before", "after", "shrinkage", "ci95"}
+        for rival in cause["indistinguishable_from"]:
+            assert set(rival) == {"effect", "joint", "correlation"}
+        for parameter in cause["parameters"].values():
+            assert set(parameter) == {"value", "std", "unit"}
+    assert set(document["where"]) == {"joints", "regimes"}
+    assert all(set(each) == JOINT for each in document["where"]["joints"])
+    assert all(set(each) == REGIME for each in document["where"]["regimes"])
+    for each in document["not_testable"]:
+        assert set(each) == {"effect", "joint", "reason", "excitation_needed", "smallest"}
+    for stage in document["stages"]:
+        assert set(stage) == {"stage", "torque_rms", "torque_ci95", "tracking_rms", "note"}
+        assert set(stage["torque_rms"]) == set(result.joints)
+        assert (stage["tracking_rms"] is None) == bare
+
+
+def test_what_is_not_explained_is_null_or_named() -> None:
+    assert sample_gap(2, "structural").to_document()["unexplained"] is None
+    left = sample_gap(2, "unknown").to_document()["unexplained"]
+    assert left == {
+        "joint": "joint_2",
+        "family": "event",
+        "share": 0.62,
+        "where": "pulses between 12 and 15 s that no repeat shows again",
+    }
+
+
+def test_numbers_that_do_not_exist_are_null() -> None:
+    result = sample_gap(2, "structural", floor=False)
+    regime = Regime("joint_1", "speed", 0.6, np.inf, "rad/s", np.nan, 0.0, np.inf, None)
+    first = replace(result.causes[0], torque_gap=replace(result.causes[0].torque_gap, ci95=None))
+    result = replace(
+        result,
+        where=Where((), (regime,)),
+        causes=(first,),
+        timing={"fit": float("nan")},
+        configuration={"limit": np.float32(np.inf), "path": Path("a/b"), "ids": (1, 2)},
+    )
+    text = result.to_json()
+    assert "NaN" not in text
+    assert "Infinity" not in text
+    document = json.loads(text)
+    (written,) = document["where"]["regimes"]
+    assert (written["high"], written["energy_share"], written["lift"]) == (None, None, None)
+    assert document["causes"][0]["torque_gap"]["noise_floor"] is None
+    assert document["timing"] == {"fit": None}
+    assert document["configuration"] == {"limit": None, "path": "a/b", "ids": [1, 2]}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_written_passes_the_check_and_is_read_back(tmp_path: Path, case: Case) -> None:
+    result = sample_gap(2, case)
+    written, page = write_gap_report(result, tmp_path / "new")
+    read = GapResult.read(written)
+    assert read == result
+    assert read.to_json() == written.read_text(encoding="utf-8")
+    assert (read.series, read.tracking, read.confusability) == ((), (), ())
+    assert page.name == "report.html"
+    assert sorted(path.name for path in written.parent.iterdir()) == ["gap.json", "report.html"]
+
+
+def test_a_full_disk_leaves_the_old_diagnosis_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_gap_report(sample_gap(2, "none"), tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(UsageError, match=r"No space left on device; .*--out"):
+        write_gap_report(sample_gap(2, "both"), tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def _change(document: dict, keys: tuple, value: object) -> None:
+    for key in keys[:-1]:
+        document = document[key]
+    if value is None:
+        del document[keys[-1]]
+    else:
+        document[keys[-1]] = value
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "words"),
+    [
+        (("verdict",), "maybe", "verdict"),
+        (("verdict",), None, "verdict"),
+        (("causes", 0, "effect"), None, "causes.0.effect"),
+        (("causes", 0, "kind"), "physical", "causes.0.kind"),
+        (("causes", 0, "parameters", "speed", "value"), "0.1", "causes.0.parameters.speed.value"),
+        (("where", "joints", 1, "rms"), "large", "where.joints.1.rms"),
+        (("stages", 0, "torque_rms", "joint_1"), [1], "stages.0.torque_rms.joint_1"),
+        (("format",), "idim_iv_ros/gap/2", "idim_iv_ros/gap/2"),
+        (("format",), None, "not a diagnosis"),
+        (("joint_types",), None, "joint_types: missing; write it with this version's"),
+        (("later",), 1, "later: unknown to this version of idim_iv_ros; write it"),
+        (("causes", 0, "later"), 1, "causes.0.later: unknown"),
+        (("causes", 0, "sen\ntence"), 1, "causes.0.sen tence: unknown"),
+    ],
+)
+def test_a_file_of_another_format_is_refused_with_the_key(
+    tmp_path: Path, keys: tuple, value: object, words: str
+) -> None:
+    document = sample_gap(2, "structural").to_document()
+    _change(document, keys, value)
+    path = tmp_path / "gap.json"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(UsageError) as refusal:
+        GapResult.read(path)
+    assert words in str(refusal.value)
+    assert str(path) in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff\xfe", b'{"format": NaN}', b"1"])
+def test_what_is_no_diagnosis_is_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "gap.json"
+    path.write_bytes(content)
+    with pytest.raises(UsageError) as refusal:
+        GapResult.read(path)
+    assert "\n" not in str(refusal.value)
+    with pytest.raises(UsageError, match="none"):
+        GapResult.read(tmp_path / "none.json")
+
+
+def test_an_open_end_of_a_regime_and_a_missing_number_are_read_back() -> None:
+    regime = Regime("joint_1", "speed", -np.inf, np.inf, "rad/s", np.nan, 0.5, 1.0, None)
+    result = replace(sample_gap(2, "none"), where=Where((), (regime,)))
+    (read,) = GapResult.from_json(result.to_json(), "gap.json").regimes
+    assert (read.low, read.high, read.occupancy) == (-np.inf, np.inf, 0.5)
+    assert np.isnan(read.energy_share)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_committed_schema_describes_what_is_written(case: Case) -> None:
+    schema = json.loads((DOCS / "gap.schema.json").read_text(encoding="utf-8"))
+    validator = Draft202012Validator(schema)
+    document = sample_gap(2, case).to_document()
+    validator.validate(document)
+    for wrong in ({**document, "later": 1}, {**document, "verdict": "maybe"}):
+        assert not validator.is_valid(wrong)
+    assert not validator.is_valid({key: document[key] for key in document if key != "stages"})

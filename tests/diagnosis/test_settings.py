@@ -1,0 +1,23 @@
+"""Thresholds: none without a reader, and their page."""
+
+from pathlib import Path
+
+from idim_iv_ros.diagnosis import settings
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+
+
+def test_every_setting_is_read_somewhere() -> None:
+    assert [name for name, files in settings.readers().items() if not files] == []
+
+
+def test_the_page_lists_the_settings_as_they_are() -> None:
+    assert (DOCS / "settings.md").read_text() == "\n".join(settings.table()) + "\n"
+
+
+def test_a_setting_is_a_number_and_keeps_what_it_says_at_another_value() -> None:
+    tried = settings.LEAST_SUPPORT.times(0.5)
+    assert tried == 0.5 * settings.LEAST_SUPPORT
+    assert (tried.unit, tried.origin) == (settings.LEAST_SUPPORT.unit, settings.CHOSEN)
+    assert isinstance(settings.MOST_EFFECTS.times(2.0), int)
+    assert settings.MOST_EFFECTS.times(0.01) == 1

@@ -1,0 +1,126 @@
+"""Every command and every program that a page shows does what the page says."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+from bags import simulated_arms
+from idim_iv_ros import load_configuration, propose_configuration, write_configuration
+from idim_iv_ros.recording import write_bag
+from tests.documentation.code_blocks import PAGES, ROOT, CodeBlock, code_blocks, first_missing_line
+
+RUNS = {"bash": ["bash", "-euo", "pipefail", "-c"], "python": [sys.executable, "-c"]}
+READ = {"text", "yaml", "json"}
+# Blocks that need ROS, hardware, minutes or a new environment. One more is a decision.
+NOT_RUN = 16
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The files that the pages name: recordings of a two-joint arm as bags and tables."""
+    folder = tmp_path_factory.mktemp("recordings")
+    for name in ("bags", "config"):
+        (folder / name).symlink_to(ROOT / name)
+    arm = simulated_arms.arm2()
+    urdf = (ROOT / "config" / "arm2.urdf").read_text(encoding="utf-8")
+    (folder / "my_arm.urdf").write_text(urdf, encoding="utf-8")
+    for seed in (1, 2, 3):
+        record = simulated_arms.record(arm, seed)
+        topics = simulated_arms.joint_topics(arm, record)
+        write_bag(folder / f"run{seed}.mcap", topics, robot_description=urdf)
+    axis = {"qm": record.position[:, 0], "vir": record.effort[:, 0]}
+    scipy.io.savemat(folder / "data.mat", {**axis, "qg": record.position_reference[:, 0]})
+    table = np.column_stack([record.time, record.position, record.effort])
+    header = "time,q1,q2,tau1,tau2"
+    np.savetxt(folder / "run4.csv", table, delimiter=",", header=header, comments="")
+    proposal = propose_configuration(folder / "run1.mcap", folder / "my_arm.urdf")
+    write_configuration(proposal, folder / "my_arm.yaml")
+    return folder
+
+
+def run(block: CodeBlock, folder: Path) -> None:
+    """Run one block as a user would, in `folder`."""
+    paths = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    ended = subprocess.run(
+        [*RUNS[block.language], block.text],
+        cwd=folder,
+        env={**os.environ, "PATH": paths, "COLUMNS": "80", "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    place = f"{block.page}:{block.line}"
+    assert ended.returncode == 0, f"{place}\n{ended.stdout[-2000:]}\n{ended.stderr[-2000:]}"
+    missing = first_missing_line(block.printed, ended.stdout)
+    assert missing is None, f"{place} does not print\n{missing}\nbut\n{ended.stdout}"
+
+
+def runs(page: str, *, slow: bool) -> list[CodeBlock]:
+    """Blocks of a page that are run; the slow ones follow on what the others made."""
+    marks = ("", "slow") if slow else ("",)
+    return [b for b in code_blocks(page) if b.language in RUNS and b.mark in marks]
+
+
+@pytest.fixture
+def workplace(recordings: Path, tmp_path: Path) -> Path:
+    """A folder with the files that the pages name."""
+    shutil.copytree(recordings, tmp_path, symlinks=True, dirs_exist_ok=True)
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if runs(page, slow=False)])
+def test_blocks_of_a_page_run(page: str, workplace: Path) -> None:
+    for block in runs(page, slow=False):
+        run(block, workplace)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if runs(page, slow=True) != runs(page, slow=False)]
+)
+def test_slow_blocks_of_a_page_run(page: str, workplace: Path) -> None:
+    for block in runs(page, slow=True):
+        run(block, workplace)
+
+
+def test_configurations_are_valid(workplace: Path) -> None:
+    shown = [b for page in PAGES for b in code_blocks(page) if b.language == "yaml"]
+    assert shown
+    for block in shown:
+        (workplace / "shown.yaml").write_text(block.text, encoding="utf-8")
+        load_configuration(workplace / "shown.yaml")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_block_is_run_or_says_why_not(page: str) -> None:
+    for block in code_blocks(page):
+        assert block.language in RUNS.keys() | READ, f"{page}:{block.line}"
+        if block.language in RUNS and block.mark:
+            assert len(block.reason.split()) >= 3, f"{page}:{block.line}"
+
+
+def test_no_more_blocks_are_left_out() -> None:
+    left_out = [b for page in PAGES for b in code_blocks(page) if b.mark == "not run"]
+    assert len(left_out) == NOT_RUN, [f"{b.page}:{b.line}" for b in left_out]
+
+
+def test_what_was_not_printed_is_noticed() -> None:
+    printed = "ZZ1  0.7638  kg m²\nFv1  2.695\n"
+    assert first_missing_line("ZZ1 0.7641 kg m²\n…\nFv1 …", printed) is None
+    assert first_missing_line("ZZ1 0.85 kg m²", printed) == "ZZ1 0.85 kg m²"
+    assert first_missing_line("Fv1 2.695\nZZ1 0.7638 kg m²", printed) == "ZZ1 0.7638 kg m²"
+
+
+def test_a_mark_holds_for_the_block_behind_it(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    bash = "```bash\ntrue\n```\n"
+    page.write_text(
+        f"<!-- slow: a -->\n{bash}\n{bash}\n<!-- not run: b -->\n{bash}```text\nc\n```\n"
+    )
+    marks = [(b.mark, b.reason, b.printed) for b in code_blocks(str(page)) if b.language == "bash"]
+    assert marks == [("slow", "a", ""), ("", "", ""), ("not run", "b", "c\n")]

@@ -1,0 +1,163 @@
+"""result.json: what is written is what is read, and the keys of the design are there."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.identification.result import IdentificationResult
+from tests.report.sample_result import sample_result
+
+CASES = ("white", "coloured", "rejected", "untested")
+PARAMETER = {
+    "name",
+    "expression",
+    "unit",
+    "value",
+    "std",
+    "relative_std_percent",
+    "essential",
+    "ls_value",
+    "given_value",
+}
+TEST = {"scope", "statistic", "df", "df_denom", "p_value", "max_deviation", "accepted", "reason"}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_document_has_every_key_of_the_design(case: str) -> None:
+    document = sample_result(2, case).to_document()
+    assert document["format"] == "idim_iv_ros/identification/1"
+    assert {"robot", "bags", "software", "estimator", "iterations", "converged"} <= set(document)
+    assert {"instruments", "exogeneity", "fit", "refined", "timing"} <= set(document)
+    for parameter in document["parameters"]:
+        assert set(parameter) >= PARAMETER
+    assert [row[k] ** 0.5 for k, row in enumerate(document["covariance"])] == pytest.approx(
+        [parameter["std"] for parameter in document["parameters"]]
+    )
+    for part in ("instruments", "specification", "exogeneity"):
+        assert set(document[part]) >= {"accepted", "alpha", "tests"}
+        scopes = [test["scope"] for test in document[part]["tests"]]
+        if part == "specification":
+            families = ("position", "acceleration", "speed")
+            assert scopes == [f"joint_{k}: {family}" for k in (1, 2) for family in families]
+        else:
+            assert scopes == ["all", "joint_1", "joint_2"]
+        for test in document[part]["tests"]:
+            assert set(test) >= TEST
+    for residual in document["residuals"]:
+        assert set(residual) >= {
+            "joint",
+            "rms",
+            "relative_percent",
+            "ar_order",
+            "white",
+            "whiteness_p_value",
+            "normality_p_value",
+            "verdict",
+        }
+    assert set(document["fit"]) >= {
+        "relative_error_percent",
+        "condition_number",
+        "samples",
+        "base_parameters",
+        "essential_parameters",
+    }
+
+
+def test_refined_is_null_or_has_orders_and_parameters_with_all_columns() -> None:
+    assert sample_result(2, "white").to_document()["refined"] is None
+    refined = sample_result(2, "coloured").to_document()["refined"]
+    assert len(refined["ar_orders"]) == 2
+    assert all(set(parameter) >= PARAMETER for parameter in refined["parameters"])
+    assert refined["parameters"][0]["ls_value"] is not None
+
+
+def test_a_test_that_was_not_run_has_its_reason_and_null_numbers() -> None:
+    document = sample_result(1, "untested").to_document()
+    assert document["instruments"]["accepted"] is None
+    for test in document["instruments"]["tests"]:
+        assert test["reason"] == "IDIM-LS uses no instruments"
+        assert test["statistic"] is None
+        assert test["p_value"] is None
+        assert test["accepted"] is None
+
+
+def test_numbers_that_do_not_exist_are_null_and_the_others_keep_every_digit() -> None:
+    result = sample_result(1, "white")
+    odd = replace(result.parameters[0], value=np.float64(0.1) + 0.2, std=np.nan, given_value=np.inf)
+    result = replace(
+        result,
+        parameters=(odd, *result.parameters[1:]),
+        fit=replace(result.fit, condition_number=np.inf, samples=np.int64(7)),
+        converged=np.bool_(True),
+    )
+    document = json.loads(result.to_json())
+    assert document["parameters"][0]["value"] == 0.1 + 0.2
+    assert document["parameters"][0]["std"] is None
+    assert document["parameters"][0]["relative_std_percent"] is None
+    assert document["parameters"][0]["given_value"] is None
+    assert document["fit"]["condition_number"] is None
+    assert document["fit"]["samples"] == 7
+    assert document["converged"] is True
+
+
+def test_the_same_result_gives_the_same_text() -> None:
+    assert sample_result(3).to_json() == sample_result(3).to_json()
+
+
+def test_a_document_is_its_own_json() -> None:
+    document = sample_result(6, "rejected").to_document()
+    assert json.loads(json.dumps(document)) == document
+
+
+def test_what_has_no_place_in_json_is_refused() -> None:
+    with pytest.raises(TypeError, match="object has no place"):
+        replace(sample_result(1), configuration={"key": object()}).to_json()
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_written_is_read_back(tmp_path: Path, case: str) -> None:
+    result = sample_result(2, case)
+    path = tmp_path / "result.json"
+    result.write(path)
+    read = IdentificationResult.read(path)
+    assert read == result
+    np.testing.assert_array_equal(read.covariance, result.covariance)
+    assert read.to_json() == path.read_text(encoding="utf-8")
+    assert read.series == ()
+    assert read.residuals[0].acf.size == 0
+
+
+def test_what_follows_from_other_keys_is_that_of_the_other_keys(tmp_path: Path) -> None:
+    """A file whose derived values were edited does not deceive."""
+    result = sample_result(1, "white")
+    document = result.to_document()
+    document["parameters"][0]["remark"] = "physically impossible"
+    document["parameters"][0]["relative_std_percent"] = 0.0
+    document["instruments"]["tests"][0]["accepted"] = False
+    document["exogeneity"]["accepted"] = None
+    read = IdentificationResult.from_json(json.dumps(document), "result.json")
+    assert read == result
+
+
+def test_a_gap_json_is_no_identification(tmp_path: Path) -> None:
+    path = tmp_path / "gap.json"
+    path.write_text('{"format": "idim_iv_ros/gap/1"}')
+    with pytest.raises(UsageError, match=r"gap.json: not an identification: .*idim_iv_ros/gap/1"):
+        IdentificationResult.read(path)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_committed_schema_describes_what_is_written(case: str) -> None:
+    folder = Path(__file__).resolve().parents[2] / "docs" / "schemas"
+    schema = json.loads((folder / "result.schema.json").read_text(encoding="utf-8"))
+    validator = Draft202012Validator(schema)
+    document = sample_result(2, case).to_document()
+    validator.validate(document)
+    assert not validator.is_valid({**document, "later": 1})
+    for key in document:
+        assert not validator.is_valid({each: document[each] for each in document if each != key})

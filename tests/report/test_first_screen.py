@@ -1,0 +1,213 @@
+"""What a reader sees first: two short sentences, what to do, and the robot."""
+
+import json
+import re
+import sys
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+
+import pytest
+
+from idim_iv_ros.configuration import load_configuration
+from idim_iv_ros.diagnosis.result import EffectParameter, GapResult
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.files import is_own
+from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.report import gap_report_html, report_html
+from idim_iv_ros.report.advice import (
+    diagnosis_headline,
+    diagnosis_steps,
+    identification_headline,
+    identification_steps,
+)
+from idim_iv_ros.report.picture import picture_svg, require_picture, write_picture
+from idim_iv_ros.report.section import Report
+from tests.report.sample_gap import CASES, Case, sample_gap, with_first_joint_named
+from tests.report.sample_result import sample_result
+from tests.report.test_html import CASES as KINDS
+from tests.report.test_html import NASTY, Page
+
+ARM6 = load_configuration("config/arm6.yaml").model_dump(mode="json", exclude_none=True)
+
+
+def _arm6(case: Case = "both") -> GapResult:
+    return replace(sample_gap(6, case), configuration=ARM6)
+
+
+def _words(sentences: tuple[str, str]) -> int:
+    return len(" ".join(sentences).split())
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("given", [False, True])
+def test_the_verdict_of_a_diagnosis_is_two_short_sentences(case: Case, given: bool) -> None:
+    result = sample_gap(6, case, given=given)
+    # The longest name of the catalogue.
+    longest = [
+        replace(each, effect="position_dependent_friction", joint="joint_6")
+        for each in result.causes
+    ]
+    headline = diagnosis_headline(replace(result, causes=tuple(longest)))
+    assert _words(headline) <= 30
+    assert all(each.endswith(".") for each in headline)
+
+
+@pytest.mark.parametrize("case", KINDS)
+@pytest.mark.parametrize("joints", [1, 7])
+def test_the_verdict_of_an_identification_is_two_short_sentences(case, joints: int) -> None:
+    assert _words(identification_headline(sample_result(joints, case))) <= 30
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_diagnosis_ends_in_two_or_three_steps_the_last_one_a_recording(case: Case) -> None:
+    steps = diagnosis_steps(Report(_arm6(case), "arm6.yaml"))
+    assert 2 <= len(steps) <= 3
+    assert all(step.words and step.code for step in steps)
+    assert re.match(r"idim-iv (excite|diagnose) .*--config arm6\.yaml", steps[-1].code)
+
+
+@pytest.mark.parametrize("case", KINDS)
+def test_an_identification_ends_in_two_or_three_steps(case) -> None:
+    steps = identification_steps(Report(sample_result(6, case), "tx40.yaml"))
+    assert 2 <= len(steps) <= 3
+    assert any("--config tx40.yaml" in step.code for step in steps)
+
+
+def test_wrong_drive_inertia_is_a_list_to_paste_into_the_configuration() -> None:
+    result = _arm6("parametric")
+    cause = replace(
+        result.causes[0],
+        effect="drive_inertia",
+        joint="joint_2",
+        parameters={"change_of_drive_inertia": _number(0.25, 0.01, "kg m²")},
+    )
+    step = diagnosis_steps(Report(replace(result, causes=(cause,)), "arm6.yaml"))[0]
+    assert step.words == "Set the drive inertia of joint_2 in arm6.yaml:"
+    # 1.1 as given, and 0.25 more.
+    assert step.code.startswith("simulator: {armature: [0.9, 1.35, 0.55, 0.16, 0.12, 0.06]}")
+
+
+def _number(value: float, std: float, unit: str) -> EffectParameter:
+    return EffectParameter(value, std, unit)
+
+
+def test_the_page_draws_the_robot_with_the_share_of_each_joint() -> None:
+    result = _arm6()
+    page = Page(gap_report_html(result))
+    (robot,) = [each for each in page.figures if each["data"][0]["type"] == "scatter3d"]
+    joints = robot["data"][-1]
+    assert [text.strip() for text in joints["text"]] == list(result.joints)
+    shares = [100.0 * each.share for each in result.joint_gaps]
+    assert joints["marker"]["color"] == pytest.approx(shares)
+    drawn = [attributes.get("id") for _, attributes in page.elements]
+    assert "robot" in drawn
+
+
+@pytest.mark.parametrize("missing", ["no key", "no file"])
+def test_a_robot_that_cannot_be_drawn_leaves_one_line(missing: str) -> None:
+    robot = {key: value for key, value in ARM6["robot"].items() if key != "urdf"}
+    if missing == "no file":
+        robot["urdf"] = "/nowhere/arm6.urdf"
+    page = Page(gap_report_html(replace(_arm6(), configuration={**ARM6, "robot": robot})))
+    assert "The robot is not drawn: " in page.text
+    assert "robot" not in [attributes.get("id") for _, attributes in page.elements]
+
+
+def test_the_measured_torque_is_drawn_above_the_models() -> None:
+    for text in (gap_report_html(sample_gap(2, "both")), report_html(sample_result(2))):
+        figures = [
+            each["data"] for each in Page(text).figures if "measured " in json.dumps(each["data"])
+        ]
+        assert figures
+        for data in figures:
+            assert data[-1]["hovertemplate"].startswith("measured ")
+            others = [trace["line"]["width"] for trace in data if trace.get("yaxis") is None]
+            assert data[-1]["line"]["width"] < max(others)
+
+
+def test_sizes_of_a_step_on_all_samples_do_not_stand_beside_those_held_out() -> None:
+    result = sample_gap(2, "parametric")
+    gap = replace(result.causes[0].torque_gap, before=98.7, after=1.23)
+    result = replace(result, causes=(replace(result.causes[0], torque_gap=gap),))
+    text = Page(gap_report_html(result)).text
+    assert "98.7" not in text
+    assert "on all samples" in text
+
+
+def test_every_colour_of_a_figure_is_one_of_both_schemes() -> None:
+    style = resources.files("idim_iv_ros.report").joinpath("assets/report.css").read_text("utf-8")
+    light, dark = (
+        set(re.findall(r"(--[a-z-]+):", block))
+        for block in re.findall(r":root[^{]*\{([^}]*)\}", style)[:2]
+    )
+    assert light == dark
+    for text in (gap_report_html(_arm6()), report_html(sample_result(2))):
+        used = set(re.findall(r'"var\((--[a-z-]+)\)"', text))
+        assert used
+        assert used <= light
+
+
+def test_a_page_of_six_joints_stays_below_three_megabytes() -> None:
+    assert len(gap_report_html(_arm6()).encode()) < 3_000_000
+
+
+def _svg(result: GapResult | IdentificationResult) -> str:
+    root = ElementTree.fromstring(picture_svg(result))
+    return " ".join(text.strip() for text in root.itertext() if text.strip())
+
+
+def test_the_picture_holds_verdict_stages_and_robot() -> None:
+    result = _arm6()
+    text = _svg(result)
+    for words in ("arm6", "parametric and structural", "nominal model", "noise floor", "joint_6"):
+        assert words in text
+    assert "The robot is not drawn" in _svg(sample_gap(2, "both"))
+    errors = {"joint_1": 12.3, "joint_2": None}
+    identified = sample_result(2)
+    identified = replace(
+        identified, fit=replace(identified.fit, joint_relative_error_percent=errors)
+    )
+    assert "12" in _svg(identified)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_joint_named_like_a_script_does_not_break_the_picture(case: Case) -> None:
+    result = with_first_joint_named(sample_gap(2, case), NASTY)
+    ElementTree.fromstring(picture_svg(replace(result, robot=NASTY)))
+
+
+def test_a_picture_is_known_as_one_of_this_program(tmp_path: Path) -> None:
+    for suffix in ("svg", "png"):
+        if suffix == "png":
+            pytest.importorskip("resvg_py")
+        path = tmp_path / f"gap.{suffix}"
+        write_picture(_arm6(), path)
+        assert is_own(path)
+        require_picture(path)
+        path.write_bytes(b"somebody else's")
+        with pytest.raises(UsageError, match="exists"):
+            require_picture(path)
+        require_picture(path, force=True)
+
+
+def test_a_png_is_a_whole_png(tmp_path: Path) -> None:
+    pytest.importorskip("resvg_py")
+    content = write_picture(_arm6(), tmp_path / "gap.png").read_bytes()
+    assert content.startswith(b"\x89PNG\r\n\x1a\n")
+    assert content.endswith(b"IEND\xaeB`\x82")
+
+
+def test_another_suffix_or_a_missing_library_is_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(UsageError, match=r"ends in \.svg or \.png") as refusal:
+        require_picture(tmp_path / "gap.pdf")
+    assert "\n" not in str(refusal.value)
+    monkeypatch.setitem(sys.modules, "resvg_py", None)
+    with pytest.raises(UsageError, match=r"idim-iv-ros\[picture\]") as refusal:
+        require_picture(tmp_path / "gap.png")
+    assert "\n" not in str(refusal.value)
+    with pytest.raises(UsageError, match="no folder"):
+        require_picture(tmp_path / "nowhere" / "gap.svg")

@@ -1,0 +1,194 @@
+"""Results as messages: what gap.json and result.json hold, and what a restart keeps of it."""
+
+import shutil
+from dataclasses import replace
+from math import isnan
+from pathlib import Path
+
+import pytest
+from builtin_interfaces.msg import Time
+
+from idim_iv_interfaces.msg import GapReport, InstrumentTest, ResidualDiagnosis
+from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.identification.result import NOT_SIGNIFICANT
+from idim_iv_ros.nodes.identifier.gap_publisher import GapPublisher
+from idim_iv_ros.nodes.identifier.messages import gap_message, result_message
+from tests.report.sample_gap import CASES, Case, sample_gap
+from tests.report.sample_result import sample_result
+
+EXAMPLE = Path(__file__).with_name("gap.json")  # written by hand, after the design
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> Path:
+    """An output directory with the example in the folder `diagnosis`."""
+    folder = tmp_path / "results"
+    (folder / "diagnosis").mkdir(parents=True)
+    shutil.copy(EXAMPLE, folder / "diagnosis" / "gap.json")
+    return folder
+
+
+def report(results: Path) -> GapReport:
+    result = GapResult.read(results / "diagnosis" / "gap.json")
+    return gap_message(result, Time(sec=7), ["a.mcap"], "diagnosis")
+
+
+def test_message_holds_what_gap_json_holds(results: Path) -> None:
+    message = report(results)
+    assert (message.robot, message.verdict, message.header.stamp.sec) == ("arm2", "structural", 7)
+    assert message.summary == "Joint 2 lacks the Stribeck effect."
+    assert (message.duration, list(message.without)) == (5.5, ["backlash"])
+    assert list(message.files) == ["diagnosis/gap.json", "diagnosis/report.html"]
+    stribeck, payload = message.causes
+    assert (stribeck.effect, stribeck.kind, stribeck.joint) == ("stribeck", "structural", "joint_2")
+    assert [(p.name, p.value, p.unit) for p in stribeck.parameters] == [
+        ("amplitude", 0.8, "N m"),
+        ("speed", 0.06, "rad/s"),
+    ]
+    assert (stribeck.statistic, stribeck.p_value, stribeck.held_out_gain) == (412.5, 1e-30, 0.31)
+    assert stribeck.folds_positive == "6 of 6"
+    assert stribeck.sentence == "joint_2 sticks: 0.8 N m below 0.06 rad/s."
+    assert [(r.effect, r.joint, r.correlation) for r in stribeck.indistinguishable_from] == [
+        ("presliding", "joint_2", 0.97),
+        ("payload", "", 0.96),
+    ]
+    torque, simulation = stribeck.torque_gap, stribeck.simulation_gap
+    assert (torque.before, torque.after, torque.noise_floor) == (0.62, 0.41, 0.4)
+    assert (torque.shrinkage, torque.shrinkage_low, torque.shrinkage_high) == (0.95, 0.9, 0.99)
+    assert (simulation.before, simulation.after, simulation.shrinkage) == (0.004, 0.001, 0.75)
+    (change,) = stribeck.joint_gaps
+    assert (change.joint, change.before, change.after) == ("joint_2", 0.62, 0.41)
+    assert change.share_of_torque == 0.12
+    assert (payload.kind, payload.joint, list(payload.parameters)) == ("parametric", "", [])
+    assert (message.unexplained_joint, message.unexplained_family) == ("joint_1", "position")
+    assert (message.unexplained_share, message.unexplained_where) == (0.2, "a bump at 0.3 rad")
+
+
+def test_message_says_where_the_gap_lies_and_how_it_shrinks(results: Path) -> None:
+    message = report(results)
+    assert [(j.joint, j.rms, j.share) for j in message.joints] == [
+        ("joint_1", 0.2, 0.1),
+        ("joint_2", 0.62, 0.9),
+    ]
+    assert [j.floor_origin for j in message.joints] == ["", "repeats"]
+    (regime,) = message.regimes
+    assert (regime.joint, regime.axis, regime.unit) == ("joint_2", "speed", "rad/s")
+    assert (regime.low, regime.high, regime.lift_low, regime.lift_high) == (0.0, 0.1, 5.1, 8.2)
+    assert (regime.energy_share, regime.occupancy, regime.lift) == (0.61, 0.09, 6.8)
+    given, extended = message.stages
+    assert (given.stage, list(given.torque_rms)) == ("given", [0.2, 0.62])
+    assert (list(given.torque_rms_low), list(given.torque_rms_high)) == ([0.1, 0.5], [0.3, 0.7])
+    assert list(given.tracking_rms) == [0.001, 0.004]
+    assert (extended.stage, list(extended.torque_rms)) == ("+stribeck[joint_2]", [0.19, 0.41])
+    assert extended.note == "the loop diverges"
+    assert list(message.findings) == [
+        "joint_2, below 0.1 rad/s: 61 % of the gap in 9 % of the samples"
+    ]
+    assert list(message.notes) == ["no repeats"]
+    (untestable,) = message.not_testable
+    assert (untestable.effect, untestable.joint) == ("gravity_direction", "")
+    assert untestable.reason == "the axes are vertical"
+    assert untestable.excitation_needed == "tilt the base"
+
+
+def test_message_says_what_parameters_and_the_signal_chain_do(results: Path) -> None:
+    message = report(results)
+    (error,) = message.parameter_errors
+    assert (error.joint, error.given, error.named, error.refit) == ("joint_1", 0.2, 0.15, 0.12)
+    assert (error.remaining, error.share_of_torque) == (0.09, 0.02)
+    chain = message.signal_chain
+    assert (chain.effort_shift.value, chain.effort_shift.std) == (0.0015, 0.0001)
+    assert (chain.effort_shift.unit, chain.periods) == ("s", 1.5)
+    assert [(each.name, each.value) for each in chain.joint_shifts] == [
+        ("joint_1", 0.0014),
+        ("joint_2", 0.0016),
+    ]
+    assert isnan(chain.joint_shifts[1].std)
+    assert (list(chain.differing), chain.law_speed) == (["joint_2"], "the measured speed")
+
+
+def test_a_diagnosis_without_a_signal_chain_has_no_numbers_of_it(results: Path) -> None:
+    result = replace(GapResult.read(EXAMPLE), signal_chain=None)
+    chain = gap_message(result, Time(), [], "diagnosis").signal_chain
+    assert (chain.effort_shift.name, chain.law_speed, list(chain.joint_shifts)) == ("", "", [])
+    assert isnan(chain.effort_shift.value)
+    assert isnan(chain.periods)
+
+
+def test_numbers_that_do_not_exist_are_nan(results: Path) -> None:
+    message = report(results)
+    stribeck, payload = message.causes
+    amplitude, speed = stribeck.parameters
+    nothing = [
+        speed.std,
+        amplitude.given_value,
+        payload.held_out_gain,
+        payload.torque_gap.shrinkage,
+        payload.torque_gap.shrinkage_low,
+        payload.simulation_gap.before,
+        stribeck.simulation_gap.noise_floor,
+        message.joints[0].noise_floor,
+        message.joints[1].relative_percent,
+        *message.stages[1].torque_rms_low,
+        *message.stages[1].tracking_rms,
+    ]
+    assert all(map(isnan, nothing))
+
+
+def test_nothing_unexplained_is_empty(results: Path) -> None:
+    result = replace(GapResult.read(EXAMPLE), unexplained=None)
+    message = gap_message(result, Time(), [], "diagnosis")
+    assert (message.unexplained_joint, message.unexplained_where) == ("", "")
+    assert isnan(message.unexplained_share)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_verdict_becomes_a_message(case: Case) -> None:
+    result = sample_gap(case=case, given=case != "none", tracking=case != "both")
+    message = gap_message(result, Time(), [], "diagnosis")
+    assert (message.verdict, message.summary) == (result.verdict, result.summary)
+    assert [each.sentence for each in message.causes] == [each.sentence for each in result.causes]
+    assert [each.joint for each in message.joints] == list(result.joints)
+    assert [each.stage for each in message.stages] == [each.name for each in result.stages]
+    assert len(message.regimes) == len(result.regimes)
+    assert (message.unexplained_joint == "") == (result.unexplained is None)
+
+
+def test_an_identification_is_a_message_with_remarks_and_what_whitening_moves() -> None:
+    result = sample_result(2, "coloured")
+    assert result.refined is not None
+    result = replace(result, refined=replace(result.refined, moved=("Fv2",)))
+    message = result_message(result, Time(sec=7), ["a.mcap"], "identification")
+    estimates = message.parameters.estimates
+    assert message.parameters.header.stamp.sec == 7
+    assert [each.remark for each in estimates] == [each.remark for each in result.parameters]
+    assert NOT_SIGNIFICANT in {each.remark for each in estimates}
+    assert list(message.parameters.covariance) == result.covariance.ravel().tolist()
+    assert [each.value for each in message.refined_estimates] == [
+        each.value for each in result.refined.parameters
+    ]
+    assert list(message.moved) == ["Fv2"]
+    assert [each.whiteness for each in message.residuals] == [ResidualDiagnosis.AUTOCORRELATED] * 2
+    assert [(each.scope, each.null_hypothesis) for each in message.exogeneity] == [
+        (each.scope, each.null) for each in result.exogeneity.tests
+    ]
+    assert message.exogeneity[-1].outcome == InstrumentTest.NOT_RUN
+    assert isnan(message.exogeneity[-1].p_value)
+    assert message.files == ["identification/result.json", "identification/report.html"]
+
+
+def test_last_diagnosis_is_latched_and_survives_a_restart(
+    results: Path, observer, identifier
+) -> None:
+    GapPublisher(observer.node, results).add(7_000_000_000, ["a.mcap"], "diagnosis")
+    assert str(identifier().latched("gap", GapReport)) == str(report(results))
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"format": "idim_iv_ros/last_gap/1"}'])
+def test_damaged_record_of_the_last_diagnosis_is_a_warning(
+    results: Path, text: str, observer, monkeypatch
+) -> None:
+    (results / "last_gap.json").write_text(text)
+    publisher = GapPublisher(observer.node, results)
+    publisher.publish_last()
+    assert publisher.last is None

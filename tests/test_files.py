@@ -1,0 +1,134 @@
+"""Only what this program wrote is replaced, and what somebody changed since is not its own."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from idim_iv_ros import UsageError, write_bag, write_gap_report, write_report
+from idim_iv_ros.files import is_own, require_replaceable, signed
+from idim_iv_ros.recording import JointTopic
+from idim_iv_ros.recording.writing.growing_mcap import GrowingMcap
+from tests.report.sample_gap import sample_gap
+from tests.report.sample_result import sample_result
+
+TOPIC = JointTopic("/joint_states", ["a"], np.arange(30) / 10.0, np.ones((30, 1)))
+
+
+def foreign_mcap(path: Path) -> None:
+    """A bag of another program."""
+    from mcap.writer import Writer
+
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2", library="rosbag2")
+        writer.finish()
+
+
+def test_reports_and_bags_of_this_program_are_its_own(tmp_path: Path) -> None:
+    files = [*write_report(sample_result(1), tmp_path / "results")]
+    files += write_gap_report(sample_gap(2, "none"), tmp_path / "why")
+    write_bag(tmp_path / "a.mcap", [TOPIC])
+    for path in (*files, tmp_path / "a.mcap"):
+        assert is_own(path), path
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("result.json", '{"format": "somebody/else/1"}'),
+        ("result.json", "[1, 2]"),
+        ("result.json", "not json"),
+        ("result.json", "[" * 100_000),
+        ("report.html", "<html><head><title>mine</title></head></html>"),
+        ("a.mcap", "not a bag"),
+        ("a.mcap", ""),
+        ("run.csv", "time,joint_1.position\n0,0\n"),
+        ("arm.yaml", "robot:\n  joints: [a]\n"),
+        ("arm.yaml", signed("robot: {}\n") + "# my change\n"),
+        ("notes", "mine"),
+    ],
+)
+def test_files_of_somebody_else_are_refused_unless_forced(
+    tmp_path: Path, name: str, text: str
+) -> None:
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(UsageError, match=r"--force") as refusal:
+        require_replaceable([path])
+    assert str(path) in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+    require_replaceable([path], force=True)
+    assert path.read_text() == text
+
+
+def test_bags_of_other_programs_and_of_a_recorder_are_refused(tmp_path: Path) -> None:
+    foreign_mcap(tmp_path / "rosbag2.mcap")
+    recorder = GrowingMcap(tmp_path / "recorded.mcap")
+    recorder.close()
+    for path in tmp_path.iterdir():
+        before = path.read_bytes()
+        with pytest.raises(UsageError, match="--force"):
+            write_bag(path, [TOPIC])
+        assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (os.mkfifo, "is a device, a pipe or a socket"),
+        (os.mkdir, "is a folder"),
+        (lambda path: path.symlink_to("/dev/null"), "is a device, a pipe or a socket"),
+        (lambda path: path.symlink_to("/nowhere/at/all"), "is a link that leads nowhere"),
+        (lambda path: path.symlink_to(path.name), "cannot be written"),
+    ],
+)
+@pytest.mark.parametrize("name", ["a.mcap", "result.json", "arm.yaml"])
+def test_nothing_but_a_file_is_ever_replaced(tmp_path: Path, make, words: str, name: str) -> None:
+    make(tmp_path / name)
+    before = (tmp_path / name).lstat().st_ino
+    for force in (False, True):
+        with pytest.raises(UsageError, match=words):
+            require_replaceable([tmp_path / name], force=force)
+    with pytest.raises(UsageError, match=words):
+        write_bag(tmp_path / name, [TOPIC], force=True)
+    assert (tmp_path / name).lstat().st_ino == before
+
+
+def test_a_device_in_the_place_of_a_report_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "report.html").symlink_to("/dev/null")
+    with pytest.raises(UsageError, match="is a device"):
+        write_report(sample_result(1), tmp_path, force=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_a_file_may_have_the_longest_name_that_the_system_allows(tmp_path: Path) -> None:
+    path = tmp_path / ("x" * 250 + ".mcap")
+    write_bag(path, [TOPIC])
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+    assert is_own(path)
+
+
+def test_a_signed_text_is_its_own_until_it_is_edited(tmp_path: Path) -> None:
+    path = tmp_path / "arm.yaml"
+    path.write_text(signed("robot: {}\n"))
+    assert is_own(path)
+    path.write_text(path.read_text().replace("robot", "Robot"))
+    assert not is_own(path)
+
+
+def test_a_report_beside_a_file_of_the_user_is_not_written(tmp_path: Path) -> None:
+    (tmp_path / "report.html").write_text("<html>my thesis</html>")
+    with pytest.raises(UsageError, match=r"report\.html: exists"):
+        write_report(sample_result(1), tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["report.html"]
+    write_report(sample_result(1), tmp_path, force=True)
+    assert json.loads((tmp_path / "result.json").read_text())["robot"]
+
+
+def test_force_lets_one_command_replace_the_report_of_another(tmp_path: Path) -> None:
+    write_report(sample_result(1), tmp_path)
+    write_gap_report(sample_gap(2, "none"), tmp_path, force=True)
+    assert (tmp_path / "gap.json").exists()
