@@ -41,7 +41,8 @@ def simulate_command(
         Path | None,
         typer.Option(
             metavar="gap.json",
-            help="A diagnosis: the robot has its extended parameters and its accepted effects.",
+            help="A diagnosis: the robot has its extended parameters and its accepted effects. "
+            "Or a file of effects written by hand (docs/simulation.md).",
         ),
     ] = None,
     force: Force = False,

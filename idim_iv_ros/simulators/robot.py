@@ -7,7 +7,6 @@ import numpy as np
 import scipy
 
 from idim_iv_ros.configuration import Configuration, SimulatedRobotSection
-from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation import Trajectory, require_sampling
 from idim_iv_ros.model import DynamicParameters, RobotModel, build_inverse_model
@@ -19,6 +18,7 @@ from idim_iv_ros.simulation import (
     record_simulated_robot,
 )
 from idim_iv_ros.simulation.effects import joint_effects
+from idim_iv_ros.simulators.effects_file import read_effects
 from idim_iv_ros.types import FloatArray
 
 
@@ -136,9 +136,15 @@ def simulated_robot(
         truth[name] = value
     effects: tuple[SimulatedEffect, ...] = ()
     if extended is not None:
-        gap = GapResult.read(extended)
-        truth |= _known_parameters(gap, truth, extended)
-        effects = _simulated_effects(gap, extended)
+        beyond = read_effects(extended)
+        for name in beyond.parameters:
+            if name not in truth:
+                raise UsageError(
+                    f"{extended}: {beyond.key}.{name} is not a base parameter of this robot; they "
+                    f"are {', '.join(truth)}"
+                )
+        truth |= beyond.parameters
+        effects = beyond.effects
         joint_effects(effects, model.robot.joints)
     law = control_law(configuration.controller, len(model.robot.joints))
     if settings.delay is not None:
@@ -151,29 +157,6 @@ def simulated_robot(
         law=law,
         settings=settings,
         effects=effects,
-    )
-
-
-def _known_parameters(gap: GapResult, names: dict[str, float], path: Path) -> dict[str, float]:
-    for name in gap.extended_parameters:
-        if name not in names:
-            raise UsageError(
-                f"{path}: extended_parameters.{name} is not a base parameter of this robot; they "
-                f"are {', '.join(names)}"
-            )
-    return {name: each.value for name, each in gap.extended_parameters.items()}
-
-
-def _simulated_effects(gap: GapResult, path: Path) -> tuple[SimulatedEffect, ...]:
-    return tuple(
-        SimulatedEffect(
-            effect=cause.effect,
-            joint=cause.joint,
-            parameters={name: each.value for name, each in cause.parameters.items()},
-            other_joint=cause.other_joint,
-            source=f"{path}: causes.{k}",
-        )
-        for k, cause in enumerate(gap.causes)
     )
 
 

@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import pytest
+
 from tests.cli.test_bad_input import refused
 from tests.gap_files import gap_content
 
@@ -117,3 +119,36 @@ def test_bad_diagnosis_is_one_line_with_file_and_key(run, tmp_path: Path) -> Non
     gap_file(gap, parameters={"Fv1": float("inf")})
     simulate_must_refuse("extended_parameters.Fv1.value", "finite")
     assert [path.name for path in tmp_path.iterdir()] == ["gap.json"]
+
+
+def test_effects_that_were_written_by_hand_are_simulated(run, tmp_path: Path) -> None:
+    """Base parameters and effects by name, with plain numbers."""
+    file = tmp_path / "soft.json"
+    shaft = {"effect": "elasticity", "joint": "joint_1", "parameters": {"stiffness": 2.0e4}}
+    content = {"base_parameters": {"Fv1": 9.0}, "effects": [shaft]}
+    file.write_text(json.dumps({"format": "idim_iv_ros/effects/1", **content}))
+    config, bag = CONFIG / "arm2.yaml", tmp_path / "soft.mcap"
+    outcome = run("simulate", "--config", config, "--out", bag, "--effects", file)
+    assert outcome.status == 0, outcome.error
+    truth = json.loads((tmp_path / "soft.truth.json").read_text())
+    assert truth["Fv1"] == 9.0
+    assert truth["effects"][0]["effect"] == "elasticity"
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ({"base_parameters": {"ZZ9": 1.0}}, "base_parameters.ZZ9"),
+        ({"effects": [{"effect": "rope", "joint": "joint_1"}]}, "rope"),
+        ({"effects": [{"effect": "stribeck", "joint": "joint_1", "size": 1.0}]}, "size"),
+        ({"effects": 3}, "effects"),
+    ],
+)
+def test_a_wrong_file_of_effects_is_refused_in_one_line(
+    run, tmp_path: Path, content: dict[str, object], words: str
+) -> None:
+    file = tmp_path / "soft.json"
+    file.write_text(json.dumps({"format": "idim_iv_ros/effects/1", **content}))
+    config, bag = CONFIG / "arm2.yaml", tmp_path / "soft.mcap"
+    refused(run("simulate", "--config", config, "--out", bag, "--effects", file), 2, words)
+    assert not bag.exists()

@@ -21,7 +21,15 @@ TOP = {
     *("format", "verdict", "causes", "unexplained", "where", "not_testable", "stages"),
     *("robot", "joints", "joint_types", "bags", "session", "software", "configuration"),
     *("without", "summary"),
-    *("findings", "notes", "extended_parameters", "timing", "parameter_errors", "signal_chain"),
+    *(
+        "findings",
+        "notes",
+        "extended_parameters",
+        "timing",
+        "parameter_errors",
+        "signal_chain",
+        "recordings",
+    ),
 }
 CAUSE = {
     *("effect", "kind", "joint", "parameters", "evidence", "indistinguishable_from"),

@@ -1,0 +1,94 @@
+"""What a simulated robot has beyond its configuration: a diagnosis, or effects written by hand."""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar, Final, Literal
+
+from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.documents import Document
+from idim_iv_ros.simulation import SimulatedEffect
+
+EFFECTS_FORMAT: Final = "idim_iv_ros/effects/1"
+
+
+@dataclass(frozen=True)
+class PlantedEffect:
+    """One effect at a joint, or at all; numbers as in docs/simulation.md."""
+
+    effect: str
+    joint: str | None = None
+    other_joint: str | None = None
+    parameters: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EffectsFile(Document):
+    """A file of effects that a user writes.
+
+    Attributes
+    ----------
+    format : str
+    base_parameters : dict of str to float
+        Those that differ from the configuration's, by name.
+    effects : tuple of PlantedEffect
+    """
+
+    what: ClassVar[str] = "a file of effects"
+    written_by: ClassVar[str] = "simulate"
+    format: Literal["idim_iv_ros/effects/1"] = EFFECTS_FORMAT
+    base_parameters: dict[str, float] = field(default_factory=dict)
+    effects: tuple[PlantedEffect, ...] = ()
+
+
+@dataclass(frozen=True)
+class ExtendedModel:
+    """Base parameters that differ from the configuration's, and effects beyond them.
+
+    `key`: where the parameters stand in the file.
+    """
+
+    parameters: dict[str, float]
+    effects: tuple[SimulatedEffect, ...]
+    key: str
+
+
+def read_effects(path: Path) -> ExtendedModel:
+    """Read a gap.json, or a file of effects.
+
+    Raises
+    ------
+    UsageError
+        The file cannot be read, or is neither.
+    """
+    if _is_written_by_hand(path):
+        planted = EffectsFile.read(path)
+        effects = tuple(
+            SimulatedEffect(
+                each.effect, each.joint, each.parameters, each.other_joint, f"{path}: effects.{k}"
+            )
+            for k, each in enumerate(planted.effects)
+        )
+        return ExtendedModel(planted.base_parameters, effects, "base_parameters")
+    gap = GapResult.read(path)
+    causes = tuple(
+        SimulatedEffect(
+            effect=cause.effect,
+            joint=cause.joint,
+            parameters={name: each.value for name, each in cause.parameters.items()},
+            other_joint=cause.other_joint,
+            source=f"{path}: causes.{k}",
+        )
+        for k, cause in enumerate(gap.causes)
+    )
+    parameters = {name: each.value for name, each in gap.extended_parameters.items()}
+    return ExtendedModel(parameters, causes, "extended_parameters")
+
+
+def _is_written_by_hand(path: Path) -> bool:
+    """Whether the file claims to be one of effects; what cannot be read is left to the reader."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(content, dict) and content.get("format") == EFFECTS_FORMAT
