@@ -100,7 +100,7 @@ def concluded(
         causes=causes,
         parametric=parametric,
         law=law,
-        agreement=agreement(data, attribution.extended, attribution.fit, parameters),
+        agreement=agreement(data, attribution, parameters),
         where=where(data, regression, attribution.refit, held.floors),
         confusability=shown,
         not_testable=not_testable,

@@ -83,7 +83,7 @@ def _difference(recording: RecordingAgreement) -> str:
         f"({_numbers(one.effect, one.parameters, settings.MOST_NUMBERS_IN_SENTENCE)})"
         for one in recording.differences
     )
-    return f"{text}: {causes}"
+    return f"{text}, with the others as nominal model: {causes}"
 
 
 def parametric_cause(data: Baseline, cause: ParametricCause, changed: Sequence[JointChange]) -> str:

@@ -1,4 +1,4 @@
-"""Inertia of a motor and its gear that is not as given."""
+"""Inertia of a motor and its gear that differs from the nominal model."""
 
 from collections.abc import Sequence
 
@@ -24,7 +24,9 @@ class DriveInertia(ParametricEffect):
     confounders = ("link_inertia", "payload", "time_delay")
     excitation = "fast motion of this joint and of those it is coupled to"
     segments = ("multisine",)
-    specs = (ParameterSpec("change_of_drive_inertia", "kg m²", "drive inertia less the given one"),)
+    specs = (
+        ParameterSpec("change_of_drive_inertia", "kg m²", "drive inertia less the nominal one"),
+    )
 
     def places(self, space: ParameterSpace) -> list[int | None]:
         """Each joint, or none where no drive has an inertia."""

@@ -1,4 +1,4 @@
-"""Viscous and Coulomb friction that are not as given: age, temperature, another grease."""
+"""Viscous and Coulomb friction that differ from the nominal model: age, temperature, another grease."""
 
 from collections.abc import Sequence
 
@@ -22,8 +22,8 @@ class FrictionLevel(ParametricEffect):
     excitation = "slow and fast motion in both directions"
     segments = ("plateau",)
     specs = (
-        ParameterSpec("change_of_viscous", "N m s/rad", "viscous friction less the given one"),
-        ParameterSpec("change_of_coulomb", "N m", "Coulomb friction less the given one"),
+        ParameterSpec("change_of_viscous", "N m s/rad", "viscous friction less the nominal one"),
+        ParameterSpec("change_of_coulomb", "N m", "Coulomb friction less the nominal one"),
     )
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:

@@ -1,4 +1,4 @@
-"""A link whose mass, centre of mass or inertia is not as given."""
+"""A link whose mass, centre of mass or inertia differs from the nominal model."""
 
 import re
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ class LinkInertia(ParametricEffect):
         changed = re.fullmatch(r"change_of_(base_)?([A-Z]+\d+)", name)
         if changed is None:
             return super().parameter_words(name)
-        return f"{changed[2]}{' (grouped)' if changed[1] else ''} less the given one"
+        return f"{changed[2]}{' (grouped)' if changed[1] else ''} less the nominal one"
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """All ten together."""

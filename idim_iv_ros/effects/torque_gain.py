@@ -1,4 +1,4 @@
-"""A torque constant, gear ratio or effort scale that is not as given."""
+"""A torque constant, gear ratio or effort scale that differs from the nominal model."""
 
 from collections.abc import Sequence
 

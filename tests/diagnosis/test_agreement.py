@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from bags.simulated_arms import arm2
-from idim_iv_ros.diagnosis.parametric.agreement import Agreement, agreement
+from idim_iv_ros.diagnosis.parametric.agreement import Agreement, agreement, agreement_beside
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.structural.attribution import Attribution, attribute
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC
 from idim_iv_ros.effects.registry import PARAMETRIC
 from tests.diagnosis.test_parametric import payload
 from tests.estimation.test_simulated_arms import recorded
@@ -49,7 +51,7 @@ def world(data: Baseline, seed: int, change: Mapping[int, list[np.ndarray]]) -> 
 
 def judged(data: Baseline, seed: int, change: Mapping[int, list[np.ndarray]]) -> Agreement:
     regression = world(data, seed, change)
-    return agreement(data, regression, regression.fit(), PARAMETRIC)
+    return agreement_beside(data, regression, regression.fit(), PARAMETRIC)
 
 
 def loaded(data: Baseline, number: int, mass: float) -> list[np.ndarray]:
@@ -103,4 +105,18 @@ def test_another_friction_is_a_friction(data: Baseline) -> None:
 
 def test_one_recording_is_held_against_nothing(data: Baseline) -> None:
     one = replace(data, motions=data.motions[:1])
-    assert agreement(one, smooth_regression(data), None, PARAMETRIC) == Agreement((), ())  # type: ignore[arg-type]
+    regression = smooth_regression(data)
+    fit = regression.fit()
+    found = Attribution(regression, fit, (), regression, fit, 0)
+    assert agreement(one, found, PARAMETRIC) == Agreement((), ())
+
+
+def test_a_change_between_recordings_is_no_unknown_function_of_time(data: Baseline) -> None:
+    motion = data.motions[2]
+    friction = [np.zeros(len(motion.time)), 2.0 * np.sign(motion.velocity[:, 1])]
+    regression = world(data, 4, {2: friction})
+    attribution = attribute(data, regression, NONPARAMETRIC)
+    assert "time" in {each.candidate.effect.family for each in attribution.found}
+    (difference,) = agreement(data, attribution, PARAMETRIC).differences
+    assert difference.recording == 2
+    assert [cause.effect.name for cause in difference.causes] == ["friction_level"]

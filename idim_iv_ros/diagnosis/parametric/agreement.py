@@ -6,17 +6,25 @@ structural effects that were accepted, before parameters are pooled in any answe
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.parametric.contrast import Contrast, OneSetTest, contrast
+from idim_iv_ros.diagnosis.parametric.contrast import (
+    Contrast,
+    OneSetTest,
+    contrast,
+    with_own_parameters,
+)
 from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause, causes_of
 from idim_iv_ros.diagnosis.parametric.selection import smallest_set
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.structural.attribution import Attribution
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
+from idim_iv_ros.signals import AutoregressiveModel
 
 
 @dataclass(frozen=True)
@@ -58,44 +66,79 @@ class Agreement:
 
 
 def agreement(
+    data: Baseline, attribution: Attribution, catalogue: Sequence[ParametricEffect]
+) -> Agreement:
+    """Hold each recording against the others, beside the effects that were accepted.
+
+    Functions of time that are no effect of the catalogue are left out: they take up any difference
+    between recordings, and say less of it.
+
+    Parameters
+    ----------
+    attribution
+        What was accepted.
+    catalogue
+        Parametric effects by which recordings may differ.
+    """
+    if len(data.motions) < 2:
+        return Agreement((), ())
+    regression = attribution.regression
+    for each in (found.candidate for found in attribution.found):
+        if not (isinstance(each.effect, Nonparametric) and each.effect.family == "time"):
+            regression = regression.with_columns(each.columns)
+    return agreement_beside(
+        data, regression, regression.fit(attribution.fit.noise_models), catalogue
+    )
+
+
+def agreement_beside(
     data: Baseline, regression: Regression, fit: Fit, catalogue: Sequence[ParametricEffect]
 ) -> Agreement:
-    """Hold each recording against the others, and set apart those that differ, one by one.
+    """Set apart the recordings that differ, one by one.
 
     Of two recordings that differ the second is named: nothing says which of them is right.
 
     Parameters
     ----------
     regression
-        With the accepted structural effects as added columns.
+        With structural effects as added columns.
     fit
         Of that regression.
     catalogue
         Parametric effects by which recordings may differ.
     """
     count = len(data.motions)
-    if count < 2:
-        return Agreement((), ())
-    apart: list[int] = []
     found: list[RecordingDifference] = []
     first: tuple[OneSetTest, ...] = ()
-    while len(apart) < count - 1:
-        others = [number for number in range(count) if number not in apart]
-        tried = {
-            number: contrast(data, regression, fit, {number}, apart=[{each} for each in apart])
-            for number in others
-        }
-        tests = {number: each.test() for number, each in tried.items()}
+    others = list(range(count))
+    while len(others) > 1:
+        tests = {number: contrast(data, regression, fit, {number}).test() for number in others}
         first = first or tuple(tests[number] for number in range(count))
         differing = [number for number in others if _differs(tests[number], len(others))]
         if not differing:
             break
         most = max(differing, key=lambda number: (_excess(tests[number]), number))
         p_value = min(1.0, len(others) * tests[most].p_value)
-        causes = _causes(data, tried[most], catalogue)
+        own = with_own_parameters(data, regression, {most})
+        better = own.fit(fit.noise_models)
+        noise_models = tuple(slow_noise(each) for each in better.noise_models)
+        named = contrast(data, regression, replace(fit, noise_models=noise_models), {most})
+        causes = _causes(data, named, catalogue)
         found.append(RecordingDifference(most, tests[most], p_value, causes))
-        apart.append(most)
+        others.remove(most)
+        regression, fit = own, better
     return Agreement(first, tuple(found))
+
+
+def slow_noise(noise: AutoregressiveModel) -> AutoregressiveModel:
+    """White noise that tells as little of what is slow as an autocorrelated one does.
+
+    What differs is estimated with it. Filters that whiten give weight to what is fast: to
+    reversals, at which the simulated motion of the one parameter set is wrong by the difference
+    itself, and the parameters then come out too small. Its variance is that of the noise, times
+    how much larger that is than the variance of the innovations.
+    """
+    return AutoregressiveModel(np.zeros(0), noise.variance**2 / noise.innovation_variance)
 
 
 def _differs(test: OneSetTest, count: int) -> bool:

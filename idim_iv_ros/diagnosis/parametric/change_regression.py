@@ -262,6 +262,7 @@ def beside(rows: FloatArray, added: int) -> tuple[FloatArray, FloatArray]:
     rest = basis.remove(whole)
     # A free curve of the speed holds the joint's dry friction: what is left of that is rounding.
     little = settings.LEAST_BESIDE_EFFECTS * np.linalg.norm(whole, axis=0)
+    little[-1] = 0.0  # of the residual all counts
     rest[:, np.linalg.norm(rest, axis=0) < little] = 0.0
     return r_factor(rest), basis.solve(whole, added)
 

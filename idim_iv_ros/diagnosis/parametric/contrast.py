@@ -148,8 +148,6 @@ def contrast(
     regression: Regression,
     fit: Fit,
     second: Collection[int],
-    *,
-    apart: Sequence[Collection[int]] = (),
 ) -> Contrast:
     """Regress what one parameter set leaves on changes in the second recordings alone.
 
@@ -161,33 +159,27 @@ def contrast(
         Of that regression: its noise whitens, and its parameters are those that a gain scales.
     second
         Numbers of the recordings, from 0.
-    apart
-        Sets of other recordings that have parameters of their own in any case.
     """
     model = data.prepared.model
     axes = level_axes(np.asarray(model.robot.pinocchio.gravity.linear))
     space = ParameterSpace(model, fit.values, axes, difference=True)
     b, total = regression.parameters, regression.total
-    width = total + b * len(apart)
     columns, common, residuals, whitened, inside = [], [], [], [], []
     units = change_rows(data, regression, space)
     for joint, (rows, unit) in enumerate(zip(regression.joints, units, strict=True)):
         inside.append(np.isin(data.recordings[joint], list(second)))
         unit[~inside[-1]] = 0.0
         extended = regression.extended[joint]
-        free = np.zeros((len(rows), width))
+        free = np.zeros((len(rows), total))
         free[:, extended.columns] = extended.matrix
         residual = rows.torque - free[:, :b] @ fit.values
-        for number, other in enumerate(apart):
-            own = np.isin(data.recordings[joint], list(other))
-            free[own, total + b * number : total + b * (number + 1)] = free[own, :b]
         table = np.column_stack([free, unit, residual])
         whitened.append(fit.noise_models[joint].standardized(table, rows.segments))
         columns.append(unit)
         common.append(free)
         residuals.append(residual)
-    factor, moved = beside(np.vstack(whitened), width)
-    kept = [*range(width + b), width + space.size]
+    factor, moved = beside(np.vstack(whitened), total)
+    kept = [*range(total + b), total + space.size]
     changes = ChangeRegression(
         space,
         factor[:, :-1],
@@ -198,4 +190,17 @@ def contrast(
         Accepted(tuple(common), moved[:, -1], moved[:, :-1]),
         still_joints(data),
     )
-    return Contrast(changes, tuple(inside), width, tuple(rows[:, kept] for rows in whitened))
+    return Contrast(changes, tuple(inside), total, tuple(rows[:, kept] for rows in whitened))
+
+
+def with_own_parameters(
+    data: Baseline, regression: Regression, second: Collection[int]
+) -> Regression:
+    """Add base parameters of their own for the second recordings, as columns."""
+    columns = {}
+    for joint, rows in enumerate(regression.joints):
+        own = np.zeros((len(rows), regression.parameters))
+        own[:, rows.columns] = rows.matrix
+        own[~np.isin(data.recordings[joint], list(second))] = 0.0
+        columns[joint] = own
+    return regression.with_columns(columns)
