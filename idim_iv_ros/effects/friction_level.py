@@ -1,4 +1,4 @@
-"""Viscous and Coulomb friction that differ from the nominal model: age, temperature, another grease."""
+"""Viscous and Coulomb friction that are not the nominal ones: age, temperature, another grease."""
 
 from collections.abc import Sequence
 

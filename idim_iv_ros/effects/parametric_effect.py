@@ -159,8 +159,9 @@ class ParametricEffect(Cause):
         return ()
 
     def subject(self, place: str) -> str:
-        """What differs from the nominal model, in words, before the numbers; `place` is empty for none."""
-        return f"{self.name.replace('_', ' ')}{f' of {place}' if place else ''} differs from the nominal model"
+        """What differs, in words, before the numbers; `place` is empty for none."""
+        where = f" of {place}" if place else ""
+        return f"{self.name.replace('_', ' ')}{where} differs from the nominal model"
 
     def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
         """Base parameters of a joint that belong to it and to no other effect; none by default."""
