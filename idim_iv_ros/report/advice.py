@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import get_args
 
-from idim_iv_ros.diagnosis.result import Cause, GapResult, Unexplained
+from idim_iv_ros.diagnosis.result import Cause, GapResult, RecordingAgreement, Unexplained
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
 from idim_iv_ros.report.changes import RECORDING, ChangedValue, changed_values
@@ -53,6 +53,9 @@ def verdict_badge(verdict: str) -> tuple[str, str, str]:
 
 def diagnosis_headline(result: GapResult) -> tuple[str, str]:
     """Return how large the gap is and what causes it: two sentences, 30 words together."""
+    apart = [each for each in result.recordings if not each.agrees]
+    if apart:
+        return _disagreement(apart)
     worst = max(result.joint_gaps, key=lambda each: each.share, default=None)
     given = any(stage.name == "given" for stage in result.stages)
     model = "nominal model" if given else "refitted model"
@@ -62,6 +65,19 @@ def diagnosis_headline(result: GapResult) -> tuple[str, str]:
         f"The {model} misses {percent(worst.relative_percent, 3)} of the torque at {worst.joint}."
     )
     return size, _cause_words(result, _corrected(result, worst.joint))
+
+
+def _disagreement(apart: Sequence[RecordingAgreement]) -> tuple[str, str]:
+    """Which recordings are of another robot, as it were, and by what."""
+    first = apart[0]
+    more = f", {len(apart) - 1} more do too" if len(apart) > 1 else ""
+    by = [effect_at(each.effect, each.joint) for each in first.differences[:1]]
+    what = f"What differs: {by[0]}." if by else "What differs is inconclusive."
+    return (
+        f"The recordings disagree: {first.bag} differs by "
+        f"{percent(100.0 * first.share_of_torque, 2)} of the torque at {first.joint}{more}.",
+        what,
+    )
 
 
 def _cause_words(result: GapResult, corrected: str) -> str:
@@ -146,6 +162,9 @@ def identification_steps(report: Report[IdentificationResult]) -> list[Step]:
 def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
     """Return what to do after a diagnosis: at most two corrections, then what to record."""
     result = report.result
+    apart = [each.bag for each in result.recordings if not each.agrees]
+    if apart:
+        return _steps_of_disagreement(result, apart, report.config)
     values = changed_values(result, report.nominal)
     steps: list[Step] = []
     structural = [each for each in result.causes if each.kind == "structural"]
@@ -169,6 +188,17 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
         return [Step("See how well each parameter is known:", command), recording]
     command = _command("check", *result.bags, "--config", report.config)
     return [Step("Look for gaps and clipped efforts in the recordings:", command), recording]
+
+
+def _steps_of_disagreement(result: GapResult, apart: Sequence[str], config: str) -> list[Step]:
+    """Take the recordings that agree by themselves, and each other one."""
+    together = [bag for bag in result.bags if bag not in apart]
+    first = _command("diagnose", *together, "--config", config, "--out", "agreeing")
+    second = _command("diagnose", apart[0], "--config", config, "--out", "differing")
+    return [
+        Step("Diagnose the recordings that agree by themselves:", first),
+        Step(f"Diagnose {apart[0]} by itself, and compare:", second),
+    ]
 
 
 def _simulated(cause: Cause) -> bool:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from idim_iv_ros.configuration import load_configuration
-from idim_iv_ros.diagnosis.result import EffectParameter, GapResult
+from idim_iv_ros.diagnosis.result import Difference, EffectParameter, GapResult, RecordingAgreement
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import is_own
 from idim_iv_ros.identification.result import IdentificationResult
@@ -66,6 +66,33 @@ def test_a_diagnosis_ends_in_two_or_three_steps_the_last_one_a_recording(case: C
     assert 2 <= len(steps) <= 3
     assert all(step.words and step.code for step in steps)
     assert re.match(r"idim-iv (excite|diagnose) .*--config arm6\.yaml", steps[-1].code)
+
+
+@pytest.mark.parametrize("named", [False, True])
+def test_recordings_that_disagree_come_before_any_cause(named: bool) -> None:
+    level = Difference("friction_level", "joint_2", {"change": EffectParameter(1.0, 0.1, "N m")})
+    result = _arm6()
+    apart = RecordingAgreement(
+        bag="odd.mcap",
+        agrees=False,
+        statistic=20.0,
+        df=13,
+        df_denom=4000,
+        p_value=1e-20,
+        joint="joint_2",
+        share_of_torque=0.12,
+        differences=(level,) if named else (),
+    )
+    result = replace(result, bags=("a.mcap", "b.mcap", "odd.mcap"), recordings=(apart,))
+    headline = diagnosis_headline(result)
+    assert (
+        headline[0] == "The recordings disagree: odd.mcap differs by 12 % of the torque at joint_2."
+    )
+    assert ("friction level" in headline[1]) is named
+    assert _words(headline) <= 30
+    first, second = diagnosis_steps(Report(result, "arm6.yaml"))
+    assert first.code.startswith("idim-iv diagnose a.mcap b.mcap --config arm6.yaml")
+    assert second.code.startswith("idim-iv diagnose odd.mcap --config arm6.yaml")
 
 
 @pytest.mark.parametrize("case", KINDS)
