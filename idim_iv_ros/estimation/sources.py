@@ -94,8 +94,8 @@ def _sizes(model: InverseModel) -> FloatArray:
     for unit in set(model.base.units):
         present = values[(units == unit) & (values > 0.0)]
         if len(present):
-            alike = units == unit
-            sizes[alike] = values[alike] + np.median(present)
+            same_unit = units == unit
+            sizes[same_unit] = values[same_unit] + np.median(present)
     return sizes
 
 

@@ -226,8 +226,8 @@ def _jump(position: FloatArray, rate: float) -> str:
 
 def _stands_still(raw: FloatArray, filtered: FloatArray) -> BoolArray:
     noise = np.array([np.std(a - b) for a, b in zip(raw.T, filtered.T, strict=True)])
-    extent = np.ptp(filtered, axis=0)
-    return np.asarray((extent < _STILL_RANGE) | (extent < _STILL_NOISE * noise))
+    span = np.ptp(filtered, axis=0)
+    return np.asarray((span < _STILL_RANGE) | (span < _STILL_NOISE * noise))
 
 
 def _span(record: JointSignals, processing: ProcessingSection, cutoff: float, factor: int) -> slice:
@@ -260,8 +260,8 @@ def _motion(
     )
     fast = _fast_samples(position[span], record.rate, minimum_speed, couplings)
     margin = processing.reversal_margin
-    reach = round((REVERSAL_MARGIN if margin is None else margin) * factor)
-    fast = _all_around(fast, decimation, reach)
+    distance = round((REVERSAL_MARGIN if margin is None else margin) * factor)
+    fast = _all_around(fast, decimation, distance)
     measured = _all_around(record.valid[span], decimation, factor)
     inside = np.ones(len(measured), dtype=bool)
     if processing.trim is None and decimation.factor > 1:
@@ -292,10 +292,10 @@ def _fast_samples(
     return fast
 
 
-def _all_around(good: BoolArray, decimation: ParallelDecimation, reach: int) -> BoolArray:
-    """Whether every sample within `reach` of a decimated sample is good, (n_kept, n_joints)."""
-    first = np.maximum(decimation.kept - reach, 0)
-    last = np.minimum(decimation.kept + reach + 1, len(good))
+def _all_around(good: BoolArray, decimation: ParallelDecimation, distance: int) -> BoolArray:
+    """Whether every sample within `distance` of a decimated sample is good, (n_kept, n_joints)."""
+    first = np.maximum(decimation.kept - distance, 0)
+    last = np.minimum(decimation.kept + distance + 1, len(good))
     around = np.empty((len(decimation.kept), good.shape[1]), dtype=bool)
     for joint, samples in enumerate(good.T):
         bad = np.concatenate([[0], np.cumsum(~samples)])
