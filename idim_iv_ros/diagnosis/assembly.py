@@ -111,7 +111,9 @@ def assembled(found: Diagnosis) -> GapResult:
         *(sentences.capitalised(sentence) + "." for sentence in law.beyond),
     ]
     recordings = _recordings(data, found.agreement)
-    summary.insert(0, sentences.disagreement([each for each in recordings if not each.agrees]))
+    differing = [each for each in recordings if not each.agrees]
+    summary.insert(0, sentences.disagreement(differing))
+    summary.append(sentences.unexplained_disagreement(differing))
     named = {(cause.effect, cause.joint) for cause in causes}
     first, last = (found.tracked[0], found.tracked[-1]) if found.tracked else (None, None)
     speed = None if law.speed is None else law.speed.words

@@ -61,23 +61,32 @@ def structural_cause(
 
 def disagreement(differing: Sequence[RecordingAgreement]) -> str:
     """Which recordings the parameters of the others do not fit, and what differs; else empty."""
-    if not differing:
+    named = [each for each in differing if each.differences]
+    if not named:
         return ""
-    each = "; ".join(_difference(recording) for recording in differing)
+    each = "; ".join(_difference(recording) for recording in named)
     return (
         f"One set of parameters does not hold for all recordings: {each}. All other numbers are "
         "means over the recordings: diagnose those that agree by themselves."
     )
 
 
+def unexplained_disagreement(differing: Sequence[RecordingAgreement]) -> str:
+    """Recordings that parameters of their own predict better, without a parameter error."""
+    each = ", ".join(
+        f"{one.bag} ({100.0 * one.share_of_torque:.2g} % of the torque at {one.joint})"
+        for one in differing
+        if not one.differences
+    )
+    return each and (
+        f"Parameters of their own predict better: {each}. The model misses what only their motion "
+        "shows, or something changed between the recordings that is no parameter."
+    )
+
+
 def _difference(recording: RecordingAgreement) -> str:
     share = 100.0 * recording.share_of_torque
     text = f"{recording.bag} differs by {share:.2g} % of the torque at {recording.joint}"
-    if not recording.differences:
-        return text + (
-            " (no parameter error of the catalogue explains it: something else changed, or the "
-            "model misses what only this motion shows)"
-        )
     causes = ", ".join(
         f"{_spaced(one.effect)}{f' of {one.joint}' if one.joint else ''} "
         f"({_numbers(one.effect, one.parameters, settings.MOST_NUMBERS_IN_SENTENCE)})"

@@ -265,6 +265,10 @@ AGREEMENT_LEVEL = Setting(0.01, "",
     "probability of the F test, times the recordings, up to which they disagree", CONVENTION)
 AGREEMENT_LEAST_SHARE = Setting(0.01, "torque of the joint (rms)",
     "held-out torque that must differ at one joint: a long recording rejects every model", PHYSICS)
+AGREEMENT_LEAST_TAKEN = Setting(0.5, "residual with one set of parameters (rms)",
+    "what a recording's own parameters may leave of it for a difference to be named", CHOSEN)
+AGREEMENT_OVER_NOISE = Setting(2.0, "noise (innovations)",
+    "or what they may leave at most", CHOSEN)
 AGREEMENT_FOLDS = Count(5, "blocks", "blocks of a recording that are held out in turn", NUMERICAL)
 AGREEMENT_LEAST_FOLDS = Count(4, "blocks",
     "blocks that parameters of its own must predict better", CONVENTION)

@@ -53,7 +53,7 @@ def verdict_badge(verdict: str) -> tuple[str, str, str]:
 
 def diagnosis_headline(result: GapResult) -> tuple[str, str]:
     """Return how large the gap is and what causes it: two sentences, 30 words together."""
-    apart = [each for each in result.recordings if not each.agrees]
+    apart = [each for each in result.recordings if each.differences]
     if apart:
         return _disagreement(apart)
     worst = max(result.joint_gaps, key=lambda each: each.share, default=None)
@@ -71,12 +71,11 @@ def _disagreement(apart: Sequence[RecordingAgreement]) -> tuple[str, str]:
     """Which recordings are of another robot, as it were, and by what."""
     first = apart[0]
     more = f", {len(apart) - 1} more do too" if len(apart) > 1 else ""
-    by = [effect_at(each.effect, each.joint) for each in first.differences[:1]]
-    what = f"What differs: {by[0]}." if by else "What differs is inconclusive."
+    by = effect_at(first.differences[0].effect, first.differences[0].joint)
     return (
         f"The recordings disagree: {first.bag} differs by "
         f"{percent(100.0 * first.share_of_torque, 2)} of the torque at {first.joint}{more}.",
-        what,
+        f"What differs: {by}.",
     )
 
 
@@ -162,7 +161,7 @@ def identification_steps(report: Report[IdentificationResult]) -> list[Step]:
 def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
     """Return what to do after a diagnosis: at most two corrections, then what to record."""
     result = report.result
-    apart = [each.bag for each in result.recordings if not each.agrees]
+    apart = [each.bag for each in result.recordings if each.differences]
     if apart:
         return _steps_of_disagreement(result, apart, report.config)
     values = changed_values(result, report.nominal)

@@ -69,7 +69,7 @@ def test_a_diagnosis_ends_in_two_or_three_steps_the_last_one_a_recording(case: C
 
 
 @pytest.mark.parametrize("named", [False, True])
-def test_recordings_that_disagree_come_before_any_cause(named: bool) -> None:
+def test_recordings_that_differ_in_something_named_come_before_any_cause(named: bool) -> None:
     level = Difference("friction_level", "joint_2", {"change": EffectParameter(1.0, 0.1, "N m")})
     result = _arm6()
     apart = RecordingAgreement(
@@ -85,9 +85,12 @@ def test_recordings_that_disagree_come_before_any_cause(named: bool) -> None:
     )
     result = replace(result, bags=("a.mcap", "b.mcap", "odd.mcap"), recordings=(apart,))
     headline = diagnosis_headline(result)
+    if not named:
+        assert headline == diagnosis_headline(replace(result, recordings=()))
+        return
     assert headline[0].startswith("The recordings disagree: odd.mcap differs by 12")
     assert headline[0].endswith("of the torque at joint_2.")
-    assert ("friction level" in headline[1]) is named
+    assert "friction level" in headline[1]
     assert _words(headline) <= 30
     first, second = diagnosis_steps(Report(result, "arm6.yaml"))
     assert first.code.startswith("idim-iv diagnose a.mcap b.mcap --config arm6.yaml")

@@ -25,6 +25,7 @@ from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.signals import AutoregressiveModel
+from idim_iv_ros.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class RecordingDifference:
         Of the test, times the number of recordings it was chosen from (Bonferroni).
     causes : tuple of ParametricCause
         What differs from the other recordings, strongest first; empty where nothing of the
-        catalogue explains it.
+        catalogue explains it, or where no parameters make the model right.
     """
 
     recording: int
@@ -123,11 +124,15 @@ def agreement_beside(
         better = own.fit(fit.noise_models)
         noise_models = tuple(slow_noise(each) for each in better.noise_models)
         named = contrast(data, regression, replace(fit, noise_models=noise_models), {most})
-        causes = _causes(data, named, catalogue)
+        sigma = np.array([noise.sigma for noise in better.noise_models])
+        causes = _causes(data, named, catalogue) if _fits(tests[most], sigma) else ()
         found.append(RecordingDifference(most, tests[most], p_value, causes))
         others.remove(most)
         regression, fit = own, better
-    return Agreement(first, tuple(found))
+    # Where one differs in nothing that can be named the model misses something, which another
+    # recording's parameters imitate.
+    sure = all(each.causes for each in found)
+    return Agreement(first, tuple(each if sure else replace(each, causes=()) for each in found))
 
 
 def slow_noise(noise: AutoregressiveModel) -> AutoregressiveModel:
@@ -146,6 +151,20 @@ def _differs(test: OneSetTest, count: int) -> bool:
         count * test.p_value < settings.AGREEMENT_LEVEL
         and test.folds_positive >= settings.AGREEMENT_LEAST_FOLDS
         and float(test.shares.max()) >= settings.AGREEMENT_LEAST_SHARE
+    )
+
+
+def _fits(test: OneSetTest, sigma: FloatArray) -> bool:
+    """Whether parameters of its own make the model right where the recording differs most.
+
+    They take half of the residual there, or leave little but noise (n_joints,). Else the model
+    misses something, and parameters that imitate it differ from motion to motion.
+    """
+    joint = int(np.argmax(test.shares))
+    before, after = test.before[joint], test.after[joint]
+    return bool(
+        after <= settings.AGREEMENT_LEAST_TAKEN * before
+        or after <= settings.AGREEMENT_OVER_NOISE * sigma[joint]
     )
 
 
