@@ -1,15 +1,16 @@
 """What a simulated robot has beyond its configuration: a diagnosis, or effects written by hand."""
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Final, Literal
 
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.documents import Document
+from idim_iv_ros.files import read_text
 from idim_iv_ros.simulation import SimulatedEffect
 
 EFFECTS_FORMAT: Final = "idim_iv_ros/effects/1"
+_LARGEST = 50.0  # MB
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,9 @@ def read_effects(path: Path) -> ExtendedModel:
     UsageError
         The file cannot be read, or is neither.
     """
-    if _is_written_by_hand(path):
-        planted = EffectsFile.read(path)
+    text = read_text(path, "the diagnosis", megabytes=_LARGEST)
+    if EFFECTS_FORMAT in text:
+        planted = EffectsFile.from_json(text, str(path))
         effects = tuple(
             SimulatedEffect(
                 each.effect, each.joint, each.parameters, each.other_joint, f"{path}: effects.{k}"
@@ -70,7 +72,7 @@ def read_effects(path: Path) -> ExtendedModel:
             for k, each in enumerate(planted.effects)
         )
         return ExtendedModel(planted.base_parameters, effects, "base_parameters")
-    gap = GapResult.read(path)
+    gap = GapResult.from_json(text, str(path))
     causes = tuple(
         SimulatedEffect(
             effect=cause.effect,
@@ -83,12 +85,3 @@ def read_effects(path: Path) -> ExtendedModel:
     )
     parameters = {name: each.value for name, each in gap.extended_parameters.items()}
     return ExtendedModel(parameters, causes, "extended_parameters")
-
-
-def _is_written_by_hand(path: Path) -> bool:
-    """Whether the file claims to be one of effects; what cannot be read is left to the reader."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return False
-    return isinstance(content, dict) and content.get("format") == EFFECTS_FORMAT
