@@ -1,1 +1,1 @@
-"""Simulated robots that that are recorded like real ones."""
+"""Simulated robots that are recorded like real ones."""
