@@ -90,7 +90,8 @@ class Contrast:
         """Chow's F test of one parameter set for all."""
         whole = self.changes.refit()
         df = max(whole.rank, 1)
-        rows = self.changes.rows - self.free - whole.rank
+        # With no more rows than coefficients nothing is tested: the p-value is then near one.
+        rows = max(self.changes.rows - self.free - whole.rank, 1)
         rest = max(self.changes.energy - whole.statistic, 1e-300) / rows
         statistic = whole.statistic / df / rest
         sizes = _rms(
