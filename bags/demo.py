@@ -1,6 +1,7 @@
 """What `make demo` runs: identify the simulated arm and compare with what it really is."""
 
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -26,8 +27,10 @@ def demo(out: Annotated[Path, typer.Option(help="Folder for the report.")]) -> N
     )
     truth = json.loads((FOLDER / "arm6.truth.json").read_text(encoding="utf-8"))
     with shown_progress() as progress:
-        result = identify([FOLDER / "arm6.mcap"], load_configuration(CONFIG), progress=progress)
-        _, html = write_report(result, out)
+        # As a user at the project's root would name them: the page repeats it in its commands.
+        bag, config = (Path(os.path.relpath(path)) for path in (FOLDER / "arm6.mcap", CONFIG))
+        result = identify([bag], load_configuration(config), progress=progress)
+        _, html = write_report(result, out, config=config)
     print_parameters(console, result, truth)
     print_remarks(console, result)
     print_verdict(console, result)

@@ -161,10 +161,7 @@ def _recordings(data: Baseline, agreement: Agreement) -> tuple[RecordingAgreemen
             RecordingAgreement(
                 bag=part.bag,
                 agrees=difference is None,
-                statistic=test.statistic,
-                df=test.df,
-                df_denom=test.df_denominator,
-                p_value=test.p_value if difference is None else difference.p_value,
+                test=test.hypothesis,
                 joint=data.joints[joint],
                 share_of_torque=float(test.shares[joint]),
                 differences=tuple(

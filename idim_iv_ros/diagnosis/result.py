@@ -11,6 +11,7 @@ from idim_iv_ros.effects.cause import Family as Family
 from idim_iv_ros.effects.cause import Kind as Kind
 from idim_iv_ros.files import GAP_FORMAT
 from idim_iv_ros.recording import SessionPart
+from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.types import FloatArray
 
 Verdict = Literal["none", "parametric", "structural", "both", "unknown"]
@@ -393,10 +394,8 @@ class RecordingAgreement:
     ----------
     bag : str
     agrees : bool
-    statistic : float
-        F, of H0: one set of base parameters holds for it and the others.
-    df, df_denom : int
-    p_value : float
+    test : HypothesisTest
+        F test of H0: one set of base parameters holds for it and the others.
     joint : str
         Where it differs most.
     share_of_torque : float
@@ -407,10 +406,7 @@ class RecordingAgreement:
 
     bag: str
     agrees: bool
-    statistic: Number
-    df: int
-    df_denom: int
-    p_value: Number
+    test: HypothesisTest
     joint: str
     share_of_torque: Number
     differences: tuple[Difference, ...] = ()

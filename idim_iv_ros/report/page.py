@@ -15,7 +15,7 @@ from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report import gap_words, numerals
-from idim_iv_ros.report.section import R, Report, Section
+from idim_iv_ros.report.section import CONFIGURATION, R, Report, Section
 from idim_iv_ros.report.sections.causes import CAUSES
 from idim_iv_ros.report.sections.changes import CHANGES
 from idim_iv_ros.report.sections.glossary import GLOSSARY
@@ -62,7 +62,7 @@ DIAGNOSIS: tuple[Section[Any], ...] = (
 _METHODS = {"idim-iv": "IDIM-IV", "idim-ls": "IDIM-LS"}
 
 
-def report_html(result: IdentificationResult, config: str = "robot.yaml") -> str:
+def report_html(result: IdentificationResult, config: str = CONFIGURATION) -> str:
     """Return the report of an identification as one self-contained HTML document.
 
     A section that fails leaves its place with one line, and a `ReportWarning`.
@@ -84,7 +84,7 @@ def report_html(result: IdentificationResult, config: str = "robot.yaml") -> str
     )
 
 
-def gap_report_html(result: GapResult, config: str = "robot.yaml") -> str:
+def gap_report_html(result: GapResult, config: str = CONFIGURATION) -> str:
     """Return the report of a diagnosis as one self-contained HTML document.
 
     A section that fails leaves its place with one line, and a `ReportWarning`.

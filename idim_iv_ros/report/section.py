@@ -17,6 +17,9 @@ from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.nominal import Nominal, read_nominal
 from idim_iv_ros.report.time_axis import SessionAxis, session_axis_of
 
+# What a page calls the configuration where its file is not known.
+CONFIGURATION = "robot.yaml"
+
 Result = IdentificationResult | GapResult
 R = TypeVar("R", IdentificationResult, GapResult, Result)
 
@@ -33,7 +36,7 @@ class Report(Generic[R]):
     """
 
     result: R
-    config: str = "robot.yaml"
+    config: str = CONFIGURATION
 
     @property
     def numbers(self) -> str:

@@ -21,9 +21,8 @@ from idim_iv_ros.files import (
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.interruption import undone_if_interrupted
 from idim_iv_ros.report.page import gap_report_html, report_html
+from idim_iv_ros.report.section import CONFIGURATION
 
-# What a page calls the configuration where its file is not known.
-CONFIGURATION = "robot.yaml"
 _WRITTEN_BY = {RESULT: "identify", GAP: "diagnose"}
 
 

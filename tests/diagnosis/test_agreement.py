@@ -63,7 +63,7 @@ def test_recordings_of_one_robot_agree_whatever_the_nominal_model(data: Baseline
     for seed in range(20):
         found = judged(data, seed, {})
         assert not found.differences
-        p_values += [test.p_value for test in found.tests]
+        p_values += [test.hypothesis.p_value for test in found.tests]
     assert np.mean(np.array(p_values) < 0.1) == pytest.approx(0.1, abs=0.08)
 
 

@@ -3,8 +3,7 @@
     from arch.bootstrap import MCS
     MCS(losses(), size=0.05, reps=20000, block_size=1, method="max", bootstrap="mbb", seed=1)
 
-gives p = 1, 0.4836, 0.4836, 0.4836, 0, 0 for a like table of 24 blocks; ours differs by what the
-few blocks are allowed for (b / (b − 1)).
+gives p = 1, 0.4836, 0.4836, 0.4836, 0, 0. Ours allows for few blocks (b / (b − 1)) and is larger.
 """
 
 import numpy as np

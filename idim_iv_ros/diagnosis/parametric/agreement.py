@@ -14,7 +14,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.contrast import (
     Contrast,
     OneSetTest,
-    contrast,
+    PooledRows,
     with_own_parameters,
 )
 from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause, causes_of
@@ -37,8 +37,6 @@ class RecordingDifference:
     recording : int
         From 0, in the order of the session.
     test : OneSetTest
-    p_value : float
-        Of the test, times the number of recordings it was chosen from (Bonferroni).
     causes : tuple of ParametricCause
         What differs from the other recordings, strongest first; empty where nothing of the
         catalogue explains it, or where no parameters make the model right.
@@ -46,7 +44,6 @@ class RecordingDifference:
 
     recording: int
     test: OneSetTest
-    p_value: float
     causes: tuple[ParametricCause, ...]
 
 
@@ -113,20 +110,22 @@ def agreement_beside(
     first: tuple[OneSetTest, ...] = ()
     others = list(range(count))
     while len(others) > 1:
-        tests = {number: contrast(data, regression, fit, {number}).test() for number in others}
+        pooled = PooledRows(data, regression, fit)
+        alpha = settings.AGREEMENT_LEVEL / len(others)  # of all of them together (Bonferroni)
+        tests = {number: pooled.contrast({number}).test(alpha) for number in others}
         first = first or tuple(tests[number] for number in range(count))
-        differing = [number for number in others if _differs(tests[number], len(others))]
+        differing = [number for number in others if _differs(tests[number])]
         if not differing:
             break
         most = max(differing, key=lambda number: (_excess(tests[number]), number))
-        p_value = min(1.0, len(others) * tests[most].p_value)
         own = with_own_parameters(data, regression, {most})
         better = own.fit(fit.noise_models)
         noise_models = tuple(slow_noise(each) for each in better.noise_models)
-        named = contrast(data, regression, replace(fit, noise_models=noise_models), {most})
+        slow = PooledRows(data, regression, replace(fit, noise_models=noise_models))
         sigma = np.array([noise.sigma for noise in better.noise_models])
-        causes = _causes(data, named, catalogue) if _fits(tests[most], sigma) else ()
-        found.append(RecordingDifference(most, tests[most], p_value, causes))
+        fits = _fits(tests[most], sigma)
+        causes = _causes(data, slow.contrast({most}), catalogue) if fits else ()
+        found.append(RecordingDifference(most, tests[most], causes))
         others.remove(most)
         regression, fit = own, better
     # Where one differs in nothing that can be named the model misses something, which another
@@ -146,9 +145,9 @@ def slow_noise(noise: AutoregressiveModel) -> AutoregressiveModel:
     return AutoregressiveModel(np.zeros(0), noise.variance**2 / noise.innovation_variance)
 
 
-def _differs(test: OneSetTest, count: int) -> bool:
+def _differs(test: OneSetTest) -> bool:
     return (
-        count * test.p_value < settings.AGREEMENT_LEVEL
+        test.hypothesis.accepted is False
         and test.folds_positive >= settings.AGREEMENT_LEAST_FOLDS
         and float(test.shares.max()) >= settings.AGREEMENT_LEAST_SHARE
     )
@@ -170,7 +169,8 @@ def _fits(test: OneSetTest, sigma: FloatArray) -> bool:
 
 def _excess(test: OneSetTest) -> float:
     """Energy beyond what one set leaves by chance; rounded, since two of two are the same test."""
-    return round((test.statistic - 1.0) * test.df, 3)
+    hypothesis = test.hypothesis
+    return round(((hypothesis.statistic or 0.0) - 1.0) * (hypothesis.df or 0), 3)
 
 
 def _causes(
@@ -178,5 +178,4 @@ def _causes(
 ) -> tuple[ParametricCause, ...]:
     refit = apart.changes.refit()
     kept = smallest_set(apart.changes, refit, catalogue)
-    causes = causes_of(data.joints, apart.changes, kept, catalogue)
-    return tuple(each for each in causes if np.isfinite(each.statistic))
+    return causes_of(data.joints, apart.changes, kept, catalogue)

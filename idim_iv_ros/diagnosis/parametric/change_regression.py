@@ -201,15 +201,39 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
         columns.append(unit)
         effects.append(structural)
         residuals.append(residual)
-    factor, moved = beside(np.vstack(whitened), regression.total - b)
+    torques = [rows.torque for rows in regression.joints]
+    return reduced(space, whitened, columns, residuals, torques, effects, still)
+
+
+def reduced(
+    space: ParameterSpace,
+    whitened: Sequence[FloatArray],
+    columns: Sequence[FloatArray],
+    residuals: Sequence[FloatArray],
+    torques: Sequence[FloatArray],
+    free: Sequence[FloatArray],
+    still: frozenset[int],
+) -> ChangeRegression:
+    """Reduce rows to those of changes beside columns whose coefficients are free.
+
+    Parameters
+    ----------
+    whitened : one (r_j, a + d + 1) array for each joint
+        Free columns, unit changes and the residual, whitened.
+    columns, residuals, torques, free
+        (r_j, d), (r_j,), (r_j,) and (r_j, a), not whitened, N m (N).
+    still
+        Joints that move too little.
+    """
+    factor, moved = _beside(np.vstack(whitened), free[0].shape[1])
     return ChangeRegression(
         space,
         factor[:, :-1],
         factor[:, -1],
         tuple(columns),
         tuple(residuals),
-        tuple(rows.torque for rows in regression.joints),
-        Accepted(tuple(effects), moved[:, -1], moved[:, :-1]),
+        tuple(torques),
+        Accepted(tuple(free), moved[:, -1], moved[:, :-1]),
         still,
     )
 
@@ -249,7 +273,7 @@ def level_axes(gravity: FloatArray) -> FloatArray:
     return np.array([first, second if second[max(kept)] > 0.0 else -second])
 
 
-def beside(rows: FloatArray, added: int) -> tuple[FloatArray, FloatArray]:
+def _beside(rows: FloatArray, added: int) -> tuple[FloatArray, FloatArray]:
     """R factor of the rows less what the first `added` columns explain, and their coefficients.
 
     Returns

@@ -11,34 +11,33 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.change_regression import (
-    Accepted,
     ChangeRegression,
-    beside,
     change_rows,
     level_axes,
+    reduced,
     still_joints,
 )
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.parametric_effect import ParameterSpace
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor
+from idim_iv_ros.statistics.hypothesis import HypothesisTest, f_test
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
+
+_NULL = "one set of base parameters holds for this recording and the others"
 
 
 @dataclass(frozen=True)
 class OneSetTest:
-    """H0: one set of base parameters holds for the second recordings and the others.
+    """Whether one set of base parameters holds for the second recordings and the others.
 
     Attributes
     ----------
-    statistic : float
-        F.
-    df, df_denominator : int
-    p_value : float
+    hypothesis : HypothesisTest
+        Chow's F test.
     before, after : (n_joints,)
         RMS of the residual with one set, and with two, in the second recordings, N m (N): in
         blocks of time that neither was fitted to. A model that misses something fits each
@@ -49,10 +48,7 @@ class OneSetTest:
         RMS of the recorded torque there, N m (N).
     """
 
-    statistic: float
-    df: int
-    df_denominator: int
-    p_value: float
+    hypothesis: HypothesisTest
     before: FloatArray
     after: FloatArray
     folds_positive: int
@@ -74,69 +70,77 @@ class Contrast:
         Zero outside the second recordings; the common parameters are among its accepted columns.
     inside : tuple of (r_j,) bool
         Rows of the second recordings.
-    free : int
-        How many common coefficients are free.
-    whitened : tuple of (r_j, free + b + 1)
+    whitened : tuple of (r_j, a + b + 1)
         Whitened rows of each joint: free columns, base parameters of the second recordings alone,
         and the residual.
     """
 
     changes: ChangeRegression
     inside: tuple[BoolArray, ...]
-    free: int
     whitened: tuple[FloatArray, ...]
 
-    def test(self) -> OneSetTest:
-        """Chow's F test of one parameter set for all."""
-        whole = self.changes.refit()
-        df = max(whole.rank, 1)
-        # With no more rows than coefficients nothing is tested: the p-value is then near one.
-        rows = max(self.changes.rows - self.free - whole.rank, 1)
-        rest = max(self.changes.energy - whole.statistic, 1e-300) / rows
-        statistic = whole.statistic / df / rest
+    def test(self, alpha: float) -> OneSetTest:
+        """Test one parameter set for all at the level `alpha`."""
+        changes = self.changes
+        whole = changes.refit()
+        left = changes.rows - self._free - whole.rank
+        hypothesis = HypothesisTest.not_run(_NULL, "all", "too few rows", alpha)
+        if left > 0 and whole.rank > 0:
+            hypothesis = f_test(
+                _NULL,
+                "all",
+                explained=whole.statistic,
+                df=whole.rank,
+                unexplained=max(changes.energy - whole.statistic, 1e-300),
+                df_denom=left,
+                alpha=alpha,
+            )
         sizes = _rms(
-            [torque[each] for torque, each in zip(self.changes.torques, self.inside, strict=True)]
+            [torque[each] for torque, each in zip(changes.torques, self.inside, strict=True)]
         )
-        p_value = float(stats.f.sf(statistic, df, rows))
         before, after, positive = self._held_out()
-        return OneSetTest(statistic, df, rows, p_value, before, after, positive, sizes)
+        return OneSetTest(hypothesis, before, after, positive, sizes)
+
+    @property
+    def _free(self) -> int:
+        """How many common coefficients are free."""
+        return int(self.changes.accepted.columns[0].shape[1])
 
     def _held_out(self) -> tuple[FloatArray, FloatArray, int]:
         """RMS in blocks of the second recordings that were not fitted, with one set and two."""
-        folds = [
-            np.array_split(np.flatnonzero(inside), settings.AGREEMENT_FOLDS)
-            for inside in self.inside
-        ]
+        count = settings.AGREEMENT_FOLDS
+        folds = [np.array_split(np.flatnonzero(inside), count) for inside in self.inside]
         errors: tuple[list[list[FloatArray]], ...] = ([], [])
         positive = 0
-        for number in range(settings.AGREEMENT_FOLDS):
+        for fold in zip(*folds, strict=True):
             kept = [
-                np.delete(rows, fold[number], axis=0)
-                for rows, fold in zip(self.whitened, folds, strict=True)
+                np.delete(rows, out, axis=0) for rows, out in zip(self.whitened, fold, strict=True)
             ]
             factor = r_factor(np.vstack(kept))
             scores = []
-            for kind, width in enumerate((self.free, factor.shape[1] - 1)):
+            for kind, width in enumerate((self._free, factor.shape[1] - 1)):
                 basis = independent_basis(factor[:, :width], tolerance=NOT_SHOWN)
                 solution = basis.solve(factor[:, -1], width)
-                parts, score = [], 0.0
-                for joint, rows in enumerate(self.whitened):
-                    fold = folds[joint][number]
-                    score += float(np.sum((rows[fold, -1] - rows[fold, :width] @ solution) ** 2))
-                    parts.append(self._error(joint, fold, solution))
-                errors[kind].append(parts)
-                scores.append(score)
+                scores.append(
+                    sum(
+                        float(np.sum((rows[out, -1] - rows[out, :width] @ solution) ** 2))
+                        for rows, out in zip(self.whitened, fold, strict=True)
+                    )
+                )
+                errors[kind].append(
+                    [self._error(joint, out, solution) for joint, out in enumerate(fold)]
+                )
             positive += scores[1] < scores[0]
-        rms = [
+        before, after = (
             _rms([np.concatenate(parts) for parts in zip(*each, strict=True)]) for each in errors
-        ]
-        return rms[0], rms[1], positive
+        )
+        return before, after, positive
 
-    def _error(self, joint: int, fold: IntArray, solution: FloatArray) -> FloatArray:
+    def _error(self, joint: int, rows: IntArray, solution: FloatArray) -> FloatArray:
         """Residual of some rows of a joint with these coefficients, N m (N), not whitened."""
         changes = self.changes
-        columns = np.hstack([changes.accepted.columns[joint][fold], changes.columns[joint][fold]])
-        return np.asarray(changes.residuals[joint][fold] - columns[:, : len(solution)] @ solution)
+        columns = np.hstack([changes.accepted.columns[joint][rows], changes.columns[joint][rows]])
+        return np.asarray(changes.residuals[joint][rows] - columns[:, : len(solution)] @ solution)
 
 
 def _rms(parts: Sequence[FloatArray]) -> FloatArray:
@@ -144,13 +148,11 @@ def _rms(parts: Sequence[FloatArray]) -> FloatArray:
     return np.maximum(rms, 1e-300)
 
 
-def contrast(
-    data: Baseline,
-    regression: Regression,
-    fit: Fit,
-    second: Collection[int],
-) -> Contrast:
-    """Regress what one parameter set leaves on changes in the second recordings alone.
+class PooledRows:
+    """Rows of all recordings with one parameter set, from which contrasts are made.
+
+    They are whitened once: filters end with each recording, so that rows of one recording may be
+    taken out afterwards.
 
     Parameters
     ----------
@@ -158,40 +160,47 @@ def contrast(
         With the accepted structural effects as added columns.
     fit
         Of that regression: its noise whitens, and its parameters are those that a gain scales.
-    second
-        Numbers of the recordings, from 0.
     """
-    model = data.prepared.model
-    axes = level_axes(np.asarray(model.robot.pinocchio.gravity.linear))
-    space = ParameterSpace(model, fit.values, axes, difference=True)
-    b, total = regression.parameters, regression.total
-    columns, common, residuals, whitened, inside = [], [], [], [], []
-    units = change_rows(data, regression, space)
-    for joint, (rows, unit) in enumerate(zip(regression.joints, units, strict=True)):
-        inside.append(np.isin(data.recordings[joint], list(second)))
-        unit[~inside[-1]] = 0.0
-        extended = regression.extended[joint]
-        free = np.zeros((len(rows), total))
-        free[:, extended.columns] = extended.matrix
-        residual = rows.torque - free[:, :b] @ fit.values
-        table = np.column_stack([free, unit, residual])
-        whitened.append(fit.noise_models[joint].standardized(table, rows.segments))
-        columns.append(unit)
-        common.append(free)
-        residuals.append(residual)
-    factor, moved = beside(np.vstack(whitened), total)
-    kept = [*range(total + b), total + space.size]
-    changes = ChangeRegression(
-        space,
-        factor[:, :-1],
-        factor[:, -1],
-        tuple(columns),
-        tuple(residuals),
-        tuple(rows.torque for rows in regression.joints),
-        Accepted(tuple(common), moved[:, -1], moved[:, :-1]),
-        still_joints(data),
-    )
-    return Contrast(changes, tuple(inside), total, tuple(rows[:, kept] for rows in whitened))
+
+    def __init__(self, data: Baseline, regression: Regression, fit: Fit) -> None:
+        model = data.prepared.model
+        axes = level_axes(np.asarray(model.robot.pinocchio.gravity.linear))
+        self._recordings = data.recordings
+        self._still = still_joints(data)
+        self._space = ParameterSpace(model, fit.values, axes, difference=True)
+        self._torques = [rows.torque for rows in regression.joints]
+        self._residuals = [rows.residual(fit.values) for rows in regression.joints]
+        self._units = change_rows(data, regression, self._space)
+        self._free = []
+        self._whitened = []
+        for joint, rows in enumerate(regression.extended):
+            free = np.zeros((len(rows), regression.total))
+            free[:, rows.columns] = rows.matrix
+            table = np.column_stack([free, self._units[joint], self._residuals[joint]])
+            self._free.append(free)
+            self._whitened.append(fit.noise_models[joint].standardized(table, rows.segments))
+
+    def contrast(self, second: Collection[int]) -> Contrast:
+        """Regress what one parameter set leaves on changes in the second recordings alone.
+
+        Parameters
+        ----------
+        second
+            Numbers of the recordings, from 0.
+        """
+        space, free = self._space, self._free[0].shape[1]
+        inside = tuple(np.isin(each, list(second)) for each in self._recordings)
+        columns, whitened = [], []
+        for own, unit, table in zip(inside, self._units, self._whitened, strict=True):
+            columns.append(np.where(own[:, None], unit, 0.0))
+            rows = table.copy()
+            rows[~own, free : free + space.size] = 0.0
+            whitened.append(rows)
+        changes = reduced(
+            space, whitened, columns, self._residuals, self._torques, self._free, self._still
+        )
+        kept = [*range(free + len(space.given)), free + space.size]
+        return Contrast(changes, inside, tuple(rows[:, kept] for rows in whitened))
 
 
 def with_own_parameters(
