@@ -18,6 +18,11 @@ def imported(path: Path) -> set[str]:
     tree = ast.parse(path.read_text(encoding="utf-8"))
     names = [n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and n.module]
     names += [a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: imports are absolute"
+            if node.module == "idim_iv_ros":
+                names += [f"idim_iv_ros.{each.name}" for each in node.names]
     return {name.split(".")[1] for name in names if name.startswith("idim_iv_ros.")}
 
 

@@ -148,7 +148,7 @@ def assemble_result(
         ),
         controller=() if sources is None else sources.controller,
         fitted_gains=() if sources is None else _fitted_gains(sources, configuration),
-        refined=_refined(refined, parameters) if autocorrelated else None,
+        refined=refined_result(refined, parameters) if autocorrelated else None,
         series=_series(prepared, rows, linear),
         doubts=prepared.doubts,
     )
@@ -206,7 +206,8 @@ def _essential_values(estimates: Estimates, kept: NDArray[np.int64]) -> FloatArr
     return solve_instrumental_variables(rows, len(kept), estimates.linear.sigma).values
 
 
-def _refined(refined: RefinedIdimIv, parameters: Sequence[ParameterEstimate]) -> Refined:
+def refined_result(refined: RefinedIdimIv, parameters: Sequence[ParameterEstimate]) -> Refined:
+    """Refined estimates, and which of the unrefined ones whitening moves beyond noise."""
     std = np.sqrt(np.diag(refined.covariance))
     estimates = tuple(
         RefinedEstimate(
@@ -222,11 +223,11 @@ def _refined(refined: RefinedIdimIv, parameters: Sequence[ParameterEstimate]) ->
         for each, value, deviation in zip(parameters, refined.values, std, strict=True)
     )
     return Refined(
-        tuple(model.order for model in refined.models), estimates, moved(parameters, estimates)
+        tuple(model.order for model in refined.models), estimates, _moved(parameters, estimates)
     )
 
 
-def moved(
+def _moved(
     parameters: Sequence[ParameterEstimate], refined: Sequence[RefinedEstimate]
 ) -> tuple[str, ...]:
     """Essential parameters that whitening moves further than noise does (a specification test)."""

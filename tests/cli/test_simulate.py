@@ -141,7 +141,7 @@ def test_effects_that_were_written_by_hand_are_simulated(run, tmp_path: Path) ->
         ({"base_parameters": {"ZZ9": 1.0}}, "base_parameters.ZZ9"),
         ({"effects": [{"effect": "rope", "joint": "joint_1"}]}, "rope"),
         ({"effects": [{"effect": "stribeck", "joint": "joint_1", "size": 1.0}]}, "size"),
-        ({"effects": 3}, "effects"),
+        ({"effects": 3}, "soft.json: effects: "),
     ],
 )
 def test_a_wrong_file_of_effects_is_refused_in_one_line(

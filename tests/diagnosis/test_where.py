@@ -12,7 +12,7 @@ from idim_iv_ros.diagnosis.localisation.residual_split import (
     since_reversal,
     split,
 )
-from idim_iv_ros.diagnosis.localisation.where import Finding, joined, lifts, regimes_of
+from idim_iv_ros.diagnosis.localisation.where import Finding, ends_of, joined, lifts, regimes_of
 from idim_iv_ros.diagnosis.refit.noise_floor import difference_energy, find_repeats
 from idim_iv_ros.diagnosis.result import Regime
 from idim_iv_ros.diagnosis.sentences import finding
@@ -63,10 +63,26 @@ def test_energy_in_one_bin_is_found_there() -> None:
     assert found[0].low == 0.0
     best = joined(found)
     assert best is not None
-    sentence = finding(Finding(best, True, False, False, 0.0), ())
+    sentence = finding(Finding(best, *ends_of(best, parts.edges), False, 0.0), ())
     assert sentence.startswith("joint_2, below 0.1 rad/s: ")
     assert " % of the gap in 10 % of the samples" in sentence
     assert energy.sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [(0.0, 0.1, "below 0.1"), (0.9, 1.0, "above 0.9"), (0.4, 0.5, "between 0.4 and 0.5")],
+)
+def test_an_end_of_the_axis_is_left_out_of_the_words(low: float, high: float, words: str) -> None:
+    random = np.random.default_rng(6)
+    speed = random.uniform(0.0, 1.0, 4000)
+    residual = random.standard_normal(4000) * np.where((speed > low) & (speed < high), 3.0, 1.0)
+    axis = Axis("speed", speed, np.linspace(0.0, 1.0, 11))
+    parts = split(axis, residual, np.arange(4000) // 100)
+    best = joined(regimes_of("joint_2", parts, "rad/s"))
+    assert best is not None
+    sentence = finding(Finding(best, *ends_of(best, parts.edges), False, 0.0), ())
+    assert sentence.startswith(f"joint_2, {words} rad/s: ")
 
 
 def test_lift_of_noise_excludes_one_about_as_often_as_it_says() -> None:
@@ -156,7 +172,7 @@ def test_a_stretch_of_time_lies_in_recordings_that_are_named(recordings: int) ->
     parted = split(axis, residual, time_blocks(which, np.tile(np.arange(rows), recordings), 100.0))
     best = joined(regimes_of("joint_2", parted, "s"))
     assert best is not None
-    sentence = finding(Finding(best, False, True, False, 0.0), parts)
+    sentence = finding(Finding(best, *ends_of(best, parted.edges), False, 0.0), parts)
     assert f"s of run{recordings - 1}.mcap: " in sentence
     assert "session" not in sentence
     if recordings < 4:

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import IdimError
 from idim_iv_ros.excitation import read_trajectory
 from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.files import read_text
 from idim_iv_ros.report import numerals
+from idim_iv_ros.simulators.effects_file import read_effects
 from tests.gap_files import gap_content
 
 _ANY = st.one_of(st.none(), st.floats())
@@ -73,7 +73,12 @@ def test_any_json_is_a_diagnosis_or_one_line(causes, parameters, value, tmp_path
         ),
     ):
         path.write_text(json.dumps({**gap_content(), **document}))
-        _refused_or_read(GapResult.read, path)
+        _refused_or_read(read_effects, path)
+    by_hand = {"base_parameters": parameters, "effects": causes}
+    one = {"effects": [{"effect": "stribeck", "joint": causes, "parameters": {"level": value}}]}
+    for document in (by_hand, one):
+        path.write_text(json.dumps({"format": "idim_iv_ros/effects/1", **document}))
+        _refused_or_read(read_effects, path)
 
 
 @_SAME

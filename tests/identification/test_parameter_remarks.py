@@ -10,7 +10,8 @@ from rich.console import Console
 
 from bags.simulated_arms import arm6
 from idim_iv_ros.cli.identify import print_next, print_parameters, print_remarks, print_verdict
-from idim_iv_ros.identification.assembly import moved
+from idim_iv_ros.estimation.refined import RefinedIdimIv
+from idim_iv_ros.identification.assembly import refined_result
 from idim_iv_ros.identification.result import IMPOSSIBLE, NOT_SIGNIFICANT, IdentificationResult
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.report import report_html
@@ -120,8 +121,14 @@ def test_an_essential_parameter_that_whitening_moves_beyond_noise_is_named(
     first, *others = result.refined.parameters
     own = replace(result.parameters[0], essential=essential)
     far = replace(first, value=own.value + deviations * float(np.hypot(own.std, first.std)))
-    named = moved((own, *result.parameters[1:]), (far, *others))
-    assert named == ((own.name,) if essential and deviations > 3.0 else ())
+    estimates = (far, *others)
+    refined = RefinedIdimIv(
+        np.array([each.value for each in estimates]),
+        np.diag([each.std**2 for each in estimates]),
+        (),
+    )
+    made = refined_result(refined, (own, *result.parameters[1:]))
+    assert made.moved == ((own.name,) if essential and deviations > 3.0 else ())
 
 
 def test_the_relative_error_of_each_joint_is_printed_and_saved() -> None:

@@ -207,8 +207,6 @@ def test_a_joint_named_like_a_script_does_not_break_the_picture(case: Case) -> N
 
 def test_a_picture_is_known_as_one_of_this_program(tmp_path: Path) -> None:
     for suffix in ("svg", "png"):
-        if suffix == "png":
-            pytest.importorskip("resvg_py")
         path = tmp_path / f"gap.{suffix}"
         write_picture(_arm6(), path)
         assert is_own(path)
@@ -220,7 +218,6 @@ def test_a_picture_is_known_as_one_of_this_program(tmp_path: Path) -> None:
 
 
 def test_a_png_is_a_whole_png(tmp_path: Path) -> None:
-    pytest.importorskip("resvg_py")
     content = write_picture(_arm6(), tmp_path / "gap.png").read_bytes()
     assert content.startswith(b"\x89PNG\r\n\x1a\n")
     assert content.endswith(b"IEND\xaeB`\x82")

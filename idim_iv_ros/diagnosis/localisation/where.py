@@ -226,9 +226,14 @@ def _regimes(
             # Most of what moves slowly is slow: no finding.
             if best is None or (parts.name == "frequency" and best.low <= 0.0):
                 continue
-            first, last = best.low <= parts.edges[0], best.high >= parts.edges[-1]
             excess = (best.energy_share - best.occupancy) * gaps[joint].share
-            findings.append(Finding(best, first, last, after_refit, excess))
+            ends = ends_of(best, parts.edges)
+            findings.append(Finding(best, *ends, after_refit, excess))
     regimes.sort(key=lambda regime: -regime.lift)
     findings.sort(key=lambda each: -each.excess)
     return tuple(regimes), findings
+
+
+def ends_of(regime: Regime, edges: FloatArray) -> tuple[bool, bool]:
+    """Whether a regime begins, and ends, where the axis with these edges does."""
+    return bool(regime.low <= edges[0]), bool(regime.high >= edges[-1])
