@@ -7,8 +7,7 @@ from pydantic import Field
 
 from idim_iv_ros.documents import Document, HighEnd, LowEnd, Number, Unsaved
 from idim_iv_ros.effects.cause import EffectParameter as EffectParameter
-from idim_iv_ros.effects.cause import Family as Family
-from idim_iv_ros.effects.cause import Kind as Kind
+from idim_iv_ros.effects.cause import Family, Kind
 from idim_iv_ros.files import GAP_FORMAT
 from idim_iv_ros.recording import SessionPart
 from idim_iv_ros.statistics.hypothesis import HypothesisTest

@@ -1,4 +1,4 @@
-"""The motion on which an effect's columns are computed, and what recordings cover of it."""
+"""The motion on which an effect's columns are computed."""
 
 from typing import Protocol
 

@@ -97,8 +97,8 @@ class Presliding(StructuralEffect[BristleShape]):
     laws = (_LAW,)
 
     def grid(self, place: Place, covered: OperatingRange) -> list[BristleShape]:
-        """Spans from 0.1 mrad (10 µm) to a tenth of the range."""
-        span = float(covered.high[place.joint] - covered.low[place.joint])
+        """Spans from 0.1 mrad (10 µm) to 0.15 of the range."""
+        span = covered.span(place.joint)
         if span <= 0.0:
             return []
         least = 1e-4 * float(covered.lever[place.joint])

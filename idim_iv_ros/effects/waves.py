@@ -52,7 +52,7 @@ def wave_grid(place: Place, covered: OperatingRange, periods: float) -> list[Wav
 
     The finest is what the slowest motion that counts shows below the rows' Nyquist frequency.
     """
-    span = float(covered.high[place.joint] - covered.low[place.joint])
+    span = covered.span(place.joint)
     if span <= 0.0:
         return []
     low = periods * 2.0 * np.pi / span

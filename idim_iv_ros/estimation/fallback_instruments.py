@@ -5,7 +5,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from idim_iv_ros.estimation.instruments import Instruments, differentiated
+from idim_iv_ros.estimation.instruments import Instruments
 from idim_iv_ros.estimation.observation import instrument_rows
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Motion, zero_phase_butterworth
@@ -79,7 +79,7 @@ class FilteredReference:
     def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
         """Differentiate the filtered references."""
         states = tuple(
-            partial(differentiated, found.position, motion)
+            partial(motion.derivatives_of, found.position)
             for found, motion in zip(self.filters, self.motions, strict=True)
         )
         return Instruments(instrument_rows(self.model, self.motions, states), states)
@@ -125,5 +125,5 @@ class SmoothedMeasurement:
             smooth = zero_phase_butterworth(
                 motion.position, rate=motion.signals.rate, cutoff=self.cutoff, order=4
             )
-            states.append(partial(differentiated, smooth, motion))
+            states.append(partial(motion.derivatives_of, smooth))
         return Instruments(instrument_rows(self.model, self.motions, states), tuple(states))

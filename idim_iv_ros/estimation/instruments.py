@@ -1,7 +1,7 @@
 """Where the instruments come from: a simulated closed loop, or what replaces it.
 
 Equation 8 asks for a simulation with the same references and the same control law. Where the
-references or the law are missing, the fallbacks here say what they are and what they cost.
+references or the law are missing, `fallback_instruments` says what takes their place at what cost.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +13,7 @@ import numpy as np
 
 from idim_iv_ros.estimation.observation import States, instrument_rows
 from idim_iv_ros.model import InverseModel
-from idim_iv_ros.signals import Motion, central_differences
+from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, joint_inertia
 from idim_iv_ros.simulation.replay import replay
 from idim_iv_ros.types import FloatArray
@@ -119,7 +119,7 @@ class SimulatedLoop:
         """
         scale = self._gain_scale(values, reference_values)
         states = tuple(
-            partial(differentiated, position, motion)
+            partial(motion.derivatives_of, position)
             for position, motion in zip(self._positions(values, scale), self.motions, strict=True)
         )
         note = ""
@@ -187,7 +187,7 @@ class SimulatedLoop:
         parts = []
         for position, motion in zip(self._positions(values, scale), self.motions, strict=True):
             samples = motion.span.stop - motion.span.start
-            states = differentiated(position, motion, 0, samples)
+            states = motion.derivatives_of(position, 0, samples)
             torque = inverse_dynamics(self.model.robot, parameters, *states)
             decimated = motion.decimation.whole(torque)
             parts.append([decimated[kept, j] for j, kept in enumerate(motion.kept.T)])
@@ -213,20 +213,9 @@ class SimulatedLoop:
         return joint_inertia(self.model.robot, self.model.dynamic_parameters(values), sample)
 
     def _gain_scale(self, values: FloatArray, reference_values: FloatArray) -> FloatArray:
-        """J_j(values) / J_j(robot), 1 where they are close (methods: gain update)."""
+        """J_j(values) / J_j(robot), 1 where they are close."""
         simulated = self._joint_inertia(values)
         actual = self._joint_inertia(reference_values)
         usable = (simulated > 0.0) & (actual > 0.0)
         ratio = np.where(usable, simulated / np.where(usable, actual, 1.0), 1.0)
         return np.where(np.abs(ratio - 1.0) > _SAME_INERTIA, ratio, 1.0)
-
-
-def differentiated(
-    position: FloatArray, motion: Motion, first: int, last: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """q, dq, ddq of samples `first` … `last` of the span, from positions of the whole record."""
-    start = motion.span.start
-    velocity, acceleration = central_differences(
-        position, rate=motion.signals.rate, start=start + first, stop=start + last
-    )
-    return position[start + first : start + last], velocity, acceleration

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -22,23 +21,12 @@ _THREADS = 2
 States = Callable[[int, int], tuple[FloatArray, FloatArray, FloatArray]]
 
 
-@dataclass(frozen=True)
-class RowBlock:
-    """Rows of one chunk of one motion.
+def row_blocks(
+    model: InverseModel, motion: Motion, states: States
+) -> Iterator[tuple[FloatArray, ...]]:
+    """Decimated rows that count, (r_j, c_j) for each joint, chunk by chunk.
 
-    Attributes
-    ----------
-    kept : (k, n_joints) bool
-        Which of its decimated samples count for each joint.
-    matrices : one (r_j, c_j) array for each joint
-    """
-
-    kept: BoolArray
-    matrices: tuple[FloatArray, ...]
-
-
-def row_blocks(model: InverseModel, motion: Motion, states: States) -> Iterator[RowBlock]:
-    """Decimated regressor rows chunk by chunk; the full-rate regressor is never held whole.
+    The full-rate regressor is never held whole.
 
     Parameters
     ----------
@@ -53,7 +41,7 @@ def row_blocks(model: InverseModel, motion: Motion, states: States) -> Iterator[
         with ThreadPoolExecutor(_THREADS) as pool:  # the filter frees the lock
             decimated = list(pool.map(decimate, full))
         rows = zip(decimated, kept.T, strict=True)
-        yield RowBlock(kept, tuple(matrix[counts] for matrix, counts in rows))
+        yield tuple(matrix[counts] for matrix, counts in rows)
         done += len(chunk.kept)
 
 
@@ -94,7 +82,7 @@ def streamed_rows(model: InverseModel, motions: Sequence[Motion]) -> tuple[Joint
         torques = torque_rows(motion)
         done = [0] * len(columns)
         for block in row_blocks(model, motion, motion.derivatives):
-            for joint, matrix in enumerate(block.matrices):
+            for joint, matrix in enumerate(block):
                 torque = torques[joint][done[joint] : done[joint] + len(matrix)]
                 rows = np.column_stack([matrix, torque])
                 factors[joint] = streamed_r_factor((factors[joint], rows), rows.shape[1])
@@ -131,7 +119,7 @@ def instrument_rows(
     done = [0] * len(counts)
     for motion, simulated in zip(motions, states, strict=True):
         for block in row_blocks(model, motion, simulated):
-            for joint, part in enumerate(block.matrices):
+            for joint, part in enumerate(block):
                 matrices[joint][done[joint] : done[joint] + len(part)] = part
                 done[joint] += len(part)
     return matrices

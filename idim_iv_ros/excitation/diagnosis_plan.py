@@ -103,7 +103,7 @@ class DiagnosisPlanner:
 
     def _room(self, centre: FloatArray) -> FloatArray:
         """Distance (n_joints,) from a posture to the nearer position limit, with margin."""
-        inner = 0.995 * self.limits.margin * self.limits.half_range
+        inner = _INSIDE * self.limits.margin * self.limits.half_range
         return np.asarray(inner - np.abs(centre - self.limits.middle))
 
     def _ramp(self, speed: FloatArray) -> float:
@@ -142,7 +142,7 @@ class DiagnosisPlanner:
             yield self._fit(make)
 
     def _sweep(self, name: str, pattern: FloatArray, size: float, seconds: float) -> SegmentPlan:
-        inner = 0.995 * self.limits.margin * self.limits.half_range
+        inner = _INSIDE * self.limits.margin * self.limits.half_range
         low = size * (self.limits.middle - pattern * inner - self.posture)
         high = size * (self.limits.middle + pattern * inner - self.posture)
         ramp = self._ramp(self.limits.velocity)
@@ -164,7 +164,7 @@ class DiagnosisPlanner:
         for place, pattern in ((1, self._pattern(False)), (2, self._pattern(True))):
             centre = self.posture + (shift if place == 2 else 0.0)
             room = self._room(centre)
-            speed = 0.995 * self.limits.margin * self.limits.velocity
+            speed = _INSIDE * self.limits.margin * self.limits.velocity
             shortest = _SHORTEST_PLATEAU + self._ramp(speed)
             # Where the range is too short for a plateau at full speed, slower.
             speed = pattern * np.minimum(speed, 2.0 * room / shortest)

@@ -48,7 +48,7 @@ class JointSignals:
 
 
 def joint_side(recording: Recording, configuration: Configuration) -> JointSignals:
-    """Apply effort scale, transmission and position offsets (design: Configuration).
+    """Apply effort scale, transmission and position offsets.
 
     With a motor-to-joint matrix R all recorded signals are on the motor side: q = R⁻¹ q_motor and
     τ = Rᵀ τ_motor (or `motor_to_joint_torque` · τ_motor).

@@ -57,11 +57,17 @@ class Motion:
 
     def derivatives(self, first: int, last: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """q, dq, ddq of samples `first` … `last` of the span, each (last - first, n_joints)."""
+        return self.derivatives_of(self.position, first, last)
+
+    def derivatives_of(
+        self, position: FloatArray, first: int, last: int
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the same of other positions (n_samples, n_joints) of the whole record."""
         start = self.span.start
         velocity, acceleration = central_differences(
-            self.position, rate=self.signals.rate, start=start + first, stop=start + last
+            position, rate=self.signals.rate, start=start + first, stop=start + last
         )
-        return self.position[start + first : start + last], velocity, acceleration
+        return position[start + first : start + last], velocity, acceleration
 
     def filtered(self, position: FloatArray) -> FloatArray:
         """Another position record (n_samples, n_joints) through the same filter."""
@@ -261,8 +267,8 @@ def _motion(
     fast = _fast_samples(position[span], record.rate, minimum_speed, couplings)
     margin = processing.reversal_margin
     distance = round((REVERSAL_MARGIN if margin is None else margin) * factor)
-    fast = _all_around(fast, decimation, distance)
-    measured = _all_around(record.valid[span], decimation, factor)
+    fast = all_around(fast, decimation, distance)
+    measured = all_around(record.valid[span], decimation, factor)
     inside = np.ones(len(measured), dtype=bool)
     if processing.trim is None and decimation.factor > 1:
         inside[:_EDGE_GROUPS] = inside[-_EDGE_GROUPS:] = False
@@ -292,7 +298,7 @@ def _fast_samples(
     return fast
 
 
-def _all_around(good: BoolArray, decimation: ParallelDecimation, distance: int) -> BoolArray:
+def all_around(good: BoolArray, decimation: ParallelDecimation, distance: int) -> BoolArray:
     """Whether every sample within `distance` of a decimated sample is good, (n_kept, n_joints)."""
     first = np.maximum(decimation.kept - distance, 0)
     last = np.minimum(decimation.kept + distance + 1, len(good))

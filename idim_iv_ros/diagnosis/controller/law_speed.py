@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.signals import JointSignals, Motion
+from idim_iv_ros.signals.motion import all_around
 from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import FloatArray
 
@@ -154,10 +155,6 @@ def comparable_rows(motion: Motion, law: ControlLaw, joint: int) -> NDArray[np.b
 
 def _apart(bad: NDArray[np.bool_], motion: Motion) -> NDArray[np.bool_]:
     """Decimated samples without a bad one near them, nor near the ends."""
-    factor = motion.decimation.factor
-    sums = np.concatenate([[0], np.cumsum(bad)])
-    first = np.maximum(motion.decimation.kept - factor, 0)
-    last = np.minimum(motion.decimation.kept + factor + 1, len(bad))
-    kept = sums[last] == sums[first]
+    kept = all_around(~bad[:, None], motion.decimation, motion.decimation.factor)[:, 0]
     kept[:2] = kept[-2:] = False
     return np.asarray(kept)

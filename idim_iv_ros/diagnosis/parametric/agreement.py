@@ -120,11 +120,11 @@ def agreement_beside(
         most = max(differing, key=lambda number: (_excess(tests[number]), number))
         own = with_own_parameters(data, regression, {most})
         better = own.fit(fit.noise_models)
-        noise_models = tuple(slow_noise(each) for each in better.noise_models)
-        slow = PooledRows(data, regression, replace(fit, noise_models=noise_models))
-        sigma = np.array([noise.sigma for noise in better.noise_models])
-        fits = _fits(tests[most], sigma)
-        causes = _causes(data, slow.contrast({most}), catalogue) if fits else ()
+        causes: tuple[ParametricCause, ...] = ()
+        if _fits(tests[most], np.array([noise.sigma for noise in better.noise_models])):
+            slow = tuple(slow_noise(each) for each in better.noise_models)
+            rows = PooledRows(data, regression, replace(fit, noise_models=slow))
+            causes = _causes(data, rows.contrast({most}), catalogue)
         found.append(RecordingDifference(most, tests[most], causes))
         others.remove(most)
         regression, fit = own, better

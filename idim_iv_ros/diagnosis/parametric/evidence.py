@@ -1,14 +1,14 @@
 """What each parameter error explains, and from which it is indistinguishable."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
 from scipy import stats
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression
+from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, Explained
 from idim_iv_ros.diagnosis.parametric.hypotheses import (
     Hypothesis,
     Trial,
@@ -99,42 +99,45 @@ def causes_of(
         known = [each for each in kept if each.effect.known_to_be_left_out(changes.space)]
         sure, numbers = _sure(changes, [*known, *of_base_parameters(changes, catalogue, known)])
     kept = sure
-    causes: list[tuple[ParametricCause, Hypothesis]] = []
-    for hypothesis, own in zip(kept, numbers, strict=True):
-        rest = [other for other in kept if other is not hypothesis]
-        others = changes.explain(changes_of(rest))
-        this = trial_of(changes, rest, hypothesis)
-        if this is None:
-            continue
-        tried = [
-            trial
-            for trial in trials(changes, rest, catalogue)
-            if trial.hypothesis.key != hypothesis.key
-        ]
+    beside: dict[int, tuple[Trial, Explained, tuple[Estimated, ...]]] = {}
+    for number, (hypothesis, own) in enumerate(zip(kept, numbers, strict=True)):
+        others = changes.explain(changes_of(_without(kept, hypothesis)))
+        this = trial_of(changes, _without(kept, hypothesis), hypothesis, others)
+        if this is not None:
+            beside[number] = (this, others, own)
+    causes = []
+    for number, before, after, share in _one_after_the_other(changes, kept, list(beside)):
+        hypothesis, (this, others, own) = kept[number], beside[number]
         statistic = this.explained.statistic - others.statistic
         degrees = max(this.explained.rank - others.rank, 1)
-        before, after = changes.rms(this.contribution)
-        cause = ParametricCause(
-            effect=hypothesis.effect,
-            joint=_name(joints, hypothesis),
-            changes=hypothesis.changes,
-            parameters=hypothesis.effect.parameters(changes.space, hypothesis.joint, own),
-            statistic=statistic,
-            p_value=min(1.0, count * float(stats.chi2.sf(statistic, degrees))),
-            share=changes.share(this.contribution),
-            before=before,
-            after=after,
-            sizes=changes.sizes,
-            indistinguishable_from=tuple(
-                Indistinguishable(effect, joint, 1.0)
-                for effect, joint in hypothesis.effect.inseparable_from(changes.space)
+        causes.append(
+            ParametricCause(
+                effect=hypothesis.effect,
+                joint=_name(joints, hypothesis),
+                changes=hypothesis.changes,
+                parameters=hypothesis.effect.parameters(changes.space, hypothesis.joint, own),
+                statistic=statistic,
+                p_value=min(1.0, count * float(stats.chi2.sf(statistic, degrees))),
+                share=share,
+                before=before,
+                after=after,
+                sizes=changes.sizes,
+                indistinguishable_from=tuple(
+                    Indistinguishable(effect, joint, 1.0)
+                    for effect, joint in hypothesis.effect.inseparable_from(changes.space)
+                )
+                if hypothesis.effect.known_to_be_left_out(changes.space)
+                else _indistinguishable(
+                    joints, changes, _without(kept, hypothesis), this, catalogue
+                ),
+                torque=_torque(changes, hypothesis, this),
             )
-            if hypothesis.effect.known_to_be_left_out(changes.space)
-            else _indistinguishable(joints, changes, rest, this, tried),
-            torque=_torque(changes, hypothesis, this),
         )
-        causes.append((cause, hypothesis))
-    return _one_after_the_other(changes, causes)
+    return tuple(causes)
+
+
+def _without(kept: Sequence[Hypothesis], hypothesis: Hypothesis) -> list[Hypothesis]:
+    return [other for other in kept if other is not hypothesis]
 
 
 def _sure(
@@ -175,12 +178,13 @@ def _indistinguishable(
     changes: ChangeRegression,
     rest: Sequence[Hypothesis],
     this: Trial,
-    tried: Sequence[Trial],
+    catalogue: Sequence[ParametricEffect],
 ) -> tuple[Indistinguishable, ...]:
     """Hypotheses that would do as well in this one's place, with much the same torque."""
     others = []
-    for trial in tried:
-        if trial.support < this.support - settings.INDISTINGUISHABLE_SUPPORT:
+    for trial in trials(changes, rest, catalogue):
+        same = trial.hypothesis.key == this.hypothesis.key
+        if same or trial.support < this.support - settings.INDISTINGUISHABLE_SUPPORT:
             continue
         correlation = _correlation(changes, rest, this, trial)
         if correlation >= settings.INDISTINGUISHABLE_CORRELATION:
@@ -190,32 +194,32 @@ def _indistinguishable(
 
 
 def _one_after_the_other(
-    changes: ChangeRegression, causes: Sequence[tuple[ParametricCause, Hypothesis]]
-) -> tuple[ParametricCause, ...]:
-    """Gap before and after each cause, beside those before it: always the one that takes most.
+    changes: ChangeRegression, kept: Sequence[Hypothesis], numbers: Sequence[int]
+) -> list[tuple[int, FloatArray, FloatArray, float]]:
+    """Order of the causes of these numbers, each with the gap before and after it and its share.
 
-    What the configuration leaves out comes first.
+    Always the one that takes most, beside those before it; what the configuration leaves out comes
+    first.
     """
-    left = list(causes)
-    sorted_causes: list[ParametricCause] = []
+    left = list(numbers)
+    ordered = []
     together: list[Change] = []
     before, _ = changes.rms(np.zeros(changes.space.size))
     share = 0.0
     while left:
-        contributions = [
-            changes.explain([*together, *hypothesis.changes]).contributions.sum(axis=1)
-            for _, hypothesis in left
-        ]
-        shares = [changes.share(contribution) for contribution in contributions]
-        known = [each[1].effect.known_to_be_left_out(changes.space) for each in left]
-        most = max(range(len(left)), key=lambda number: (known[number], shares[number]))
-        cause, hypothesis = left.pop(most)
-        together += hypothesis.changes
+        contributions = {
+            number: changes.explain([*together, *kept[number].changes]).contributions.sum(axis=1)
+            for number in left
+        }
+        shares = {number: changes.share(contributions[number]) for number in left}
+        known = {number: kept[number].effect.known_to_be_left_out(changes.space) for number in left}
+        most = max(left, key=lambda number: (known[number], shares[number]))
+        left.remove(most)
+        together += kept[most].changes
         _, after = changes.rms(contributions[most])
-        taken = shares[most] - share
-        sorted_causes.append(replace(cause, before=before, after=after, share=taken))
+        ordered.append((most, before, after, shares[most] - share))
         before, share = after, shares[most]
-    return tuple(sorted_causes)
+    return ordered
 
 
 def _correlation(

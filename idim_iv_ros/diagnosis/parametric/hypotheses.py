@@ -113,16 +113,17 @@ def of_base_parameters(
 
 
 def trial_of(
-    changes: ChangeRegression, kept: Sequence[Hypothesis], hypothesis: Hypothesis
+    changes: ChangeRegression,
+    kept: Sequence[Hypothesis],
+    hypothesis: Hypothesis,
+    base: Explained,
 ) -> Trial | None:
     """One cause beside those that are kept; None where they leave nothing for it to say.
 
     A cause of which no number is known to differ from zero is none, however much its numbers
-    explain together; nor is one that physics does not allow.
+    explain together; nor is one that physics does not allow. `base`: what those kept explain.
     """
-    before = changes_of(kept)
-    base = changes.explain(before)
-    explained = changes.explain([*before, *hypothesis.changes])
+    explained = changes.explain([*changes_of(kept), *hypothesis.changes])
     gain = 0.5 * (explained.statistic - base.statistic)
     numbers = explained.rank - base.rank
     trial = Trial(hypothesis, explained, gain - 0.5 * numbers * float(np.log(changes.rows)))
@@ -138,11 +139,12 @@ def trials(
 ) -> list[Trial]:
     """Each cause beside those that are kept, in its best variant; the best first."""
     taken = {each.key for each in kept}
+    base = changes.explain(changes_of(kept))
     best: dict[tuple[str, int | None], Trial] = {}
     for hypothesis in hypotheses(changes, catalogue):
         if hypothesis.key in taken:
             continue
-        trial = trial_of(changes, kept, hypothesis)
+        trial = trial_of(changes, kept, hypothesis, base)
         if trial is None:
             continue
         known = best.get(hypothesis.key)

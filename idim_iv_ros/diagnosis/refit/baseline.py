@@ -1,6 +1,5 @@
 """The refit: the model that every candidate is added to, and the rows that it leaves."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -23,7 +22,7 @@ from idim_iv_ros.estimation.observation import observation_rows
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.estimation.sources import InstrumentSources, instrument_sources
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
-from idim_iv_ros.model import DynamicParameters
+from idim_iv_ros.model import DynamicParameters, units
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import REVERSAL_MARGIN
 from idim_iv_ros.types import FloatArray
@@ -85,14 +84,8 @@ class Baseline:
 
     def unit_at(self, joint: int, unit: str) -> str:
         """Translate units, also within words, from those of a joint that turns, torque in N m."""
-        slides = self.prepared.model.robot.joint_types[joint] == "prismatic"
-        effort = self.prepared.configuration.signals.effort_unit
-        if effort == "N m":
-            if slides:
-                unit = unit.replace("kg m²", "kg").replace("N m", "N")
-        else:
-            unit = unit.replace("kg m²", f"{effort} s²/rad").replace("N m", effort)
-        return re.sub(r"\brad\b", "m", unit) if slides else unit
+        joint_type = self.prepared.model.robot.joint_types[joint]
+        return units.unit_at(unit, joint_type, self.prepared.configuration.signals.effort_unit)
 
     def in_units_at(
         self, joint: int, parameters: dict[str, EffectParameter]

@@ -65,8 +65,9 @@ class EffortShift:
         if self.std is None:
             return "the effort's common shift in time cannot be determined on this recording"
         when = "before it acts" if self.shift >= 0.0 else "after it acts"
+        half = 1e3 * settings.NORMAL_95 * self.std
         text = (
-            f"the effort is recorded {1e3 * abs(self.shift):.3f} ± {1.96e3 * self.std:.2g} ms "
+            f"the effort is recorded {1e3 * abs(self.shift):.3f} ± {half:.2g} ms "
             f"{when} ({abs(self.shift) / self.period:.2f} control periods), and aligned by that: a "
             "command that is held over its period acts half a period late"
         )

@@ -265,10 +265,7 @@ def _revised(
     newest = found[-1]
     by_name = {effect.name: effect for effect in catalogue}
     kept = list(found)
-    for number in range(len(found)):
-        this = kept[number] if number < len(kept) else None
-        if this is None:
-            break
+    for this in found:
         if this is not newest and not set(this.candidate.columns) & set(newest.candidate.columns):
             continue
         others = regression
@@ -295,8 +292,9 @@ def _revised(
         ]
         usable = [candidate for candidate in again if candidate is not None]
         best = preferred(with_most_of_gap(usable))
+        number = next(k for k, each in enumerate(kept) if each is this)
         if best is None or not acceptable(best):
-            kept.remove(this)
+            del kept[number]
         else:
             others_tried = [*usable, this.candidate, *this.alternatives]
             kept[number] = Found(best, alternatives=_alternatives(best, others_tried))

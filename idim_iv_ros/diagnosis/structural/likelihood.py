@@ -1,8 +1,8 @@
 """Generalised least squares of the rows of all joints, each with its own autocorrelated noise.
 
 The likelihood is concentrated: coefficients, the variance of each joint's innovations and its
-autoregressive model are those that fit best (methods: candidates are compared by how far they
-make the residual both small and white).
+autoregressive model are those that fit best (candidates are compared by how far they make the
+residual both small and white).
 """
 
 from collections.abc import Mapping, Sequence
