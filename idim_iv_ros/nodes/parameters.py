@@ -1,6 +1,6 @@
 """Parameters of a node as one dataclass: what they mean, what is allowed, and their values."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, TypeVar
 
@@ -65,7 +65,12 @@ def declare(node: Node, kind: type[Kind]) -> Kind:
     """
     for each in fields(kind):
         try:
-            node.declare_parameter(each.name, each.default, _descriptor(each))
+            if isinstance(each.default, float):
+                node.declare_parameter(
+                    each.name, _given_number(node, each), _descriptor(each), ignore_override=True
+                )
+            else:
+                node.declare_parameter(each.name, each.default, _descriptor(each))
         except Exception as error:  # rclpy has one class for each thing that can be wrong
             reason = " ".join(str(error).split())
             raise UsageError(f"parameter {each.name}: {reason}") from error
@@ -74,7 +79,25 @@ def declare(node: Node, kind: type[Kind]) -> Kind:
         settings.check()
     except IdimError as error:
         raise UsageError(f"parameter {error}") from error
+    doubles = {each.name for each in fields(kind) if isinstance(each.default, float)}
+    node.add_pre_set_parameters_callback(
+        lambda given: [_as_double(each, doubles) for each in given]
+    )
     return settings
+
+
+def _given_number(node: Node, described: "Field[Any]") -> Any:
+    """Value of a double that is given at the start; `5` is meant as 5.0."""
+    anything = ParameterDescriptor(dynamic_typing=True)
+    given = node.declare_parameter(described.name, described.default, anything)
+    node.undeclare_parameter(described.name)
+    return float(given.value) if given.type_ == Parameter.Type.INTEGER else given.value
+
+
+def _as_double(given: Parameter, doubles: Collection[str]) -> Parameter:
+    if given.name in doubles and given.type_ == Parameter.Type.INTEGER:
+        return Parameter(given.name, Parameter.Type.DOUBLE, float(given.value))
+    return given
 
 
 def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
@@ -88,7 +111,12 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
     values = {each.name: getattr(settings, each.name) for each in fields(settings)}
     values.update({each.name: each.value for each in parameters if each.name in values})
     new = type(settings)(**values)
-    new.check()
+    try:
+        new.check()
+    except IdimError as error:
+        names = ", ".join(each.name for each in parameters)
+        text = str(error)
+        raise UsageError(text if text.startswith(names) else f"{names}: {text}") from error
     return new
 
 

@@ -2,8 +2,9 @@
 
 import math
 import stat
+import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -57,6 +58,10 @@ class Job:
         Effects that a diagnosis does not consider.
     timeout : float
         s, from the start of the work.
+    answer_within : float or None
+        s, from the receipt of the request; None where nobody waits.
+    received : float
+        When the request came, monotonic, s.
     listener : JobListener
     folder : Path or None
         Of its files; None before it is worked on and after it failed.
@@ -73,6 +78,8 @@ class Job:
     configuration: Configuration
     timeout: float
     listener: JobListener
+    answer_within: float | None = None
+    received: float = field(default_factory=time.monotonic)
     estimator: str = ""
     without: tuple[str, ...] = ()
     folder: Path | None = None
@@ -170,8 +177,9 @@ def _job(
         bags=tuple(path for path, _ in bags),
         names=tuple(str(path.relative_to(root.resolve())) for path, _ in bags),
         configuration=_configuration(request.configuration, settings, configuration),
-        timeout=min(request.timeout or settings.job_timeout, settings.job_timeout),
+        timeout=settings.job_timeout,
         listener=listener,
+        answer_within=request.timeout or None,
     )
 
 

@@ -118,7 +118,7 @@ class JobQueue:
         self._over: deque[Job] = deque()
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
         self._worker: Worker | None = None
-        self._deadline = 0.0
+        self._begun = 0.0
         self.running: Job | None = None
 
     @property
@@ -161,8 +161,7 @@ class JobQueue:
                 self._hear(self._events.get_nowait())
             except queue.Empty:
                 break
-        if self.running is not None and time.monotonic() > self._deadline:
-            self._abandon(self.running, f"ended after {self.running.timeout:g} s without a result")
+        self._end_what_is_late(time.monotonic())
         while self.running is None and self._waiting:
             self._begin(self._waiting.popleft())
         while self._over:
@@ -175,6 +174,20 @@ class JobQueue:
         if self._worker is not None:
             self._worker.join()
         self.poll()
+
+    def _end_what_is_late(self, now: float) -> None:
+        for place, job in enumerate(tuple(self._waiting)):
+            if job.answer_within is not None and now > job.received + job.answer_within:
+                before = place + (self.running is not None)
+                jobs = "1 job was" if before == 1 else f"{before} jobs were"
+                self._abandon(job, f"not begun within {job.answer_within:g} s: {jobs} before it")
+        running = self.running
+        if running is None:
+            return
+        if now > self._begun + running.timeout:
+            self._abandon(running, f"ended after {running.timeout:g} s without a result")
+        elif running.answer_within is not None and now > running.received + running.answer_within:
+            self._abandon(running, f"ended after {running.answer_within:g} s without a result")
 
     def _abandon(self, job: Job, why: str) -> None:
         if job is self.running and self._worker is not None:
@@ -209,7 +222,7 @@ class JobQueue:
             self._finish(job)
             return
         self.running, job.stage = job, "starting"
-        self._deadline = time.monotonic() + job.timeout
+        self._begun = time.monotonic()
         job.listener.started()
 
     def _put(self, event: Event) -> None:

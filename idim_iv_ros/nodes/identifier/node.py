@@ -98,6 +98,12 @@ class Identifier:
         node.add_post_set_parameters_callback(self._apply)
         self._publisher.publish_last(self._settings.drift_significance)
         self._gaps.publish_last()
+        robot = (
+            "no robot configured" if self._configuration is None else self._settings.configuration
+        )
+        what = "every new bag of" if self._settings.auto else "on request, from bags in"
+        folder = Path(self._settings.bag_directory).resolve()
+        node.get_logger().info(f"ready: {robot}; identifies {what} {folder}")
 
     def close(self) -> None:
         """End the job that is worked on, and answer all requests."""

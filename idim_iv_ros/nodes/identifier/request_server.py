@@ -11,8 +11,13 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 from rclpy.action.server import ActionServer, CancelResponse, ServerGoalHandle
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 
 from idim_iv_ros.nodes.identifier.job import Job, JobListener
+
+# Requests that may wait for the executor: the default of services, ten, drops the rest of a burst
+# without an answer.
+BURST = QoSProfile(depth=1000)
 
 
 class Later:
@@ -40,7 +45,7 @@ def create_deferred_service(
 ) -> None:
     """Make a service; `asked` takes each request and where its answer goes."""
     service = node.create_service(
-        kind, name, lambda request, _: _ask(asked, request, Later(answer))
+        kind, name, lambda request, _: _ask(asked, request, Later(answer)), qos_profile=BURST
     )
     answer = service.send_response
 
@@ -86,6 +91,9 @@ class DeferredActionServer(ActionServer):
             lambda goal: None,
             handle_accepted_callback=accepted,
             cancel_callback=accept_cancel,
+            goal_service_qos_profile=BURST,
+            result_service_qos_profile=BURST,
+            cancel_service_qos_profile=BURST,
         )
 
     def notify_execute(

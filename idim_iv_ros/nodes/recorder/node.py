@@ -4,6 +4,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import fields
+from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
@@ -18,6 +19,7 @@ from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.entry import run_node
 from idim_iv_ros.nodes.parameters import changed, declare
 from idim_iv_ros.nodes.recorder.report import (
+    RecentCounts,
     bag_closed,
     recorder_diagnosis,
     recorder_status,
@@ -62,6 +64,7 @@ class Recorder:
         self._bags = node.create_publisher(BagClosed, "~/bag_closed", 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._counted: dict[str, int] = {}
+        self._recent = {topic.name: RecentCounts() for topic in self._topics}
         self._counted_at = time.monotonic()
         self._fault = ""
         for name in ("start", "stop", "pause", "resume", "split"):
@@ -74,6 +77,9 @@ class Recorder:
         self._writer.start()
         self._intake.start()
         self._look()
+        watched = ", ".join(topic.name for topic in self._topics)
+        folder = Path(self._settings.bag_directory).resolve()
+        node.get_logger().info(f"ready: {watched}; bags go to {folder}")
         if self._settings.autostart:
             node.get_logger().info(self._start())
 
@@ -173,7 +179,7 @@ class Recorder:
         self._status.publish(status)
         diagnoses = [recorder_diagnosis(name, status)]
         diagnoses += [
-            topic_diagnosis(name, topic, each)
+            topic_diagnosis(name, topic, each, self._recent[topic.name].since(each, now))
             for topic, each in zip(self._topics, statuses, strict=True)
         ]
         self._diagnostics.publish(DiagnosticArray(header=status.header, status=diagnoses))

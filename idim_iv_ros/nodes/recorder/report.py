@@ -1,5 +1,6 @@
 """What the recorder says of itself: RecorderStatus and diagnostics, from counts to sentences."""
 
+from collections import deque
 from collections.abc import Sequence
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -13,6 +14,8 @@ from idim_iv_ros.recording.writing.growing_bag import ClosedBag
 
 _SILENT = 1.0  # s, at least
 _SILENT_PERIODS = 20.0
+RECENT = 10.0  # s for which an incident is a warning; totals stay among the values
+_COUNTED = ("received", "lost", "late", "gaps", "malformed", "backward")
 
 
 def topic_status(topic: WatchedTopic, session: RecordingSession, rate: float) -> TopicStatus:
@@ -89,9 +92,35 @@ def recorder_diagnosis(name: str, status: RecorderStatus) -> DiagnosticStatus:
     return diagnostic_status(level, f"{name}: recording", name, sentence, values)
 
 
-def topic_diagnosis(name: str, topic: WatchedTopic, status: TopicStatus) -> DiagnosticStatus:
-    """Return the diagnosis of one topic."""
-    errors, warnings = _errors(topic), _warnings(topic, status)
+class RecentCounts:
+    """How far the counts of a topic rose within the last `RECENT` seconds.
+
+    A recording of a day is not at fault for one message that was late in its first minute.
+    """
+
+    def __init__(self) -> None:
+        self._seen: deque[tuple[float, dict[str, int]]] = deque()
+
+    def since(self, status: TopicStatus, now: float) -> TopicStatus:
+        """Return a status with the counts of the last seconds; `now` in s, never falling."""
+        counts = {name: getattr(status, name) for name in _COUNTED}
+        if self._seen and any(counts[name] < self._seen[-1][1][name] for name in _COUNTED):
+            self._seen.clear()  # counted from zero: a new recording, or another publisher
+        self._seen.append((now, counts))
+        while len(self._seen) > 1 and now - self._seen[1][0] >= RECENT:
+            self._seen.popleft()
+        begin, before = self._seen[0]
+        if now - begin < RECENT:
+            before = dict.fromkeys(_COUNTED, 0)
+        rose = {name: counts[name] - before[name] for name in _COUNTED}
+        return TopicStatus(rate=status.rate, longest_gap=status.longest_gap, **rose)
+
+
+def topic_diagnosis(
+    name: str, topic: WatchedTopic, status: TopicStatus, recent: TopicStatus
+) -> DiagnosticStatus:
+    """Return the diagnosis of one topic: its level from `recent` counts, its values of all."""
+    errors, warnings = _errors(topic), _warnings(topic, recent)
     level = DiagnosticStatus.OK
     if errors or warnings:
         level = DiagnosticStatus.ERROR if errors else DiagnosticStatus.WARN
@@ -125,7 +154,7 @@ def _errors(topic: WatchedTopic) -> list[str]:
     return errors
 
 
-def _warnings(topic: WatchedTopic, status: TopicStatus) -> list[str]:
+def _warnings(topic: WatchedTopic, recent: TopicStatus) -> list[str]:
     warnings = []
     if not topic.had_publishers and not topic.problem:
         warnings.append("nobody publishes it")
@@ -136,12 +165,14 @@ def _warnings(topic: WatchedTopic, status: TopicStatus) -> list[str]:
     if topic.monitor.content is not None:
         warnings += topic.monitor.content.problems
     counts = {
-        "lost": status.lost,
-        "late": status.late,
-        "malformed or too large": status.malformed,
-        "stamped before the one before": status.backward,
+        "lost": recent.lost,
+        "late": recent.late,
+        "malformed or too large": recent.malformed,
+        "stamped before the one before": recent.backward,
     }
     warnings += [f"{count} messages {what}" for what, count in counts.items() if count]
-    if status.gaps:
-        warnings.append(f"{status.gaps} gaps, the longest {status.longest_gap:.3f} s")
+    if recent.gaps:
+        warnings.append(
+            f"{recent.gaps} gaps; the longest of the recording {recent.longest_gap:.3f} s"
+        )
     return warnings

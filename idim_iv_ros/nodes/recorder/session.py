@@ -91,19 +91,26 @@ class RecordingSession:
         """
         if self.bag is not None:
             raise UsageError(f"already recording into {self.bag.folder}; call stop first")
-        folder = self._new_folder()
         limits = SplitLimits(self.settings.max_file_size, self.settings.max_file_duration)
         latched = {name: message for name, (_, message) in self._latched.items()}
         channels = [channel for channel, _ in self._latched.values()]
+        directory = Path(self.settings.bag_directory).resolve()
         try:
-            folder.parent.mkdir(parents=True, exist_ok=True)
-            self._require_space()
-            self.bag = GrowingBag(folder, limits, self._clock, latched, channels)
+            directory.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise UsageError(f"{folder}: cannot be made: {error.strerror or error}") from error
+            raise UsageError(f"{directory}: cannot be made: {error.strerror or error}") from error
+        self._require_space()
+        while self.bag is None:
+            folder = self._new_folder(directory)
+            try:
+                self.bag = GrowingBag(folder, limits, self._clock, latched, channels)
+            except FileExistsError:
+                continue  # another recorder began in the same second, and was faster
+            except OSError as error:
+                raise UsageError(f"{folder}: cannot be made: {error.strerror or error}") from error
         self.state, self.fault, self.dropped = State.RECORDING, "", 0
         self._started = self._committed = time.monotonic()
-        return folder
+        return self.bag.folder
 
     def stop(self) -> ClosedBag:
         """Close the bag.
@@ -225,9 +232,8 @@ class RecordingSession:
                 f"minimum_free_disk is {self.settings.minimum_free_disk / 1e6:.0f} MB"
             )
 
-    def _new_folder(self) -> Path:
+    def _new_folder(self, directory: Path) -> Path:
         stamp = datetime.now().strftime("%Y_%m_%d-%H_%M_%S")
-        directory = Path(self.settings.bag_directory).resolve()
         folder = directory / f"{self.settings.bag_prefix}_{stamp}"
         number = 1
         while folder.exists():

@@ -88,6 +88,7 @@ class RobotSimulator:
         limits = self._robot.robot.limits
         middle = 0.5 * (limits.lower + limits.upper)
         self._reference = np.where(np.isfinite(middle), middle, 0.0)
+        node.get_logger().info("starting; on a new machine it compiles for a minute or two first")
         self._compile()
         topics, _ = published(
             configuration, self._robot, self._rate, self._reference, None, self._settings.seed
@@ -115,6 +116,8 @@ class RobotSimulator:
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
         self._playback.start()
+        names = ", ".join(topic.name for topic in topics)
+        node.get_logger().info(f"ready: publishes {names}; call ~/move to move it")
 
     def close(self) -> None:
         """Stop publishing."""
