@@ -1,11 +1,16 @@
 """What the identifier refuses, and what it does with what others announce."""
 
 import os
+import time
 from pathlib import Path
 
 import pytest
+from rclpy.action import ActionClient
+from rclpy.qos import QoSProfile
 
+from idim_iv_interfaces.action import Identify as IdentifyAction
 from idim_iv_interfaces.msg import BagClosed
+from idim_iv_interfaces.srv import Identify
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.identifier.job import confined, confined_bag
 from tests.ros.conftest import ARM2
@@ -149,10 +154,60 @@ def test_configuration_is_read_anew_when_it_is_set(served, tmp_path: Path) -> No
         path.write_text(text + "nonsense: 1\n")
         refused = served.set(configuration=str(path))
         assert not refused.successful
-        assert refused.reason == f"{path}: unknown key nonsense"
+        assert refused.reason == f"configuration: {path}: unknown key nonsense"
         path.write_text(text + "identification:\n  friction: [viscous, coulomb]\n")
         assert served.set(configuration=str(path)).successful
         result = served.identify("bag-1.mcap", estimator="idim-ls").result
         names = [parameter.name for parameter in result.parameters.estimates]
     assert "Fc1" in names
     assert "off1" not in names
+
+
+def test_every_request_of_a_burst_is_answered(served) -> None:
+    deep = QoSProfile(depth=1000)
+    client = served.node.create_client(Identify, f"/{served.name}/identify", qos_profile=deep)
+    goals = ActionClient(
+        served.node,
+        IdentifyAction,
+        f"/{served.name}/identify",
+        goal_service_qos_profile=deep,
+        result_service_qos_profile=deep,
+    )
+    served.observer.until(client.service_is_ready, "the service")
+    served.observer.until(goals.server_is_ready, "the action")
+    asked = [client.call_async(Identify.Request(bags=["missing.mcap"])) for _ in range(200)]
+    sent = [goals.send_goal_async(IdentifyAction.Goal(bags=["missing.mcap"])) for _ in range(50)]
+    served.observer.until(lambda: all(each.done() for each in (*asked, *sent)), "all answers", 60.0)
+    results = [each.result().get_result_async() for each in sent]
+    served.observer.until(lambda: all(each.done() for each in results), "all results", 60.0)
+    answers = [*(each.result() for each in asked), *(each.result().result for each in results)]
+    assert all("no such bag" in answer.message for answer in answers)
+    goals.destroy()
+    served.node.destroy_client(client)
+
+
+def test_queue_limit_refuses_and_a_timeout_counts_from_the_request(served) -> None:
+    with served.parameters(queue_limit=2):
+        working = served.goal("bag-1.mcap")
+        served.worker()
+        begun = time.monotonic()
+        waiting = served.ask("bag-2.mcap", timeout=0.3)
+        served.observer.until(waiting.done, "the answer to the request that waits")
+        assert time.monotonic() - begun < 3.0
+        assert waiting.result().message == "not begun within 0.3 s: 1 job was before it"
+        patient, second = served.goal("bag-2.mcap"), served.goal("bag-2.mcap")
+        refused = served.wait(served.goal("bag-2.mcap").get_result_async())
+        assert "2 jobs wait already" in refused.result.message
+        for goal in (second, patient, working):
+            served.wait(goal.cancel_goal_async())
+            served.wait(goal.get_result_async())
+
+
+def test_an_integer_is_taken_for_a_number(served) -> None:
+    with served.parameters(job_timeout=5):
+        assert served.parameter("job_timeout")[0].double_value == 5.0
+
+
+def test_it_says_that_it_is_ready(served, simulated_bags: Path) -> None:
+    ready = f"ready: {ARM2}; identifies on request, from bags in {simulated_bags}"
+    assert ready in served.process.errors.read_text()
