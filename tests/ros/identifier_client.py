@@ -77,6 +77,14 @@ class IdentifierClient:
         self.node.destroy_subscription(subscription)
         return heard[-1]
 
+    def call(self, name: str, kind: type, **request: object):
+        """Call another of its services."""
+        client = self.node.create_client(kind, f"/{self.name}/{name}")
+        self.observer.until(client.service_is_ready, name)
+        answer = self.wait(client.call_async(kind.Request(**request)))
+        self.node.destroy_client(client)
+        return answer
+
     def failure(self) -> str:
         """Wait until the diagnostics tell that the last job failed, and why."""
         told = self.diagnostics

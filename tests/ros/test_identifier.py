@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
 
-from idim_iv_interfaces.msg import ParameterEstimates
+from idim_iv_interfaces.msg import DriftReport, ParameterEstimates
+from idim_iv_interfaces.srv import GetHistory, SetBaseline
 from idim_iv_ros import load_configuration
 from idim_iv_ros.excitation import random_motion
 from idim_iv_ros.simulators.recording import simulate
@@ -230,3 +231,25 @@ def test_full_disk_is_one_line_and_the_node_goes_on(identifier, small_disk: Path
     ballast.unlink()
     assert client.identify("bag-1.mcap", estimator="idim-ls").success
     assert "Traceback" not in client.process.errors.read_text()
+
+
+def test_a_request_with_another_estimator_leaves_the_latched_result(
+    identifier, simulated_bags: Path
+) -> None:
+    client = identifier()
+    first = client.identify("bag-1.mcap").result
+    other = client.identify("bag-2.mcap", estimator="idim-ls").result
+    assert other.parameters.estimator == "idim-ls"
+    assert str(client.latched()) == str(first)
+    history = client.call("get_history", GetHistory, estimator="")
+    assert [each.estimator for each in history.identifications] == ["idim-iv", "idim-ls"]
+    report = client.latched("drift", DriftReport)
+    assert not report.drifting
+    assert [each.estimator for each in report.comparisons] == ["idim-iv", "idim-ls"]
+    assert client.call("set_baseline", SetBaseline, folder="").success
+    assert (
+        "no identification in nowhere"
+        in client.call("set_baseline", SetBaseline, folder="nowhere").message
+    )
+    history = client.call("get_history", GetHistory, estimator="idim-iv")
+    assert [each.baseline for each in history.identifications] == [True]

@@ -1,7 +1,7 @@
 """Estimates of one bag after the other: what is kept over a restart and compared."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -29,6 +29,10 @@ class PastEstimates:
         Of its files, relative to the output directory.
     values : dict
         Value and standard deviation of each parameter.
+    configuration : str
+        As the request named it; empty for the node's own.
+    baseline : bool
+        Whether later ones of its kind are compared with it.
     """
 
     stamp: int
@@ -38,6 +42,39 @@ class PastEstimates:
     bags: tuple[str, ...]
     folder: str
     values: dict[str, tuple[Number, Number]]
+    configuration: str = ""
+    baseline: bool = False
+
+    @property
+    def kind(self) -> tuple[str, str, str, str]:
+        """What estimates must share to be compared."""
+        return self.robot, self.configuration, self.estimator, self.effort_unit
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The newest identification of one kind beside its baseline.
+
+    Attributes
+    ----------
+    newest : PastEstimates
+    baseline : PastEstimates or None
+        None where there is nothing to compare with.
+    drifts : tuple of Drift
+        One for each parameter; empty without a baseline.
+    since : int or None
+        Stamp of the first identification from which on all drift, ns since 1970.
+    """
+
+    newest: PastEstimates
+    baseline: PastEstimates | None = None
+    drifts: tuple[Drift, ...] = ()
+    since: int | None = None
+
+    @property
+    def drifting(self) -> tuple[Drift, ...]:
+        """Parameters that differ by more than chance."""
+        return tuple(each for each in self.drifts if each.drifts)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +87,9 @@ class _Saved(Document):
 
 class EstimateHistory:
     """Identifications in the order of time, in a file.
+
+    Each kind (robot, configuration, estimator, unit of the effort) is compared for itself: what an
+    operator asks for with another estimator does not end an alarm.
 
     Raises
     ------
@@ -73,48 +113,88 @@ class EstimateHistory:
         ----------
         entry
         length
-            Identifications that are kept at most.
+            Identifications of each kind that are kept at most; a baseline that was set stays.
 
         Raises
         ------
         UsageError
             The file cannot be written.
         """
+        replaced = [each for each in self.entries if _same_data(each, entry)]
+        if any(each.baseline for each in replaced):
+            entry = replace(entry, baseline=True)
         kept = [each for each in self.entries if not _same_data(each, entry)]
-        self.entries = [*kept, entry][-length:]
-        _Saved(identifications=tuple(self.entries)).write(self._path)
+        same = [each for each in kept if each.kind == entry.kind]
+        free = [each for each in same if not each.baseline]
+        room = max(length - 1 - (len(same) - len(free)), 0)
+        old = free[: max(len(free) - room, 0)]
+        self._keep([*(each for each in kept if not any(each is one for one in old)), entry])
 
-    def drifts(self, significance: float) -> list[Drift]:
-        """Compare the last identification with the first that is comparable.
+    def set_baseline(self, folder: str) -> PastEstimates:
+        """Compare later identifications with one that is kept, and return it.
 
-        Comparable: the same robot, estimator, unit of effort and parameters, and no bag in
-        common, for estimates from the same data are not independent.
+        Parameters
+        ----------
+        folder
+            Of its files.
+
+        Raises
+        ------
+        UsageError
+            There is none, or the file cannot be written.
+        """
+        chosen = next((each for each in self.entries if each.folder == folder), None)
+        if chosen is None:
+            what = f"no identification in {folder}" if folder else "no identification"
+            raise UsageError(f"{what} is kept; get_history lists those that are")
+        self._keep(
+            [
+                replace(each, baseline=each is chosen) if each.kind == chosen.kind else each
+                for each in self.entries
+            ]
+        )
+        return chosen
+
+    def comparisons(self, significance: float) -> list[Comparison]:
+        """Compare the newest identification of each kind with its baseline.
+
+        That is the one that was set, else the first that is comparable: with the same parameters,
+        and no bag in common, for estimates from the same data are not independent.
 
         Returns
         -------
-        list of Drift
-            One for each parameter; empty without a comparable identification.
+        list of Comparison
+            In the order of the newest identifications.
         """
-        if not self.entries:
-            return []
-        last = self.entries[-1]
-        first = next((each for each in self.entries if _comparable(each, last)), None)
-        if first is None:
-            return []
-        return drifts_of(first.values, last.values, significance, first.bags)
+        newest = {each.kind: each for each in self.entries}
+        ordered = sorted(newest.values(), key=self.entries.index)
+        return [self._comparison(each, significance) for each in ordered]
+
+    def _comparison(self, newest: PastEstimates, significance: float) -> Comparison:
+        same = [each for each in self.entries if each.kind == newest.kind]
+        able = [each for each in same if _comparable(each, newest)]
+        first = next((each for each in able if each.baseline), able[0] if able else None)
+        if newest.baseline or first is None:
+            return Comparison(newest)
+        drifts = drifts_of(first.values, newest.values, significance, first.bags)
+        since = None
+        for each in reversed(same[same.index(first) + 1 :]):
+            if not _comparable(first, each):
+                continue
+            found = drifts_of(first.values, each.values, significance, first.bags)
+            if not any(drift.drifts for drift in found):
+                break
+            since = each.stamp
+        return Comparison(newest, first, tuple(drifts), since)
+
+    def _keep(self, entries: Sequence[PastEstimates]) -> None:
+        _Saved(identifications=tuple(entries)).write(self._path)
+        self.entries = list(entries)
 
 
 def _same_data(one: PastEstimates, other: PastEstimates) -> bool:
-    return _kind(one) == _kind(other) and set(one.bags) == set(other.bags)
+    return one.kind == other.kind and set(one.bags) == set(other.bags)
 
 
 def _comparable(first: PastEstimates, last: PastEstimates) -> bool:
-    return (
-        _kind(first) == _kind(last)
-        and set(first.values) == set(last.values)
-        and not set(first.bags) & set(last.bags)
-    )
-
-
-def _kind(entry: PastEstimates) -> Sequence[str]:
-    return entry.robot, entry.estimator, entry.effort_unit
+    return set(first.values) == set(last.values) and not set(first.bags) & set(last.bags)

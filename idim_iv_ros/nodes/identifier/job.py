@@ -62,6 +62,8 @@ class Job:
         s, from the receipt of the request; None where nobody waits.
     received : float
         When the request came, monotonic, s.
+    configuration_name : str
+        As the request names it; empty for the node's own.
     listener : JobListener
     folder : Path or None
         Of its files; None before it is worked on and after it failed.
@@ -80,6 +82,7 @@ class Job:
     listener: JobListener
     answer_within: float | None = None
     received: float = field(default_factory=time.monotonic)
+    configuration_name: str = ""
     estimator: str = ""
     without: tuple[str, ...] = ()
     folder: Path | None = None
@@ -180,6 +183,7 @@ def _job(
         timeout=settings.job_timeout,
         listener=listener,
         answer_within=request.timeout or None,
+        configuration_name=request.configuration,
     )
 
 

@@ -65,7 +65,11 @@ class Identifier:
         self._settings = declare(node, IdentifierSettings)
         self._configuration = self._loaded()
         self._failure = ""
-        self._publisher = ResultPublisher(node, Path(self._settings.output_directory))
+        self._publisher = ResultPublisher(
+            node,
+            Path(self._settings.output_directory),
+            lambda: self._settings.drift_significance,
+        )
         self._gaps = GapPublisher(node, Path(self._settings.output_directory))
         self._guard = node.create_guard_condition(self._poll)
         self._jobs = JobQueue(lambda: self._settings, self._guard.trigger, self._ended)
@@ -96,7 +100,7 @@ class Identifier:
         node.create_timer(self._settings.status_period, self._report, clock=steady)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
-        self._publisher.publish_last(self._settings.drift_significance)
+        self._publisher.publish_last()
         self._gaps.publish_last()
         robot = (
             "no robot configured" if self._configuration is None else self._settings.configuration

@@ -6,8 +6,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from idim_iv_interfaces.msg import IdentificationResult
 from idim_iv_ros.nodes.entry import diagnostic_status
+from idim_iv_ros.nodes.identifier.drift_messages import drift_sentence
+from idim_iv_ros.nodes.identifier.estimate_history import Comparison
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue
-from idim_iv_ros.statistics.drift import Drift
 
 _LEVELS = {
     "valid": DiagnosticStatus.OK,
@@ -52,25 +53,16 @@ def joint_diagnoses(name: str, result: IdentificationResult) -> list[DiagnosticS
     ]
 
 
-def drift_diagnosis(name: str, drifts: Sequence[Drift], bags: Sequence[str]) -> DiagnosticStatus:
-    """Name the parameters that differ from their first estimate by more than chance."""
-    found = [drift for drift in drifts if drift.drifts]
-    level = DiagnosticStatus.WARN if found else DiagnosticStatus.OK
-    if found:
-        parts = [
-            f"{drift.parameter} {drift.first:.4g} → {drift.value:.4g} ({drift.statistic:+.1f} σ)"
-            for drift in found
-        ]
-        sentence = f"{'; '.join(parts)}: changed since {', '.join(found[0].since)}"
-    elif drifts:
-        sentence = (
-            f"no parameter differs from {', '.join(drifts[0].since)} by more than "
-            f"{drifts[0].limit:.2f} σ"
-        )
-    else:
-        sentence = "no earlier identification to compare with"
-    values: dict[str, object] = {"bags": ", ".join(bags)}
-    if drifts:
-        values["limit (σ)"] = f"{drifts[0].limit:.3f}"
-    values.update({f"{each.parameter} (σ)": f"{each.statistic:+.2f}" for each in drifts})
-    return diagnostic_status(level, f"{name}: drift", name, sentence, values)
+def drift_diagnosis(name: str, comparisons: Sequence[Comparison]) -> DiagnosticStatus:
+    """Name the parameters that differ from their baseline by more than chance."""
+    drifting = any(each.drifting for each in comparisons)
+    level = DiagnosticStatus.WARN if drifting else DiagnosticStatus.OK
+    values: dict[str, object] = {}
+    compared = [each for each in comparisons if each.drifts]
+    if compared:
+        # The kind that was identified last, unless another is the reason of the alarm.
+        shown = next((each for each in reversed(compared) if each.drifting), compared[-1])
+        values["bags"] = ", ".join(shown.newest.bags)
+        values["limit (σ)"] = f"{shown.drifts[0].limit:.3f}"
+        values.update({f"{each.parameter} (σ)": f"{each.statistic:+.2f}" for each in shown.drifts})
+    return diagnostic_status(level, f"{name}: drift", name, drift_sentence(comparisons), values)

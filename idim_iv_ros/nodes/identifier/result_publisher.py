@@ -1,32 +1,40 @@
 """The last good result: published latched, compared with earlier ones, kept over a restart."""
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from idim_iv_interfaces.msg import IdentificationResult, ParameterEstimates
+from idim_iv_interfaces.msg import DriftReport, IdentificationResult, ParameterEstimates
+from idim_iv_interfaces.srv import GetHistory, SetBaseline
 from idim_iv_ros.errors import IdimError
 from idim_iv_ros.files import RESULT
 from idim_iv_ros.identification import result as identification
-from idim_iv_ros.nodes.identifier.estimate_history import EstimateHistory, PastEstimates
-from idim_iv_ros.nodes.identifier.job import Job
+from idim_iv_ros.nodes.identifier.drift_messages import drift_report, past_identification, time_of
+from idim_iv_ros.nodes.identifier.estimate_history import (
+    Comparison,
+    EstimateHistory,
+    PastEstimates,
+)
+from idim_iv_ros.nodes.identifier.job import ESTIMATORS, Job
 from idim_iv_ros.nodes.identifier.messages import result_message
 from idim_iv_ros.nodes.identifier.report import drift_diagnosis, joint_diagnoses
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
-from idim_iv_ros.statistics.drift import Drift
 
 
 class ResultPublisher:
-    """Topics `~/estimates` and `~/result`, and the history of estimates.
+    """Topics `~/estimates`, `~/result` and `~/drift`, services on the history of estimates.
+
+    The topics hold the newest result by IDIM-IV with the node's own configuration, once there is
+    one: what somebody asks for with another estimator or configuration is answered to who asked.
 
     Attributes
     ----------
     last : IdentificationResult or None
-        What was published last.
+        Of the job that ended last.
 
     Raises
     ------
@@ -34,25 +42,30 @@ class ResultPublisher:
         The history in the output directory cannot be read.
     """
 
-    def __init__(self, node: Node, directory: Path) -> None:
-        self._node, self._directory = node, directory
+    def __init__(self, node: Node, directory: Path, significance: Callable[[], float]) -> None:
+        self._node, self._directory, self._significance = node, directory, significance
         self._history = EstimateHistory(directory)
-        self._drifts: list[Drift] = []
+        self._comparisons: list[Comparison] = []
+        self._shown: IdentificationResult | None = None
+        self._entry: PastEstimates | None = None
         self.last: IdentificationResult | None = None
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._estimates = node.create_publisher(ParameterEstimates, "~/estimates", latched)
         self._results = node.create_publisher(IdentificationResult, "~/result", latched)
+        self._drifts = node.create_publisher(DriftReport, "~/drift", latched)
+        node.create_service(GetHistory, "~/get_history", self._get_history)
+        node.create_service(SetBaseline, "~/set_baseline", self._set_baseline)
 
-    def publish_last(self, significance: float) -> None:
-        """Publish the newest result of the history whose file can be read."""
-        for entry in reversed(self._history.entries):
+    def publish_last(self) -> None:
+        """Publish the newest result of the history whose file can be read, and what drifts."""
+        newest_first = self._history.entries[::-1]
+        for entry in sorted(newest_first, key=lambda each: not _own(each)):
             try:
-                self._publish(entry)
+                self._show(entry, self._message(entry))
+                break
             except IdimError as error:
                 self._node.get_logger().warning(str(error))
-                continue
-            self._drifts = self._history.drifts(significance)
-            return
+        self._compare()
 
     def add(self, job: Job, settings: IdentifierSettings) -> None:
         """Publish and keep the result of a job that has ended.
@@ -72,26 +85,65 @@ class ResultPublisher:
             bags=job.names,
             folder=job.folder.name,
             values={each.name: (each.value, each.std) for each in result.parameters},
+            configuration=job.configuration_name,
         )
-        self._publish(entry)
+        self.last = result_message(result, time_of(entry.stamp), entry.bags, entry.folder)
+        if _own(entry) or self._entry is None or not _own(self._entry):
+            self._show(entry, self.last)
         self._history.add(entry, settings.history_length)
-        self._drifts = self._history.drifts(settings.drift_significance)
-        found = [drift.parameter for drift in self._drifts if drift.drifts]
-        if found:
-            log = self._node.get_logger()
-            log.warning(f"changed since {', '.join(self._drifts[0].since)}: {', '.join(found)}")
+        self._compare()
+        newest = self._comparisons[-1]
+        if newest.drifting:
+            assert newest.baseline is not None
+            names = ", ".join(each.parameter for each in newest.drifting)
+            since = ", ".join(newest.baseline.bags)
+            self._node.get_logger().warning(f"changed since {since}: {names}")
 
     def diagnoses(self, name: str) -> list[DiagnosticStatus]:
         """The verdict on each joint and the drift; nothing before the first result."""
-        if self.last is None:
-            return []
-        bags = self.last.parameters.bags
-        return [*joint_diagnoses(name, self.last), drift_diagnosis(name, self._drifts, bags)]
+        joints = [] if self._shown is None else joint_diagnoses(name, self._shown)
+        return [*joints, drift_diagnosis(name, self._comparisons)] if self._comparisons else joints
 
-    def _publish(self, entry: PastEstimates) -> None:
-        stamp = Time(sec=entry.stamp // 1_000_000_000, nanosec=entry.stamp % 1_000_000_000)
+    def _compare(self) -> None:
+        self._comparisons = self._history.comparisons(self._significance())
+        if self._comparisons:
+            self._drifts.publish(drift_report(self._comparisons))
+
+    def _message(self, entry: PastEstimates) -> IdentificationResult:
         path = self._directory / entry.folder / RESULT
         result = identification.IdentificationResult.read(path)
-        self.last = result_message(result, stamp, entry.bags, entry.folder)
-        self._estimates.publish(self.last.parameters)
-        self._results.publish(self.last)
+        return result_message(result, time_of(entry.stamp), entry.bags, entry.folder)
+
+    def _show(self, entry: PastEstimates, message: IdentificationResult) -> None:
+        self._shown, self._entry = message, entry
+        self._estimates.publish(message.parameters)
+        self._results.publish(message)
+
+    def _get_history(
+        self, request: GetHistory.Request, response: GetHistory.Response
+    ) -> GetHistory.Response:
+        response.identifications = [
+            past_identification(each)
+            for each in self._history.entries
+            if request.estimator in ("", each.estimator)
+        ]
+        return response
+
+    def _set_baseline(
+        self, request: SetBaseline.Request, response: SetBaseline.Response
+    ) -> SetBaseline.Response:
+        try:
+            shown = "" if self._entry is None else self._entry.folder
+            entry = self._history.set_baseline(request.folder or shown)
+            self._compare()
+            response.success = True
+            response.message = f"later identifications are compared with {', '.join(entry.bags)}"
+        except IdimError as error:
+            response.success, response.message = False, str(error)
+        self._node.get_logger().info(response.message)
+        return response
+
+
+def _own(entry: PastEstimates) -> bool:
+    """Whether the topics show it."""
+    return not entry.configuration and entry.estimator == ESTIMATORS[0]
