@@ -1,7 +1,7 @@
 """Sums of waves over a joint's position, for ripple and for friction that depends on position."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,13 +80,15 @@ def near_waves(shape: Waves, step: float, span: float) -> list[Waves]:
     ]
 
 
-def wave_columns(position: FloatArray, shape: Waves) -> FloatArray:
-    """Sine and cosine of each wave number, (s, 2 k)."""
-    phase = np.outer(position, shape.wave_numbers)
-    both = np.empty((len(position), 2 * len(shape.wave_numbers)))
-    np.sin(phase, out=both[:, ::2])
-    np.cos(phase, out=both[:, 1::2])
-    return both
+def wave_columns(position: FloatArray, shapes: Sequence[Waves]) -> list[FloatArray]:
+    """Sine and cosine of each wave number, (s, 2 k) for each shape: of all of them at once."""
+    numbers = [number for shape in shapes for number in shape.wave_numbers]
+    phases = np.multiply.outer(numbers, position)
+    lines = np.empty((2 * len(numbers), len(position)))
+    np.sin(phases, out=lines[::2])
+    np.cos(phases, out=lines[1::2])
+    ends = np.cumsum([2 * len(shape.wave_numbers) for shape in shapes])
+    return [part.T for part in np.split(lines, ends[:-1])]
 
 
 def wave_parameters(

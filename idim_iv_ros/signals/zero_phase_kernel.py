@@ -2,7 +2,7 @@
 
 `scipy.signal.sosfilt` filters one signal after the other, and each step of a recursion waits for
 the one before. Here `LANES` signals take each step together, tile by tile, so that a tile stays in
-the cache; the operations and their order are those of `sosfilt`, so that every bit is the same.
+the cache; the operations and their order are those of `sosfilt`, so that every bit is the same down to numbers of 1e-200.
 """
 
 from idim_iv_ros.compilation import entry, kernel
@@ -10,6 +10,7 @@ from idim_iv_ros.types import FloatArray, IntArray
 
 LANES = 32
 TILE = 64
+SMALLEST = 1e-200
 
 
 @entry
@@ -109,3 +110,10 @@ def _advance(sections: FloatArray, states: FloatArray, tile: FloatArray, steps: 
                 near[lane] = b1 * given - a1 * made + far[lane]
                 far[lane] = b2 * given - a2 * made
                 row[lane] = made
+        for lane in range(LANES):
+            # After a signal has become zero its response decays to numbers so small that the
+            # processor takes a hundred times as long for each.
+            if abs(near[lane]) < SMALLEST:
+                near[lane] = 0.0
+            if abs(far[lane]) < SMALLEST:
+                far[lane] = 0.0
