@@ -67,14 +67,19 @@ def _rows_at_once(
         torques = effect.torques(motion, place, shapes)
         joints = tuple(torques[0])
         lines = [torque[joint].T for joint in joints for torque in torques]
-        tables.append(motion.rows(np.concatenate(lines).T))
+        tables.append(motion.rows(np.concatenate(lines).T).T)
     widths = [width_of(torque) for torque in torques]
+    ends = np.cumsum(widths)
     blocks: list[dict[int, FloatArray]] = [{} for _ in shapes]
     for number, joint in enumerate(joints):
-        own = slice(number * sum(widths), (number + 1) * sum(widths))
-        rows = data.counting(joint, [table[:, own] for table in tables])
-        for block, end, width in zip(blocks, np.cumsum(widths), widths, strict=True):
-            block[joint] = rows[:, end - width : end]
+        own = slice(number * ends[-1], (number + 1) * ends[-1])
+        counting = [
+            table[own].compress(motion.kept[:, joint], axis=1)
+            for table, motion in zip(tables, data.motions, strict=True)
+        ]
+        rows = np.concatenate(counting, axis=1)
+        for block, end, width in zip(blocks, ends, widths, strict=True):
+            block[joint] = rows[end - width : end].T
     return list(blocks)
 
 
