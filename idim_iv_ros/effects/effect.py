@@ -170,6 +170,12 @@ class StructuralEffect(Cause, Generic[S]):
     def columns(self, motion: RobotMotion, place: Place, shape: S) -> dict[int, FloatArray]:
         """Torque of unit coefficients, (s, k) by joint: what the motor must bring up more."""
 
+    def torques(
+        self, motion: RobotMotion, place: Place, shapes: Sequence[S]
+    ) -> list[dict[int, FloatArray]]:
+        """`columns` of several shapes; for effects that make many at once for less."""
+        return [self.columns(motion, place, shape) for shape in shapes]
+
     @abstractmethod
     def parameters(
         self, shape: S, coefficients: FloatArray, deviations: FloatArray

@@ -1,5 +1,6 @@
 """An encoder disc off its centre."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,16 +70,25 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
 
     def columns(self, motion: RobotMotion, place: Place, shape: DiscShape) -> dict[int, FloatArray]:
         """Change of all torques with each part of the error, 1 rad."""
+        return self.torques(motion, place, [shape])[0]
+
+    def torques(
+        self, motion: RobotMotion, place: Place, shapes: Sequence[DiscShape]
+    ) -> list[dict[int, FloatArray]]:
+        """What turns once a turn is in both shapes."""
         q = motion.position[:, place.joint]
         small = 1e-4
         errors = [np.sin(q), np.cos(q)]
-        if shape.twice:
+        if any(shape.twice for shape in shapes):
             errors += [np.sin(2 * q), np.cos(2 * q)]
         parts = [motion.moved(place.joint, -small * e, links=False) / small for e in errors]
-        return {
-            joint: np.column_stack([part[:, joint] for part in parts])
-            for joint in range(motion.position.shape[1])
-        }
+        return [
+            {
+                joint: np.column_stack([part[:, joint] for part in parts[: 4 if shape.twice else 2]])
+                for joint in range(motion.position.shape[1])
+            }
+            for shape in shapes
+        ]
 
     def admissible(self, shape: DiscShape, coefficients: FloatArray) -> bool:
         """Small errors only: no disc is further out than 50 mrad."""

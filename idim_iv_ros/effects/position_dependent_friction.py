@@ -114,12 +114,23 @@ class PositionDependentFriction(StructuralEffect[Waves | TightSpot]):
         self, motion: RobotMotion, place: Place, shape: Waves | TightSpot
     ) -> dict[int, FloatArray]:
         """Friction of amplitudes of one."""
-        q = motion.position[:, place.joint]
-        sign = motion.slip[:, place.joint]
-        if isinstance(shape, Waves):
-            return {place.joint: wave_columns(q, shape) * sign[:, None]}
-        bump = np.exp(-(((q - shape.centre) / shape.width) ** 2))
-        return {place.joint: (bump * sign)[:, None]}
+        return self.torques(motion, place, [shape])[0]
+
+    def torques(
+        self, motion: RobotMotion, place: Place, shapes: Sequence[Waves | TightSpot]
+    ) -> list[dict[int, FloatArray]]:
+        """The same of many waves."""
+        q = np.ascontiguousarray(motion.position[:, place.joint])
+        sign = np.ascontiguousarray(motion.slip[:, place.joint])
+        waves = iter(wave_columns(q, [each for each in shapes if isinstance(each, Waves)]))
+        made = []
+        for shape in shapes:
+            if isinstance(shape, Waves):
+                values = next(waves)
+            else:
+                values = np.exp(-(((q - shape.centre) / shape.width) ** 2))[:, None]
+            made.append({place.joint: values * sign[:, None]})
+        return made
 
     def admissible(self, shape: Waves | TightSpot, coefficients: FloatArray) -> bool:
         """Any phase; a spot may be tight or loose."""

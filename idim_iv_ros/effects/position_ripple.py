@@ -1,5 +1,7 @@
 """Torque that ripples with the position: cogging, teeth, ripple of the motor's current."""
 
+from collections.abc import Sequence
+
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
@@ -60,7 +62,14 @@ class PositionRipple(StructuralEffect[Waves]):
 
     def columns(self, motion: RobotMotion, place: Place, shape: Waves) -> dict[int, FloatArray]:
         """Sine and cosine of each wave."""
-        return {place.joint: wave_columns(motion.position[:, place.joint], shape)}
+        return self.torques(motion, place, [shape])[0]
+
+    def torques(
+        self, motion: RobotMotion, place: Place, shapes: Sequence[Waves]
+    ) -> list[dict[int, FloatArray]]:
+        """The same of many waves."""
+        made = wave_columns(motion.position[:, place.joint], shapes)
+        return [{place.joint: columns} for columns in made]
 
     def admissible(self, shape: Waves, coefficients: FloatArray) -> bool:
         """Any phase."""

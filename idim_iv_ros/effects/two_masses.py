@@ -6,8 +6,8 @@ what the transmission gives.
 """
 
 import numpy as np
-from numba import njit
 
+from idim_iv_ros.compilation import entry
 from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
@@ -34,7 +34,8 @@ def transmitted(
     steps = max(1, int(np.ceil(_STEPS_PER_PERIOD * frequency / motion.rate)))
     steps += 1 - steps % 2  # odd, so that as many lie before a sample as after it
     slope = motion.slope(joint)
-    torque, shift, acceleration = _relative(
+    found = np.empty((3, len(own)))
+    _relative(
         np.ascontiguousarray(motion.load[:, joint]),
         np.ascontiguousarray(slope[:, joint]),
         np.ascontiguousarray(own),
@@ -43,7 +44,9 @@ def transmitted(
         damping,
         0.5 * gap,
         steps,
+        found,
     )
+    torque, shift, acceleration = found
     changes = {
         other: (inertia[:, other] * acceleration + slope[:, other] * shift)[:, None]
         for other in range(inertia.shape[1])
@@ -52,7 +55,7 @@ def transmitted(
     return changes
 
 
-@njit(cache=True)
+@entry
 def _relative(
     load: FloatArray,
     slope: FloatArray,
@@ -62,42 +65,50 @@ def _relative(
     damping: float,
     half_gap: float,
     steps: int,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Torque, shift and its acceleration, (s,) each; starts in static equilibrium.
+    found: FloatArray,
+) -> None:
+    """Write torque, shift and its acceleration, (3, s); starts in static equilibrium.
 
-    Torque and acceleration are means from half a sample before to half a sample after.
+    Torque and acceleration are means from half a sample before to half a sample after. Each step
+    waits for the one before it, so that what does not depend on the state is divided beforehand.
     """
-    samples = len(load)
-    torque, acceleration = np.zeros(samples), np.zeros(samples)
-    counts = np.zeros(samples)
-    moved = np.zeros(samples)
+    last = len(load) - 1
     side = 1.0 if load[0] >= 0.0 else -1.0
     shift = -load[0] / stiffness - side * half_gap
     speed = 0.0
     small = step / steps
-    for k in range(samples):
-        moved[k] = shift
-        count = steps if k < samples - 1 else 1
-        for i in range(count):
+    half = (steps + 1) // 2
+    torque, acceleration, count = 0.0, 0.0, 0
+    for k in range(last + 1):
+        found[1, k] = shift
+        after = min(k + 1, last)
+        for i in range(steps if k < last else 1):
+            if i == half:
+                found[0, k], found[2, k] = torque / count, acceleration / count
+                torque, acceleration, count = 0.0, 0.0, 0
             share = i / steps
-            after = min(k + 1, samples - 1)
-            needed = (1.0 - share) * load[k] + share * load[after] + slope[k] * shift
             mass = (1.0 - share) * inertia[k] + share * inertia[after]
-            bent = shift - min(max(shift, -half_gap), half_gap)
-            given = 0.0
-            if bent != 0.0 or half_gap == 0.0:
-                # Damping at the end of the step: it is stable however strong.
-                later = (speed - small * (stiffness * bent + needed) / mass) / (
-                    1.0 + small * damping / mass
-                )
+            followed = (1.0 - share) * load[k] + share * load[after]
+            # Damping at the end of the step: it is stable however strong.
+            carried = mass / (mass + small * damping)
+            moved = small / (mass + small * damping)
+            needed = followed + slope[k] * shift
+            if half_gap == 0.0:
+                later = carried * speed - moved * (stiffness * shift + needed)
+                given = -stiffness * shift - damping * later
+            else:
+                bent = shift - min(max(shift, -half_gap), half_gap)
+                later = carried * speed - moved * (stiffness * bent + needed)
                 given = -stiffness * bent - damping * later
-                if half_gap > 0.0 and given * bent > 0.0:  # flanks push and do not pull
+                # Flanks push and do not pull.
+                if bent == 0.0 or given * bent > 0.0:
                     given = 0.0
-            change = (given - needed) / mass
-            nearest = k if 2 * i < steps else after
-            torque[nearest] += given
-            acceleration[nearest] += change
-            counts[nearest] += 1.0
-            speed += small * change
-            shift += small * speed
-    return torque / counts, moved, acceleration / counts
+                    later = speed - small * needed / mass
+            torque += given
+            acceleration += (given - needed) / mass
+            count += 1
+            speed = later
+            shift += small * later
+        if steps == 1 or k == last:
+            found[0, k], found[2, k] = torque / count, acceleration / count
+            torque, acceleration, count = 0.0, 0.0, 0

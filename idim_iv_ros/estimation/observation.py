@@ -10,6 +10,7 @@ from idim_iv_ros.estimation.qr import streamed_r_factor
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Motion
+from idim_iv_ros.signals.autoregression import Segments
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 # Full-rate samples for which the regressor is held at once.
@@ -134,9 +135,9 @@ def _grid(kept: Sequence[BoolArray]) -> IntArray:
     return np.concatenate(places)
 
 
-def _segments(position: IntArray) -> tuple[slice, ...]:
+def _segments(position: IntArray) -> Segments:
     if len(position) == 0:
-        return ()
+        return Segments()
     starts = np.concatenate([[0], np.flatnonzero(np.diff(position) != 1) + 1])
     stops = np.concatenate([starts[1:], [len(position)]])
-    return tuple(slice(int(a), int(b)) for a, b in zip(starts, stops, strict=True))
+    return Segments(slice(int(a), int(b)) for a, b in zip(starts, stops, strict=True))

@@ -115,8 +115,8 @@ class JointRows:
         """
         factor = self._standardized.get(noise)
         if factor is None:
-            whitened = noise.whiten(self._by_columns, self.segments)
-            factor = self._standardized[noise] = r_factor(whitened) / noise.sigma
+            whitened = noise.standardized(self._by_columns, self.segments)
+            factor = self._standardized[noise] = r_factor(whitened)
         return factor
 
     @cached_property

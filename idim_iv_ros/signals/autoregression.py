@@ -7,12 +7,37 @@ from functools import cached_property
 import numpy as np
 import scipy
 
+from idim_iv_ros.signals.autoregression_kernel import burg, whiten_lines
 from idim_iv_ros.types import FloatArray, IntArray
 
 _ROWS_PER_COEFFICIENT = 10
 _LARGEST_ORDER = 100
 _MEMORY_LIMIT = 5000
 _UNITY = 1.0 - 1e-12
+
+
+class Segments(tuple[slice, ...]):
+    """Runs of rows that are contiguous in time, one behind the other.
+
+    A search whitens the same rows thousands of times: they are checked once.
+    """
+
+    @cached_property
+    def starts(self) -> IntArray:
+        """(m + 1,) first row of each run, and the end of the last.
+
+        Raises
+        ------
+        ValueError
+            Runs that overlap or leave rows out.
+        """
+        starts = np.array([0] + [segment.stop for segment in self], dtype=np.int64)
+        for segment, start in zip(self, starts, strict=False):
+            if segment.start != start or segment.stop <= start:
+                raise ValueError(
+                    f"segments must follow one another without gaps, {segment} does not"
+                )
+        return starts
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +101,7 @@ class AutoregressiveModel:
 
     def standardized(self, rows: FloatArray, segments: Sequence[slice]) -> FloatArray:
         """Whiten rows (r, …) so that the residual has unit variance; see `whiten`."""
-        return self.whiten(rows, segments) / self.sigma
+        return self._whitened(rows, segments, float(np.divide(1.0, self.sigma)))
 
     def _autocorrelation(self) -> FloatArray:
         """(p + 1,) of lags 0 … p, from the recursion that gave the reflections."""
@@ -123,24 +148,16 @@ class AutoregressiveModel:
         -------
         ndarray of the shape of `rows`.
         """
-        _require_cover(segments, len(rows))
-        order = self.order
-        if order == 0:
-            return np.array(rows, dtype=float)
-        # Column by column, which is what lfilter does too, but slower.
-        whitened = np.empty(rows.shape, order="F")
-        for place in np.ndindex(rows.shape[1:]):
-            column = (slice(None), *place)
-            whitened[column] = np.convolve(self._predictors[-1], rows[column])[: len(rows)]
-        long = [segment.start for segment in segments if segment.stop - segment.start >= order]
-        heads = np.array(long, dtype=np.int64)[:, None] + np.arange(order)
-        wide = rows[heads] if rows.ndim > 1 else rows[heads][..., None]
-        whitened[heads] = (self._start @ wide).reshape(rows[heads].shape)
-        for segment in segments:
-            count = segment.stop - segment.start
-            if count < order:
-                whitened[segment] = self._start[:count, :count] @ rows[segment]
-        return whitened
+        return self._whitened(rows, segments, 1.0)
+
+    def _whitened(self, rows: FloatArray, segments: Sequence[slice], scale: float) -> FloatArray:
+        starts = _starts(segments, len(rows))
+        if self.order == 0 or rows.size == 0:
+            return np.asarray(scale * rows, dtype=np.float64)
+        lines = np.ascontiguousarray(rows.reshape(len(rows), -1).T, dtype=np.float64)
+        whitened = np.empty(lines.shape)
+        whiten_lines(lines, starts, self._predictors[-1], self._start, scale, whitened)
+        return whitened.T.reshape(rows.shape)
 
     def shaping_adjoint(self, rows: FloatArray, positions: IntArray) -> FloatArray:
         """Apply the transposed shaping filter 1/C to rows zero-filled on their regular grid.
@@ -224,8 +241,7 @@ def fit_autoregression(
         with a full past are left for each coefficient.
     """
     residual = np.asarray(residual, dtype=float)
-    _require_cover(segments, len(residual))
-    place = _place_in_segment(segments)
+    place = _place_in_segment(segments, len(residual))
     with_past = _rows_with_past(place)
     if max_order is None:
         enough = with_past[1:] >= _ROWS_PER_COEFFICIENT * np.arange(1, len(with_past))
@@ -253,29 +269,24 @@ def burg_reflections(series: FloatArray, segments: Sequence[slice], order: int) 
     order : int
         How many are wanted; fewer are returned when nothing is left to predict.
     """
-    place = _place_in_segment(segments)
-    forward = backward = series
-    reflections: list[float] = []
-    floor = np.finfo(float).eps * float(np.vdot(series, series))
-    for step in range(1, order + 1):
-        inside = place[1:] >= step
-        place = place[1:][inside]
-        ahead, behind = forward[1:][inside], backward[:-1][inside]
-        energy = float(np.vdot(ahead, ahead) + np.vdot(behind, behind))
-        if energy <= floor:
-            break
+    series = series.reshape(len(series), -1)
+    reflections = np.empty(order)
+    found = burg(
+        np.array(series, order="C"),
+        np.array(series, order="C"),
+        _place_in_segment(segments, len(series)),
+        np.finfo(float).eps * float(np.vdot(series, series)),
         # |κ| ≤ 1 by Cauchy-Schwarz; rounding must not make it 1, which has no variance left.
-        reflection = min(max(-2.0 * float(np.vdot(ahead, behind)) / energy, -_UNITY), _UNITY)
-        reflections.append(reflection)
-        forward, backward = ahead + reflection * behind, behind + reflection * ahead
-    return np.array(reflections)
-
-
-def _place_in_segment(segments: Sequence[slice]) -> IntArray:
-    """(r,) how many predecessors each row has in its segment."""
-    return np.concatenate(
-        [np.arange(segment.stop - segment.start) for segment in segments] or [np.zeros(0, int)]
+        _UNITY,
+        reflections,
     )
+    return reflections[:found]
+
+
+def _place_in_segment(segments: Sequence[slice], n_rows: int) -> IntArray:
+    """(r,) how many predecessors each row has in its segment."""
+    starts = _starts(segments, n_rows)
+    return np.arange(n_rows) - np.repeat(starts[:-1], np.diff(starts))
 
 
 def _rows_with_past(place: IntArray) -> IntArray:
@@ -283,12 +294,12 @@ def _rows_with_past(place: IntArray) -> IntArray:
     return np.cumsum(np.bincount(place, minlength=1)[::-1])[::-1]
 
 
-def _require_cover(segments: Sequence[slice], n_rows: int) -> None:
-    """Runs that overlap or leave rows out would silently mix or lose rows."""
-    stop = 0
-    for segment in segments:
-        if segment.start != stop or segment.stop <= segment.start:
-            raise ValueError(f"segments must follow one another without gaps, {segment} does not")
-        stop = segment.stop
-    if stop != n_rows:
-        raise ValueError(f"segments cover {stop} rows of {n_rows}")
+def _starts(segments: Sequence[slice], n_rows: int) -> IntArray:
+    """(m + 1,) first row of each segment, and the number of rows.
+
+    Runs that overlap or leave rows out would silently mix or lose rows.
+    """
+    starts = segments.starts if isinstance(segments, Segments) else Segments(segments).starts
+    if starts[-1] != n_rows:
+        raise ValueError(f"segments cover {starts[-1]} rows of {n_rows}")
+    return starts

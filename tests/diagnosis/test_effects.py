@@ -319,7 +319,7 @@ def test_shapes_are_refined_in_the_range_of_their_own_joint() -> None:
     ripple = BY_NAME["position_ripple"]
 
     def left(shape: Waves) -> float:
-        rows = wave_columns(position, shape)
+        rows = wave_columns(position, [shape])[0]
         torque = np.sin(pitch * position + 0.7)
         return float(np.var(torque - rows @ np.linalg.lstsq(rows, torque, rcond=None)[0]))
 

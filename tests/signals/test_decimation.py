@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.signal import decimate
+from scipy.signal import cheby1, decimate, sosfiltfilt
 
 from idim_iv_ros.signals import ParallelDecimation, common_factors, decimation_factor
 
@@ -65,3 +65,12 @@ def test_every_rate_has_its_own_factor_to_one_rate_of_rows(rates, factors, row_r
 def test_rates_without_a_common_one_have_no_factors() -> None:
     assert common_factors([1000.0, 400.0], 150.0, 0.95) is None
     assert common_factors([1000.0, 400.0], 80.0, 0.95) == ((5, 2), 200.0)
+
+
+@pytest.mark.parametrize(("columns", "samples"), [(5, 2000), (32, 777), (45, 130), (70, 11)])
+def test_many_columns_side_by_side_are_filtered_as_scipy_filters_each(columns, samples) -> None:
+    signal = np.random.default_rng(2).normal(size=(samples, columns)).cumsum(axis=0)
+    sections = cheby1(8, 0.05, 0.9 / 4, output="sos")
+    padding = min(24, samples - 1)
+    expected = sosfiltfilt(sections, signal, axis=0, padlen=padding)[::4]
+    np.testing.assert_array_equal(ParallelDecimation(4, samples, 0.9).whole(signal), expected)

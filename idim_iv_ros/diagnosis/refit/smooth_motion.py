@@ -110,6 +110,11 @@ class SmoothMotion:
         return self._torque(self.whole.without_dry_friction) + self.whole.coulomb * self.slip
 
     @cached_property
+    def _torque_of_whole(self) -> FloatArray:
+        """(s, n_joints) N m: of everything, its dry friction with the sign of the speed."""
+        return self._torque(self.whole)
+
+    @cached_property
     def inertia(self) -> FloatArray:
         """(s, n_joints, n_joints) kg m²: mass matrix of the links alone."""
         return mass_matrix(self.robot, self.links, self.position)
@@ -143,7 +148,7 @@ class SmoothMotion:
         acceleration[:, joint] += np.gradient(rate, 1.0 / self.rate)
         parameters = self.links if links else self.whole
         moved = inverse_dynamics(self.robot, parameters, position, velocity, acceleration)
-        return moved - self._torque(parameters)
+        return moved - (self.load if links else self._torque_of_whole)
 
     def rows(self, values: FloatArray) -> FloatArray:
         """Decimate values (s, …) of this grid to all rows (m, …), counting or not."""

@@ -7,9 +7,11 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.structural.likelihood import Columns, Fit
+from idim_iv_ros.diagnosis.structural.likelihood import Columns, Fit, width_of
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.types import FloatArray
+
+_AT_ONCE = 32  # shapes: their columns together stay small
 
 
 def operating_range(data: Baseline) -> OperatingRange:
@@ -46,22 +48,38 @@ def spread_shapes(effect: Effect, place: Place, covered: OperatingRange) -> list
 
 
 def rows_of(data: Baseline, effect: Effect, place: Place, shapes: Sequence[Shape]) -> list[Columns]:
-    """Rows of the regression for each shape; all shapes are decimated at once."""
-    made = [[effect.columns(motion, place, shape) for shape in shapes] for motion in data.motions]
+    """Rows of the regression for each shape; many shapes are decimated at once.
+
+    Columns of shapes that follow each other lie one after the other in memory.
+    """
+    made: list[Columns] = []
+    for start in range(0, len(shapes), _AT_ONCE):
+        made += _rows_at_once(data, effect, place, shapes[start : start + _AT_ONCE])
+    return made
+
+
+def _rows_at_once(
+    data: Baseline, effect: Effect, place: Place, shapes: Sequence[Shape]
+) -> list[Columns]:
+    """Rows for a few shapes, all columns of all joints filtered in one call."""
+    tables = []
+    for motion in data.motions:
+        torques = effect.torques(motion, place, shapes)
+        joints = tuple(torques[0])
+        lines = [torque[joint].T for joint in joints for torque in torques]
+        tables.append(motion.rows(np.concatenate(lines).T).T)
+    widths = [width_of(torque) for torque in torques]
+    ends = np.cumsum(widths)
     blocks: list[dict[int, FloatArray]] = [{} for _ in shapes]
-    for joint in made[0][0]:
-        rows = data.counting(
-            joint,
-            [
-                motion.rows(np.vstack([columns[joint].T for columns in per_motion]).T)
-                for motion, per_motion in zip(data.motions, made, strict=True)
-            ],
-        )
-        start = 0
-        for block, columns in zip(blocks, made[0], strict=True):
-            width = columns[joint].shape[1]
-            block[joint] = rows[:, start : start + width]
-            start += width
+    for number, joint in enumerate(joints):
+        own = slice(number * ends[-1], (number + 1) * ends[-1])
+        counting = [
+            table[own].compress(motion.kept[:, joint], axis=1)
+            for table, motion in zip(tables, data.motions, strict=True)
+        ]
+        rows = np.concatenate(counting, axis=1)
+        for block, end, width in zip(blocks, ends, widths, strict=True):
+            block[joint] = rows[end - width : end].T
     return list(blocks)
 
 

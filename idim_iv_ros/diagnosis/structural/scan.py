@@ -88,7 +88,7 @@ class Scan:
         for width in set(widths):
             which = [k for k, own in enumerate(widths) if own == width]
             together = {
-                joint: np.hstack([candidates[k][joint] for k in which])
+                joint: np.concatenate([candidates[k][joint].T for k in which]).T
                 for joint in candidates[which[0]]
             }
             totals, coefficients = self._scores_of_equal_width(together, width)
@@ -105,11 +105,9 @@ class Scan:
         if not usual.all():
             white = {joint: np.where(usual, rows, 0.0) for joint, rows in white.items()}
         right = sum(rows.T @ self._residuals[joint] for joint, rows in white.items())
-        projected = _side_by_side(self._projected(white), width)
-        left = -np.matmul(projected.transpose(0, 2, 1), projected)
+        left = -_own_products(self._projected(white), width)
         for rows in white.values():
-            blocks = _side_by_side(rows, width)
-            left += np.matmul(blocks.transpose(0, 2, 1), blocks)
+            left += _own_products(rows, width)
         remaining = np.einsum("mii->mi", left)
         least = np.maximum(settings.LEAST_INDEPENDENT * energy, _LEAST_ENERGY).reshape(-1, width)
         usable = usual.reshape(-1, width) & (remaining > least)
@@ -131,6 +129,8 @@ class Scan:
         )
 
 
-def _side_by_side(columns: FloatArray, width: int) -> FloatArray:
-    """Columns (r, m · width) as one (r, width) matrix for each candidate: (m, r, width)."""
-    return columns.reshape(len(columns), -1, width).transpose(1, 0, 2)
+def _own_products(columns: FloatArray, width: int) -> FloatArray:
+    """Products of the columns (r, m · width) of each of m candidates: (m, width, width)."""
+    lines = np.ascontiguousarray(columns.T)
+    lines = lines.reshape(-1, width, len(columns))
+    return np.matmul(lines, lines.transpose(0, 2, 1))

@@ -94,7 +94,11 @@ class Search:
         if not all(np.isfinite(rows).all() for rows in columns.values()):
             return None
         larger = self.regression.with_columns(columns)
-        fit = larger.fit(self.fit.noise_models, steps=settings.NOISE_MODEL_MORE_STEPS)
+        explained = self._explained(larger, place)
+        # Most effects explain nothing: the noise is refined only where one may be accepted.
+        may_be = explained >= settings.LEAST_SHARE_OF_EFFECT
+        steps = settings.NOISE_MODEL_MORE_STEPS if may_be else 0
+        fit = larger.fit(self.fit.noise_models, steps=steps)
         width = next(iter(columns.values())).shape[1]
         coefficients = fit.coefficients[-width:]
         if not effect.admissible(shape, coefficients):
@@ -110,7 +114,7 @@ class Search:
             columns,
             fit,
             gain=larger.gain_of_last(fit),
-            explained=self._explained(larger, place),
+            explained=explained,
             numbers=width + effect.free_numbers(shape),
             tried=tried,
         )
