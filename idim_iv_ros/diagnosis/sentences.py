@@ -42,7 +42,7 @@ def structural_cause(
     where = joint if place.other is None else f"{joint} and {data.joints[place.other]}"
     text = (
         f"{_spaced(effect.effect.name)} at {where}: the torque gap at {joint} falls from "
-        f"{gap.before:.3g} to {gap.after:.3g} {unit} on data not used to fit"
+        f"{gap.before:.3g} to {gap.after:.3g} {unit} on data not used to choose or fit it"
     )
     if gap.noise_floor is not None:
         text += f" (noise {gap.noise_floor:.3g} {unit})"
@@ -57,6 +57,17 @@ def structural_cause(
         low, high = (100.0 * limit for limit in gap.ci95)
         text += f"; the reduction of {low:.0f} to {high:.0f} % (95 %) may be chance"
     return text
+
+
+def hint(
+    effect: str, joints: Sequence[str], parameters: dict[str, EffectParameter], reason: str
+) -> str:
+    """Say what a doubtful effect would be, and why it is no cause."""
+    numbers = _numbers(effect, parameters, settings.MOST_NUMBERS_IN_SENTENCE)
+    place = " and ".join(joints)
+    return (
+        f"{_spaced(effect)} at {place}{f' ({numbers})' if numbers else ''}: only a hint, {reason}"
+    )
 
 
 def disagreement(differing: Sequence[RecordingAgreement]) -> str:

@@ -146,6 +146,9 @@ CONFIDENCE_MOST_BLOCKS = Count(24, "blocks", "the same in a long session, at mos
 ALTERNATIVE_SUPPORT = Setting(0.5, "support of the accepted effect",
     "support from which on an alternative is compared on held-out blocks", NUMERICAL)
 MOST_ALTERNATIVES = Count(12, "candidates", "how many are compared, at most", NUMERICAL)
+NULL_DRAWS = Count(199, "draws",
+    "simulated recordings without the cause from which its p-value is read: it is at least "
+    "1 / (draws + 1)", NUMERICAL)
 
 # Structural effects: likelihood and search.
 NOISE_MODEL_ORDER = Count(10, "", "order of each joint's autoregressive noise, at most", NUMERICAL)
@@ -190,7 +193,10 @@ COEFFICIENT_STEP = Setting(1e-4, "coefficient",
 # Held-out confirmation.
 HELD_OUT_LEAST_GAIN = Setting(0.02, "energy of the whitened residual",
     "what an effect must take on data not used to fit, at least", CHOSEN)
-HELD_OUT_LEAST_FOLDS = Setting(0.75, "folds",
+LEAST_FOLDS_CHOSEN = Setting(0.6, "folds",
+    "folds without which a search must choose an effect again, at least, or what is "
+    "indistinguishable from it: 3 of 5; one that is chosen less often is a hint", CONVENTION)
+HELD_OUT_LEAST_FOLDS = Setting(0.75, "folds that choose it",
     "folds on which an effect must help, at least", CHOSEN)
 HELD_OUT_LEAST_FOLDS_OF_DRIFT = Setting(0.5, "folds",
     "the same for what changes with time: much of it may lie in a part of the session", CHOSEN)
@@ -206,8 +212,13 @@ FOLD_LEAK = Setting(1e-3, "",
     "weight of the held-out rows in the fit that predicts them: what only they show stays finite",
     NUMERICAL)
 LEAST_TIME_BLOCK = Setting(1.0, "s", "blocks of the bootstrap, at least", CHOSEN)
+TIME_BLOCK = Setting(5.0, "s",
+    "length of such a block where the session is long enough: torques are predictable over "
+    "seconds", PHYSICS)
+FEWEST_TIME_BLOCKS = Count(8, "blocks",
+    "blocks of the bootstrap in a short session: they are shorter then", NUMERICAL)
 MOST_TIME_BLOCKS = Count(20, "blocks", "blocks of the bootstrap in one recording, at most", CHOSEN)
-RESAMPLES = Count(200, "", "resamples of the bootstrap", NUMERICAL)
+RESAMPLES = Count(1000, "", "resamples of the bootstrap", NUMERICAL)
 
 LEAST_ROOM = Setting(1e-3, "gap",
     "what must lie above the noise floor for a shrinkage to be said", NUMERICAL)
