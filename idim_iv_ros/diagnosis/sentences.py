@@ -20,13 +20,14 @@ from idim_iv_ros.diagnosis.result import (
 )
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric, StopShape
+from idim_iv_ros.diagnosis.structural.rules import Judged
 from idim_iv_ros.effects.link_inertia import LinkInertia
 from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.types import FloatArray
 
 
 def structural_cause(
-    data: Baseline, effect: Candidate, others: Sequence[Candidate], gap: Gap, gain: float
+    data: Baseline, effect: Candidate, others: Sequence[Judged], gap: Gap, gain: float
 ) -> str:
     """Where an effect is and how far the gap shrinks.
 
@@ -47,9 +48,7 @@ def structural_cause(
     if gap.noise_floor is not None:
         text += f" (noise {gap.noise_floor:.3g} {unit})"
     text += _indistinguishable(
-        f"{_spaced(other.effect.name)} at {data.joints[other.place.joint]}"
-        for other in others
-        if not isinstance(other.effect, Nonparametric)
+        f"{_spaced(other.effect.name)} at {data.joints[other.place.joint]}" for other in others
     )
     if gain <= 0.0:
         text += "; it does not help on held-out data, so do not rely on it"

@@ -144,8 +144,16 @@ CONFIDENCE_LEAST_BLOCK = Setting(5.0, "s", "blocks that are held out, at least",
 CONFIDENCE_FEWEST_BLOCKS = Count(4, "blocks", "the same in a short session, at least", NUMERICAL)
 CONFIDENCE_MOST_BLOCKS = Count(24, "blocks", "the same in a long session, at most", NUMERICAL)
 ALTERNATIVE_SUPPORT = Setting(0.5, "support of the accepted effect",
-    "support from which on an alternative is compared on held-out blocks", NUMERICAL)
-MOST_ALTERNATIVES = Count(12, "candidates", "how many are compared, at most", NUMERICAL)
+    "support from which on an alternative is tried again when the others are known", NUMERICAL)
+ALTERNATIVE_GAIN = Setting(0.25, "gain of the accepted effect",
+    "gain from which on a candidate is compared with it on held-out blocks: less leaves most of "
+    "what the effect explains", CHOSEN)
+ALTERNATIVE_CORRELATION = Setting(0.25, "",
+    "correlation of the torques that both add, at least: with less it would be one cause more",
+    CHOSEN)
+MOST_ALTERNATIVES = Count(24, "candidates", "how many are compared, at most", NUMERICAL)
+REFINED_ALTERNATIVES = Count(6, "candidates",
+    "how many of them have their shape refined, the best supported first", NUMERICAL)
 NULL_DRAWS = Count(199, "draws",
     "simulated recordings without the cause from which its p-value is read: it is at least "
     "1 / (draws + 1)", NUMERICAL)

@@ -20,6 +20,7 @@ from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.structural import search
 from idim_iv_ros.diagnosis.structural.attribution import Attribution, attribute
 from idim_iv_ros.diagnosis.structural.causes import Selection, named_model, structural_causes
+from idim_iv_ros.diagnosis.structural.cross_fitting import CrossFitting
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC, Nonparametric
 from idim_iv_ros.diagnosis.structural.rules import acceptable, with_most_of_gap
@@ -210,7 +211,7 @@ def test_effects_with_the_same_torque_are_indistinguishable(
     _, joint, _, torque = SINGLE[0]
     catalogue: list[Effect] = [Stribeck(), Twin(), Slower()]
     found = attribute(data, world(data, 5, joint, torque), catalogue)
-    (only,) = found.found
+    (only,) = CrossFitting(data, found).with_sets(found.found)
     assert only.candidate.effect.name in ("stribeck", "twin")
     ((rival, correlation),) = only.indistinguishable_from
     assert {rival.effect.name, only.candidate.effect.name} == {"stribeck", "twin"}

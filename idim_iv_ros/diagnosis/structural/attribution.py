@@ -1,30 +1,26 @@
 """Which effects explain what the refit leaves, found one after the other."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field, replace
-
-import numpy as np
+from dataclasses import dataclass, field
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.identifiability.testability import cannot_show
 from idim_iv_ros.diagnosis.parametric.errors_beyond_base import ERRORS_BEYOND_BASE
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.candidate import Candidate, operating_range
-from idim_iv_ros.diagnosis.structural.confidence import confidence_set
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC
 from idim_iv_ros.diagnosis.structural.rules import (
+    Judged,
     acceptable,
     own_cause,
     preferred,
     with_most_of_gap,
 )
-from idim_iv_ros.diagnosis.structural.scan import Scan
 from idim_iv_ros.diagnosis.structural.search import Grids, Search
 from idim_iv_ros.effects.effect import Effect, Place
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.progress import Progress
-from idim_iv_ros.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -34,14 +30,15 @@ class Found:
     Attributes
     ----------
     candidate : Candidate
-    indistinguishable_from : tuple of (Candidate, float)
-        What predicts held-out data as well in its place, with the correlation of the torques.
+    indistinguishable_from : tuple of (candidate, float)
+        What predicts held-out data as well in its place, with the correlation of the torques; see
+        `confidence`.
     alternatives : tuple of Candidate
-        What was compared with it on held-out data.
+        What was nearly as well supported when it was accepted.
     """
 
     candidate: Candidate
-    indistinguishable_from: tuple[tuple[Candidate, float], ...] = ()
+    indistinguishable_from: tuple[tuple[Judged, float], ...] = ()
     alternatives: tuple[Candidate, ...] = ()
 
 
@@ -83,11 +80,12 @@ def attributed(
     regression: Regression,
     without: Collection[str],
     progress: Progress | None = None,
+    grids: Grids | None = None,
 ) -> Attribution:
     """Look for effects of the catalogue beside the refit, and for nonparametric alternatives."""
     structural = [*STRUCTURAL, *ERRORS_BEYOND_BASE]
     effects = [effect for effect in structural if effect.name not in without]
-    return attribute(data, regression, [*effects, *NONPARAMETRIC], progress)
+    return attribute(data, regression, [*effects, *NONPARAMETRIC], progress, grids)
 
 
 def attribute(
@@ -95,13 +93,20 @@ def attribute(
     regression: Regression,
     catalogue: Sequence[Effect],
     progress: Progress | None = None,
+    grids: Grids | None = None,
 ) -> Attribution:
-    """Accept the best effect beside those accepted before, until none is acceptable."""
+    """Accept the best effect beside those accepted before, until none is acceptable.
+
+    Parameters
+    ----------
+    grids
+        Rows of shapes of another search on the same motion.
+    """
     refit = regression.fit()
     covered = operating_range(data)
     found: list[Found] = []
     current, fit = regression, refit
-    grids: Grids = {}
+    grids = {} if grids is None else grids
     tried = 0
     known: dict[tuple[Effect, Place], Candidate | None] = {}
     for _ in range(settings.MOST_EFFECTS + len(data.joints)):
@@ -121,8 +126,9 @@ def attribute(
         if len(found) > 1:
             found, current, fit = _revised(search, regression, refit, found, catalogue)
         _forget(known, set(best.columns))
-    sets = _with_sets(data, regression, fit, found)
-    return Attribution(regression, refit, sets, current, fit, tried, tuple(catalogue), grids)
+    return Attribution(
+        regression, refit, tuple(found), current, fit, tried, tuple(catalogue), grids
+    )
 
 
 def _alternatives(best: Candidate, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
@@ -134,41 +140,6 @@ def _alternatives(best: Candidate, candidates: Sequence[Candidate]) -> tuple[Can
             kept[each.key] = each
     found = sorted(kept.values(), key=lambda each: -each.support)
     return tuple(found[: settings.MOST_ALTERNATIVES])
-
-
-def _with_sets(
-    data: Baseline, regression: Regression, fit: Fit, found: Sequence[Found]
-) -> tuple[Found, ...]:
-    """Accepted effects, each with what is indistinguishable from it beside the others."""
-    taken = {each.candidate.key for each in found}
-    made = []
-    for this in found:
-        others = regression
-        for other in found:
-            if other is not this:
-                others = others.with_columns(other.candidate.columns)
-        free = [each for each in this.alternatives if each.key not in taken]
-        kept = confidence_set(data, others, fit.noise_models, this.candidate, free)
-        scan = Scan(others, fit.noise_models)
-        pairs = tuple((each, _correlation(scan, this.candidate, each)) for each in kept)
-        made.append(replace(this, indistinguishable_from=pairs))
-    return tuple(made)
-
-
-def _correlation(scan: Scan, first: Candidate, second: Candidate) -> float:
-    """Of the torques that both add, whitened, less what the model absorbs."""
-    one = scan.whiten(_torque(first))
-    two = scan.whiten(_torque(second))
-    energy = float(scan.normal(one, one)[0, 0] * scan.normal(two, two)[0, 0])
-    if energy <= 0.0 or not set(one) & set(two):
-        return 0.0
-    return float(abs(scan.normal(one, two)[0, 0]) / np.sqrt(energy))
-
-
-def _torque(candidate: Candidate) -> dict[int, FloatArray]:
-    return {
-        joint: (rows @ candidate.coefficients)[:, None] for joint, rows in candidate.columns.items()
-    }
 
 
 def _all(

@@ -27,10 +27,10 @@ _SEED = 50110
 SingleArray = NDArray[np.float32]  # half the time of double precision, for what is noise
 
 
-def null_noise(folds: Sequence[IntArray], draws: int | None = None) -> list[SingleArray]:
+def null_noise(folds: Sequence[IntArray], seed: int = _SEED) -> list[SingleArray]:
     """White noise (r_j, draws) for each joint; none at rows that belong to no fold."""
-    random = np.random.default_rng(_SEED)
-    count = int(settings.NULL_DRAWS if draws is None else draws)
+    random = np.random.default_rng(seed)
+    count = int(settings.NULL_DRAWS)
     made = []
     for fold in folds:
         noise = random.standard_normal((len(fold), count), dtype=np.float32)

@@ -231,7 +231,6 @@ def structural_causes(
                         other.effect.name, data.joints[other.place.joint], correlation
                     )
                     for other, correlation in found.indistinguishable_from
-                    if not isinstance(other.effect, Nonparametric)
                 ),
                 torque_gap=gap,
                 simulation_gap=simulation,

@@ -87,6 +87,7 @@ def confirmation(data: Baseline, attribution: Attribution) -> Confirmed:
     repeats = repeats_of(data)
     floors = noise_floors(data, attribution.extended, attribution.fit, repeats)
     folds = CrossFitting(data, attribution, repeats)
+    attribution = replace(attribution, found=folds.with_sets(attribution.found))
     return confirmed(data, attribution, named_model(attribution), floors, folds)
 
 

@@ -5,6 +5,7 @@ A search that looks at all data and is tested on parts of them has seen the answ
 choice is made again without each fold, and the fold is predicted with what was chosen then.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +15,7 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut, folds_of, interleaved_folds
 from idim_iv_ros.diagnosis.held_out.time_blocks import time_blocks
+from idim_iv_ros.diagnosis.parametric.errors_beyond_base import ErrorBeyondBase
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat
 from idim_iv_ros.diagnosis.structural.attribution import Attribution, Found
@@ -23,12 +25,14 @@ from idim_iv_ros.diagnosis.structural.calibration import (
     null_supports,
     p_value,
 )
-from idim_iv_ros.diagnosis.structural.candidate import operating_range
+from idim_iv_ros.diagnosis.structural.candidate import Candidate, operating_range
+from idim_iv_ros.diagnosis.structural.confidence import with_sets
 from idim_iv_ros.diagnosis.structural.fold_model import FoldModel
 from idim_iv_ros.diagnosis.structural.fold_products import FoldProducts
-from idim_iv_ros.diagnosis.structural.fold_search import FoldCandidate, FoldSearch
+from idim_iv_ros.diagnosis.structural.fold_search import FoldCandidate, FoldSearch, block_key
 from idim_iv_ros.diagnosis.structural.likelihood import white_noise_models
 from idim_iv_ros.diagnosis.structural.menu import menu_of
+from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
 from idim_iv_ros.types import FloatArray, IntArray
 
 
@@ -81,6 +85,11 @@ class CrossFit:
         own = sum(any(each.key == found.candidate.key for each in fold) for fold in self.chosen)
         standing = sum(self._standing_in(found, others, fold) is not None for fold in self.chosen)
         return Chosen(own, standing, len(self.chosen))
+
+    @property
+    def chosen_of_all(self) -> Counter[tuple[str, int, int | None]]:
+        """In how many folds each effect and place is chosen."""
+        return Counter(each.key for fold in self.chosen for each in fold)
 
     def _standing_in(
         self, found: Found, others: Sequence[Found], chosen: Sequence[FoldCandidate]
@@ -152,14 +161,12 @@ class CrossFit:
 
 
 def _predict(model: FoldModel, residuals: Sequence[FloatArray], fold: int) -> None:
-    """Take what a model without a fold predicts there off the weighted residuals."""
+    """Put the weighted residuals that a model without a fold leaves there."""
     products = model.products
-    for joint, values in enumerate(model.at_joints(model.values)):
+    blocks = [products.block(each.key, {}) for each in model.accepted]
+    for joint, values in enumerate(model.theta):
         inside = products.folds[joint] == fold
-        blocks = [products.block(each.key, {}) for each in model.accepted]
-        added = [block.white[joint] for block in blocks if joint in block.white]
-        columns = np.hstack([products.white[joint][:, :-1], *added])
-        residuals[joint][inside] -= columns[inside] @ values
+        residuals[joint][inside] = products.rest(joint, inside, blocks, values[:, None])[:, 0]
 
 
 class CrossFitting:
@@ -191,7 +198,7 @@ class CrossFitting:
         products = self.choices(interleaved=drifts).search.white
         model = FoldModel(products)
         for each in others:
-            key = (each.candidate.effect.name, each.candidate.place, each.candidate.shape)
+            key = block_key(each.candidate)
             model = model.beside(key, products.block(key, each.candidate.columns))
         observed = largest_support(model, found.candidate.key)
         if not np.isfinite(observed):
@@ -201,6 +208,52 @@ class CrossFitting:
             f"largest support in {draws} recordings simulated without the effect, with the noise "
             f"of the fit; it cannot be below {1.0 / (draws + 1.0):.2g}"
         )
+
+    def with_sets(self, found: Sequence[Found]) -> tuple[Found, ...]:
+        """Accepted effects, each with what is indistinguishable from it beside the others.
+
+        Of a set, the effect is named that most folds choose.
+        """
+        if not found:
+            return ()
+        drifts = any(each.candidate.effect.family == "time" for each in found)
+        crossed = self.choices(interleaved=drifts)
+        sets = with_sets(self.data, crossed.search, found)
+        named = tuple(self._most_chosen(each, sets, crossed) for each in sets)
+        if all(one is other for one, other in zip(named, sets, strict=True)):
+            return sets
+        return with_sets(self.data, crossed.search, named)
+
+    def _most_chosen(self, this: Found, found: Sequence[Found], crossed: CrossFit) -> Found:
+        """What most folds choose of an effect and what is indistinguishable from it."""
+        taken = {each.candidate.key for each in found}
+        times = crossed.chosen_of_all
+        best, most = None, times[this.candidate.key]
+        for other, _ in this.indistinguishable_from:
+            named = not isinstance(other.effect, Nonparametric | ErrorBeyondBase)
+            if named and other.key not in taken and times[other.key] > most:
+                best, most = other, times[other.key]
+        if best is None:
+            return this
+        regression = self.attribution.regression
+        for each in found:
+            if each is not this:
+                regression = regression.with_columns(each.candidate.columns)
+        noise = self.attribution.fit.noise_models
+        larger = regression.with_columns(best.columns)
+        fit = larger.fit(noise, steps=settings.NOISE_MODEL_MORE_STEPS)
+        candidate = Candidate(
+            best.effect,
+            best.place,
+            best.shape,
+            best.columns,
+            fit,
+            larger.gain_of_last(fit),
+            best.explained,
+            best.numbers,
+            best.tried,
+        )
+        return Found(candidate, alternatives=(this.candidate, *this.alternatives))
 
     @cached_property
     def _apart(self) -> CrossFit:

@@ -114,7 +114,7 @@ class FoldModel:
         """Return the same with one candidate more."""
         made = object.__new__(FoldModel)
         made.__dict__.update(self.__dict__)
-        for name in ("values", "_theta"):  # cached of this one
+        for name in ("values", "theta"):  # cached of this one
             made.__dict__.pop(name, None)
         view = self.view(block)
         turn = orthonormal(view.left, view.energy)[0]
@@ -180,7 +180,7 @@ class FoldModel:
             start += len(further)
         right = right - self.coordinates @ shared
         left = left - shared.T @ shared
-        theta = self._theta
+        theta = self.theta
         residual = {j: residual[j] - theta[j] @ inner[j] for j in inner}
         return View(shared, left, right, inner, residual, own, energy)
 
@@ -194,7 +194,7 @@ class FoldModel:
                 part = slice(at, at + width)
                 inner[joint] = self.inner[joint][:-1, part]
                 own[joint] = self.own[joint][part, :width]
-                residual[joint] = self.inner[joint][-1, part] - self._theta[joint] @ inner[joint]
+                residual[joint] = self.inner[joint][-1, part] - self.theta[joint] @ inner[joint]
         return View(
             self.shared[:, columns],
             self.left[columns, :width],
@@ -243,13 +243,14 @@ class FoldModel:
         return made
 
     @cached_property
-    def _theta(self) -> list[FloatArray]:
+    def theta(self) -> list[FloatArray]:
+        """The same by joint, see `at_joints`."""
         return self.at_joints(self.values)
 
     def energies(self) -> FloatArray:
         """(n_joints,) of the weighted residual."""
         made = []
-        for gram, theta in zip(self.gram, self._theta, strict=True):
+        for gram, theta in zip(self.gram, self.theta, strict=True):
             signed = np.append(-theta, 1.0)
             made.append(float(signed @ gram @ signed))
         return np.array(made)
@@ -259,13 +260,10 @@ class FoldModel:
         if not views:
             return [], np.zeros((0, len(self.gram)))
         coefficients = [least_squares(each.left, each.right, each.energy) for each in views]
-        moved = np.column_stack(
-            [each.shared @ c for each, c in zip(views, coefficients, strict=True)]
-        )
-        changes = self.at_joints(-self._solved(moved))
+        changes = self.changes(views, coefficients)
         energies = np.tile(self.energies(), (len(views), 1))
         for joint, (gram, theta, change) in enumerate(
-            zip(self.gram, self._theta, changes, strict=True)
+            zip(self.gram, self.theta, changes, strict=True)
         ):
             slope = gram[:-1, -1] - gram[:-1, :-1] @ theta
             energies[:, joint] += np.einsum("pm,pm->m", change, gram[:-1, :-1] @ change)
@@ -278,6 +276,15 @@ class FoldModel:
                         + 2.0 * each.inner[joint].T @ change[:, k]
                     )
         return coefficients, np.maximum(energies, 1e-300)
+
+    def changes(
+        self, views: Sequence[View], coefficients: Sequence[FloatArray]
+    ) -> list[FloatArray]:
+        """By joint, what each candidate (m) changes of the model's coefficients: (p_j, m)."""
+        moved = np.column_stack(
+            [each.shared @ c for each, c in zip(views, coefficients, strict=True)]
+        )
+        return self.at_joints(-self._solved(moved))
 
     def scores(self) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Score (m,) and coefficients (m, w) of every shape of the menu, by width."""

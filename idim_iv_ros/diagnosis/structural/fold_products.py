@@ -72,6 +72,7 @@ class FoldProducts:
         menu: Menu,
         draws: Sequence[NDArray[np.float32]] = (),
     ) -> None:
+        self.regression = regression
         self.joints = regression.joints
         self.total = regression.total
         self.values = values
@@ -94,6 +95,10 @@ class FoldProducts:
         self._blocks: dict[Hashable, Block] = {}
         self._beside: dict[Hashable, dict[int, FloatArray]] = {}
         self._of_menu()
+
+    def without_menu(self) -> "FoldProducts":
+        """Return the same for columns that are named one by one."""
+        return FoldProducts(self.regression, self.noise_models, self.values, self.folds, Menu(()))
 
     def weights(self, left_out: int) -> FloatArray:
         """Weight of each fold (folds,) where one is left out: a thousandth, see `FOLD_LEAK`."""
@@ -188,6 +193,20 @@ class FoldProducts:
                 found[joint] = product.reshape(self.count, block.width, -1)
             self._beside[key] = found
         return self._beside[key]
+
+    def rest(
+        self, joint: int, rows: NDArray[np.bool_], blocks: Sequence[Block], values: FloatArray
+    ) -> FloatArray:
+        """Weighted residual (n, m) at rows of a joint with other coefficients (p, m).
+
+        Parameters
+        ----------
+        blocks
+            Accepted candidates, in their order; `values` has the coefficients of the joint's own.
+        """
+        added = [block.white[joint][rows] for block in blocks if joint in block.white]
+        columns = np.hstack([self.white[joint][rows, :-1], *added])
+        return np.asarray(self.white[joint][rows, -1:] - columns @ values)
 
     def _back(self, joint: int, white: FloatArray, fold: int) -> FloatArray:
         """Transposed whitening of a fold's rows: its products with plain rows are whitened ones."""

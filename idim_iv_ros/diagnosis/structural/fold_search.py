@@ -18,6 +18,7 @@ from idim_iv_ros.diagnosis.structural.likelihood import Columns
 from idim_iv_ros.diagnosis.structural.menu import Entry
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
 from idim_iv_ros.diagnosis.structural.rules import (
+    Judged,
     acceptable,
     own_cause,
     preferred,
@@ -67,10 +68,10 @@ class FoldCandidate:
         """Effect and place."""
         return self.effect.name, self.place.joint, self.place.other
 
-    @property
-    def block(self) -> BlockKey:
-        """Key of its columns."""
-        return self.effect.name, self.place, self.shape
+
+def block_key(candidate: Judged) -> BlockKey:
+    """Key of a candidate's columns."""
+    return candidate.effect.name, candidate.place, candidate.shape
 
 
 def cost(numbers: int, rows: int, tried: int) -> float:
@@ -90,9 +91,9 @@ class Both:
     white: FoldModel
     plain: FoldModel
 
-    def beside(self, candidate: FoldCandidate) -> "Both":
+    def beside(self, candidate: Judged) -> "Both":
         """Return the same with one candidate more."""
-        key, columns = candidate.block, candidate.columns
+        key, columns = block_key(candidate), candidate.columns
         return Both(
             self.white.beside(key, self.white.products.block(key, columns)),
             self.plain.beside(key, self.plain.products.block(key, columns)),
@@ -170,6 +171,7 @@ class FoldSearch:
         model: Both,
         taken: set[tuple[str, int, int | None]],
         only: set[tuple[str, int, int | None]] | None = None,
+        refined: int = _REFINED,
     ) -> list[FoldCandidate]:
         """Candidates worth a fit, one for each effect and place; the best with a refined shape."""
         rough = []
@@ -191,7 +193,7 @@ class FoldSearch:
         promising = sorted(with_most_of_gap(found), key=lambda each: -each.support)
         hot = [each for each in promising if not isinstance(each.effect, Nonparametric)]
         hot += [each for each in found if not acceptable(each)] if not hot else []
-        for each in hot[:_REFINED]:
+        for each in hot[:refined]:
             found[next(k for k, c in enumerate(found) if c is each)] = self._refined(model, each)
         best: dict[tuple[str, int, int | None], FoldCandidate] = {}
         for each in found:

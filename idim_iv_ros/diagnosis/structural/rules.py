@@ -8,7 +8,8 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.structural.likelihood import Columns
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
-from idim_iv_ros.effects.effect import Effect
+from idim_iv_ros.effects.effect import Effect, Place, Shape
+from idim_iv_ros.types import FloatArray
 
 
 class Judged(Protocol):
@@ -17,6 +18,18 @@ class Judged(Protocol):
     @property
     def effect(self) -> Effect:
         """Of the catalogue, or a nonparametric alternative."""
+
+    @property
+    def place(self) -> Place:
+        """Joint, or both of a coupling."""
+
+    @property
+    def shape(self) -> Shape:
+        """The one that fits best."""
+
+    @property
+    def key(self) -> tuple[str, int, int | None]:
+        """Effect and place."""
 
     @property
     def columns(self) -> Columns:
@@ -29,6 +42,18 @@ class Judged(Protocol):
     @property
     def explained(self) -> float:
         """Share of the torque gap's energy at its joints."""
+
+    @property
+    def numbers(self) -> int:
+        """Coefficients and shape: what the candidate may choose."""
+
+    @property
+    def tried(self) -> int:
+        """Shapes on its grid."""
+
+    @property
+    def coefficients(self) -> FloatArray:
+        """(w,)."""
 
     @property
     def support(self) -> float:
