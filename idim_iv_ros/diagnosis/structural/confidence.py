@@ -51,7 +51,7 @@ def with_sets(data: Baseline, search: FoldSearch, found: Sequence[Found]) -> tup
             [each.columns for each in others],
             [this.candidate.columns, *(each.columns for each in alternatives)],
         )
-        kept = model_confidence_set(losses, settings.CONFIDENCE_SET_SIZE, seed=_SEED).included
+        kept = included(losses)
         beside = [other.columns for other in others]
         pairs = [
             (each, correlation(white, beside, this, each))
@@ -62,6 +62,17 @@ def with_sets(data: Baseline, search: FoldSearch, found: Sequence[Found]) -> tup
         alike = [pair for pair in pairs if pair[1] >= settings.ALTERNATIVE_CORRELATION]
         made.append(replace(this, indistinguishable_from=tuple(alike)))
     return tuple(made)
+
+
+def included(losses: FloatArray) -> set[int]:
+    """Models (b, m) of the set, and those whose score over all blocks is as good as the best's.
+
+    Where two torques are almost the same, a difference of nothing is sure: it decides nothing.
+    """
+    total = losses.sum(axis=0)
+    close = np.flatnonzero(total <= total.min() + settings.INDISTINGUISHABLE_SUPPORT)
+    sure = model_confidence_set(losses, settings.CONFIDENCE_SET_SIZE, seed=_SEED).included
+    return {*sure, *(int(each) for each in close)}
 
 
 def alternatives_to(search: FoldSearch, this: Found, found: Sequence[Found]) -> list[FoldCandidate]:

@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.structural.fold_products import EVERY_FOLD, Block, FoldProducts
+from idim_iv_ros.diagnosis.structural.fold_products import EVERY_FOLD, Block, FoldProducts, Stack
 from idim_iv_ros.estimation.qr import NOT_SHOWN, Basis, independent_basis
 from idim_iv_ros.types import FloatArray
 
@@ -295,6 +295,34 @@ class FoldModel:
             seen = np.einsum("mwr,mw->mr", turn, self.right[columns])
             found[width] = np.sum(seen**2, axis=1), np.einsum("mwr,mr->mw", turn, seen)
         return found
+
+    def scores_of(self, stack: Stack) -> tuple[FloatArray, FloatArray]:
+        """Scores (m,) and coefficients (m, w) of several shapes that are not of the menu."""
+        products = self.products
+        count = next(iter(stack.white.values())).shape[1]
+        whole = np.zeros((products.total + 1, count))
+        left = np.zeros((count, stack.width))
+        for joint, parts in stack.inner.items():
+            rows = np.append(products.joints[joint].columns, products.total)
+            whole[rows] += np.tensordot(self.weights, parts, axes=1)
+            left += np.tensordot(self.weights, stack.own[joint], axes=1)
+        shared = self._on_basis(whole[:-1])
+        for each in self.accepted:
+            other = products.block(each.key, {})
+            crossed = np.zeros((other.width, count))
+            for joint in set(other.white) & set(stack.white):
+                parts = products.between(joint, other, stack)
+                crossed += np.tensordot(self.weights, parts, axes=1)
+            shared = np.vstack([shared, each.turn.T @ (crossed - each.shared.T @ shared)])
+        right = (whole[-1] - self.coordinates @ shared).reshape(-1, stack.width)
+        energy = np.einsum("mii->mi", left.reshape(-1, stack.width, stack.width)).copy()
+        by_shape = shared.reshape(len(shared), -1, stack.width).transpose(1, 0, 2)
+        remaining = left.reshape(-1, stack.width, stack.width) - np.matmul(
+            by_shape.transpose(0, 2, 1), by_shape
+        )
+        turn = orthonormal(remaining, energy, stacked=True)
+        seen = np.einsum("mwr,mw->mr", turn, right)
+        return np.sum(seen**2, axis=1), np.einsum("mwr,mr->mw", turn, seen)
 
     def _on_basis(self, whole: FloatArray) -> FloatArray:
         return np.asarray(

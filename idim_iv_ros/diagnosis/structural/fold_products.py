@@ -48,6 +48,27 @@ class Block:
         return int(next(iter(self.plain.values())).shape[1])
 
 
+@dataclass(frozen=True, eq=False)
+class Stack:
+    """Columns of several shapes of one effect and place, all with as many columns.
+
+    Attributes
+    ----------
+    width : int
+        Of each shape.
+    white : Columns
+        (r_j, shapes × width) by joint.
+    inner : by joint (folds, c_j + 1, shapes × width)
+    own : by joint (folds, shapes × width, width)
+        Products of each column with those of its shape.
+    """
+
+    width: int
+    white: Columns
+    inner: dict[int, FloatArray]
+    own: dict[int, FloatArray]
+
+
 class FoldProducts:
     """Products of one regression with one set of weights; see the module.
 
@@ -92,7 +113,11 @@ class FoldProducts:
             for table, fold in zip(self.white, folds, strict=True)
         ]
         self.draws = draws
+        self._inside = [
+            [_contiguous(np.flatnonzero(fold == k)) for k in range(self.count)] for fold in folds
+        ]
         self._blocks: dict[Hashable, Block] = {}
+        self._stacks: dict[Hashable, Stack] = {}
         self._beside: dict[Hashable, dict[int, FloatArray]] = {}
         self._of_menu()
 
@@ -155,11 +180,7 @@ class FoldProducts:
         return self.noise_models[joint].standardized(rows, self.joints[joint].segments)
 
     def _rows_of(self, joint: int, fold: int) -> slice | IntArray:
-        """Rows of a fold: a slice where they follow one another, which needs no copy."""
-        rows = np.flatnonzero(self.folds[joint] == fold)
-        if len(rows) and rows[-1] - rows[0] + 1 == len(rows):
-            return slice(int(rows[0]), int(rows[-1]) + 1)
-        return rows
+        return self._inside[joint][fold]
 
     def block(self, key: Hashable, plain: Columns) -> Block:
         """Products of a candidate's columns; made once for a key."""
@@ -173,7 +194,23 @@ class FoldProducts:
             self._blocks[key] = Block(plain, white, inner, own)
         return self._blocks[key]
 
-    def between(self, joint: int, one: Block, other: Block) -> FloatArray:
+    def stack(self, key: Hashable, plain: Sequence[Columns]) -> Stack:
+        """Products of several shapes at once; made once for a key."""
+        if key not in self._stacks:
+            width = int(next(iter(plain[0].values())).shape[1])
+            white = {
+                joint: self._whitened(joint, np.hstack([rows[joint] for rows in plain]))
+                for joint in plain[0]
+            }
+            inner, own = {}, {}
+            for joint, rows in white.items():
+                parts = [self._rows_of(joint, k) for k in range(self.count)]
+                inner[joint] = np.array([self.white[joint][p].T @ rows[p] for p in parts])
+                own[joint] = np.array([_own(rows[p], width) for p in parts])
+            self._stacks[key] = Stack(width, white, inner, own)
+        return self._stacks[key]
+
+    def between(self, joint: int, one: Block, other: Block | Stack) -> FloatArray:
         """Products of two candidates at a joint that both have: (folds, w1, w2)."""
         parts = [self._rows_of(joint, k) for k in range(self.count)]
         return np.array([one.white[joint][p].T @ other.white[joint][p] for p in parts])
@@ -213,6 +250,13 @@ class FoldProducts:
         kept = np.where((self.folds[joint] == fold)[:, None], white, 0.0)
         noise = self.noise_models[joint]
         return noise.whiten_adjoint(kept, self.joints[joint].segments) / noise.sigma
+
+
+def _contiguous(rows: IntArray) -> slice | IntArray:
+    """A slice where rows follow one another: it needs no copy."""
+    if len(rows) and rows[-1] - rows[0] + 1 == len(rows):
+        return slice(int(rows[0]), int(rows[-1]) + 1)
+    return rows
 
 
 def _own(rows: FloatArray, width: int) -> FloatArray:

@@ -12,11 +12,10 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.candidate import rows_of
-from idim_iv_ros.diagnosis.structural.fold_model import FoldModel, View, least_squares
+from idim_iv_ros.diagnosis.structural.fold_model import FoldModel, View
 from idim_iv_ros.diagnosis.structural.fold_products import Block, FoldProducts
 from idim_iv_ros.diagnosis.structural.likelihood import Columns
 from idim_iv_ros.diagnosis.structural.menu import Entry
-from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
 from idim_iv_ros.diagnosis.structural.rules import (
     Judged,
     acceptable,
@@ -191,7 +190,7 @@ class FoldSearch:
                 )
         found = self._fitted(model, rough)
         promising = sorted(with_most_of_gap(found), key=lambda each: -each.support)
-        hot = [each for each in promising if not isinstance(each.effect, Nonparametric)]
+        hot = [each for each in promising if self._can_move(each)]
         hot += [each for each in found if not acceptable(each)] if not hot else []
         for each in hot[:refined]:
             found[next(k for k, c in enumerate(found) if c is each)] = self._refined(model, each)
@@ -200,6 +199,9 @@ class FoldSearch:
             if each.key not in best or each.support > best[each.key].support:
                 best[each.key] = each
         return list(best.values())
+
+    def _can_move(self, each: FoldCandidate) -> bool:
+        return bool(each.effect.neighbours(each.shape, _STEPS[0], each.place, self.covered))
 
     def best_shapes(self, model: FoldModel) -> list[tuple[Entry, Shape, int, float]]:
         """Best admissible shape of each entry, its first column in the menu, and its score."""
@@ -260,7 +262,7 @@ class FoldSearch:
         """Move the shape in small steps, and add terms, as the search does."""
         effect, place, shape = candidate.effect, candidate.place, candidate.shape
         tried = candidate.tried
-        score = self._score(model.white, effect, place, shape)[0]
+        _, score = self._best_of(model.white, effect, place, [shape])
         shape, score = self._moved(model.white, effect, place, shape, score)
         while further := effect.longer(shape, place, self.covered):
             tried += len(further)
@@ -299,20 +301,16 @@ class FoldSearch:
     def _best_of(
         self, model: FoldModel, effect: Effect, place: Place, shapes: Sequence[Shape]
     ) -> tuple[Shape | None, float]:
-        self._columns(effect, place, shapes)
-        best, highest = None, -1.0
-        for shape in shapes:
-            score, coefficients = self._score(model, effect, place, shape)
-            if score > highest and effect.admissible(shape, coefficients):
-                best, highest = shape, score
-        return best, highest
-
-    def _score(
-        self, model: FoldModel, effect: Effect, place: Place, shape: Shape
-    ) -> tuple[float, FloatArray]:
-        view = model.view(self._block(model.products, effect, place, shape))
-        coefficients = least_squares(view.left, view.right, view.energy)
-        return float(view.right @ coefficients), coefficients
+        """Admissible shape with the highest score, and the score; all have one width."""
+        if not shapes:
+            return None, -1.0
+        key = (effect.name, place, tuple(shapes))
+        stack = model.products.stack(key, self._columns(effect, place, shapes))
+        scores, coefficients = model.scores_of(stack)
+        for k in np.argsort(-scores, kind="stable"):
+            if effect.admissible(shapes[k], coefficients[k]):
+                return shapes[k], float(scores[k])
+        return None, -1.0
 
     def _block(self, products: FoldProducts, effect: Effect, place: Place, shape: Shape) -> Block:
         return products.block((effect.name, place, shape), self._columns(effect, place, [shape])[0])

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from idim_iv_ros.diagnosis.structural.likelihood import Columns
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
@@ -56,11 +57,25 @@ class Entry:
 
     def at(self, joint: int) -> FloatArray:
         """Rows (r_j, shapes × width) of one joint; a column that is not finite is zero."""
-        table = np.hstack([rows[joint] for rows in self.rows])
-        unusable = ~np.isfinite(table).all(axis=0)
-        if unusable.any():
-            table[:, unusable] = 0.0
+        table = self._side_by_side(joint)
+        if joint not in self._unusable:
+            self._unusable[joint] = np.asarray(~np.isfinite(table).all(axis=0))
+        if self._unusable[joint].any():
+            table = np.where(self._unusable[joint], 0.0, table)
         return table
+
+    @cached_property
+    def _unusable(self) -> dict[int, NDArray[np.bool_]]:
+        return {}
+
+    def _side_by_side(self, joint: int) -> FloatArray:
+        """The array that all shapes are parts of, if there is one; else a copy of them."""
+        base = self.rows[0][joint].base
+        first = np.concatenate([rows[joint][0] for rows in self.rows])
+        whole = base is not None and base.ndim == 2 and base.shape[1] == len(first)
+        if base is not None and whole and np.array_equal(base[0], first, equal_nan=True):
+            return np.asarray(base)
+        return np.hstack([rows[joint] for rows in self.rows])
 
     def numbers(self, shape: Shape) -> int:
         """What the candidate may choose: coefficients and shape."""
