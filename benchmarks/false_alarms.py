@@ -12,6 +12,7 @@ nothing, through the whole of `diagnose`.
 """
 
 import argparse
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -168,6 +169,13 @@ def full(count: int) -> Iterator[str]:
         yield f"Named: {', '.join(named)}."
 
 
+def shown(lines: Iterator[str]) -> Iterator[str]:
+    """Lines, printed when they are made: the whole takes minutes."""
+    for line in lines:
+        print(line, file=sys.stderr, flush=True)
+        yield line
+
+
 def _rate(hits: int, count: int) -> str:
     """Share with its exact 95 % interval (Clopper and Pearson), in percent."""
     if not count:
@@ -187,6 +195,9 @@ def main() -> None:
     start = time.process_time()
     with one_thread():
         lines = [
+            f"- arguments: `--quick {arguments.quick} --searched {arguments.searched} "
+            f"--full {arguments.full}`",
+            "",
             "Nothing is wrong in any of these recordings. Each rate has its exact 95 % interval; a",
             "p-value is calibrated where the rate of values below a level is that level.",
             "",
@@ -195,14 +206,14 @@ def main() -> None:
             "A short recording of a simulated arm with two joints, its torque replaced by that of",
             "the refit and noise; the noise models are fitted to each as in a diagnosis.",
             "",
-            *quick(arguments.quick, arguments.searched),
+            *shown(quick(arguments.quick, arguments.searched)),
             "",
             "## Whole diagnoses",
             "",
             f"Recordings of {SECONDS:g} s of the same arm, another motion each, whose numbers are",
             "10 to 30 % off the nominal ones and which lacks no effect.",
             "",
-            *full(arguments.full),
+            *shown(full(arguments.full)),
             "",
         ]
     lines.append(f"CPU time: {(time.process_time() - start) / 60.0:.1f} minutes.")

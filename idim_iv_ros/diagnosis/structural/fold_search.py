@@ -170,9 +170,20 @@ class FoldSearch:
         model: Both,
         taken: set[tuple[str, int, int | None]],
         only: set[tuple[str, int, int | None]] | None = None,
-        refined: int = _REFINED,
+        refined: int | None = None,
     ) -> list[FoldCandidate]:
-        """Candidates worth a fit, one for each effect and place; the best with a refined shape."""
+        """Candidates worth a fit, one for each effect and place; the best with a refined shape.
+
+        Parameters
+        ----------
+        taken
+            Keys of effects that the model has.
+        only
+            Keys that are asked for; None: all.
+        refined
+            How many shapes are refined, the best supported first; None: those of the few that may
+            be accepted.
+        """
         rough = []
         for entry, shape, place, score in self.best_shapes(model.white):
             key = (entry.effect.name, entry.place.joint, entry.place.other)
@@ -189,10 +200,9 @@ class FoldSearch:
                     )
                 )
         found = self._fitted(model, rough)
-        promising = sorted(with_most_of_gap(found), key=lambda each: -each.support)
-        hot = [each for each in promising if self._can_move(each)]
-        hot += [each for each in found if not acceptable(each)] if not hot else []
-        for each in hot[:refined]:
+        hot = with_most_of_gap(found) if refined is None else list(found)
+        hot = sorted(filter(self._can_move, hot), key=lambda each: -each.support)
+        for each in hot[: _REFINED if refined is None else refined]:
             found[next(k for k, c in enumerate(found) if c is each)] = self._refined(model, each)
         best: dict[tuple[str, int, int | None], FoldCandidate] = {}
         for each in found:
