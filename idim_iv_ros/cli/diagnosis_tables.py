@@ -8,6 +8,7 @@ from idim_iv_ros.diagnosis.parameter_words import surest
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Gap, GapResult
 from idim_iv_ros.report.gap_words import (
     VERDICTS,
+    effect_at,
     effect_words,
     small_unit,
     stage_words,
@@ -32,6 +33,8 @@ def print_diagnosis(console: Console, result: GapResult, *, whole: bool = True) 
         console.print(f"  {escape(finding)}", highlight=False)
     if result.causes:
         _print_causes(console, result)
+    if result.hints:
+        _print_hints(console, result)
     if result.stages:
         _print_stages(console, result, whole)
     if result.not_testable:
@@ -45,6 +48,7 @@ def _print_causes(console: Console, result: GapResult) -> None:
         Column("effect, joint"),
         Column("parameters (± 95 %)"),
         Column("torque gap, shrinkage"),
+        Column("folds"),
         Column("indistinguishable from"),
     ]
     rows = []
@@ -55,10 +59,25 @@ def _print_causes(console: Console, result: GapResult) -> None:
                 f"{effect_words(cause.effect)}\n{', '.join(joints) or 'all joints'}",
                 "\n".join(_parameters(cause)),
                 "\n".join(unbroken(line) for line in _gaps(result, cause)),
+                unbroken(cause.evidence.chosen_in_folds) or "–",
                 _confounders(cause),
             )
         )
     print_table(console, "Causes, strongest first", columns, rows)
+
+
+def _print_hints(console: Console, result: GapResult) -> None:
+    """What the search accepts and what does not hold without the data that chose it."""
+    columns = [Column(each) for each in ("would be", "chosen in folds", "why it is only a hint")]
+    rows = [
+        (
+            effect_at(each.effect, each.joint, each.other_joint),
+            each.chosen_in_folds,
+            each.reason,
+        )
+        for each in result.hints
+    ]
+    print_table(console, "Hints, no causes", columns, rows)
 
 
 def _parameters(cause: Cause) -> list[str]:

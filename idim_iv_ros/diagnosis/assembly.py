@@ -31,6 +31,7 @@ from idim_iv_ros.diagnosis.result import (
     EffectParameter,
     GapResult,
     GapSeries,
+    Hint,
     NotTestable,
     RecordingAgreement,
     Stage,
@@ -60,6 +61,8 @@ class Diagnosis:
     tracked : sequence of Tracking
         Simulated motion of every stage.
     causes : sequence of Cause
+    hints : tuple of Hint
+        Effects that do not hold without the data that chose them.
     parametric : ParametricOutcome
     law : LawCheck
     agreement : Agreement
@@ -74,6 +77,7 @@ class Diagnosis:
     held: Confirmed
     tracked: Sequence[Tracking]
     causes: Sequence[Cause]
+    hints: tuple[Hint, ...]
     parametric: ParametricOutcome
     law: LawCheck
     agreement: Agreement
@@ -129,6 +133,7 @@ def assembled(found: Diagnosis) -> GapResult:
         verdict=verdict,
         summary=" ".join(part for part in summary if part),
         causes=tuple(causes),
+        hints=found.hints,
         unexplained=outside,
         where=Where(found.where.joint_gaps, found.where.regimes),
         findings=tuple(sentences.finding(each, session) for each in found.where.findings),

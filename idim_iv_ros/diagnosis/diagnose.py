@@ -15,6 +15,7 @@ from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.diagnosis.structural.attribution import Attribution, attributed
 from idim_iv_ros.diagnosis.structural.causes import structural_causes
 from idim_iv_ros.diagnosis.structural.confirmation import confirmation
+from idim_iv_ros.diagnosis.structural.hints import hints_of, selections_of
 from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.files import FilePaths
@@ -83,7 +84,7 @@ def concluded(
     parametric = parametric_causes(data, *model.for_parameters(data), parameters)
     law = check_law(data, without)
     causes = [
-        *structural_causes(data, model, held.tested, simulated, attribution.tried),
+        *structural_causes(data, model, held.tested, simulated, selections_of(held)),
         *parametric_results(data, parametric.causes, held.floors, effects),
         *controller_causes(data, law, [each.candidate for each in model.found]),
         *refit.gravity_causes(held.tested),
@@ -98,6 +99,7 @@ def concluded(
         held=held,
         tracked=tracked,
         causes=causes,
+        hints=hints_of(data, attribution, held),
         parametric=parametric,
         law=law,
         agreement=agreement(data, attribution, parameters),

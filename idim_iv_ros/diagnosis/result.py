@@ -16,6 +16,10 @@ from idim_iv_ros.types import FloatArray
 Verdict = Literal["none", "parametric", "structural", "both", "unknown"]
 
 
+# Tests of parameters hold for a model without any other error: their p-values would be too small.
+NOT_CALIBRATED = "none: no recordings were simulated from a model without this cause"
+
+
 @dataclass(frozen=True)
 class Evidence:
     """Why an effect is believed.
@@ -25,19 +29,28 @@ class Evidence:
     statistic : float
         Twice the logarithm of the likelihood ratio, of whitened residuals, with and without
         (structural); Wald statistic of the change of the parameters (parametric).
-    p_value : float
-        Corrected for the choice among all candidates (Bonferroni).
+    p_value : float or None
+        Of the choice among all candidates: how often the best of them does as well on recordings
+        that are simulated from the model without the effect and its own noise. None where that
+        was not done.
     held_out_gain : float or None
         Share of the energy of the whitened residual that the effect removes, on blocks not used to
         fit; None where there are no such blocks.
     folds_positive : str
         On how many of the held-out blocks the effect helps: ``5 of 6``.
+    chosen_in_folds : str
+        Without how many of the folds a search names it again: ``5 of 5``; empty of causes that
+        no search selects.
+    p_value_from : str
+        What the p-value was calibrated on and the least that it can be, or why there is none.
     """
 
     statistic: Number
-    p_value: Number
+    p_value: float | None
     held_out_gain: float | None
     folds_positive: str
+    chosen_in_folds: str = ""
+    p_value_from: str = ""
 
 
 @dataclass(frozen=True)
@@ -170,6 +183,37 @@ class Cause:
     torque_gap: Gap
     joint_gaps: tuple[JointChange, ...] = ()
     simulation_gap: SimulationGap | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hint:
+    """What a search over all data finds, and what does not hold without the data that chose it.
+
+    Attributes
+    ----------
+    effect : str
+    joint : str
+    other_joint : str or None
+    sentence : str
+        What it would be, and why it is only a hint.
+    reason : str
+        The second half of that.
+    parameters : dict of str to EffectParameter
+        If it were a cause.
+    chosen_in_folds : str
+        Without how many of the folds a search names it again: ``2 of 5``.
+    torque_gap : Gap
+        At the joint, on data that did not choose it.
+    """
+
+    effect: str
+    joint: str
+    other_joint: str | None
+    sentence: str
+    reason: str
+    parameters: dict[str, EffectParameter]
+    chosen_in_folds: str
+    torque_gap: Gap
 
 
 @dataclass(frozen=True)
@@ -443,6 +487,8 @@ class GapResult(Document):
         One paragraph that a robot engineer can act on.
     causes : tuple of Cause
         Strongest first.
+    hints : tuple of Hint
+        No causes: they count for no verdict and are not handed on to a simulator.
     unexplained : Unexplained or None
     parameter_errors : tuple of ParameterError
         One for each joint; empty without a nominal model.
@@ -481,6 +527,7 @@ class GapResult(Document):
     verdict: Verdict
     summary: str
     causes: tuple[Cause, ...]
+    hints: tuple[Hint, ...] = ()
     unexplained: Unexplained | None
     parameter_errors: tuple[ParameterError, ...] = ()
     signal_chain: SignalChain | None = None

@@ -20,13 +20,14 @@ from idim_iv_ros.diagnosis.result import (
 )
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric, StopShape
+from idim_iv_ros.diagnosis.structural.rules import Judged
 from idim_iv_ros.effects.link_inertia import LinkInertia
 from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.types import FloatArray
 
 
 def structural_cause(
-    data: Baseline, effect: Candidate, others: Sequence[Candidate], gap: Gap, gain: float
+    data: Baseline, effect: Candidate, others: Sequence[Judged], gap: Gap, gain: float
 ) -> str:
     """Where an effect is and how far the gap shrinks.
 
@@ -42,14 +43,12 @@ def structural_cause(
     where = joint if place.other is None else f"{joint} and {data.joints[place.other]}"
     text = (
         f"{_spaced(effect.effect.name)} at {where}: the torque gap at {joint} falls from "
-        f"{gap.before:.3g} to {gap.after:.3g} {unit} on data not used to fit"
+        f"{gap.before:.3g} to {gap.after:.3g} {unit} on data not used to choose or fit it"
     )
     if gap.noise_floor is not None:
         text += f" (noise {gap.noise_floor:.3g} {unit})"
     text += _indistinguishable(
-        f"{_spaced(other.effect.name)} at {data.joints[other.place.joint]}"
-        for other in others
-        if not isinstance(other.effect, Nonparametric)
+        f"{_spaced(other.effect.name)} at {data.joints[other.place.joint]}" for other in others
     )
     if gain <= 0.0:
         text += "; it does not help on held-out data, so do not rely on it"
@@ -57,6 +56,17 @@ def structural_cause(
         low, high = (100.0 * limit for limit in gap.ci95)
         text += f"; the reduction of {low:.0f} to {high:.0f} % (95 %) may be chance"
     return text
+
+
+def hint(
+    effect: str, joints: Sequence[str], parameters: dict[str, EffectParameter], reason: str
+) -> str:
+    """Say what a doubtful effect would be, and why it is no cause."""
+    numbers = _numbers(effect, parameters, settings.MOST_NUMBERS_IN_SENTENCE)
+    place = " and ".join(joints)
+    return (
+        f"{_spaced(effect)} at {place}{f' ({numbers})' if numbers else ''}: only a hint, {reason}"
+    )
 
 
 def disagreement(differing: Sequence[RecordingAgreement]) -> str:

@@ -144,8 +144,19 @@ CONFIDENCE_LEAST_BLOCK = Setting(5.0, "s", "blocks that are held out, at least",
 CONFIDENCE_FEWEST_BLOCKS = Count(4, "blocks", "the same in a short session, at least", NUMERICAL)
 CONFIDENCE_MOST_BLOCKS = Count(24, "blocks", "the same in a long session, at most", NUMERICAL)
 ALTERNATIVE_SUPPORT = Setting(0.5, "support of the accepted effect",
-    "support from which on an alternative is compared on held-out blocks", NUMERICAL)
-MOST_ALTERNATIVES = Count(12, "candidates", "how many are compared, at most", NUMERICAL)
+    "support from which on an alternative is tried again when the others are known", NUMERICAL)
+ALTERNATIVE_GAIN = Setting(0.25, "gain of the accepted effect",
+    "gain from which on a candidate is compared with it on held-out blocks: less leaves most of "
+    "what the effect explains", CHOSEN)
+ALTERNATIVE_CORRELATION = Setting(0.25, "",
+    "correlation of the torques that both add, at least: with less it would be one cause more",
+    CHOSEN)
+MOST_ALTERNATIVES = Count(24, "candidates", "how many are compared, at most", NUMERICAL)
+REFINED_ALTERNATIVES = Count(6, "candidates",
+    "how many of them have their shape refined, the best supported first", NUMERICAL)
+NULL_DRAWS = Count(199, "draws",
+    "simulated recordings without the cause from which its p-value is read: it is at least "
+    "1 / (draws + 1)", NUMERICAL)
 
 # Structural effects: likelihood and search.
 NOISE_MODEL_ORDER = Count(10, "", "order of each joint's autoregressive noise, at most", NUMERICAL)
@@ -190,7 +201,10 @@ COEFFICIENT_STEP = Setting(1e-4, "coefficient",
 # Held-out confirmation.
 HELD_OUT_LEAST_GAIN = Setting(0.02, "energy of the whitened residual",
     "what an effect must take on data not used to fit, at least", CHOSEN)
-HELD_OUT_LEAST_FOLDS = Setting(0.75, "folds",
+LEAST_FOLDS_CHOSEN = Setting(0.6, "folds",
+    "folds without which a search must choose an effect again, at least, or what is "
+    "indistinguishable from it: 3 of 5; one that is chosen less often is a hint", CONVENTION)
+HELD_OUT_LEAST_FOLDS = Setting(0.75, "folds that choose it",
     "folds on which an effect must help, at least", CHOSEN)
 HELD_OUT_LEAST_FOLDS_OF_DRIFT = Setting(0.5, "folds",
     "the same for what changes with time: much of it may lie in a part of the session", CHOSEN)
@@ -206,8 +220,13 @@ FOLD_LEAK = Setting(1e-3, "",
     "weight of the held-out rows in the fit that predicts them: what only they show stays finite",
     NUMERICAL)
 LEAST_TIME_BLOCK = Setting(1.0, "s", "blocks of the bootstrap, at least", CHOSEN)
+TIME_BLOCK = Setting(5.0, "s",
+    "length of such a block where the session is long enough: torques are predictable over "
+    "seconds", PHYSICS)
+FEWEST_TIME_BLOCKS = Count(8, "blocks",
+    "blocks of the bootstrap in a short session: they are shorter then", NUMERICAL)
 MOST_TIME_BLOCKS = Count(20, "blocks", "blocks of the bootstrap in one recording, at most", CHOSEN)
-RESAMPLES = Count(200, "", "resamples of the bootstrap", NUMERICAL)
+RESAMPLES = Count(1000, "", "resamples of the bootstrap", NUMERICAL)
 
 LEAST_ROOM = Setting(1e-3, "gap",
     "what must lie above the noise floor for a shrinkage to be said", NUMERICAL)

@@ -18,15 +18,12 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regr
 from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.structural import search
-from idim_iv_ros.diagnosis.structural.attribution import (
-    Attribution,
-    acceptable,
-    attribute,
-    with_most_of_gap,
-)
-from idim_iv_ros.diagnosis.structural.causes import named_model, structural_causes
+from idim_iv_ros.diagnosis.structural.attribution import Attribution, attribute
+from idim_iv_ros.diagnosis.structural.causes import Selection, named_model, structural_causes
+from idim_iv_ros.diagnosis.structural.cross_fitting import CrossFitting
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC, Nonparametric
+from idim_iv_ros.diagnosis.structural.rules import acceptable, with_most_of_gap
 from idim_iv_ros.effects.asymmetric_friction import AsymmetricFriction
 from idim_iv_ros.effects.effect import Effect
 from idim_iv_ros.effects.position_ripple import PositionRipple
@@ -118,7 +115,7 @@ def test_a_cause_says_how_well_its_numbers_are_known(data: Baseline) -> None:
     model = named_model(attribute(data, world(data, 1, joint, torque, pole), [effect]))
     floors = noise_floors(data, model.regression, model.fit, ())
     tested = held_out(data, model.regression, model.fit, [f"+{name}"], floors)
-    (cause,) = structural_causes(data, model, tested, [None], 1)
+    (cause,) = structural_causes(data, model, tested, [None], [Selection("5 of 5", None, "")])
     assert cause.effect == name
     assert all(each.std is not None for each in cause.parameters.values())
 
@@ -214,7 +211,7 @@ def test_effects_with_the_same_torque_are_indistinguishable(
     _, joint, _, torque = SINGLE[0]
     catalogue: list[Effect] = [Stribeck(), Twin(), Slower()]
     found = attribute(data, world(data, 5, joint, torque), catalogue)
-    (only,) = found.found
+    (only,) = CrossFitting(data, found).with_sets(found.found)
     assert only.candidate.effect.name in ("stribeck", "twin")
     ((rival, correlation),) = only.indistinguishable_from
     assert {rival.effect.name, only.candidate.effect.name} == {"stribeck", "twin"}

@@ -1,12 +1,14 @@
 """Which effects are kept, from what they do on data that was not used to fit them."""
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
 from idim_iv_ros.diagnosis.result import Gap
 from idim_iv_ros.diagnosis.structural import confirmation
+from idim_iv_ros.diagnosis.structural.confirmation import FoldTest
+from idim_iv_ros.diagnosis.structural.cross_fitting import Chosen
 
 
 class KnownFigures:
@@ -25,11 +27,12 @@ class KnownFigures:
         return Gap(one, two, None, None, limits)
 
 
-def found(joint: int, family: str = "velocity") -> SimpleNamespace:
+def found(joint: int, family: str = "velocity", number: int = 0) -> SimpleNamespace:
     return SimpleNamespace(
+        number=number,
         candidate=SimpleNamespace(
-            place=SimpleNamespace(joint=joint), effect=SimpleNamespace(family=family)
-        )
+            place=SimpleNamespace(joint=joint), effect=SimpleNamespace(family=family, name="x")
+        ),
     )
 
 
@@ -67,20 +70,71 @@ def test_a_drift_may_lie_in_half_of_the_session(monkeypatch: pytest.MonkeyPatch)
     assert names([half], [0], monkeypatch) == []
 
 
+@pytest.mark.parametrize(
+    ("times", "folds", "kept"), [(5, 5, True), (3, 5, True), (2, 5, False), (2, 3, True)]
+)
+def test_what_few_folds_choose_is_a_hint(
+    times: int, folds: int, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chosen = [Chosen(times, times, folds)]
+    found = judged([(0.3, times, folds, 1.0, 0.5, (0.3, 0.6))], [0], monkeypatch, chosen=chosen)
+    assert [place for place, _ in found.hints] == ([] if kept else [0])
+    assert kept or f"only {times} of {folds} folds" in found.hints[0][1]
+
+
+def test_what_is_indistinguishable_stands_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    chosen = [Chosen(own=1, standing_in=5, folds=5)]
+    assert judged([GOOD], [0], monkeypatch, chosen=chosen).kept == [0]
+
+
+def test_folds_that_do_not_choose_it_cannot_speak_against_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    figures = (0.3, 3, 5, 1.0, 0.5, (0.3, 0.6))
+    assert judged([figures], [0], monkeypatch, chosen=[Chosen(3, 3, 5)]).kept == [0]
+    assert judged([figures], [0], monkeypatch, chosen=[Chosen(5, 5, 5)]).kept == []
+
+
+class Judgement(NamedTuple):
+    kept: list[int]
+    hints: list[tuple[int, str]]
+
+
 def names(
     figures: list[Any], joints: list[int], monkeypatch: pytest.MonkeyPatch, family: str = "velocity"
 ) -> list[int]:
-    """Places of the effects that are kept."""
-    effects = [found(joint, family) for joint in joints]
-    monkeypatch.setattr(confirmation, "held_out", lambda *_, **__: KnownFigures(figures))
+    """Places of the effects that are kept; all folds choose all of them."""
+    return judged(figures, joints, monkeypatch, family).kept
+
+
+def judged(
+    figures: list[Any],
+    joints: list[int],
+    monkeypatch: pytest.MonkeyPatch,
+    family: str = "velocity",
+    chosen: list[Chosen] | None = None,
+) -> Judgement:
+    effects = [found(joint, family, number) for number, joint in enumerate(joints)]
+    times = chosen or [Chosen(each[2], each[2], each[2]) for each in figures]
+
+    def tested(_: Any, model: Any, *__: Any) -> FoldTest:
+        which = [effects.index(each) for each in model.found]
+        known: Any = KnownFigures([figures[k] for k in which])
+        return FoldTest(known, tuple(times[k] for k in which))
+
+    monkeypatch.setattr(confirmation, "tested", tested)
     monkeypatch.setattr(confirmation, "sized", lambda _, model: list(model.found))
-    monkeypatch.setattr(confirmation, "label", lambda *_: "")
     monkeypatch.setattr(
         confirmation,
         "built_model",
         lambda _, kept, __: SimpleNamespace(found=tuple(kept), regression=None, fit=None),
     )
-    model = SimpleNamespace(found=tuple(effects), nonparametric=(), regression=None, fit=None)
+    model: Any = SimpleNamespace(found=tuple(effects), nonparametric=(), regression=None, fit=None)
     nothing: Any = SimpleNamespace()
-    kept, _ = confirmation.confirmed(nothing, nothing, model, [], [], None)  # type: ignore[arg-type]
-    return [effects.index(each) for each in kept.found]  # type: ignore[arg-type]
+    result = confirmation.confirmed(nothing, nothing, model, [], nothing)
+    kept: list[Any] = list(result.model.found)
+    hints: list[Any] = list(result.doubtful)
+    return Judgement(
+        [effects.index(each) for each in kept],
+        [(effects.index(each.found), each.reason) for each in hints],
+    )

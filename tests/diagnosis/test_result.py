@@ -29,13 +29,17 @@ TOP = {
         "parameter_errors",
         "signal_chain",
         "recordings",
+        "hints",
     ),
 }
 CAUSE = {
     *("effect", "kind", "joint", "parameters", "evidence", "indistinguishable_from"),
     *("torque_gap", "joint_gaps", "simulation_gap", "other_joint", "sentence"),
 }
-EVIDENCE = {"statistic", "p_value", "held_out_gain", "folds_positive"}
+EVIDENCE = {
+    *("statistic", "p_value", "p_value_from"),
+    *("held_out_gain", "folds_positive", "chosen_in_folds"),
+}
 JOINT = {"joint", "rms", "relative_percent", "share", "noise_floor", "floor_origin"}
 REGIME = {
     *("joint", "axis", "low", "high", "unit", "energy_share", "occupancy", "lift", "ci95"),

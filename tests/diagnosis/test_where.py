@@ -19,13 +19,25 @@ from idim_iv_ros.diagnosis.sentences import finding
 from idim_iv_ros.recording import SessionPart
 
 
-def test_blocks_last_a_second_and_do_not_reach_into_the_next_recording() -> None:
-    recordings = np.repeat([0, 1], [500, 5000])
-    places = np.concatenate([np.arange(500), np.arange(5000)])
-    blocks = time_blocks(recordings, places, 100.0)
-    assert len(np.unique(blocks[:500])) == 5  # 5 s
-    assert len(np.unique(blocks[500:])) == 20  # 50 s, at most 20
-    assert not set(blocks[:500]) & set(blocks[500:])
+@pytest.mark.parametrize(
+    ("seconds", "length", "blocks"),
+    [
+        ((5, 50), None, (1, 10)),  # of 5 s
+        ((5, 200), None, (1, 20)),  # at most 20
+        ((8, 8), None, (4, 4)),  # a short session has 8
+        ((2, 2), None, (2, 2)),  # of a second at least
+        ((5, 50), 1.0, (5, 20)),
+    ],
+)
+def test_blocks_last_five_seconds_and_do_not_reach_into_the_next_recording(
+    seconds: tuple[int, int], length: float | None, blocks: tuple[int, int]
+) -> None:
+    rows = [100 * each for each in seconds]
+    places = np.concatenate([np.arange(each) for each in rows])
+    found = time_blocks(np.repeat([0, 1], rows), places, 100.0, length)
+    first, second = np.unique(found[: rows[0]]), np.unique(found[rows[0] :])
+    assert (len(first), len(second)) == blocks
+    assert not set(first) & set(second)
 
 
 def test_interval_of_a_mean_square_covers_the_truth() -> None:
@@ -169,7 +181,9 @@ def test_a_stretch_of_time_lies_in_recordings_that_are_named(recordings: int) ->
     if 1 < recordings < 6:  # no bin holds rows of two recordings
         place = np.searchsorted(axis.edges, time, side="right")
         assert all(len(set(which[place == k])) == 1 for k in set(place[:-1]))
-    parted = split(axis, residual, time_blocks(which, np.tile(np.arange(rows), recordings), 100.0))
+    parted = split(
+        axis, residual, time_blocks(which, np.tile(np.arange(rows), recordings), 100.0, 1.0)
+    )
     best = joined(regimes_of("joint_2", parted, "s"))
     assert best is not None
     sentence = finding(Finding(best, *ends_of(best, parted.edges), False, 0.0), parts)

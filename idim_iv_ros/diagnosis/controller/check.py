@@ -12,7 +12,13 @@ from idim_iv_ros.diagnosis.controller.law_change import LawChange, acceptable, l
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, law_speed
 from idim_iv_ros.diagnosis.parametric.significance import differs
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap
+from idim_iv_ros.diagnosis.result import (
+    NOT_CALIBRATED,
+    Cause,
+    EffectParameter,
+    Evidence,
+    Gap,
+)
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
 from idim_iv_ros.effects.encoder_eccentricity import EncoderEccentricity
@@ -129,7 +135,7 @@ def _cause(data: Baseline, joint: int, found: ControllerFinding) -> Cause:
         joint=found.joint,
         other_joint=None,
         parameters=parameters,
-        evidence=Evidence(found.statistic, found.p_value, None, ""),
+        evidence=Evidence(found.statistic, None, None, "", p_value_from=NOT_CALIBRATED),
         indistinguishable_from=(),
         torque_gap=gap,
         simulation_gap=None,

@@ -8,8 +8,12 @@ from idim_iv_ros.types import FloatArray, IntArray
 _SEED = 20240
 
 
-def time_blocks(recordings: IntArray, places: IntArray, row_rate: float) -> IntArray:
-    """Number the blocks of time of rows (r,): at least a second, at most 20 in a recording.
+def time_blocks(
+    recordings: IntArray, places: IntArray, row_rate: float, length: float | None = None
+) -> IntArray:
+    """Number the blocks of time of rows (r,): 5 s where the session has eight of them.
+
+    In a shorter session they are shorter, at least a second; in a recording there are at most 20.
 
     Parameters
     ----------
@@ -17,18 +21,22 @@ def time_blocks(recordings: IntArray, places: IntArray, row_rate: float) -> IntA
         (r,) which recording a row belongs to, and which decimated sample of it the row is.
     row_rate
         Decimated samples per second.
+    length
+        s, instead.
     """
     blocks = np.zeros(len(places), dtype=np.int64)
+    inside = [recordings == recording for recording in np.unique(recordings)]
+    lengths = [int(np.ptp(places[rows])) + 1 for rows in inside]
+    whole = sum(lengths) / row_rate
+    seconds = min(settings.TIME_BLOCK, whole / settings.FEWEST_TIME_BLOCKS)
+    usual = (length or max(settings.LEAST_TIME_BLOCK, seconds)) * row_rate
     first = 0
-    for recording in np.unique(recordings):
-        inside = recordings == recording
-        place = places[inside] - places[inside].min()
-        length = max(
-            settings.LEAST_TIME_BLOCK * row_rate, (place.max() + 1) / settings.MOST_TIME_BLOCKS
-        )
-        number = (place / length).astype(np.int64)
-        blocks[inside] = first + number
-        first += int(number.max()) + 1
+    for rows, total in zip(inside, lengths, strict=True):
+        # Equal parts: a short last block would count as much as the others when blocks are drawn.
+        count = min(max(round(total / usual), 1), settings.MOST_TIME_BLOCKS)
+        place = places[rows] - places[rows].min()
+        blocks[rows] = first + np.minimum(place * count // total, count - 1)
+        first += count
     return blocks
 
 
@@ -39,7 +47,7 @@ def block_sums(blocks: IntArray, values: FloatArray) -> FloatArray:
 
 
 def resampled(sums: FloatArray) -> FloatArray:
-    """Sums over blocks drawn with replacement: (200, …) from (b, …).
+    """Sums over blocks drawn with replacement: (1000, …) from (b, …).
 
     The draws are the same for the same number of blocks, so that differences are paired.
     """
@@ -51,6 +59,6 @@ def resampled(sums: FloatArray) -> FloatArray:
 
 
 def interval(values: FloatArray) -> tuple[float, float]:
-    """95 % interval of resampled values (200,)."""
+    """95 % interval of resampled values (1000,)."""
     low, high = np.quantile(values, [0.025, 0.975])
     return float(low), float(high)

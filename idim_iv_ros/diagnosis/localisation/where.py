@@ -216,7 +216,10 @@ def _regimes(
     edge = data.prepared.configuration.processing.decimation_edge
     for joint, name in enumerate(data.joints):
         residual = residuals[joint]
-        blocks = time_blocks(data.recordings[joint], data.places[joint], data.row_rate)
+        # Regimes may be events: blocks of the shortest length.
+        blocks = time_blocks(
+            data.recordings[joint], data.places[joint], data.row_rate, settings.LEAST_TIME_BLOCK
+        )
         splits = [split(axis, residual, blocks) for axis in axes[joint]]
         spectrum = bands(residual, regression.joints[joint].segments, data.row_rate, edge)
         for parts in [*splits, *([] if spectrum is None else [spectrum])]:

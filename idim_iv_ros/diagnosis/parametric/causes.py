@@ -14,6 +14,7 @@ from idim_iv_ros.diagnosis.parametric.selection import smallest_set
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, common_floor
 from idim_iv_ros.diagnosis.result import (
+    NOT_CALIBRATED,
     Cause,
     Evidence,
     Gap,
@@ -232,7 +233,7 @@ def parametric_results(
                 joint=cause.joint,
                 other_joint=None,
                 parameters=cause.parameters,
-                evidence=Evidence(cause.statistic, cause.p_value, None, ""),
+                evidence=Evidence(cause.statistic, None, None, "", p_value_from=NOT_CALIBRATED),
                 indistinguishable_from=others,
                 torque_gap=_gap(data, cause, floors),
                 simulation_gap=None,

@@ -16,7 +16,13 @@ from idim_iv_ros.diagnosis.held_out.held_out import HeldOut
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, unit_gravity_rows
 from idim_iv_ros.diagnosis.parametric.hypotheses import Hypothesis, changes_of, hypotheses
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap
+from idim_iv_ros.diagnosis.result import (
+    NOT_CALIBRATED,
+    Cause,
+    EffectParameter,
+    Evidence,
+    Gap,
+)
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.types import FloatArray
@@ -64,7 +70,7 @@ class MissingGravity:
             joint=None,
             other_joint=None,
             parameters=parameters,
-            evidence=Evidence(self.statistic, self.p_value, None, ""),
+            evidence=Evidence(self.statistic, None, None, "", p_value_from=NOT_CALIBRATED),
             indistinguishable_from=(),
             torque_gap=Gap(before, after, None, 1.0 - after / before, None),
             simulation_gap=None,

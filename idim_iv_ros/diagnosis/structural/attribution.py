@@ -1,24 +1,26 @@
 """Which effects explain what the refit leaves, found one after the other."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass, field
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.identifiability.testability import cannot_show
 from idim_iv_ros.diagnosis.parametric.errors_beyond_base import ERRORS_BEYOND_BASE
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.candidate import Candidate, operating_range
-from idim_iv_ros.diagnosis.structural.confidence import confidence_set
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
-from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC, Nonparametric
-from idim_iv_ros.diagnosis.structural.scan import Scan
+from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC
+from idim_iv_ros.diagnosis.structural.rules import (
+    Judged,
+    acceptable,
+    own_cause,
+    preferred,
+    with_most_of_gap,
+)
 from idim_iv_ros.diagnosis.structural.search import Grids, Search
 from idim_iv_ros.effects.effect import Effect, Place
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.progress import Progress
-from idim_iv_ros.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -28,14 +30,15 @@ class Found:
     Attributes
     ----------
     candidate : Candidate
-    indistinguishable_from : tuple of (Candidate, float)
-        What predicts held-out data as well in its place, with the correlation of the torques.
+    indistinguishable_from : tuple of (candidate, float)
+        What predicts held-out data as well in its place, with the correlation of the torques; see
+        `confidence`.
     alternatives : tuple of Candidate
-        What was compared with it on held-out data.
+        What was nearly as well supported when it was accepted.
     """
 
     candidate: Candidate
-    indistinguishable_from: tuple[tuple[Candidate, float], ...] = ()
+    indistinguishable_from: tuple[tuple[Judged, float], ...] = ()
     alternatives: tuple[Candidate, ...] = ()
 
 
@@ -56,6 +59,10 @@ class Attribution:
         With all accepted effects.
     tried : int
         Shapes that were tried at first, over all effects and places.
+    catalogue : tuple of Effect
+        What was looked for.
+    grids : dict
+        Rows of the shapes that were tried; see `Search`.
     """
 
     regression: Regression
@@ -64,6 +71,8 @@ class Attribution:
     extended: Regression
     fit: Fit
     tried: int
+    catalogue: tuple[Effect, ...] = ()
+    grids: Grids = field(default_factory=dict)
 
 
 def attributed(
@@ -71,11 +80,12 @@ def attributed(
     regression: Regression,
     without: Collection[str],
     progress: Progress | None = None,
+    grids: Grids | None = None,
 ) -> Attribution:
     """Look for effects of the catalogue beside the refit, and for nonparametric alternatives."""
     structural = [*STRUCTURAL, *ERRORS_BEYOND_BASE]
     effects = [effect for effect in structural if effect.name not in without]
-    return attribute(data, regression, [*effects, *NONPARAMETRIC], progress)
+    return attribute(data, regression, [*effects, *NONPARAMETRIC], progress, grids)
 
 
 def attribute(
@@ -83,13 +93,20 @@ def attribute(
     regression: Regression,
     catalogue: Sequence[Effect],
     progress: Progress | None = None,
+    grids: Grids | None = None,
 ) -> Attribution:
-    """Accept the best effect beside those accepted before, until none is acceptable."""
+    """Accept the best effect beside those accepted before, until none is acceptable.
+
+    Parameters
+    ----------
+    grids
+        Rows of shapes of another search on the same motion.
+    """
     refit = regression.fit()
     covered = operating_range(data)
     found: list[Found] = []
     current, fit = regression, refit
-    grids: Grids = {}
+    grids = {} if grids is None else grids
     tried = 0
     known: dict[tuple[Effect, Place], Candidate | None] = {}
     for _ in range(settings.MOST_EFFECTS + len(data.joints)):
@@ -98,7 +115,8 @@ def attribute(
         search = Search(data, covered, current, fit, grids)
         candidates = _all(search, catalogue, found, known, progress)
         tried = tried or sum(each.tried for each in candidates)
-        candidates = [each for each in candidates if _own_cause(each, found)]
+        accepted = [each.candidate for each in found]
+        candidates = [each for each in candidates if own_cause(each, accepted)]
         best = preferred(with_most_of_gap(candidates))
         best = None if best is None else search.again(best)
         if best is None or not acceptable(best):
@@ -108,49 +126,8 @@ def attribute(
         if len(found) > 1:
             found, current, fit = _revised(search, regression, refit, found, catalogue)
         _forget(known, set(best.columns))
-    sets = _with_sets(data, regression, fit, found)
-    return Attribution(regression, refit, sets, current, fit, tried)
-
-
-def preferred(candidates: Sequence[Candidate]) -> Candidate | None:
-    """Return the best effect of the catalogue, unless a nonparametric alternative is far better.
-
-    The true shape is seldom that of the catalogue: a flexible function then fits a little better
-    than the right effect. It fits much better than every wrong one.
-    """
-    named = [each for each in candidates if not isinstance(each.effect, Nonparametric)]
-    flexible = [each for each in candidates if isinstance(each.effect, Nonparametric)]
-    best = max(named, key=lambda each: each.support, default=None)
-    alternative = max(flexible, key=lambda each: each.support, default=None)
-    if best is None or alternative is None:
-        return best or alternative
-    least = settings.CATALOGUE_OVER_NONPARAMETRIC * alternative.support
-    least -= settings.INDISTINGUISHABLE_SUPPORT
-    return best if best.support >= least else alternative
-
-
-def with_most_of_gap(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return the acceptable candidates that explain most of the gap.
-
-    The likelihood alone prefers what is fast and small, where there is little noise, to what is
-    slow and large. That is found too, once the large is in the model.
-    """
-    able = [each for each in candidates if acceptable(each)]
-    largest = max((each.explained for each in able), default=0.0)
-    return [each for each in able if each.explained >= settings.LEAST_OF_LARGEST * largest]
-
-
-def acceptable(candidate: Candidate) -> bool:
-    """Whether a candidate is supported and large enough to matter."""
-    rows = sum(len(candidate.fit.residuals[joint]) for joint in candidate.own_joints)
-    share = 1.0 - np.exp(-2.0 * candidate.gain / rows)
-    least = settings.LEAST_SUPPORT
-    if candidate.effect.of_high_derivatives:
-        least = settings.LEAST_SUPPORT_OF_DERIVATIVES
-    return bool(
-        candidate.support >= least
-        and share >= settings.LEAST_SHARE_OF_EFFECT
-        and candidate.explained >= settings.LEAST_SHARE_OF_EFFECT
+    return Attribution(
+        regression, refit, tuple(found), current, fit, tried, tuple(catalogue), grids
     )
 
 
@@ -163,41 +140,6 @@ def _alternatives(best: Candidate, candidates: Sequence[Candidate]) -> tuple[Can
             kept[each.key] = each
     found = sorted(kept.values(), key=lambda each: -each.support)
     return tuple(found[: settings.MOST_ALTERNATIVES])
-
-
-def _with_sets(
-    data: Baseline, regression: Regression, fit: Fit, found: Sequence[Found]
-) -> tuple[Found, ...]:
-    """Accepted effects, each with what is indistinguishable from it beside the others."""
-    taken = {each.candidate.key for each in found}
-    made = []
-    for this in found:
-        others = regression
-        for other in found:
-            if other is not this:
-                others = others.with_columns(other.candidate.columns)
-        free = [each for each in this.alternatives if each.key not in taken]
-        kept = confidence_set(data, others, fit.noise_models, this.candidate, free)
-        scan = Scan(others, fit.noise_models)
-        pairs = tuple((each, _correlation(scan, this.candidate, each)) for each in kept)
-        made.append(replace(this, indistinguishable_from=pairs))
-    return tuple(made)
-
-
-def _correlation(scan: Scan, first: Candidate, second: Candidate) -> float:
-    """Of the torques that both add, whitened, less what the model absorbs."""
-    one = scan.whiten(_torque(first))
-    two = scan.whiten(_torque(second))
-    energy = float(scan.normal(one, one)[0, 0] * scan.normal(two, two)[0, 0])
-    if energy <= 0.0 or not set(one) & set(two):
-        return 0.0
-    return float(abs(scan.normal(one, two)[0, 0]) / np.sqrt(energy))
-
-
-def _torque(candidate: Candidate) -> dict[int, FloatArray]:
-    return {
-        joint: (rows @ candidate.coefficients)[:, None] for joint, rows in candidate.columns.items()
-    }
 
 
 def _all(
@@ -224,26 +166,6 @@ def _all(
         known[(effect, place)] = search.best(effect, place)
     candidates = [known[job] for job in jobs]
     return [candidate for candidate in candidates if candidate is not None]
-
-
-def _own_cause(candidate: Candidate, found: Sequence[Found]) -> bool:
-    """Whether a nonparametric function is more than the misfit of an accepted effect.
-
-    The shape of an effect is never exactly that of the catalogue: what a flexible function of the
-    same family explains beside it, or a little beside it at the same joint, is no other cause.
-    """
-    if not isinstance(candidate.effect, Nonparametric):
-        return True
-    for other in (each.candidate for each in found):
-        if isinstance(other.effect, Nonparametric) or not set(other.columns) & set(
-            candidate.columns
-        ):
-            continue
-        same = other.effect.family == candidate.effect.family
-        least = settings.NONPARAMETRIC_BESIDE_EFFECT * other.support
-        if same or candidate.support < least:
-            return False
-    return True
 
 
 def _forget(known: dict[tuple[Effect, Place], Candidate | None], joints: set[int]) -> None:

@@ -137,10 +137,14 @@ class Candidate:
         return float(np.sqrt(after * share / (1.0 - share))) / sizes[joint]
 
     @property
+    def rows(self) -> int:
+        """Rows of the joints of its place."""
+        return sum(len(self.fit.residuals[joint]) for joint in self.own_joints)
+
+    @property
     def cost(self) -> float:
         """Of its numbers and of the search: what chance would gain, and more (Schwarz)."""
-        rows = sum(len(self.fit.residuals[joint]) for joint in self.own_joints)
-        return 0.5 * self.numbers * float(np.log(max(rows, 2))) + float(np.log(self.tried))
+        return 0.5 * self.numbers * float(np.log(max(self.rows, 2))) + float(np.log(self.tried))
 
     @property
     def support(self) -> float:

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut
@@ -163,12 +162,30 @@ def label(data: Baseline, found: Found) -> str:
     return f"+{found.candidate.effect.name}[{data.joints[found.candidate.place.joint]}]"
 
 
+@dataclass(frozen=True)
+class Selection:
+    """How surely the search chose an effect.
+
+    Attributes
+    ----------
+    chosen_in_folds : str
+        Such as ``5 of 5``.
+    p_value : float or None
+        See `Evidence`.
+    p_value_from : str
+    """
+
+    chosen_in_folds: str
+    p_value: float | None
+    p_value_from: str
+
+
 def structural_causes(
     data: Baseline,
     model: NamedModel,
     tested: HeldOut,
     simulations: Sequence[SimulationGap | None],
-    tried: int,
+    selections: Sequence[Selection],
 ) -> list[Cause]:
     """One cause for each accepted effect.
 
@@ -178,11 +195,13 @@ def structural_causes(
         Held-out residuals of the stages of `model`.
     simulations
         Gap of the simulated motion before and after each effect.
-    tried
-        Shapes that were tried in all: every p-value is multiplied by them (Bonferroni).
+    selections
+        How surely each was chosen.
     """
     causes = []
-    for number, (found, simulation) in enumerate(zip(model.found, simulations, strict=True)):
+    for number, (found, simulation, selection) in enumerate(
+        zip(model.found, simulations, selections, strict=True)
+    ):
         candidate, place = found.candidate, found.candidate.place
         stage = tested.refit + number
         gap = tested.gap(stage, stage + 1, place.joint)
@@ -201,16 +220,17 @@ def structural_causes(
                 parameters=data.in_units_at(place.joint, numbers),
                 evidence=Evidence(
                     statistic=statistic,
-                    p_value=min(1.0, tried * float(chi2.sf(statistic, candidate.numbers))),
+                    p_value=selection.p_value,
                     held_out_gain=gain,
                     folds_positive=f"{helped} of {folds}",
+                    chosen_in_folds=selection.chosen_in_folds,
+                    p_value_from=selection.p_value_from,
                 ),
                 indistinguishable_from=tuple(
                     Indistinguishable(
                         other.effect.name, data.joints[other.place.joint], correlation
                     )
                     for other, correlation in found.indistinguishable_from
-                    if not isinstance(other.effect, Nonparametric)
                 ),
                 torque_gap=gap,
                 simulation_gap=simulation,

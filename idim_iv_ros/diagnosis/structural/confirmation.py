@@ -9,13 +9,46 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.identifiability.testability import floor_noise_models
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat, noise_floors, repeats_of
+from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
 from idim_iv_ros.diagnosis.structural.attribution import Attribution, Found
 from idim_iv_ros.diagnosis.structural.causes import NamedModel, built_model, label, named_model
+from idim_iv_ros.diagnosis.structural.cross_fitting import Chosen, CrossFitting
 from idim_iv_ros.diagnosis.structural.deviations import differs_from_nothing
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
 from idim_iv_ros.signals import AutoregressiveModel
-from idim_iv_ros.types import FloatArray
+
+
+@dataclass(frozen=True)
+class FoldTest:
+    """A model on data that chose neither its effects nor their shapes and coefficients.
+
+    Attributes
+    ----------
+    held_out : HeldOut
+        Residuals of its stages.
+    chosen : tuple of Chosen
+        In how many folds each effect is chosen.
+    """
+
+    held_out: HeldOut
+    chosen: tuple[Chosen, ...]
+
+
+@dataclass(frozen=True)
+class Doubtful:
+    """An effect that the search accepted and that does not hold without the data that chose it.
+
+    Attributes
+    ----------
+    found : Found
+    chosen : Chosen
+    reason : str
+        Why it is only a hint.
+    """
+
+    found: Found
+    chosen: Chosen
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -30,11 +63,19 @@ class Confirmed:
         Held-out residuals of its stages.
     floors : tuple of NoiseFloor
         One for each joint.
+    chosen : tuple of Chosen
+        In how many folds each of its effects is chosen.
+    doubtful : tuple of Doubtful
+        Effects that were accepted and do not hold.
+    folds : CrossFitting
     """
 
     model: NamedModel
     tested: HeldOut
     floors: tuple[NoiseFloor, ...]
+    chosen: tuple[Chosen, ...]
+    doubtful: tuple[Doubtful, ...]
+    folds: CrossFitting
 
     def noise(self, refit: Fit) -> tuple[AutoregressiveModel, ...]:
         """Noise models of the refit, no larger than the noise floor."""
@@ -45,9 +86,25 @@ def confirmation(data: Baseline, attribution: Attribution) -> Confirmed:
     """Test the effects that were found on data not used to fit; see `confirmed`."""
     repeats = repeats_of(data)
     floors = noise_floors(data, attribution.extended, attribution.fit, repeats)
-    model = named_model(attribution)
-    return Confirmed(
-        *confirmed(data, attribution, model, floors, repeats, data.prepared.given), floors
+    folds = CrossFitting(data, attribution, repeats)
+    attribution = replace(attribution, found=folds.with_sets(attribution.found))
+    return confirmed(data, attribution, named_model(attribution), floors, folds)
+
+
+def tested(
+    data: Baseline, model: NamedModel, floors: Sequence[NoiseFloor], folds: CrossFitting
+) -> FoldTest:
+    """Predict every fold with what is chosen without it."""
+    given = data.prepared.given
+    if not model.found:
+        fit = model.fit
+        return FoldTest(held_out(data, model.regression, fit, [], floors, folds.repeats, given), ())
+    drifts = any(each.candidate.effect.family == "time" for each in model.found)
+    crossed = folds.choices(interleaved=drifts)
+    labels = [label(data, each) for each in model.found]
+    return FoldTest(
+        crossed.held_out(model.found, labels, floors, given),
+        tuple(crossed.times(each, model.found) for each in model.found),
     )
 
 
@@ -56,10 +113,9 @@ def confirmed(
     attribution: Attribution,
     model: NamedModel,
     floors: Sequence[NoiseFloor],
-    repeats: Sequence[Repeat],
-    given: FloatArray | None,
-) -> tuple[NamedModel, HeldOut]:
-    """Drop effects that do not help on data not used to fit, and test again without them.
+    folds: CrossFitting,
+) -> Confirmed:
+    """Drop effects that do not hold without the data that chose them, and test again.
 
     Effects whose size may be zero at 95 % go, too: `deviations.differs_from_nothing`.
 
@@ -69,59 +125,53 @@ def confirmed(
         With all effects of the catalogue.
     floors
         Of the noise of each joint.
-    repeats
-        Recordings that repeat one another are held out together.
-    given
-        (b,) base parameters of the nominal model, None where there is none.
-
-    Returns
-    -------
-    NamedModel, HeldOut
-        The model without them, and the held-out residuals of its stages.
     """
-
-    def tested(model: NamedModel) -> HeldOut:
-        labels = [label(data, found) for found in model.found]
-        return held_out(
-            data,
-            model.regression,
-            model.fit,
-            labels,
-            floors,
-            repeats,
-            given,
-            interleaved=any(each.candidate.effect.family == "time" for each in model.found),
-        )
-
     left_out: list[Found] = []
+    doubtful: list[Doubtful] = []
     while True:
-        result = tested(model)
-        helpful = _helpful(model, result)
-        if len(helpful) < len(model.found):
-            model = built_model(attribution, helpful, model.nonparametric)
-            result = tested(model)
-        known = sized(data, model)
-        unknown = [each for each in model.found if not any(each is other for other in known)]
+        result = tested(data, model, floors, folds)
+        weak = judged(model.found, result)
+        if weak:
+            doubtful += weak
+            fallen = [each.found for each in weak]
+            kept = [each for each in model.found if not _among(each, fallen)]
+            model = built_model(attribution, kept, model.nonparametric)
+            result = tested(data, model, floors, folds)
+        unknown = [each for each in model.found if not _among(each, sized(data, model))]
         if not unknown:
-            return model, result
+            break
         # One at a time, the last accepted first: beside it another may be unknown, and not alone.
         # What only corrected its shape has another chance without it.
         left_out.append(unknown[-1])
-        rest = [each for each in attribution.found if not any(each is one for one in left_out)]
+        rest = [each for each in attribution.found if not _among(each, left_out)]
         model = named_model(replace(attribution, found=tuple(rest)))
+    hints = [
+        each
+        for number, each in enumerate(doubtful)
+        if not _among(each.found, [*model.found, *left_out])
+        and not _among(each.found, [other.found for other in doubtful[number + 1 :]])
+    ]
+    return Confirmed(model, result.held_out, tuple(floors), result.chosen, tuple(hints), folds)
 
 
-def _helpful(model: NamedModel, tested: HeldOut) -> list[Found]:
-    """Effects that help on held-out data."""
-    helpful: list[Found] = []
-    doubtful: set[int] = set()  # joints where what came later may correct what did not hold
-    for number, each in enumerate(model.found):
+def _among(one: Found, others: Sequence[Found]) -> bool:
+    return any(one is other for other in others)
+
+
+def judged(found: Sequence[Found], result: FoldTest) -> list[Doubtful]:
+    """Effects that do not hold without the data that chose them, each with the reason."""
+    weak: list[Doubtful] = []
+    joints: dict[int, Found] = {}  # where what came later may correct what does not hold
+    for number, (each, chosen) in enumerate(zip(found, result.chosen, strict=True)):
         joint = each.candidate.place.joint
-        if joint not in doubtful and _helps(tested, number, each):
-            helpful.append(each)
-        else:
-            doubtful.add(joint)
-    return helpful
+        reason = _why_not(result.held_out, number, each, chosen)
+        if joint in joints:
+            first = joints[joint].candidate.effect.name.replace("_", " ")
+            reason = f"it was found beside {first}, which does not hold there"
+        if reason:
+            joints.setdefault(joint, each)
+            weak.append(Doubtful(each, chosen, reason))
+    return weak
 
 
 def sized(data: Baseline, model: NamedModel) -> list[Found]:
@@ -134,12 +184,23 @@ def sized(data: Baseline, model: NamedModel) -> list[Found]:
     ]
 
 
-def _helps(tested: HeldOut, number: int, found: Found) -> bool:
-    """Whether the whitened residual and the torque gap shrink on held-out data, not by chance."""
+def _why_not(tested: HeldOut, number: int, found: Found, chosen: Chosen) -> str:
+    """Why an effect is only a hint; empty where it holds."""
+    if chosen.standing_in < settings.LEAST_FOLDS_CHOSEN * chosen.folds:
+        return (
+            f"a search without one fold finds it in only {chosen.standing_in} of {chosen.folds} "
+            "folds"
+        )
     stage = tested.refit + number
     gap = tested.gap(stage, stage + 1, found.candidate.place.joint)
-    gain, helped, folds = tested.gain(number)
+    gain, helped, _ = tested.gain(number)
     sure = gap.after < gap.before if gap.ci95 is None else gap.ci95[0] > 0.0
     drifts = found.candidate.effect.family == "time"
     least = settings.HELD_OUT_LEAST_FOLDS_OF_DRIFT if drifts else settings.HELD_OUT_LEAST_FOLDS
-    return gain >= settings.HELD_OUT_LEAST_GAIN and helped >= least * folds and sure
+    if gain < settings.HELD_OUT_LEAST_GAIN:
+        return f"it takes only {100.0 * gain:.2g} % of the residual on data that did not choose it"
+    if helped < least * chosen.standing_in:
+        return f"it helps on only {helped} of the {chosen.standing_in} folds that choose it"
+    if not sure:
+        return "on data that did not choose it the torque gap may have shrunk by chance"
+    return ""

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from idim_iv_ros.diagnosis.parameter_words import parameter_words
-from idim_iv_ros.diagnosis.result import Cause, Gap, GapResult, JointChange, Stage
+from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
+from idim_iv_ros.diagnosis.result import Cause, Gap, GapResult, Hint, JointChange, Stage
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.report.advice import FAMILIES
 from idim_iv_ros.report.gap_words import (
@@ -19,6 +19,7 @@ from idim_iv_ros.report.numerals import known, number, p_value, percent, sentenc
 from idim_iv_ros.report.section import Report, Section
 
 _CONTROL_LAW = "controller_mismatch"
+_MOST_NUMBERS = 4  # of a hint
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,7 @@ def _card(result: GapResult, cause: Cause) -> dict[str, Any]:
     return {
         "title": title[:1].upper() + title[1:],
         "kind": ("bad" if cause.kind == "structural" else "fair", "", cause.kind),
+        "structural": cause.kind == "structural",
         "sentence": sentence(cause.sentence, result.joints),
         "parameters": {
             parameter_words(cause.effect, name): each for name, each in cause.parameters.items()
@@ -120,16 +122,32 @@ def _card(result: GapResult, cause: Cause) -> dict[str, Any]:
     }
 
 
+def _hint(result: GapResult, hint: Hint) -> tuple[str, str, str, str]:
+    """Effect and place, its numbers, in how many folds it was chosen, and why it is a hint."""
+    title = effect_at(hint.effect, hint.joint, hint.other_joint)
+    numbers = ", ".join(
+        f"{parameter_words(hint.effect, name)} {number(each.value)}\u202f{each.unit}".rstrip()
+        for name, each in surest(hint.parameters, _MOST_NUMBERS).items()
+    )
+    reason = sentence(hint.reason, result.joints)
+    return title[:1].upper() + title[1:], numbers, hint.chosen_in_folds, reason
+
+
 def _evidence(cause: Cause) -> list[tuple[str, str]]:
     evidence = cause.evidence
     name = "2 log likelihood ratio" if cause.kind == "structural" else "Wald statistic"
     facts = [
         (name, number(evidence.statistic)),
-        ("p-value, corrected for the number of candidates", p_value(evidence.p_value)),
     ]
+    if known(evidence.p_value):
+        facts.append(("p-value of the choice among all candidates", p_value(evidence.p_value)))
+    if evidence.p_value_from:
+        facts.append(("Origin of the p-value", evidence.p_value_from))
     if evidence.held_out_gain is not None:  # parameter errors and control laws need no blocks
         gain = percent(100.0 * evidence.held_out_gain)
         facts.append(("Residual energy that it removes on held-out blocks", gain))
+    if evidence.chosen_in_folds:
+        facts.append(("Chosen again without a fold", f"{evidence.chosen_in_folds} folds"))
     if evidence.folds_positive:
         facts.append(("Held-out blocks on which it helps", evidence.folds_positive))
     return facts
@@ -192,6 +210,7 @@ def _context(report: Report[GapResult]) -> dict[str, Any]:
     return {
         "without": ", ".join(effect_words(each) for each in result.without),
         "causes": [_card(result, cause) for cause in result.causes],
+        "hints": [_hint(result, each) for each in result.hints],
         "unexplained": rest,
         "family": "" if rest is None else FAMILIES[rest.family],
         "errors": [
