@@ -136,6 +136,11 @@ def causes_of(
     return tuple(causes)
 
 
+def _share(changes: ChangeRegression, named: Sequence[Change]) -> float:
+    """Of the gap's energy that these changes take alone."""
+    return changes.share(changes.explain(named).contributions.sum(axis=1))
+
+
 def _without(kept: Sequence[Hypothesis], hypothesis: Hypothesis) -> list[Hypothesis]:
     return [other for other in kept if other is not hypothesis]
 
@@ -145,9 +150,12 @@ def _sure(
 ) -> tuple[list[Hypothesis], list[tuple[Estimated, ...]]]:
     """Hypotheses with a number that differs from zero beside errors of all others, and estimates.
 
-    One that has none is dropped, the least sure first, and the rest is estimated again.
+    One that has none is dropped, the least sure first, and the rest is estimated again; but for one
+    that alone takes nearly all that new parameters take of the gap. Errors of many other numbers
+    would have to conspire to imitate it, and its intervals say what they leave open.
     """
     kept = list(found)
+    refit = changes.share(changes.refit().contributions.sum(axis=1))
     while kept:
         estimates = iter(estimated_beside_other_errors(changes, changes_of(kept)))
         numbers = [tuple(islice(estimates, len(each.changes))) for each in kept]
@@ -156,6 +164,7 @@ def _sure(
             place
             for place, own in enumerate(numbers)
             if not any(differs(e.value, e.std) for e in own)
+            and _share(changes, kept[place].changes) < settings.ENOUGH_OF_CHANGE * refit
         ]
         if not unsure:
             return kept, numbers
