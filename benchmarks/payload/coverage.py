@@ -46,6 +46,7 @@ class Study:
     friction: float = 0.0
     coulomb: float = 0.0
     load: bool = False
+    payload: bool = True
 
 
 STUDIES = (
@@ -55,6 +56,7 @@ STUDIES = (
     Study("Coulomb friction of two joints off by 30 %", coulomb=0.3),
     Study("the same, and friction over the load", coulomb=0.3, load=True),
     Study("inertials off by 10 %, and friction over the load", inertials=0.1, load=True),
+    Study("everything off by 10 %, no payload", inertials=0.1, friction=0.1, payload=False),
 )
 
 
@@ -91,6 +93,7 @@ def coverage(
     named, held, widths = 0, 0, []
     for _ in range(draws):
         mass = float(np.exp(random.uniform(np.log(0.5), np.log(3.0))))
+        mass *= study.payload
         regression = _world(data, plain, arm, study, mass, loaded, random)
         causes = parametric_causes(data, regression, regression.fit()).causes
         payload = next((each for each in causes if each.effect.name == "payload"), None)
@@ -98,7 +101,7 @@ def coverage(
             continue
         named += 1
         found = payload.parameters.get("mass")
-        if found is not None and found.std is not None:
+        if study.payload and found is not None and found.std is not None:
             held += abs(found.value - mass) <= 1.96 * found.std
             widths.append(1.96 * found.std / mass)
     return Coverage(study, draws, named, held, float(np.median(widths)) if widths else np.nan)

@@ -27,8 +27,10 @@ from idim_iv_ros.types import FloatArray
 
 # XX, XY, YY, XZ, YZ, ZZ
 _ROWS, _COLUMNS = np.array([0, 0, 1, 0, 1, 2]), np.array([0, 1, 1, 2, 2, 2])
-_AROUND = np.linspace(-1.6, 1.6, 9)  # ln, of a relative error about its likeliest
 _RANGE = (float(settings.LEAST_RELATIVE_ERROR), float(settings.MOST_RELATIVE_ERROR))
+# Logarithms of relative errors: first wherever they may be, and then about the likeliest.
+_ALL_OVER = np.log(np.geomspace(5e-4, 1.0, 12))
+_AROUND = np.linspace(-1.4, 1.4, 9)
 
 
 @dataclass(frozen=True)
@@ -42,30 +44,59 @@ class _RandomEffects:
     target: FloatArray
     covariances: tuple[FloatArray, ...]
 
-    def root(self, errors: FloatArray) -> FloatArray:
-        """Lower Cholesky factor (e, e) of the covariance with these relative errors."""
+    def solved(self, errors: FloatArray) -> "_Solved":
+        """Numbers of the causes by generalised least squares, with these relative errors."""
         whole = np.eye(len(self.target))
         for error, covariance in zip(errors, self.covariances, strict=True):
             whole += error**2 * covariance
-        return np.asarray(np.linalg.cholesky(whole), dtype=np.float64)
-
-    def solved(self, errors: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Numbers of the causes (m,) and their covariance (m, m), by generalised least squares."""
-        root = self.root(errors)
-        causes = scipy.linalg.solve_triangular(root, self.causes, lower=True)
-        target = scipy.linalg.solve_triangular(root, self.target, lower=True)
+        root = np.linalg.cholesky(whole)
+        both = scipy.linalg.solve_triangular(
+            root, np.column_stack([self.causes, self.target]), lower=True, check_finite=False
+        )
+        causes, target = both[:, :-1], both[:, -1]
         norms = np.linalg.norm(causes, axis=0)
         scale = 1.0 / np.where(norms > 0.0, norms, 1.0)
-        _, singular, right = np.linalg.svd(causes * scale, full_matrices=False)
+        left, singular, right = np.linalg.svd(causes * scale, full_matrices=False)
         seen = singular > settings.LEAST_OWN_ENERGY
-        inverse = right[seen].T / singular[seen]
-        covariance = inverse @ inverse.T * np.outer(scale, scale)
-        return covariance @ (causes.T @ target), covariance
+        coordinates = left[:, seen].T @ target
+        inverse = scale[:, None] * right[seen].T / singular[seen]
+        logarithm = (
+            -float(np.sum(np.log(np.diag(root))))
+            - 0.5 * float(target @ target - coordinates @ coordinates)
+            - float(np.sum(np.log(singular[seen])))
+            - float(np.sum(np.log(norms[norms > 0.0])))
+        )
+        unusual = np.log(errors / settings.USUAL_RELATIVE_ERROR) / settings.USUAL_ERROR_SPREAD
+        return _Solved(
+            logarithm - 0.5 * float(unusual @ unusual),
+            inverse @ coordinates,
+            np.asarray(inverse @ inverse.T),
+        )
 
 
-def estimated_beside_other_errors(
-    changes: ChangeRegression, named: Sequence[Change]
-) -> tuple[Estimated, ...]:
+@dataclass(frozen=True)
+class _Solved:
+    """Estimates (m,) and covariance (m, m) with some relative errors, and ln of their density.
+
+    The density is the restricted likelihood, the causes' numbers integrated out, times what is
+    known of nominal models: a payload on a planar arm leaves two directions to learn the links'
+    error from.
+    """
+
+    density: float
+    values: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Estimates of changes beside errors of all other given parameters, and their covariance."""
+
+    found: tuple[Estimated, ...]
+    covariance: FloatArray
+
+
+def estimated_beside_other_errors(changes: ChangeRegression, named: Sequence[Change]) -> Beside:
     """Estimate changes beside relative errors of all other given parameters.
 
     Where the causes leave fewer than three directions, there is nothing to learn ρ from and the
@@ -74,33 +105,43 @@ def estimated_beside_other_errors(
     explained = changes.explain(named)
     refit = changes.refit()
     if refit.rank - explained.rank < settings.LEAST_FREE_DIRECTIONS:
-        return explained.found
+        deviations = np.array([each.std or 0.0 for each in explained.found])
+        return Beside(explained.found, np.diag(deviations**2))
     effects = _random_effects(changes, named)
-    values, deviations = _over_errors(effects, _relative_errors(effects))
-    return tuple(
+    values, covariance = _over_errors(effects)
+    deviations = np.sqrt(np.diag(covariance))
+    found = tuple(
         Estimated(each.change, float(value), float(std) if each.determined else None)
         for each, value, std in zip(explained.found, values, deviations, strict=True)
     )
+    return Beside(found, covariance)
 
 
-def _over_errors(effects: _RandomEffects, best: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Estimates and deviations (m,) over what the relative errors may be, by their likelihood.
+def _over_errors(effects: _RandomEffects) -> tuple[FloatArray, FloatArray]:
+    """Estimates (m,) and covariance (m, m) over what the relative errors may be.
 
-    They are known from so few directions that the largest likelihood alone is too sure of itself.
+    They are known from so few directions that the likeliest alone are too sure of themselves.
     """
-    trials = [
-        np.clip(best * np.exp([links, friction]), *_RANGE)
-        for links in _AROUND
-        for friction in _AROUND[::2]
-    ]
-    logarithms = np.array([_density(effects, each) for each in trials])
-    weights = np.exp(logarithms - logarithms.max())
+    coarse = _solved_at(effects, _ALL_OVER, _ALL_OVER[1::2])
+    best = max(coarse, key=lambda each: coarse[each].density)
+    links, drives = (np.log(each) for each in best)
+    solved = list(_solved_at(effects, links + _AROUND, drives + _AROUND[::2]).values())
+    densities = np.array([each.density for each in solved])
+    weights = np.exp(densities - densities.max())
     weights /= weights.sum()
-    solved = [effects.solved(each) for each in trials]
-    values = np.array([each for each, _ in solved])
+    values = np.array([each.values for each in solved])
     mean = weights @ values
-    variances = np.array([np.diag(covariance) for _, covariance in solved])
-    return mean, np.sqrt(weights @ (variances + (values - mean) ** 2))
+    apart = (values - mean) * np.sqrt(weights)[:, None]
+    within = np.einsum("k,kij->ij", weights, np.array([each.covariance for each in solved]))
+    return mean, within + apart.T @ apart
+
+
+def _solved_at(
+    effects: _RandomEffects, links: FloatArray, drives: FloatArray
+) -> dict[tuple[float, float], _Solved]:
+    """Solutions by relative errors whose logarithms are given."""
+    pairs = [tuple(np.clip(np.exp([one, two]), *_RANGE)) for one in links for two in drives]
+    return {(float(one), float(two)): effects.solved(np.array([one, two])) for one, two in pairs}
 
 
 def _random_effects(changes: ChangeRegression, named: Sequence[Change]) -> _RandomEffects:
@@ -184,39 +225,3 @@ def _at_least_median(values: FloatArray) -> FloatArray:
     sizes = np.abs(values)
     present = sizes[sizes > 0.0]
     return np.maximum(sizes, np.median(present)) if len(present) else sizes
-
-
-def _relative_errors(effects: _RandomEffects) -> FloatArray:
-    """The likeliest of both, (2,)."""
-
-    def cost(logarithms: FloatArray) -> float:
-        return -_density(effects, np.clip(np.exp(logarithms), *_RANGE))
-
-    starts = [np.log([a, b]) for a in (0.01, 0.2) for b in (0.01, 0.2)]
-    best = min(starts, key=cost)
-    found = scipy.optimize.minimize(cost, best, method="Nelder-Mead", options={"xatol": 1e-2})
-    return np.asarray(np.clip(np.exp(found.x), *_RANGE))
-
-
-def _density(effects: _RandomEffects, errors: FloatArray) -> float:
-    """Logarithm of the restricted likelihood times what is known of nominal models in general.
-
-    A payload on a planar arm leaves two directions to learn the links' error from.
-    """
-    unusual = np.log(errors / settings.USUAL_RELATIVE_ERROR) / settings.USUAL_ERROR_SPREAD
-    return _restricted_likelihood(effects, errors) - 0.5 * float(unusual @ unusual)
-
-
-def _restricted_likelihood(effects: _RandomEffects, errors: FloatArray) -> float:
-    """Logarithm, of the relative errors, the causes' numbers integrated out."""
-    root = effects.root(errors)
-    causes = scipy.linalg.solve_triangular(root, effects.causes, lower=True)
-    target = scipy.linalg.solve_triangular(root, effects.target, lower=True)
-    norms = np.linalg.norm(causes, axis=0)
-    left, singular, _ = np.linalg.svd(
-        causes / np.where(norms > 0.0, norms, 1.0), full_matrices=False
-    )
-    seen = singular > settings.LEAST_OWN_ENERGY
-    rest = target - left[:, seen] @ (left[:, seen].T @ target)
-    own = float(np.sum(np.log(singular[seen]))) + float(np.sum(np.log(norms[norms > 0.0])))
-    return -float(np.sum(np.log(np.diag(root)))) - 0.5 * float(rest @ rest) - own
