@@ -276,6 +276,10 @@ LEAST_FREE_DIRECTIONS = Count(3, "directions",
     "at least", CHOSEN)
 LEAST_RELATIVE_ERROR = Setting(1e-5, "", "relative size of all other errors, at least", NUMERICAL)
 MOST_RELATIVE_ERROR = Setting(2.0, "", "the same, at most", NUMERICAL)
+USUAL_RELATIVE_ERROR = Setting(0.05, "",
+    "relative error of nominal models, where the recording hardly shows it", PHYSICS)
+USUAL_ERROR_SPREAD = Setting(1.0, "ln",
+    "standard deviation of its logarithm", PHYSICS)
 LEAST_OWN_ENERGY = Setting(1e-8, "energy of a column",
     "what must be a cause's own beside the others", NUMERICAL)
 

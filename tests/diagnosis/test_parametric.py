@@ -267,8 +267,8 @@ def test_a_payload_lies_in_its_interval_though_other_numbers_are_wrong(
 ) -> None:
     """Every other given number is off by a few percent, as of any data sheet.
 
-    Four of five intervals hold the truth (of 95 % claimed: the size of the other errors is known
-    from few directions only); with the deviations of the noise alone it was one of ten.
+    At least nine of ten intervals hold the truth (of 95 % claimed; the size of the other errors is
+    known from few directions only); with the deviations of the noise alone it was one of ten.
     """
     given = data.prepared.model.given
     inside = 0
@@ -289,7 +289,7 @@ def test_a_payload_lies_in_its_interval_though_other_numbers_are_wrong(
         moment = causes["payload"].parameters["moment_x"]
         assert moment.std is not None
         inside += abs(moment.value - 0.8 * 0.1) < 1.96 * moment.std
-    assert inside >= 28
+    assert inside >= 36
 
 
 def test_a_payload_is_named_beside_friction_that_is_in_the_model(data: Baseline) -> None:

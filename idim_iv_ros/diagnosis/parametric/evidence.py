@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 from scipy import stats
@@ -19,7 +18,7 @@ from idim_iv_ros.diagnosis.parametric.hypotheses import (
     trials,
 )
 from idim_iv_ros.diagnosis.parametric.other_errors import estimated_beside_other_errors
-from idim_iv_ros.diagnosis.parametric.significance import differs
+from idim_iv_ros.diagnosis.parametric.significance import together
 from idim_iv_ros.diagnosis.result import EffectParameter, Indistinguishable
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParametricEffect
 from idim_iv_ros.types import FloatArray
@@ -136,6 +135,11 @@ def causes_of(
     return tuple(causes)
 
 
+def _share(changes: ChangeRegression, named: Sequence[Change]) -> float:
+    """Of the gap's energy that these changes take alone."""
+    return changes.share(changes.explain(named).contributions.sum(axis=1))
+
+
 def _without(kept: Sequence[Hypothesis], hypothesis: Hypothesis) -> list[Hypothesis]:
     return [other for other in kept if other is not hypothesis]
 
@@ -143,23 +147,32 @@ def _without(kept: Sequence[Hypothesis], hypothesis: Hypothesis) -> list[Hypothe
 def _sure(
     changes: ChangeRegression, found: Sequence[Hypothesis]
 ) -> tuple[list[Hypothesis], list[tuple[Estimated, ...]]]:
-    """Hypotheses with a number that differs from zero beside errors of all others, and estimates.
+    """Hypotheses whose numbers differ from zero beside errors of all others, and estimates.
 
-    One that has none is dropped, the least sure first, and the rest is estimated again.
+    Others are dropped, the least sure first, and the rest is estimated again; but for one that
+    alone takes nearly all that new parameters take of the gap. Errors of many other numbers
+    would have to conspire to imitate it, and its intervals say what they leave open.
     """
     kept = list(found)
+    refit = changes.share(changes.refit().contributions.sum(axis=1))
     while kept:
-        estimates = iter(estimated_beside_other_errors(changes, changes_of(kept)))
-        numbers = [tuple(islice(estimates, len(each.changes))) for each in kept]
-        sure = [max((each.certainty for each in own), default=0.0) for own in numbers]
+        beside = estimated_beside_other_errors(changes, changes_of(kept))
+        ends = np.cumsum([len(each.changes) for each in kept])
+        parts = [slice(end - len(each.changes), end) for each, end in zip(kept, ends, strict=True)]
+        numbers = [beside.found[part] for part in parts]
+        sure = [
+            together(np.array([each.value for each in own]), beside.covariance[part, part])
+            for own, part in zip(numbers, parts, strict=True)
+        ]
         unsure = [
             place
-            for place, own in enumerate(numbers)
-            if not any(differs(e.value, e.std) for e in own)
+            for place, p_value in enumerate(sure)
+            if p_value > settings.SIGNIFICANCE_LEVEL
+            and _share(changes, kept[place].changes) < settings.ENOUGH_OF_CHANGE * refit
         ]
         if not unsure:
             return kept, numbers
-        del kept[min(unsure, key=lambda place: sure[place])]
+        del kept[max(unsure, key=lambda place: sure[place])]
     return [], []
 
 

@@ -21,7 +21,13 @@ def any_differs(values: FloatArray, covariance: FloatArray) -> bool:
     deviations = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     if not any(differs(value, std) for value, std in zip(values, deviations, strict=True)):
         return False
+    return together(values, covariance) <= settings.SIGNIFICANCE_LEVEL
+
+
+def together(values: FloatArray, covariance: FloatArray) -> float:
+    """p-value of Wald's test that all numbers (k,) are zero."""
+    deviations = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     standard = values / deviations
     scaled = covariance / np.outer(deviations, deviations)
     statistic = float(standard @ np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) @ standard)
-    return statistic >= float(chi2.isf(settings.SIGNIFICANCE_LEVEL, len(values)))
+    return float(chi2.sf(statistic, len(values)))
