@@ -83,13 +83,17 @@ def attribute(
     regression: Regression,
     catalogue: Sequence[Effect],
     progress: Progress | None = None,
+    grids: Grids | None = None,
 ) -> Attribution:
-    """Accept the best effect beside those accepted before, until none is acceptable."""
+    """Accept the best effect beside those accepted before, until none is acceptable.
+
+    `grids`: rows of grids that another search of the same recordings made.
+    """
     refit = regression.fit()
     covered = operating_range(data)
     found: list[Found] = []
     current, fit = regression, refit
-    grids: Grids = {}
+    grids = {} if grids is None else grids
     tried = 0
     known: dict[tuple[Effect, Place], Candidate | None] = {}
     for _ in range(settings.MOST_EFFECTS + len(data.joints)):
