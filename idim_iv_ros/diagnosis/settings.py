@@ -279,6 +279,9 @@ CONTRAST_ROUNDS = Count(2, "",
 CONTRAST_FEWEST_BLOCKS = Count(6, "blocks",
     "blocks of each set that are held out in turn, at least", NUMERICAL)
 CONTRAST_MOST_BLOCKS = Count(12, "blocks", "the same, at most", NUMERICAL)
+CONTRAST_LEAST_VOTE = Setting(1.0, "ln likelihood",
+    "difference of two models on a held-out block from which on the block has a vote", CHOSEN)
+CONTRAST_FEWEST_VOTES = Count(3, "blocks", "blocks that must vote for a change, at least", CHOSEN)
 CONTRAST_LEAST_SHARE = Setting(0.01, "torque of the joint (rms)",
     "held-out torque by which the sets must differ at one joint: long recordings reject every "
     "model", PHYSICS)

@@ -75,7 +75,7 @@ def two_sets(
 ) -> TwoSets:
     """Refit each set by itself and put their rows under one another.
 
-    The slowest recording of both limits the band, and all rows come at one rate.
+    The noisier set limits the band, and all rows come at one rate.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def two_sets(
         As `identify`, for each set: each must excite every parameter.
     """
     every = [*reference, *against]
-    section = widened(every, with_offsets(configuration))
+    section = _narrower(reference, against, with_offsets(configuration))
     sets: list[Baseline] | None = None
     if may_count(section, every):
         whole = prepare(every, with_margin(section, 0.0))
@@ -97,6 +97,24 @@ def two_sets(
     second, _, other = aligned(sets[1], smooth_regression(sets[1]))
     data = _together(first, second)
     return TwoSets(data, smooth_regression(data), (first, second), (one, other))
+
+
+def _narrower(
+    reference: Sequence[Recording], against: Sequence[Recording], configuration: Configuration
+) -> Configuration:
+    """Propose the band of the set that has the narrower one.
+
+    A simulator without noise shows its motion up to any frequency; a robot's encoders do not.
+    """
+    proposed = [widened(each, configuration) for each in (reference, against)]
+    cutoffs = [each.processing.decimation_cutoff or 0.0 for each in proposed]
+    narrow = proposed[int(np.argmin(cutoffs))].processing
+    positions = [each.processing.position_cutoff for each in proposed]
+    known = [each for each in positions if each is not None]
+    if known and configuration.processing.position_cutoff is None:
+        position = max(min(known), narrow.decimation_cutoff or 0.0)
+        narrow = narrow.model_copy(update={"position_cutoff": position})
+    return configuration.model_copy(update={"processing": narrow})
 
 
 def _part(whole: PreparedRegression, recordings: Sequence[Recording]) -> PreparedRegression:
