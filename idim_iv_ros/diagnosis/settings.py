@@ -285,6 +285,9 @@ CONTRAST_FEWEST_VOTES = Count(3, "blocks", "blocks that must vote for a change, 
 CONTRAST_LEAST_SHARE = Setting(0.01, "torque of the joint (rms)",
     "held-out torque by which the sets must differ at one joint: long recordings reject every "
     "model", PHYSICS)
+CONTRAST_LEAST_EFFECT = Setting(0.003, "torque of the joint (rms)",
+    "held-out torque of an effect that one set has, at least: less is a reversal that the "
+    "simulated motion of one set misses", CHOSEN)
 CONTRAST_LEAST_DELAY = Setting(1.0, "control periods",
     "change of the effort's shift from which on it is a cause: a command that is held over its "
     "period, recorded or not, makes half a period", PHYSICS)

@@ -26,9 +26,7 @@ SECONDS = 8.0
 # Effects that are looked for; the whole catalogue is that of benchmarks/contrast.py.
 LOOKED_FOR = {"stribeck", "load_dependent_friction", "time_delay", "controller_mismatch"}
 LEFT_OUT = [effect.name for effect in STRUCTURAL if effect.name not in LOOKED_FOR]
-STRIBECK = SimulatedEffect(
-    "stribeck", "joint_1", {"excess": 4.0, "speed": 0.1, "exponent": 2.0}
-)
+STRIBECK = SimulatedEffect("stribeck", "joint_1", {"excess": 3.0, "speed": 0.1, "exponent": 2.0})
 
 
 @cache
@@ -67,7 +65,7 @@ def run(
         rate=robot.rate,
         seed=motion,
         position_noise=2e-5,
-        torque_noise=0.003 * np.asarray(robot.configuration.controller.torque_limit),
+        torque_noise=0.005 * np.asarray(robot.configuration.controller.torque_limit),
         effects=list(effects),
     )
     values = (made.position, made.effort, made.position_reference, made.velocity_reference)

@@ -195,7 +195,7 @@ class _Assembly:
             if not isinstance(other.effect, Nonparametric)
             and scope_of(other.effect.name) == each.scope
         )
-        torques = self._torques([self._torque(each) for each in parts], joint)
+        torques = self._taken(parts, joint)
         return ContrastCause(
             effect=first.effect,
             kind="structural",
@@ -230,34 +230,29 @@ class _Assembly:
             if block is difference.found.candidate.columns
         )
 
-    def _torque(self, difference: StructuralDifference) -> list[FloatArray]:
-        """What it adds in its set (r_j,) at each joint, N m (N)."""
-        start, candidate = self._start(difference), difference.found.candidate
-        coefficients = self._fit.coefficients[start : start + candidate.width]
-        return [
-            candidate.columns[joint] @ coefficients
-            if joint in candidate.columns
-            else np.zeros(len(rows))
-            for joint, rows in enumerate(self._data.rows)
-        ]
+    def _taken(self, parts: Sequence[StructuralDifference], own: str) -> tuple[JointTorque, ...]:
+        """What they take of the residual of their sets on blocks that were not fitted."""
+        return self._of_joints([max(each) for each in zip(*(part.torques for part in parts))], own)
 
-    def _torques(
-        self, parts: Sequence[Sequence[FloatArray]], own: str | None
-    ) -> tuple[JointTorque, ...]:
-        """RMS over the rows on which a difference acts; joints where it matters, its own first."""
-        found = []
-        for joint, name in enumerate(self._data.joints):
-            total = np.sum([part[joint] for part in parts], axis=0)
-            acting = total[total != 0.0]
-            size = float(np.sqrt(np.mean(acting**2))) if len(acting) else 0.0
-            share = size / self._sizes[joint]
-            if name == own or share >= settings.CONTRAST_LEAST_SHARE:
-                found.append(JointTorque(name, size, share))
+    def _made(self, torques: Sequence[FloatArray], own: str | None) -> tuple[JointTorque, ...]:
+        """RMS of torques (r_j,) over the rows on which they act."""
+        acting = [each[each != 0.0] for each in torques]
+        return self._of_joints(
+            [float(np.sqrt(np.mean(each**2))) if len(each) else 0.0 for each in acting], own
+        )
+
+    def _of_joints(self, torques: Sequence[float], own: str | None) -> tuple[JointTorque, ...]:
+        """Joints where a torque matters, their own first."""
+        found = [
+            JointTorque(name, torque, torque / size)
+            for name, torque, size in zip(self._data.joints, torques, self._sizes, strict=True)
+            if name == own or torque >= settings.CONTRAST_LEAST_SHARE * size
+        ]
         return tuple(sorted(found, key=lambda each: (each.joint != own, -each.share_of_torque)))
 
     def _parametric_cause(self, difference: ParametricDifference) -> ContrastCause:
         cause = difference.cause
-        torques = self._torques([difference.torques], cause.joint)
+        torques = self._made(difference.torques, cause.joint)
         bags = tuple(self._bags[number] for number in difference.recordings)
         place = None if cause.joint is None else self._data.joints.index(cause.joint)
         parameters = (
@@ -329,11 +324,8 @@ class _Assembly:
         ]
 
     def _nameless(self, difference: StructuralDifference) -> str:
-        torque = self._torque(difference)
-        (own, *_) = self._torques(
-            [torque], self._data.joints[difference.found.candidate.place.joint]
-        )
-        return words.nameless(self._data, difference, own)
+        joint = self._data.joints[difference.found.candidate.place.joint]
+        return words.nameless(self._data, difference, self._taken([difference], joint)[0])
 
     def _joints(self) -> list[JointContrast]:
         """RMS in the second set: of the reference's model, with the causes, with its own."""

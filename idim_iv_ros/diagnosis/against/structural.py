@@ -9,6 +9,8 @@ pass for half an effect of both. The base parameters of each set are free beside
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.against.blocks import BlockErrors, block_errors, clearly_better
 from idim_iv_ros.diagnosis.against.scoped import (
@@ -47,12 +49,16 @@ class StructuralDifference:
         The same shape in both sets: what one model for both would hold in its place.
     gains : tuple of float
         What each block of that set gains by it (negative log predictive density).
+    torques : tuple of float
+        What it takes of each joint's residual in that set, root of the energy, N m (N), on blocks
+        that were not fitted: base parameters imitate the rest of its torque.
     """
 
     found: Found
     scope: Scope
     common: Columns
     gains: tuple[float, ...]
+    torques: tuple[float, ...]
 
     @property
     def effect(self) -> str:
@@ -194,7 +200,23 @@ def _judged(
     shared = block_errors(_with(base, rest).with_columns(common[0]), fit.noise_models, blocks)
     if not clearly_better(gains) or not clearly_better(shared.losses - whole.losses):
         return this, None
-    return this, StructuralDifference(this, scope, common[0], tuple(map(float, gains)))
+    torques = _taken(sets, scope, without, whole)
+    shares = [torque / size for torque, size in zip(torques, sets.data.torque_sizes, strict=True)]
+    if max(shares) < settings.CONTRAST_LEAST_EFFECT:
+        return this, None
+    return this, StructuralDifference(this, scope, common[0], tuple(map(float, gains)), torques)
+
+
+def _taken(
+    sets: TwoSets, scope: Scope, without: BlockErrors, whole: BlockErrors
+) -> tuple[float, ...]:
+    """Root of what a model takes of the energy of each joint's residual in one set, N m (N)."""
+    found = []
+    for inside, before, after in zip(sets.inside, without.residuals, whole.residuals, strict=True):
+        own = inside == (scope == "against")
+        energy = float(np.mean(before[own] ** 2) - np.mean(after[own] ** 2))
+        found.append(float(np.sqrt(max(energy, 0.0))))
+    return tuple(found)
 
 
 def _everywhere(effect: Effect) -> Effect:
