@@ -5,7 +5,8 @@
 Every robot is drawn anew: its parameters are 10 to 30 % off the nominal model in both sets. The
 first set is recorded on the plant of `withheld_effects`, the second on the same plant or in
 MuJoCo's own `mj_step`, which then is the simulator of the robot. Both sets have two recordings of
-motions of their own. `changed` is the one effect that one set has; `common` is one that both have.
+motions of their own. Only the contrast is computed, not the diagnosis of the first set that
+`diagnose --against` adds. `changed` is the one effect that one set has; `common` is one that both have.
 """
 
 import argparse
@@ -24,8 +25,11 @@ from benchmarks.withheld_effects.effects import EFFECTS
 from benchmarks.withheld_effects.motion import rich_motion
 from benchmarks.withheld_effects.robot import given_robot, rigid_body_model
 from benchmarks.withheld_effects.world import FloatArray, World, plain_world, record
-from idim_iv_ros import diagnose, load_configuration
+from idim_iv_ros import load_configuration
+from idim_iv_ros.compilation import one_thread
+from idim_iv_ros.diagnosis.against.contrast import contrasted
 from idim_iv_ros.diagnosis.result import ContrastResult
+from idim_iv_ros.identification.prepare import read_configured
 from idim_iv_ros.recording import JointTopic, write_bag
 
 STEPS = 16  # of MuJoCo's plant in one period of the law
@@ -265,9 +269,10 @@ def run(out: Path, only: str = "") -> list[tuple[Cell, Judged]]:
             reference, against = write_cell(folder, cell, seed)
             configuration = load_configuration(given_robot(cell.robot).yaml)
             started = time.perf_counter()
-            result = diagnose(reference, configuration, against=against)
-            assert result.contrast is not None
-            judged = judge(cell, result.contrast, time.perf_counter() - started)
+            with one_thread():
+                sets = [read_configured(bags, configuration) for bags in (reference, against)]
+                result = contrasted(*sets, configuration)
+            judged = judge(cell, result, time.perf_counter() - started)
             kept.write_text(json.dumps(vars(judged)))
         print(
             f"{folder.name}: named {judged.named}, others {list(judged.others)}, "

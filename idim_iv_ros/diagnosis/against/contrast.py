@@ -232,7 +232,9 @@ class _Assembly:
 
     def _taken(self, parts: Sequence[StructuralDifference], own: str) -> tuple[JointTorque, ...]:
         """What they take of the residual of their sets on blocks that were not fitted."""
-        return self._of_joints([max(each) for each in zip(*(part.torques for part in parts))], own)
+        return self._of_joints(
+            [max(each) for each in zip(*(part.torques for part in parts), strict=True)], own
+        )
 
     def _made(self, torques: Sequence[FloatArray], own: str | None) -> tuple[JointTorque, ...]:
         """RMS of torques (r_j,) over the rows on which they act."""
