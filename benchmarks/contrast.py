@@ -5,8 +5,8 @@
 Every robot is drawn anew: its parameters are 10 to 30 % off the nominal model in both sets. The
 first set is recorded on the plant of `withheld_effects`, the second on the same plant or in
 MuJoCo's own `mj_step`, which then is the simulator of the robot. Both sets have two recordings of
-motions of their own. Only the contrast is computed, not the diagnosis of the first set that
-`diagnose --against` adds. `changed` is the one effect that one set has; `common` is one that both have.
+motions of their own. `changed` is the one effect that one set has; `common` is one that both have.
+Only the contrast is computed, not the diagnosis of the first set that `diagnose --against` adds.
 """
 
 import argparse

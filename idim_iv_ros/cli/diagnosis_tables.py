@@ -38,11 +38,9 @@ def print_diagnosis(console: Console, result: GapResult, *, whole: bool = True) 
     if result.contrast is not None:
         _print_contrast(console, result, result.contrast)
     tone, _, words = VERDICTS[result.verdict]
+    words = words if result.contrast is None else f"{words} (the reference by itself)"
     console.print(f"[bold {_STYLES[tone]}]Verdict: {words}.[/]", highlight=False)
-    summary = result.summary
-    if result.contrast is not None:
-        summary = summary.removeprefix(result.contrast.sentence).strip()
-    console.print(escape(summary), highlight=False)
+    console.print(escape(result.own_summary), highlight=False)
     for finding in result.findings:
         console.print(f"  {escape(finding)}", highlight=False)
     if result.causes:

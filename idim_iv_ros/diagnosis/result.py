@@ -650,6 +650,13 @@ class GapResult(Document):
         return self.where.regimes
 
     @property
+    def own_summary(self) -> str:
+        """The summary of the recordings by themselves, without what changed in a second set."""
+        if self.contrast is None:
+            return self.summary
+        return self.summary.removeprefix(self.contrast.sentence).strip()
+
+    @property
     def recorded(self) -> float | None:
         """Length of all recordings together, without the pauses, s; None where not known."""
         return sum(part.duration for part in self.session) if self.session else None
