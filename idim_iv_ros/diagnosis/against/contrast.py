@@ -133,7 +133,14 @@ class _Assembly:
             differs=differs,
             test=self._parametric.test.hypothesis,
             sentence=words.summary(
-                self._data, against, causes, nameless, unexplained, joints, differs=differs
+                self._data,
+                against,
+                causes,
+                nameless,
+                unexplained,
+                joints,
+                differs=differs,
+                closest=self._parametric.closest,
             ),
             joints=tuple(joints),
             causes=tuple(causes),

@@ -68,6 +68,9 @@ class ParametricDifferences:
         Recordings of the second set that agree with one another.
     reference_disagrees : tuple of int
         Recordings of the reference that differ from the others of it.
+    closest : tuple of Hypothesis
+        Where nothing is named: causes that explain most of the difference, none of whose numbers
+        is sure.
     """
 
     test: OneSetTest
@@ -75,6 +78,7 @@ class ParametricDifferences:
     differences: tuple[ParametricDifference, ...]
     groups: tuple[tuple[int, ...], ...]
     reference_disagrees: tuple[int, ...]
+    closest: tuple[Hypothesis, ...] = ()
 
 
 def parametric_differences(
@@ -91,6 +95,7 @@ def parametric_differences(
     groups, apart = _groups(sets, regression, structural, catalogue)
     rejected = _rejected(test)
     found: list[ParametricDifference] = []
+    closest: list[Hypothesis] = []
     if rejected or len(groups) > 1:
         slow = replace(fit, noise_models=tuple(slow_noise(each) for each in fit.noise_models))
         for group in groups:
@@ -99,8 +104,11 @@ def parametric_differences(
                 if other is not group:
                     others = with_own_parameters_beside(sets, others, other)
             rows = PooledRows(sets.data, others, slow).contrast(group)
-            found += _named(sets, structural, others, rows, group, catalogue, blocks)
-    return ParametricDifferences(test, rejected, tuple(found), groups, apart)
+            kept = smallest_set(rows.changes, rows.changes.refit(), catalogue)
+            named = _named(sets, structural, others, rows, group, kept, catalogue, blocks)
+            found += named
+            closest += [] if named else kept
+    return ParametricDifferences(test, rejected, tuple(found), groups, apart, tuple(closest))
 
 
 def beside_effects(sets: TwoSets, structural: StructuralOutcome) -> Regression:
@@ -153,12 +161,12 @@ def _named(
     regression: Regression,
     rows: Contrast,
     group: tuple[int, ...],
+    tried: Sequence[Hypothesis],
     catalogue: Sequence[ParametricEffect],
     blocks: Sequence[IntArray],
 ) -> list[ParametricDifference]:
     """Causes that blocks of time support; one that they do not is left out, and all estimated."""
-    changes, joints = rows.changes, sets.data.joints
-    kept = smallest_set(changes, changes.refit(), catalogue)
+    changes, joints, kept = rows.changes, sets.data.joints, list(tried)
     own = [
         np.unique(block[inside])
         for block, inside in zip(blocks, rows.inside, strict=True)
@@ -178,17 +186,19 @@ def _named(
             - whole.losses[numbers]
             for this in columns
         ]
-        sure = [clearly_better(each) for each in gains]
-        if all(sure):
+        unsure = [place for place, each in enumerate(gains) if not clearly_better(each)]
+        if not unsure:
             return _differences(changes, causes, columns, gains, group)
+        # One at a time: what another one imitates may be needed once that is gone.
+        least = min(unsure, key=lambda place: float(gains[place].sum()))
         kept = [
             Hypothesis(
                 cause.effect,
                 None if cause.joint is None else joints.index(cause.joint),
                 cause.changes,
             )
-            for cause, keeps in zip(causes, sure, strict=True)
-            if keeps
+            for place, cause in enumerate(causes)
+            if place != least
         ]
     return []
 

@@ -7,6 +7,7 @@ from idim_iv_ros.diagnosis.against.law import ShiftDifference
 from idim_iv_ros.diagnosis.against.structural import StructuralDifference
 from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause
+from idim_iv_ros.diagnosis.parametric.hypotheses import Hypothesis
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import (
     ContrastCause,
@@ -32,6 +33,7 @@ def summary(
     joints: Sequence[JointContrast],
     *,
     differs: bool,
+    closest: Sequence[Hypothesis] = (),
 ) -> str:
     """The answer: whether the sets differ, in what, and what is not explained."""
     named = ", ".join(against)
@@ -57,6 +59,13 @@ def summary(
             f"{100.0 * worst.share_of_torque:.2g} % of its torque; nothing in the catalogue "
             "explains it."
         )
+    if closest:
+        listed = ", ".join(
+            spaced(each.effect.name)
+            + ("" if each.joint is None else f" of {data.joints[each.joint]}")
+            for each in closest
+        )
+        parts.append(f"Closest comes {listed}, but no number of it differs surely from zero.")
     return " ".join(parts)
 
 
@@ -146,7 +155,7 @@ def shift(difference: ShiftDifference) -> str:
     if one.std is None or other.std is None:
         return "the effort's shift in time cannot be compared: it cannot be determined in each set"
     first, second = (
-        f"{1e3 * each.value:.2f} ± {1e3 * settings.NORMAL_95 * (each.std or 0.0):.2g} ms"
+        f"{round(1e3 * each.value, 2) + 0.0:.2f} ± {1e3 * settings.NORMAL_95 * (each.std or 0.0):.2g} ms"
         for each in (one, other)
     )
     return (
