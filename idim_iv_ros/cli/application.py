@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from idim_iv_ros.cli.check import check_command
-from idim_iv_ros.cli.diagnose import diagnose_command
+from idim_iv_ros.cli.diagnose import WithSets, diagnose_command
 from idim_iv_ros.cli.excite import excite_command
 from idim_iv_ros.cli.identify import identify_command
 from idim_iv_ros.cli.import_table import import_command
@@ -24,7 +24,7 @@ application = typer.Typer(
 application.command("init")(init_command)
 application.command("check")(check_command)
 application.command("identify")(identify_command)
-application.command("diagnose")(diagnose_command)
+application.command("diagnose", cls=WithSets)(diagnose_command)
 application.command("import")(import_command)
 application.command("record")(record_command)
 application.command("serve")(serve_command)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 import typer
+from typer.core import TyperCommand
 
 from idim_iv_ros.cli.arguments import (
     AsJson,
@@ -21,12 +22,37 @@ from idim_iv_ros.cli.arguments import (
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import GAP, REPORT
 
+AGAINST = "--against"
+
 if TYPE_CHECKING:
     from idim_iv_ros.cli.output import Output
     from idim_iv_ros.configuration import Configuration
     from idim_iv_ros.diagnosis.result import GapResult
-    from idim_iv_ros.files import FilePaths
+    from idim_iv_ros.files import FilePath, FilePaths
     from idim_iv_ros.progress import Progress
+
+
+class WithSets(TyperCommand):
+    """A command whose `--against` takes all names up to the next option, as bags do."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Give each name behind `--against` an option of its own."""
+        return super().parse_args(ctx, list(_each_against(args)))
+
+
+def _each_against(args: Sequence[str]) -> Iterator[str]:
+    behind = False
+    for place, each in enumerate(args):
+        if each == "--":
+            yield from args[place:]
+            return
+        if each.startswith("-"):
+            behind = each == AGAINST
+            yield each
+            continue
+        if behind and args[place - 1] != AGAINST:
+            yield AGAINST
+        yield each
 
 
 class Diagnose(Protocol):
@@ -38,6 +64,8 @@ class Diagnose(Protocol):
         configuration: Configuration,
         *,
         without: Sequence[str] = (),
+        against: FilePaths = (),
+        nominal: FilePath | None = None,
         progress: Progress | None = None,
     ) -> GapResult:
         """Diagnose bags."""
@@ -56,6 +84,25 @@ def diagnose_command(
             show_default=False,
         ),
     ] = None,
+    against: Annotated[
+        list[Path] | None,
+        typer.Option(
+            AGAINST,
+            help="Recordings of the same robot, or of a simulator of it, that may differ: say what "
+            "changed from the others to them. Names up to the next option belong to it.",
+            metavar="BAG...",
+            show_default=False,
+        ),
+    ] = None,
+    nominal: Annotated[
+        Path | None,
+        typer.Option(
+            help="A result.json or gap.json of this robot whose base parameters take the place of "
+            "the URDF's.",
+            metavar="FILE.json",
+            show_default=False,
+        ),
+    ] = None,
     picture: Picture = None,
     force: Force = False,
     quiet: Quiet = False,
@@ -67,6 +114,8 @@ def diagnose_command(
     Writes gap.json and report.html.
 
     Example: idim-iv diagnose run1.mcap run2.mcap --config ur5.yaml --out why
+
+    What changed: idim-iv diagnose before.mcap --against after.mcap --config ur5.yaml --out changed
     """
     from idim_iv_ros.cli.output import Output
     from idim_iv_ros.diagnosis.diagnose import diagnose
@@ -80,6 +129,8 @@ def diagnose_command(
         without or (),
         diagnose=diagnose,
         effects=EFFECTS,
+        against=against or (),
+        nominal=nominal,
         picture=picture,
         force=force,
         output=output,
@@ -94,6 +145,8 @@ def run_diagnosis(
     *,
     diagnose: Diagnose,
     effects: Sequence[str],
+    against: Sequence[Path] = (),
+    nominal: Path | None = None,
     picture: Path | None = None,
     force: bool = False,
     output: Output | None = None,
@@ -106,6 +159,10 @@ def run_diagnosis(
         What makes a `GapResult` of the bags.
     effects
         Names that `without` may hold.
+    against
+        Recordings that may differ from the bags.
+    nominal
+        Result whose base parameters are the nominal model.
     picture
         File of a picture of the summary, if one is wanted.
 
@@ -132,7 +189,10 @@ def run_diagnosis(
     with destination:
         left_out = tuple(dict.fromkeys(without))
         with output.progress() as progress:
-            result = diagnose(bags, configuration, without=left_out, progress=progress)
+            more: dict[str, Any] = {"against": list(against)} if against else {}
+            if nominal is not None:
+                more["nominal"] = nominal
+            result = diagnose(bags, configuration, without=left_out, progress=progress, **more)
         if out is not None:
             with report_warnings():
                 numbers, page = write_gap_report(result, out, force=force, config=config)

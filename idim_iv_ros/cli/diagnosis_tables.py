@@ -1,11 +1,20 @@
 """The tables of a diagnosis on the terminal."""
 
+from collections.abc import Sequence
+
 from rich.console import Console
 from rich.markup import escape
 
 from idim_iv_ros.cli.table import Column, print_table, unbroken
 from idim_iv_ros.diagnosis.parameter_words import surest
-from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Gap, GapResult
+from idim_iv_ros.diagnosis.result import (
+    Cause,
+    ContrastResult,
+    EffectParameter,
+    Gap,
+    GapResult,
+    Indistinguishable,
+)
 from idim_iv_ros.report.gap_words import (
     VERDICTS,
     effect_at,
@@ -16,6 +25,7 @@ from idim_iv_ros.report.gap_words import (
     untestable,
 )
 from idim_iv_ros.report.numerals import measured
+from idim_iv_ros.report.sections.contrast import contrast_badge
 
 _STYLES = {"good": "green", "fair": "blue", "bad": "red", "open": "yellow"}
 _MOST_UNTESTABLE = 10
@@ -26,9 +36,12 @@ _MOST_NUMBERS = 4  # of one cause
 
 def print_diagnosis(console: Console, result: GapResult, *, whole: bool = True) -> None:
     """Verdict, causes, stages, and what could not be tested; long tables `whole` or their start."""
+    if result.contrast is not None:
+        _print_contrast(console, result, result.contrast)
     tone, _, words = VERDICTS[result.verdict]
+    words = words if result.contrast is None else f"{words} (the reference by itself)"
     console.print(f"[bold {_STYLES[tone]}]Verdict: {words}.[/]", highlight=False)
-    console.print(escape(result.summary), highlight=False)
+    console.print(escape(result.own_summary), highlight=False)
     for finding in result.findings:
         console.print(f"  {escape(finding)}", highlight=False)
     if result.causes:
@@ -40,6 +53,54 @@ def print_diagnosis(console: Console, result: GapResult, *, whole: bool = True) 
     if result.not_testable:
         _print_untestable(console, result, whole)
     for note in result.notes:
+        console.print(f"Note: {escape(note)}", highlight=False)
+
+
+def _print_contrast(console: Console, result: GapResult, contrast: ContrastResult) -> None:
+    """The answer, what changed with its numbers, and what is left joint by joint."""
+    tone, _, words = contrast_badge(contrast)
+    console.print(f"[bold {_STYLES[tone]}]Contrast: {words}.[/]", highlight=False)
+    console.print(escape(contrast.sentence), highlight=False)
+    if contrast.causes:
+        columns = [
+            Column("what changed"),
+            Column("second set less reference (± 95 %)"),
+            Column("torque that it makes"),
+            Column("indistinguishable from"),
+        ]
+        rows = [
+            (
+                f"{effect_words(each.effect)}\n{each.joint or 'all joints'}\n{each.change}",
+                "\n".join(_shown(each.parameters)),
+                "\n".join(
+                    f"{one.joint}: {one.rms:.3g} {torque_unit(result, one.joint)} "
+                    f"({100.0 * one.share_of_torque:.2g} %)"
+                    for one in each.torques
+                ),
+                _names(each.indistinguishable_from, each.joint),
+            )
+            for each in contrast.causes
+        ]
+        print_table(console, "What changed, largest torque first", columns, rows)
+    columns = [
+        Column("joint"),
+        Column("model of the reference", right=True),
+        Column("with what changed", right=True),
+        Column("with its own model", right=True),
+        Column("not explained", right=True),
+    ]
+    joints = [
+        (
+            each.joint,
+            *(
+                f"{value:.3g} {torque_unit(result, each.joint)}"
+                for value in (each.before, each.after, each.own, each.unexplained)
+            ),
+        )
+        for each in contrast.joints
+    ]
+    print_table(console, "Torque left in the second set, rms", columns, joints)
+    for note in contrast.notes:
         console.print(f"Note: {escape(note)}", highlight=False)
 
 
@@ -82,9 +143,13 @@ def _print_hints(console: Console, result: GapResult) -> None:
 
 def _parameters(cause: Cause) -> list[str]:
     """The surest of its numbers under their names in gap.json; words and all are in the report."""
-    shown = surest(cause.parameters, _MOST_NUMBERS)
+    return _shown(cause.parameters)
+
+
+def _shown(parameters: dict[str, EffectParameter]) -> list[str]:
+    shown = surest(parameters, _MOST_NUMBERS)
     lines = [_parameter(name, each) for name, each in shown.items()]
-    more = len(cause.parameters) - len(shown)
+    more = len(parameters) - len(shown)
     return [*lines, f"and {more} more"] if more else lines
 
 
@@ -118,11 +183,15 @@ def _shrinkage(gap: Gap) -> str:
 
 
 def _confounders(cause: Cause) -> str:
+    return _names(cause.indistinguishable_from, cause.joint)
+
+
+def _names(others: Sequence[Indistinguishable], joint: str | None) -> str:
     names = [
         f"{effect_words(each.effect)} at {each.joint}"
-        if each.joint and each.joint != cause.joint
+        if each.joint and each.joint != joint
         else effect_words(each.effect)
-        for each in cause.indistinguishable_from
+        for each in others
     ]
     return "\n".join(names) or "–"
 

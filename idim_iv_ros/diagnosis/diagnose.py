@@ -1,24 +1,30 @@
 """From recordings to causes: the whole of `idim-iv diagnose` without its files."""
 
+import os
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis.against.contrast import contrasted
 from idim_iv_ros.diagnosis.assembly import Diagnosis, assembled
 from idim_iv_ros.diagnosis.controller.check import check_law, controller_causes
 from idim_iv_ros.diagnosis.identifiability.testability import shown_by_motion
 from idim_iv_ros.diagnosis.localisation.where import where
+from idim_iv_ros.diagnosis.nominal import read_nominal_model, with_nominal
 from idim_iv_ros.diagnosis.parametric.agreement import agreement
 from idim_iv_ros.diagnosis.parametric.causes import parametric_causes, parametric_results
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result import ContrastResult, GapResult
 from idim_iv_ros.diagnosis.structural.attribution import Attribution, attributed
 from idim_iv_ros.diagnosis.structural.causes import structural_causes
 from idim_iv_ros.diagnosis.structural.confirmation import confirmation
 from idim_iv_ros.diagnosis.structural.hints import hints_of, selections_of
 from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
-from idim_iv_ros.files import FilePaths
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.files import FilePath, FilePaths
 from idim_iv_ros.identification.prepare import read_configured
 from idim_iv_ros.progress import Progress, Stopwatch
 
@@ -28,6 +34,8 @@ def diagnose(
     configuration: Configuration,
     *,
     without: Sequence[str] = (),
+    against: FilePaths = (),
+    nominal: FilePath | None = None,
     progress: Progress | None = None,
 ) -> GapResult:
     """Say where simulator and robot differ, which effect causes it, and how far the gap shrinks.
@@ -40,6 +48,11 @@ def diagnose(
         See `load_configuration`; the URDF, its `<dynamics>` and `simulator` are the nominal model.
     without
         Effects that are left out of the catalogue.
+    against
+        Recordings of the same robot, or of a simulator of it, that may differ: what changed from
+        `bags` to them is `GapResult.contrast`. Everything else is of `bags` alone.
+    nominal
+        A result.json or gap.json whose base parameters take the place of the URDF's.
     progress
         Called with a stage in words and the share that is done, 0 to 1.
 
@@ -49,16 +62,55 @@ def diagnose(
         As `identify`.
     """
     excluded = tuple(without)
+    given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
+    second = [against] if isinstance(against, (str, os.PathLike)) else list(against)
+    require_two_sets(given, second)
+    identified = None if nominal is None else read_nominal_model(nominal, configuration)
     with one_thread(), Stopwatch(progress) as watch:
         watch.stage("reading", 0.0)
-        recordings = read_configured(bags, configuration, progress)
+        recordings = read_configured(given, configuration, progress)
+        others = read_configured(second, configuration, progress) if second else ()
         watch.stage("refit", 0.1)
-        refit = refitted(recordings, configuration, excluded)
+        beside = None if identified is None else partial(with_nominal, identified=identified)
+        refit = refitted(recordings, configuration, excluded, beside)
         watch.stage("attribution", 0.2)
         attribution = attributed(refit.data, refit.regression, excluded, watch.progress)
         result = assembled(concluded(refit, attribution, configuration, excluded, watch))
+        if identified is not None:
+            result = replace(result, nominal=identified.nominal)
+        if second:
+            watch.stage("contrast", 0.97)
+            # Of the configuration with gravity, where it was missing and found.
+            found = refit.data.prepared.configuration.robot
+            same = configuration.model_copy(update={"robot": found})
+            contrast = contrasted(recordings, others, same, excluded, watch.progress)
+            result = with_contrast(result, contrast)
     result.timing.update(watch.timing)
     return result
+
+
+def require_two_sets(reference: Sequence[FilePath], against: Sequence[FilePath]) -> None:
+    """Refuse a recording that is in both sets.
+
+    Raises
+    ------
+    UsageError
+        It names the recording.
+    """
+    known = {os.path.realpath(each) for each in reference}
+    for each in against:
+        if os.path.realpath(each) in known:
+            raise UsageError(
+                f"--against {each}: it is among the reference recordings, too; a set cannot differ "
+                "from itself"
+            )
+
+
+def with_contrast(result: GapResult, contrast: ContrastResult) -> GapResult:
+    """Return the diagnosis of the reference set with what changed, first in its summary."""
+    listed = ", ".join(result.bags)
+    summary = f"{contrast.sentence} The reference ({listed}) by itself: {result.summary}"
+    return replace(result, contrast=contrast, summary=summary)
 
 
 def concluded(

@@ -296,6 +296,27 @@ AGREEMENT_FOLDS = Count(5, "blocks", "blocks of a recording that are held out in
 AGREEMENT_LEAST_FOLDS = Count(4, "blocks",
     "blocks that parameters of its own must predict better", CONVENTION)
 
+# What changed between two sets of recordings.
+CONTRAST_ROUNDS = Count(2, "",
+    "searches of MOST_EFFECTS structural effects each: what both sets have takes places", NUMERICAL)
+CONTRAST_FEWEST_BLOCKS = Count(6, "blocks",
+    "blocks of each set that are held out in turn, at least", NUMERICAL)
+CONTRAST_MOST_BLOCKS = Count(12, "blocks", "the same, at most", NUMERICAL)
+CONTRAST_LEAST_VOTE = Setting(1.0, "ln likelihood",
+    "difference of two models on a held-out block from which on the block has a vote", CHOSEN)
+CONTRAST_FEWEST_VOTES = Count(3, "blocks", "blocks that must vote for a change, at least", CHOSEN)
+CONTRAST_LEAST_SHARE = Setting(0.01, "torque of the joint (rms)",
+    "held-out torque by which the sets must differ at one joint: long recordings reject every "
+    "model", PHYSICS)
+CONTRAST_LEAST_EFFECT = Setting(0.003, "torque of the joint (rms)",
+    "held-out torque of an effect that one set has, at least: less is a reversal that the "
+    "simulated motion of one set misses", CHOSEN)
+CONTRAST_LEAST_DELAY = Setting(1.0, "control periods",
+    "change of the effort's shift from which on it is a cause: a command that is held over its "
+    "period, recorded or not, makes half a period", PHYSICS)
+CONTRAST_LAW_DEVIATIONS = Setting(3.0, "standard deviations",
+    "change of a gain between the sets, at least", CONVENTION)
+
 # Control law.
 LIMITED_COMMAND = Setting(0.98, "torque limit", "size from which on a command is limited", CHOSEN)
 LAW_LEAST_ROWS = Count(50, "rows", "rows from which on commands are compared, at least", NUMERICAL)

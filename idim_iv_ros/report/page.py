@@ -18,6 +18,7 @@ from idim_iv_ros.report import gap_words, numerals
 from idim_iv_ros.report.section import CONFIGURATION, R, Report, Section
 from idim_iv_ros.report.sections.causes import CAUSES
 from idim_iv_ros.report.sections.changes import CHANGES
+from idim_iv_ros.report.sections.contrast import CONTRAST
 from idim_iv_ros.report.sections.glossary import GLOSSARY
 from idim_iv_ros.report.sections.instruments import INSTRUMENTS
 from idim_iv_ros.report.sections.limits import LIMITS
@@ -45,6 +46,7 @@ IDENTIFICATION: tuple[Section[Any], ...] = (
     GLOSSARY,
 )
 DIAGNOSIS: tuple[Section[Any], ...] = (
+    CONTRAST,
     GAP_VERDICT,
     STAGES,
     CAUSES,

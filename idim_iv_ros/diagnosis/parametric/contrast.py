@@ -79,15 +79,15 @@ class Contrast:
     inside: tuple[BoolArray, ...]
     whitened: tuple[FloatArray, ...]
 
-    def test(self, alpha: float) -> OneSetTest:
-        """Test one parameter set for all at the level `alpha`."""
+    def test(self, alpha: float, null: str = _NULL) -> OneSetTest:
+        """Test one parameter set for all at the level `alpha`; `null`: H0 in words."""
         changes = self.changes
         whole = changes.refit()
         left = changes.rows - self._free - whole.rank
-        hypothesis = HypothesisTest.not_run(_NULL, "all", "too few rows", alpha)
+        hypothesis = HypothesisTest.not_run(null, "all", "too few rows", alpha)
         if left > 0 and whole.rank > 0:
             hypothesis = f_test(
-                _NULL,
+                null,
                 "all",
                 explained=whole.statistic,
                 df=whole.rank,

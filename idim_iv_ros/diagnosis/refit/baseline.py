@@ -122,15 +122,16 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
     """
     section = widened(recordings, with_offsets(configuration))
     if may_count(section, recordings):
-        found = _refit(prepare(recordings, with_margin(section, 0.0)))
+        found = refit_of(prepare(recordings, with_margin(section, 0.0)))
         if found.sticking:
             return _explained(found, configuration, 0.0)
-    found = _refit(prepare(recordings, section))
+    found = refit_of(prepare(recordings, section))
     margin = section.processing.reversal_margin
     return _explained(found, configuration, REVERSAL_MARGIN if margin is None else margin)
 
 
-def _refit(prepared: PreparedRegression) -> Baseline:
+def refit_of(prepared: PreparedRegression) -> Baseline:
+    """Refit the model to recordings that are already filtered; errors as `identify`."""
     configuration = prepared.configuration
     rows = observation_rows(prepared.model, prepared.motions)
     require_excitation(prepared, rows)

@@ -1,6 +1,6 @@
 """The refit on the smooth motion: its effort aligned, and gravity where it was missing."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 from idim_iv_ros.configuration import Configuration
@@ -46,7 +46,10 @@ class Refit:
 
 
 def refitted(
-    recordings: Sequence[Recording], configuration: Configuration, without: Collection[str]
+    recordings: Sequence[Recording],
+    configuration: Configuration,
+    without: Collection[str],
+    beside: Callable[[Baseline], Baseline] | None = None,
 ) -> Refit:
     """Refit the nominal model and align the effort.
 
@@ -55,6 +58,8 @@ def refitted(
     without
         Effects that are left out of the catalogue: gravity is looked for where the configuration
         has none, unless its direction is among them.
+    beside
+        Puts another nominal model in the place of the URDF's; gravity is then not looked for.
 
     Raises
     ------
@@ -62,6 +67,9 @@ def refitted(
         As `identify`.
     """
     data = baseline(recordings, configuration)
+    if beside is not None:
+        data = beside(data)
+        return Refit(*aligned(data, smooth_regression(data)))
     regression = smooth_regression(data)
     may_lack = GravityDirection.name not in without
     gravity = missing_gravity(data, regression) if may_lack else None

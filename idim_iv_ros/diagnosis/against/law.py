@@ -1,0 +1,156 @@
+"""Changes of the control law and of the effort's shift between two sets of recordings."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.against.sets import TwoSets
+from idim_iv_ros.diagnosis.controller.check import why_not_checked
+from idim_iv_ros.diagnosis.controller.command_regression import command_regression, rms
+from idim_iv_ros.diagnosis.controller.law_change import LawChange, law_change
+from idim_iv_ros.diagnosis.controller.law_speed import law_speed
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.effects.cause import EffectParameter
+from idim_iv_ros.effects.controller_mismatch import GROUPS, ControllerMismatch
+from idim_iv_ros.simulation import ControlLaw, control_law
+
+
+@dataclass(frozen=True)
+class LawDifference:
+    """One joint that is controlled otherwise in the second set.
+
+    Attributes
+    ----------
+    joint : int
+    reference, against : dict of str to EffectParameter
+        Gains and feedforward in each set, those that changed.
+    statistic, p_value : float
+        Wald, of the surest change; corrected for groups and joints (Bonferroni).
+    torque : float
+        RMS that the change makes on the second set's motion, N m (N).
+    """
+
+    joint: int
+    reference: dict[str, EffectParameter]
+    against: dict[str, EffectParameter]
+    statistic: float
+    p_value: float
+    torque: float
+
+    @property
+    def change(self) -> dict[str, EffectParameter]:
+        """Second set less reference."""
+        return {
+            name: EffectParameter(
+                each.value - self.reference[name].value,
+                float(np.hypot(each.std or 0.0, self.reference[name].std or 0.0)),
+                each.unit,
+            )
+            for name, each in self.against.items()
+        }
+
+
+def law_differences(
+    sets: TwoSets, without: Collection[str]
+) -> tuple[tuple[LawDifference, ...], str]:
+    """Compare the law that each set shows; and why not, where they cannot be compared.
+
+    The configured law is only the form: what both sets have otherwise than configured cancels.
+    """
+    if ControllerMismatch.name in without:
+        return (), ""
+    for each, name in zip(sets.sets, ("reference", "second set"), strict=True):
+        reason = why_not_checked(each)
+        if reason:
+            return (), f"the control laws of the sets were not compared: {reason} ({name})"
+    law = control_law(sets.data.prepared.configuration.controller, len(sets.data.joints))
+    shown = [_laws(each, law) for each in sets.sets]
+    found = [
+        _difference(law, joint, shown[0][joint], shown[1][joint])
+        for joint in range(len(sets.data.joints))
+        if joint in shown[0] and joint in shown[1]
+    ]
+    return tuple(each for each in found if each is not None), ""
+
+
+def _laws(data: Baseline, law: ControlLaw) -> dict[int, LawChange]:
+    """What the commands of one set say of the law of each joint."""
+    slowest = min(motion.signals.rate for motion in data.prepared.motions)
+    period = data.prepared.configuration.controller.period or 1.0 / slowest
+    speed = law_speed(data.prepared.motions, law)
+    found = {}
+    for joint in range(len(data.joints)):
+        rows = command_regression(data.prepared.motions, law, joint, speed)
+        if rows is not None:
+            found[joint] = law_change(rows, law, joint, period)
+    return found
+
+
+def _difference(
+    law: ControlLaw, joint: int, reference: LawChange, against: LawChange
+) -> LawDifference | None:
+    names = tuple(name for name in GROUPS if name in {*reference.groups, *against.groups})
+    if not names or not all(
+        each.rows.usable(name) for each in (reference, against) for name in names
+    ):
+        return None
+    changes = [
+        each.rows.changes(each.rows.fit(names, with_lag=True), names)
+        for each in (reference, against)
+    ]
+    tried = len(GROUPS) * len(law.torque_gains[0])
+    changed, largest = [], 0.0
+    torque = np.zeros(len(against.rows.rest))
+    for name in names:
+        (one, first), (other, second) = changes[0][name], changes[1][name]
+        deviation = max(float(np.hypot(first, second)), 1e-300)
+        own = (other - one) * against.rows.groups[name]
+        large = float(np.std(own)) >= settings.LAW_LEAST_DIFFERENCE * against.rows.size
+        if abs(other - one) >= settings.CONTRAST_LAW_DEVIATIONS * deviation and large:
+            changed.append(name)
+            torque = torque + own
+            largest = max(largest, ((other - one) / deviation) ** 2)
+    # A change that explains less than what either law leaves open is no known one.
+    size = float(np.std(torque))
+    if not changed or size < rms(against.rows.fit(names, with_lag=True)):
+        return None
+    numbers = [
+        ControllerMismatch().parameters(law, joint, {name: each[name] for name in changed})
+        for each in changes
+    ]
+    p_value = min(1.0, tried * float(stats.chi2.sf(largest, 1)))
+    return LawDifference(joint, numbers[0], numbers[1], largest, p_value, size)
+
+
+@dataclass(frozen=True)
+class ShiftDifference:
+    """How far the effort's shift changed, s; `is_delay`: by more than recording makes of it."""
+
+    reference: EffectParameter
+    against: EffectParameter
+    is_delay: bool
+
+    @property
+    def change(self) -> EffectParameter:
+        """Second set less reference; its deviation is None where one is not known."""
+        one, other = self.reference, self.against
+        known = one.std is not None and other.std is not None
+        std = float(np.hypot(one.std or 0.0, other.std or 0.0)) if known else None
+        return EffectParameter(other.value - one.value, std, "s")
+
+
+def shift_difference(sets: TwoSets) -> ShiftDifference:
+    """Compare the time from the recorded effort to the torque, common to all joints of each set."""
+    one, other = (EffectParameter(each.shift, each.std, "s") for each in sets.shifts)
+    period = max(each.period for each in sets.shifts)
+    found = ShiftDifference(one, other, is_delay=False)
+    change = found.change
+    late = (
+        change.std is not None
+        and abs(change.value) >= settings.CONTRAST_LEAST_DELAY * period
+        and abs(change.value) >= settings.SHIFT_DEVIATIONS * change.std
+    )
+    return ShiftDifference(one, other, late)

@@ -1,0 +1,175 @@
+"""Two sets of recordings as one regression, each on the motion and the loads of its own refit.
+
+Everything that differs between the sets enters their rows: a payload of the second set changes the
+load that a load-dependent friction of both sees, and its closed loop moves otherwise. So each set
+has a refit, simulated motion and alignment of the effort of its own, in one processing; only then
+are their rows put under one another.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis.against.scoped import Scope
+from idim_iv_ros.diagnosis.refit.baseline import (
+    Baseline,
+    refit_of,
+    smooth_regression,
+    with_offsets,
+)
+from idim_iv_ros.diagnosis.refit.processing import may_count, widened, with_margin
+from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.estimation.rows import JointRows
+from idim_iv_ros.identification.prepare import PreparedRegression, prepare
+from idim_iv_ros.recording import Recording, Session, session_of
+from idim_iv_ros.types import BoolArray, IntArray
+
+
+@dataclass(frozen=True)
+class TwoSets:
+    """Rows of both sets, those of the reference first.
+
+    Attributes
+    ----------
+    data : Baseline
+        Of all recordings: motions, rows and their recordings. Its estimate is the reference's.
+    regression : Regression
+        On the smooth motion.
+    sets : (Baseline, Baseline)
+        Reference and second set by themselves.
+    shifts : (EffortShift, EffortShift)
+        Taken out of the effort of each set.
+    """
+
+    data: Baseline
+    regression: Regression
+    sets: tuple[Baseline, Baseline]
+    shifts: tuple[EffortShift, EffortShift]
+
+    @property
+    def second(self) -> frozenset[int]:
+        """Numbers of the second set's recordings in `data`."""
+        first = len(self.sets[0].motions)
+        return frozenset(range(first, len(self.data.motions)))
+
+    @property
+    def inside(self) -> tuple[BoolArray, ...]:
+        """Rows (r_j,) of the second set, for each joint."""
+        return tuple(np.isin(each, list(self.second)) for each in self.data.recordings)
+
+    def blocks_of(self, scope: Scope, blocks: Sequence[IntArray]) -> IntArray:
+        """Numbers of the blocks of time that belong to one set, or to both."""
+        numbers = np.arange(1 + max(int(block.max()) for block in blocks))
+        if scope == "both":
+            return numbers
+        wanted = scope == "against"
+        own = [block[inside == wanted] for block, inside in zip(blocks, self.inside, strict=True)]
+        return np.intersect1d(numbers, np.concatenate(own))
+
+
+def two_sets(
+    reference: Sequence[Recording], against: Sequence[Recording], configuration: Configuration
+) -> TwoSets:
+    """Refit each set by itself and put their rows under one another.
+
+    The noisier set limits the band, and all rows come at one rate.
+
+    Raises
+    ------
+    UsageError, DataError
+        As `identify`, for each set: each must excite every parameter.
+    """
+    every = [*reference, *against]
+    section = _narrower(reference, against, with_offsets(configuration))
+    sets: list[Baseline] | None = None
+    if may_count(section, every):
+        whole = prepare(every, with_margin(section, 0.0))
+        sets = [refit_of(_part(whole, part)) for part in (reference, against)]
+        if not all(each.sticking for each in sets):
+            sets = None
+    if sets is None:
+        whole = prepare(every, section)
+        sets = [refit_of(_part(whole, part)) for part in (reference, against)]
+    first, _, one = aligned(sets[0], smooth_regression(sets[0]))
+    second, _, other = aligned(sets[1], smooth_regression(sets[1]))
+    data = _together(first, second)
+    return TwoSets(data, smooth_regression(data), (first, second), (one, other))
+
+
+def _narrower(
+    reference: Sequence[Recording], against: Sequence[Recording], configuration: Configuration
+) -> Configuration:
+    """Propose the band of the set that has the narrower one.
+
+    A simulator without noise shows its motion up to any frequency; a robot's encoders do not.
+    """
+    proposed = [widened(each, configuration) for each in (reference, against)]
+    cutoffs = [each.processing.decimation_cutoff or 0.0 for each in proposed]
+    narrow = proposed[int(np.argmin(cutoffs))].processing
+    positions = [each.processing.position_cutoff for each in proposed]
+    known = [each for each in positions if each is not None]
+    if known and configuration.processing.position_cutoff is None:
+        position = max(min(known), narrow.decimation_cutoff or 0.0)
+        narrow = narrow.model_copy(update={"position_cutoff": position})
+    return configuration.model_copy(update={"processing": narrow})
+
+
+def _part(whole: PreparedRegression, recordings: Sequence[Recording]) -> PreparedRegression:
+    """Keep some recordings of a session, filtered as all of them are; their time starts at zero."""
+    session = session_of(recordings)
+    places = [
+        next(k for k, each in enumerate(whole.recordings) if each is recording)
+        for recording in session.recordings
+    ]
+    factors = tuple(whole.cutoffs.factors[place] for place in places)
+    return replace(
+        whole,
+        session=session,
+        cutoffs=replace(whole.cutoffs, factors=factors),
+        motions=tuple(whole.motions[place] for place in places),
+    )
+
+
+def _together(first: Baseline, second: Baseline) -> Baseline:
+    one, other = first.prepared, second.prepared
+    session = Session(
+        (*one.recordings, *other.recordings),
+        (*one.session.parts, *other.session.parts),
+        (),
+    )
+    prepared = replace(
+        one,
+        session=session,
+        cutoffs=replace(one.cutoffs, factors=(*one.cutoffs.factors, *other.cutoffs.factors)),
+        motions=(*one.motions, *other.motions),
+    )
+    count = len(first.motions)
+    return replace(
+        first,
+        prepared=prepared,
+        rows=tuple(_rows(a, b) for a, b in zip(first.rows, second.rows, strict=True)),
+        recordings=tuple(
+            np.concatenate([a, b + count])
+            for a, b in zip(first.recordings, second.recordings, strict=True)
+        ),
+        places=tuple(
+            np.concatenate([a, b]) for a, b in zip(first.places, second.places, strict=True)
+        ),
+        motions=(*first.motions, *second.motions),
+        sticking=first.sticking and second.sticking,
+    )
+
+
+def _rows(first: JointRows, second: JointRows) -> JointRows:
+    start = len(first)
+    later = tuple(slice(start + each.start, start + each.stop) for each in second.segments)
+    return JointRows(
+        np.concatenate([first.matrix, second.matrix]),
+        np.concatenate([first.torque, second.torque]),
+        first.columns,
+        (*first.segments, *later),
+        first.name,
+    )

@@ -1,0 +1,210 @@
+"""An identified model in the place of the URDF's values: `diagnose --nominal FILE`."""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic_core import from_json
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, NominalModel
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.files import GAP_FORMAT, FilePath, read_text
+from idim_iv_ros.identification.prepare import PreparedRegression
+from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
+from idim_iv_ros.types import FloatArray
+
+_LARGEST_FILE = 50.0  # MB
+
+
+@dataclass(frozen=True)
+class IdentifiedModel:
+    """A nominal model as its file holds it.
+
+    Attributes
+    ----------
+    nominal : NominalModel
+    expressions : dict of str to str
+        What each base parameter groups, which tells the geometry; empty where it is not known.
+    """
+
+    nominal: NominalModel
+    expressions: dict[str, str]
+
+
+def read_nominal_model(path: FilePath, configuration: Configuration) -> IdentifiedModel:
+    """Read the base parameters of a result.json or gap.json.
+
+    Of a gap.json they are those of its extended model. Its effects are no part of the nominal
+    model: they are listed, and what they explain is found again.
+
+    Raises
+    ------
+    UsageError
+        Not such a file, or of other joints than those of the configuration.
+    """
+    text = read_text(Path(path), "the nominal model", megabytes=_LARGEST_FILE)
+    name = str(path)
+    if _format(text) == GAP_FORMAT:
+        gap = GapResult.from_json(text, name)
+        joints, settings, effects = gap.joints, gap.configuration, gap.causes
+        left_out = tuple(
+            f"{each.effect.replace('_', ' ')} at {each.joint or 'all joints'}"
+            for each in effects
+            if each.kind == "structural"
+        )
+        found = NominalModel(name, gap.robot, left_out, dict(gap.extended_parameters))
+        expressions = _expressions(gap.configuration)
+    else:
+        result = IdentificationResult.from_json(text, name)
+        joints, settings = result.joints, result.configuration
+        parameters = {
+            each.name: EffectParameter(each.value, each.std, each.unit)
+            for each in result.parameters
+        }
+        found = NominalModel(name, result.robot, (), parameters)
+        expressions = {each.name: each.expression for each in result.parameters}
+    wanted = tuple(configuration.robot.joints)
+    if tuple(joints) != wanted:
+        raise UsageError(
+            f"--nominal {name}: it is of the joints {', '.join(joints)}, and the configuration of "
+            f"{', '.join(wanted)}; give a result of this robot"
+        )
+    _check_settings(name, settings, configuration)
+    return IdentifiedModel(found, expressions)
+
+
+def _expressions(settings: dict[str, object]) -> dict[str, str]:
+    """Of the URDF that a diagnosis was made with; none where it is not there any more."""
+    try:
+        configuration = Configuration.model_validate_json(json.dumps(settings))
+        urdf = configuration.robot.urdf
+        if urdf is None:
+            return {}
+        base = build_inverse_model(configuration, read_urdf_file(urdf), urdf.name).base
+    except (UsageError, ValueError):
+        return {}
+    return dict(zip(base.names, base.expressions, strict=True))
+
+
+def _format(text: str) -> object:
+    try:
+        content = from_json(text)
+    except ValueError:
+        return None  # the reader of documents says what is wrong
+    return content.get("format") if isinstance(content, dict) else None
+
+
+def _check_settings(name: str, settings: dict[str, Any], configuration: Configuration) -> None:
+    """Refuse a model that was identified under another gravity, effort or transmission."""
+    own = configuration.model_dump(mode="json", exclude_none=True)
+    for section, keys in (
+        ("robot", ("gravity", "motor_to_joint", "motor_to_joint_torque", "couplings")),
+        ("signals", ("effort_unit",)),
+    ):
+        for key in keys:
+            theirs, ours = (document.get(section, {}).get(key) for document in (settings, own))
+            if theirs != ours:
+                raise UsageError(
+                    f"--nominal {name}: it was identified with {section}.{key} {theirs}, and the "
+                    f"configuration says {ours}; identify again with this configuration"
+                )
+
+
+def with_nominal(data: Baseline, identified: IdentifiedModel) -> Baseline:
+    """Return the refit beside another nominal model.
+
+    Raises
+    ------
+    UsageError
+        The file's base parameters are not those of this robot.
+    """
+    prepared, nominal = data.prepared, identified.nominal
+    _check_geometry(identified, prepared.model)
+    values = _values(nominal, prepared.model)
+    model = _with_given(prepared.model, values)
+    configuration = prepared.configuration
+    armature = [float(each) for each in model.robot.given.drive_inertia]
+    simulator = configuration.simulator.model_copy(update={"armature": armature})
+    configuration = configuration.model_copy(update={"simulator": simulator})
+    changed = replace(prepared, model=model, configuration=configuration)
+    if changed.why_no_given:
+        raise UsageError(f"--nominal {nominal.file}: {changed.why_no_given}")
+    return replace(data, prepared=replace(changed, reasons=_reasons(prepared, nominal)))
+
+
+def _reasons(prepared: PreparedRegression, nominal: NominalModel) -> tuple[str, ...]:
+    said = f"the nominal model is that of {nominal.file}, not the URDF's and the configuration's"
+    if nominal.left_out:
+        said += (
+            f"; of its effects ({', '.join(nominal.left_out)}) nothing is in the nominal model: "
+            "they are found again where the recordings show them"
+        )
+    return (*prepared.reasons, said)
+
+
+def _check_geometry(identified: IdentifiedModel, model: InverseModel) -> None:
+    """Refuse base parameters that group other standard parameters than those of this URDF."""
+    for name, expression in zip(model.base.names, model.base.expressions, strict=True):
+        theirs = identified.expressions.get(name, expression)
+        if theirs != expression:
+            raise UsageError(
+                f"--nominal {identified.nominal.file}: its {name} is {theirs}, and {expression} "
+                "with this URDF: the geometry is another; give a result of this robot"
+            )
+
+
+def _values(nominal: NominalModel, model: InverseModel) -> FloatArray:
+    """Base parameters (b,) in the order of the model; an offset that the file lacks is zero."""
+    base, values = model.base, []
+    unknown = [name for name in nominal.parameters if name not in base.names]
+    missing = [
+        name for name in base.names if name not in nominal.parameters and not name.startswith("off")
+    ]
+    if unknown or missing:
+        said = [f"it lacks {', '.join(missing)}"] if missing else []
+        said += [f"this robot has no {', '.join(unknown)}"] if unknown else []
+        raise UsageError(
+            f"--nominal {nominal.file}: other base parameters than those of the configuration: "
+            f"{'; '.join(said)}; give a result of this robot, identified with the same "
+            "identification.friction, drive_inertia and exclude"
+        )
+    for name, unit in zip(base.names, base.units, strict=True):
+        each = nominal.parameters.get(name)
+        if each is not None and each.unit != unit:
+            raise UsageError(
+                f"--nominal {nominal.file}: {name} is in {each.unit}, and here in {unit}; give a "
+                "result of this robot"
+            )
+        values.append(0.0 if each is None else each.value)
+    if not np.all(np.isfinite(values)):
+        raise UsageError(f"--nominal {nominal.file}: a base parameter is no finite number")
+    return np.array(values)
+
+
+def _with_given(model: InverseModel, values: FloatArray) -> InverseModel:
+    """Standard parameters with these base parameters, as near the URDF's as can be.
+
+    Base parameters fix only combinations of masses, moments and inertias. The others stay as the
+    URDF has them: loads that the recordings cannot tell (a tilted base, a payload) need them.
+    """
+    layout, base = model.regressor.layout, model.base
+    given = layout.vector(model.robot.given)
+    sizes = np.abs(given)
+    for kind in {each.kind for each in layout.parameters}:
+        of_kind = np.array([each.kind == kind for each in layout.parameters])
+        present = sizes[of_kind & (sizes > 0.0)]
+        sizes[of_kind] = np.maximum(
+            sizes[of_kind], float(np.median(present)) if len(present) else 1.0
+        )
+    missing = values - base.from_standard(given)
+    change = sizes * np.linalg.lstsq(base.grouping * sizes, missing, rcond=None)[0]
+    changed = layout.dynamic_parameters(given + change)
+    kinds = {each.kind for each in layout.parameters}
+    if "Ia" not in kinds:
+        changed = replace(changed, drive_inertia=model.robot.given.drive_inertia)
+    return replace(model, robot=replace(model.robot, given=changed, doubts=()))

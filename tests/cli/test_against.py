@@ -1,0 +1,79 @@
+"""`--against` and `--nominal` on the command line; what is computed is made up here."""
+
+from pathlib import Path
+
+import pytest
+
+from idim_iv_ros.cli.diagnose import _each_against, run_diagnosis
+from idim_iv_ros.report import gap_report_html
+from tests.report.sample_contrast import sample_contrast
+
+
+@pytest.mark.parametrize(
+    ("given", "read"),
+    [
+        ("a --against b c --out d", "a --against b --against c --out d"),
+        ("--against b c -q", "--against b --against c -q"),
+        ("--against b --against c", "--against b --against c"),
+        ("--against b -- a c", "--against b -- a c"),
+        ("a b --out d", "a b --out d"),
+    ],
+)
+def test_names_behind_against_belong_to_it_up_to_the_next_option(given: str, read: str) -> None:
+    assert list(_each_against(given.split())) == read.split()
+
+
+def test_what_changed_is_printed_before_the_reference_by_itself(
+    config, tmp_path: Path, capsys, monkeypatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "140")
+    calls = []
+
+    def stand_in(bags, configuration, *, without=(), against=(), nominal=None, progress=None):
+        calls.append((tuple(against), nominal))
+        return sample_contrast()
+
+    sets = [Path("a.mcap")], [Path("b1.mcap"), Path("b2.mcap")]
+    run_diagnosis(
+        sets[0], config(), tmp_path / "why", (), diagnose=stand_in, effects=(),
+        against=sets[1], nominal=Path("result.json"),
+    )  # fmt: skip
+    assert calls == [(tuple(sets[1]), Path("result.json"))]
+    printed = " ".join(capsys.readouterr().out.split())
+    result = sample_contrast()
+    assert result.contrast is not None
+    sentence = " ".join(result.contrast.sentence.split())
+    assert printed.count(sentence) == 1
+    assert printed.index("Contrast: the sets differ") < printed.index("(the reference by itself)")
+    assert "payload" in printed and "mass\xa0=\xa00.81" in printed.replace(" ", "\xa0")
+    assert "Torque left in the second set" in printed
+
+
+def test_the_report_begins_with_what_changed() -> None:
+    result = sample_contrast()
+    assert result.contrast is not None
+    text = gap_report_html(result)
+    assert text.index("What changed between the recordings") < text.index("What to do next")
+    assert text.count(result.contrast.sentence) == 1
+    assert "The reference recordings by themselves" in text
+    assert "the sets differ" in text
+
+
+def test_a_recording_in_both_sets_is_refused(run, bag: Path, config, tmp_path: Path) -> None:
+    outcome = run(
+        "diagnose", bag, "--against", bag, "--config", config(), "--out", tmp_path / "why"
+    )
+    assert outcome.status == 2
+    assert "among the reference recordings" in outcome.error
+    assert len(outcome.error.strip().splitlines()) == 1
+    assert not (tmp_path / "why" / "gap.json").exists()
+
+
+def test_a_file_that_is_no_result_is_refused(run, bag: Path, config, tmp_path: Path) -> None:
+    wrong = tmp_path / "wrong.json"
+    wrong.write_text("{}")
+    outcome = run(
+        "diagnose", bag, "--nominal", wrong, "--config", config(), "--out", tmp_path / "why"
+    )
+    assert outcome.status == 2
+    assert "wrong.json" in outcome.error

@@ -1,0 +1,168 @@
+"""Two sets of recordings of one robot whose difference is known, beside a wrong nominal model.
+
+Parameters of the simulated arm are 10 to 30 % off the nominal ones in both sets, so that every test
+also says that errors of the nominal model cancel. Motions of the sets are not the same.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from bags.simulated_arms import SimulatedArm, arm2
+from idim_iv_ros.diagnosis.against.blocks import clearly_better
+from idim_iv_ros.diagnosis.against.contrast import contrasted
+from idim_iv_ros.diagnosis.result import ContrastResult
+from idim_iv_ros.effects.registry import STRUCTURAL
+from idim_iv_ros.model import DynamicParameters
+from idim_iv_ros.recording import Recording, Signal
+from idim_iv_ros.simulation import SimulatedEffect, record_simulated_robot
+
+SECONDS = 8.0
+# Effects that are looked for; the whole catalogue is that of benchmarks/contrast.py.
+LOOKED_FOR = {"stribeck", "load_dependent_friction", "time_delay", "controller_mismatch"}
+LEFT_OUT = [effect.name for effect in STRUCTURAL if effect.name not in LOOKED_FOR]
+STRIBECK = SimulatedEffect("stribeck", "joint_1", {"excess": 3.0, "speed": 0.1, "exponent": 2.0})
+
+
+@cache
+def arm(motion: int) -> SimulatedArm:
+    return arm2(seconds=SECONDS, seed=motion)
+
+
+def loaded(mass: float, x: float, z: float) -> DynamicParameters:
+    """The true arm with a point mass on its last link."""
+    truth = arm(1).truth
+    inertial = truth.inertial.copy()
+    load = pin.Inertia(mass, np.array([x, 0.0, z]), np.zeros((3, 3)))
+    inertial[-1] += load.toDynamicParameters()
+    return replace(truth, inertial=inertial)
+
+
+def run(
+    name: str,
+    motion: int,
+    *,
+    truth: DynamicParameters | None = None,
+    stiffness: float = 1.0,
+    effects: Sequence[SimulatedEffect] = (),
+    every: int = 1,
+) -> Recording:
+    """Record one motion; `stiffness`: kp of joint 1 as a share of the configured one."""
+    robot = arm(motion)
+    kp = robot.law.kp.copy()
+    kp[0] *= stiffness
+    made = record_simulated_robot(
+        robot.robot,
+        robot.truth if truth is None else truth,
+        replace(robot.law, kp=kp),
+        robot.position_reference,
+        robot.velocity_reference,
+        rate=robot.rate,
+        seed=motion,
+        position_noise=2e-5,
+        torque_noise=0.005 * np.asarray(robot.configuration.controller.torque_limit),
+        effects=list(effects),
+    )
+    values = (made.position, made.effort, made.position_reference, made.velocity_reference)
+    missing = np.zeros(made.position[::every].shape, dtype=bool)
+    position, effort, reference, speed = (
+        Signal(each[::every], missing, "simulated") for each in values
+    )
+    return Recording(
+        path=Path(name),
+        joints=tuple(robot.configuration.robot.joints),
+        rate=robot.rate / every,
+        start=100.0 * motion,
+        position=position,
+        effort=effort,
+        velocity=None,
+        position_reference=reference,
+        velocity_reference=speed,
+        clocks=(),
+        notes=(),
+        robot_description=None,
+    )
+
+
+def contrast(reference: Sequence[Recording], against: Sequence[Recording]) -> ContrastResult:
+    return contrasted(reference, against, arm(1).configuration, LEFT_OUT)
+
+
+def test_nothing_changed_is_no_difference_whatever_the_nominal_model_and_the_rate() -> None:
+    found = contrast([run("a", 1)], [run("b", 2, every=2)])
+    assert not found.differs
+    assert found.causes == () and found.nameless == ()
+    assert found.sentence.startswith("No difference")
+    for joint in found.joints:
+        assert joint.before == pytest.approx(joint.own, rel=0.05)
+
+
+def test_a_load_of_the_second_set_is_named_with_its_mass_and_nothing_else() -> None:
+    """Stribeck friction that both sets have is no change."""
+    heavy = run("b", 2, truth=loaded(0.8, 0.2, 0.05), effects=[STRIBECK])
+    found = contrast([run("a", 1, effects=[STRIBECK])], [heavy])
+    (cause,) = found.causes
+    assert cause.effect == "payload"
+    mass = cause.parameters["mass"]
+    assert mass.std is not None and mass.std < 0.1
+    assert abs(mass.value - 0.8) < 3.0 * mass.std
+    assert "stribeck at joint_1" in found.common
+    worst = max(found.joints, key=lambda each: each.share_of_torque)
+    assert worst.after < 0.2 * worst.before
+
+
+@pytest.mark.parametrize("appears", [True, False])
+def test_friction_that_one_set_has_is_named_with_the_set(appears: bool) -> None:
+    sets = [run("a", 1)], [run("b", 2, effects=[STRIBECK])]
+    if not appears:
+        sets = [run("b", 2, effects=[STRIBECK])], [run("a", 1)]
+    found = contrast(*sets)
+    (cause,) = found.causes
+    assert (cause.effect, cause.joint) == ("stribeck", "joint_1")
+    assert cause.change == ("appeared" if appears else "vanished")
+    assert bool(cause.against) == appears and bool(cause.reference) != appears
+
+
+def test_another_gain_is_a_change_of_the_law_and_of_nothing_else() -> None:
+    found = contrast([run("a", 1)], [run("b", 2, stiffness=0.8)])
+    (cause,) = found.causes
+    assert (cause.effect, cause.joint) == ("controller_mismatch", "joint_1")
+    assert set(cause.against) == {"kp"}
+    configured = arm(1).law.kp[0]
+    assert cause.reference["kp"].value == pytest.approx(configured, rel=0.01)
+    assert cause.against["kp"].value == pytest.approx(0.8 * configured, rel=0.01)
+
+
+def test_two_loads_mounted_differently_come_out_as_two() -> None:
+    second = [
+        run("b1", 2, truth=loaded(0.8, 0.2, 0.05)),
+        run("b2", 3, truth=loaded(1.6, 0.05, -0.1)),
+    ]
+    found = contrast([run("a", 1)], second)
+    masses = {cause.bags: cause.parameters["mass"] for cause in found.causes}
+    assert {cause.effect for cause in found.causes} == {"payload"}
+    assert set(masses) == {("b1",), ("b2",)}
+    for bags, mass in (("b1", 0.8), ("b2", 1.6)):
+        estimate = masses[(bags,)]
+        assert estimate.std is not None
+        assert abs(estimate.value - mass) < 3.0 * estimate.std
+    assert any("do not agree" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("gains", "better"),
+    [
+        ([20.0, 3.0, 0.1, 5.0, -0.4], True),
+        ([300.0, 0.2, -0.3, 0.1, 0.0], False),  # one block alone
+        ([20.0, -3.0, -4.0, 5.0, 6.0], False),  # blocks that contradict one another
+        ([0.3, 0.4, 0.5, 0.6, 0.2], False),
+        ([-5.0, -6.0, -7.0], False),
+    ],
+)
+def test_blocks_must_speak_for_a_change(gains: list[float], better: bool) -> None:
+    assert clearly_better(np.array(gains)) == better
