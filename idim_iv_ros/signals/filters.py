@@ -47,7 +47,9 @@ def central_differences(
 ) -> tuple[FloatArray, FloatArray]:
     """First and second derivative by central differences, one-sided at the two ends.
 
-    Velocity is the central difference of position, and acceleration that of velocity.
+    Velocity is the difference of position, and acceleration that of velocity, over five samples:
+    over three both lose (2π f / rate)² / 6 of a motion at f, 1 % at 10 Hz and 250 Hz, and the
+    acceleration twice that, which is more than many effects.
 
     Parameters
     ----------
@@ -64,8 +66,17 @@ def central_differences(
         Per second, per second squared.
     """
     stop = len(signal) if stop is None else stop
-    first, last = max(start - 2, 0), min(stop + 2, len(signal))
-    velocity = np.gradient(signal[first:last], 1.0 / rate, axis=0)
-    acceleration = np.gradient(velocity, 1.0 / rate, axis=0)
+    first, last = max(start - 4, 0), min(stop + 4, len(signal))
+    velocity = _slopes(signal[first:last], rate)
+    acceleration = _slopes(velocity, rate)
     inside = slice(start - first, stop - first)
     return velocity[inside], acceleration[inside]
+
+
+def _slopes(signal: FloatArray, rate: float) -> FloatArray:
+    """Fourth-order central differences; of second order for the two samples at either end."""
+    slopes = np.gradient(signal, 1.0 / rate, axis=0)
+    if len(signal) >= 5:
+        near, far = signal[3:-1] - signal[1:-3], signal[4:] - signal[:-4]
+        slopes[2:-2] = rate * (8.0 * near - far) / 12.0
+    return np.asarray(slopes)
