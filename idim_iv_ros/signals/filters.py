@@ -75,7 +75,7 @@ def central_differences(
 
 def _slopes(signal: FloatArray, rate: float) -> FloatArray:
     """Fourth-order central differences; of second order for the two samples at either end."""
-    slopes = np.gradient(signal, 1.0 / rate, axis=0)
+    slopes = np.gradient(signal, 1.0 / rate, axis=0, edge_order=2 if len(signal) > 2 else 1)
     if len(signal) >= 5:
         near, far = signal[3:-1] - signal[1:-3], signal[4:] - signal[:-4]
         slopes[2:-2] = rate * (8.0 * near - far) / 12.0
