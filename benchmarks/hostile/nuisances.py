@@ -120,7 +120,7 @@ def drawn(rng: np.random.Generator, given: GivenRobot, *, identified: bool) -> N
     Parameters
     ----------
     identified
-        The nominal model was fitted to the robot: its inertials are within one percent and
+        The nominal model was fitted to the robot: its inertials are within 0.2 percent and
         nothing is missing in it, so that one wrong number can be told.
     """
     n = len(given.joints)
@@ -141,7 +141,7 @@ def drawn(rng: np.random.Generator, given: GivenRobot, *, identified: bool) -> N
         effort_every=effort_every,
         slot=float(rng.uniform(5e-6, 4e-5)) if rng.random() < 0.5 else 0.0,
         jitter=float(rng.uniform(1e-5, 1e-4)) if rng.random() < 0.5 else 0.0,
-        bits=float(rng.integers(17, 22)),
+        bits=float(rng.integers(19, 23)),
         encoder_noise=float(rng.uniform(0.2, 1.0)),
         torque_noise=float(rng.uniform(0.002, 0.007)),
         gain=tuple(map(float, rng.uniform(0.5, 12.0, n))) if current else None,
@@ -156,7 +156,7 @@ def drawn(rng: np.random.Generator, given: GivenRobot, *, identified: bool) -> N
         knows_period=bool(rng.random() < 0.6),
         repeats=bool(rng.random() < 0.35),
         softer=SOFTER if period > SLOW_PERIOD else 1.0,
-        nominal_error=0.01 if identified else float(rng.uniform(0.05, 0.3)),
+        nominal_error=0.002 if identified else float(rng.uniform(0.05, 0.3)),
         knows_armature=bool(identified or rng.random() < 0.8),
         part=_part(rng) if not identified else 0.0,
     )
