@@ -1,4 +1,4 @@
-"""The ripple of a current's gain: found and taken out, and not mistaken for a ripple of the torque."""
+"""The ripple of a current's gain: found, taken out, and not mistaken for one of the torque."""
 
 from dataclasses import replace
 

@@ -41,7 +41,7 @@ def test_too_few_samples_are_refused() -> None:
 
 
 def test_derivatives_of_a_fast_sine_at_a_low_rate_keep_their_size() -> None:
-    """25 Hz at 250 Hz, over five samples; over three samples the acceleration would be 12 % too small."""
+    """25 Hz at 250 Hz, over five samples; over three it is 12 % too small."""
     rate, pulsation = 250.0, 2 * np.pi * 25.0
     time = np.arange(1000) / rate
     sine = np.sin(pulsation * time)[:, None]
