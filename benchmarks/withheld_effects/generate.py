@@ -14,9 +14,11 @@ import json
 import os
 import shutil
 import time
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 from benchmarks.withheld_effects.cells import MASTER_SEED, Cell, chosen_cells
 from benchmarks.withheld_effects.robot import given_robot
@@ -26,7 +28,7 @@ from idim_iv_ros.recording import JointTopic, write_bag
 LABELS, SEAL, OPTIONS = "labels.sealed.json", "labels.sha256", "options.json"
 
 
-def cell_name(cell: Cell, master: int) -> str:
+def cell_name(cell: Any, master: int) -> str:
     """Twelve hexadecimal digits that tell nothing; their order is not that of the list."""
     return hashlib.sha256(f"{master}/{cell.index}".encode()).hexdigest()[:12]
 
@@ -55,8 +57,19 @@ def generate(
     write_cells(out, cells, master=master, processes=processes)
 
 
-def write_cells(out: Path, cells: dict[str, Cell], *, master: int, processes: int) -> None:
-    """Write these cells, by name, and seal their labels (errors as in `generate`)."""
+def write_cells(
+    out: Path,
+    cells: Mapping[str, Any],
+    *,
+    master: int,
+    processes: int,
+    write: Callable[[Path, str, Any, int], float] | None = None,
+) -> None:
+    """Write these cells, by name, and seal their labels (errors as in `generate`).
+
+    `write` writes one cell of another benchmark, as `write_cell` does.
+    """
+    write = write or write_cell
     (out / "cells").mkdir(parents=True, exist_ok=True)
     strangers = {folder.name for folder in (out / "cells").iterdir()} - set(cells)
     if strangers:
@@ -70,7 +83,7 @@ def write_cells(out: Path, cells: dict[str, Cell], *, master: int, processes: in
     # One thread each: the processes share the cores.
     os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        jobs = {pool.submit(write_cell, out, name, cells[name], master): name for name in missing}
+        jobs = {pool.submit(write, out, name, cells[name], master): name for name in missing}
         failed = []
         for number, job in enumerate(as_completed(jobs), start=1):
             error = job.exception()
@@ -95,13 +108,19 @@ def write_cell(out: Path, name: str, cell: Cell, master: int) -> float:
     shutil.copyfile(given.yaml, making / "robot.yaml")
     shutil.copyfile(given.urdf, making / given.urdf.name)
     _write_bags(making, made, given.joints)
-    label = out / ".sealed" / f"{name}.json"
-    label.parent.mkdir(exist_ok=True)
-    part = label.with_suffix(f".{os.getpid()}.part")
-    part.write_text(json.dumps(made.label), encoding="utf-8")
-    part.replace(label)
-    making.rename(out / "cells" / name)
+    keep(out, name, making, made.label)
     return time.perf_counter() - started
+
+
+def keep(out: Path, name: str, making: Path, label: dict[str, Any]) -> None:
+    """Put the label of a cell aside and give its folder its name."""
+    aside = out / ".sealed" / f"{name}.json"
+    aside.parent.mkdir(exist_ok=True)
+    part = aside.with_suffix(f".{os.getpid()}.part")
+    part.write_text(json.dumps(label), encoding="utf-8")
+    part.replace(aside)
+    (out / "cells").mkdir(exist_ok=True)
+    making.rename(out / "cells" / name)
 
 
 def _write_bags(folder: Path, made: Session, joints: tuple[str, ...]) -> None:
@@ -129,7 +148,7 @@ def _write_bags(folder: Path, made: Session, joints: tuple[str, ...]) -> None:
         )
 
 
-def seal(out: Path, cells: dict[str, Cell], master: int) -> str:
+def seal(out: Path, cells: Mapping[str, Any], master: int) -> str:
     """Gather the labels into one file, write its SHA-256 beside it, and return the hash."""
     folder = out / ".sealed"
     labels = {

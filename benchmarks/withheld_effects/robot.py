@@ -116,7 +116,12 @@ def given_inertials(given: GivenRobot) -> Inertials:
     return Inertials(model.body_mass[bodies].copy(), model.body_ipos[bodies].copy(), inertia)
 
 
-def altered_inertials(inertials: Inertials, rng: np.random.Generator) -> Inertials:
+def altered_inertials(
+    inertials: Inertials,
+    rng: np.random.Generator,
+    off: tuple[float, float] = (0.1, 0.3),
+    shift: float = 0.012,
+) -> Inertials:
     """Masses and second moments 10 to 30 % off, centres of mass up to 12 mm: a body still.
 
     The second moments of mass along the principal axes are scaled, each on its own; whatever
@@ -127,17 +132,17 @@ def altered_inertials(inertials: Inertials, rng: np.random.Generator) -> Inertia
     for k in range(n):
         moments, axes = np.linalg.eigh(inertials.inertia[k])
         second = 0.5 * moments.sum() - moments
-        second *= _off(rng, 3)
+        second *= _off(rng, 3, off)
         inertia[k] = axes @ np.diag(second.sum() - second) @ axes.T
     return Inertials(
-        inertials.mass * _off(rng, n),
-        inertials.centre + rng.uniform(-0.012, 0.012, (n, 3)),
+        inertials.mass * _off(rng, n, off),
+        inertials.centre + rng.uniform(-shift, shift, (n, 3)),
         inertia,
     )
 
 
-def _off(rng: np.random.Generator, n: int) -> FloatArray:
-    return 1.0 + rng.uniform(0.1, 0.3, n) * rng.choice([-1.0, 1.0], n)
+def _off(rng: np.random.Generator, n: int, off: tuple[float, float]) -> FloatArray:
+    return 1.0 + rng.uniform(*off, n) * rng.choice([-1.0, 1.0], n)
 
 
 def with_body(inertials: Inertials, link: int, mass: float, centre: FloatArray) -> Inertials:
@@ -169,6 +174,15 @@ def rigid_body_model(
 ) -> mujoco.MjModel:
     """MuJoCo's model of the links alone: no armature, damping, friction, limits or contacts."""
     model = mujoco.MjModel.from_xml_path(str(given.urdf))
+    set_inertials(model, given, inertials)
+    model.dof_armature[:] = 0.0
+    model.opt.gravity[:] = gravity
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return model
+
+
+def set_inertials(model: mujoco.MjModel, given: GivenRobot, inertials: Inertials) -> None:
+    """Give the bodies of a model of this robot other inertials, in place."""
     for k, body in enumerate(_bodies(model, given)):
         moments, axes = np.linalg.eigh(inertials.inertia[k])
         if np.linalg.det(axes) < 0.0:
@@ -177,10 +191,6 @@ def rigid_body_model(
         model.body_ipos[body] = inertials.centre[k]
         model.body_inertia[body] = moments
         mujoco.mju_mat2Quat(model.body_iquat[body], np.ascontiguousarray(axes).ravel())
-    model.dof_armature[:] = 0.0
-    model.opt.gravity[:] = gravity
-    mujoco.mj_setConst(model, mujoco.MjData(model))
-    return model
 
 
 def _bodies(model: mujoco.MjModel, given: GivenRobot) -> list[int]:

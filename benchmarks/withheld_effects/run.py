@@ -9,6 +9,7 @@ The labels are not read; their hash is noted before the first cell is diagnosed.
 import argparse
 import json
 import os
+import resource
 import shlex
 import shutil
 import subprocess
@@ -70,7 +71,7 @@ def diagnose(out: Path, name: str, command: str, options: list[str], timeout: fl
         *options,
     ]
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    began = time.perf_counter()
+    began, before = time.perf_counter(), _processor_seconds()
     try:
         ended = subprocess.run(
             call, capture_output=True, text=True, timeout=timeout, env=environment, check=False
@@ -78,16 +79,24 @@ def diagnose(out: Path, name: str, command: str, options: list[str], timeout: fl
         said = "" if ended.returncode == 0 else ended.stderr.strip() or "no message"
     except subprocess.TimeoutExpired:
         said = f"no end after {timeout:g} s"
-    seconds = time.perf_counter() - began
+    seconds, spent = time.perf_counter() - began, _processor_seconds() - before
     well = not said and (making / "gap.json").is_file()
     if not well:
         (making / "gap.json").unlink(missing_ok=True)
         (making / "failure.txt").write_text(said or "no gap.json", encoding="utf-8")
     (making / "report.html").unlink(missing_ok=True)
-    (making / "run.json").write_text(json.dumps({"seconds": seconds}) + "\n")
+    (making / "run.json").write_text(
+        json.dumps({"seconds": seconds, "processor_seconds": spent}) + "\n"
+    )
     making.rename(folder)
     print(f"{name} {seconds:.1f} s{'' if well else ', no verdict'}", flush=True)
     return well
+
+
+def _processor_seconds() -> float:
+    """Of all diagnoses that have ended; of one, where one runs at a time."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def main() -> None:

@@ -116,11 +116,11 @@ def judge(label: dict[str, Any], verdict: Verdict, seconds: float) -> Judged:
         cause for cause in verdict.causes if not (label["altered"] and cause.kind == "parametric")
     ]
     truths = [truth for truth in label["effects"] if truth["kind"] != "outside"]
-    found = tuple(any(_holds(cause, truth) for cause in causes) for truth in truths)
+    found = tuple(any(holds(cause, truth) for cause in causes) for truth in truths)
     wrong = tuple(
         f"{cause.effect}[{cause.joint}]"
         for cause in causes
-        if not any(_holds(cause, truth) for truth in truths)
+        if not any(holds(cause, truth) for truth in truths)
     )
     lead = causes[0] if causes else None
     return Judged(
@@ -129,7 +129,7 @@ def judge(label: dict[str, Any], verdict: Verdict, seconds: float) -> Judged:
         verdict=verdict.verdict,
         false_alarms=wrong,
         found=found,
-        first=lead is not None and any(_holds(lead, truth) for truth in truths),
+        first=lead is not None and any(holds(lead, truth) for truth in truths),
         effect_first=lead is not None
         and any(truth["effect"] in {e for e, _ in lead.alike} for truth in truths),
         set_size=len(lead.alike) if lead else 0,
@@ -141,7 +141,7 @@ def judge(label: dict[str, Any], verdict: Verdict, seconds: float) -> Judged:
     )
 
 
-def _holds(cause: Cause, truth: dict[str, Any]) -> bool:
+def holds(cause: Cause, truth: dict[str, Any]) -> bool:
     """Is the truth in the set of this cause?"""
     joints = {truth["joint"], *truth["joints"]} if truth["joints"] else {truth["joint"]}
     return any(
@@ -162,7 +162,7 @@ def _shrinkage(
     possible = 1.0 - (without / with_effect) ** 2
     if possible <= 0.0:
         return None
-    if lead is None or not _holds(lead, truth):
+    if lead is None or not holds(lead, truth):
         return 0.0
     if not lead.before or lead.after is None:
         return None

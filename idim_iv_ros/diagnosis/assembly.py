@@ -221,6 +221,7 @@ def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
     prepared = data.prepared
     notes = [
         found.refit.shift.sentence(data.joints),
+        *(ripple.sentence(data.joints) for ripple in found.refit.ripples),
         law_speed and f"the speed in the control law: {law_speed}",
         tested.note and f"held-out gaps: {tested.note}",
         *(floor.note and f"noise floor: {floor.note}" for floor in found.held.floors),

@@ -114,6 +114,18 @@ LATEST_SHIFT = Setting(2.0, "control periods",
 SHIFT_STEPS = Count(2, "",
     "fits of the shift, which enters the regression to first order only", NUMERICAL)
 SHIFT_SPLINE = Count(5, "", "order of the interpolation that shifts the effort", NUMERICAL)
+LEAST_WAVES = Setting(5.0, "rad of phase a rad",
+    "wave number from which on a ripple of a current's gain is looked for", CHOSEN)
+MOST_WAVES = Setting(600.0, "rad of phase a rad",
+    "the same, at most: six poles of a motor behind a gear of 100", PHYSICS)
+WAVES_TRIED = Count(6, "waves", "likely waves of each joint that are tried", NUMERICAL)
+WAVE_STEPS = Count(7, "", "wave numbers that are tried near each", NUMERICAL)
+GAIN_RIPPLE_LEVEL = Setting(0.01, "",
+    "probability, times the waves and joints, up to which the gain ripples", CONVENTION)
+GAIN_RIPPLE_SUPPORT = Setting(6.0, "chi-square",
+    "what a ripple of the gain must take beyond the likeliest ripple of the torque: odds of 20",
+    CONVENTION)
+MOST_GAIN_RIPPLES = Count(2, "waves", "ripples of a joint's gain that are taken out", CHOSEN)
 
 # Gravity that the configuration leaves out.
 STANDARD_GRAVITY = Setting(9.81, "m/s²", "size of the gravity that is put in", PHYSICS)

@@ -19,6 +19,7 @@ from idim_iv_ros.simulation import (
     ControlLaw,
     ControllerFit,
     control_law,
+    control_period,
     fit_controller,
 )
 from idim_iv_ros.types import FloatArray
@@ -106,9 +107,7 @@ def _laws(
     joints = configuration.robot.joints
     if section.type != "unknown":
         law = control_law(section, len(joints))
-        if law.period is None:
-            # The robot has one controller, at least as fast as the fastest of its recordings.
-            law = replace(law, period=1.0 / max(motion.signals.rate for motion in motions))
+        law = replace(law, period=control_period(section, (m.signals.rate for m in motions)))
         return tuple(law for _ in motions), (), [f"control law {section.type} as configured"]
     fits = tuple(_fit(motion, section.torque_limit) for motion in motions)
     sentences = [

@@ -13,11 +13,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
 from idim_iv_ros.recording.clock import GAP, StampedMessages, selected
 from idim_iv_ros.recording.recording import Note, Signal
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
+# Samples from which on a stretch without a gap is interpolated by a spline.
+_SPLINE_SAMPLES = 8
 # Stamps this close to the grid (share of an interval) lie on it.
 _ON_GRID = 1e-3
 # A rounded rate may drift by this share of a sample over the recording.
@@ -78,7 +81,7 @@ def make_grid(time: IntArray, first: int, last: int) -> Grid:
 def on_grid(
     grid: Grid, time: IntArray, values: FloatArray, origin: str, *, smooth: bool = False
 ) -> Signal:
-    """Values (n, n_joints) at stamps `time` (n,) ns, linearly between stamps on the grid.
+    """Values (n, n_joints) at stamps `time` (n,) ns, by cubic splines between stamps.
 
     Stamps that lie on the grid give their values bit for bit. A sample is invented when the stamps
     around it are further apart than a gap, or where its value is not finite; `smooth` ones have no
@@ -102,11 +105,30 @@ def on_grid(
         if len(known) == 0:
             out[:, joint], invented[:, joint] = 0.0, True
             continue
-        out[:, joint] = np.interp(target, known, values[finite, joint])
-        invented[:, joint] = _unsupported(target, known, GAP * max(median, 1.0 / grid.rate))
+        gap = GAP * max(median, 1.0 / grid.rate)
+        out[:, joint] = _between(target, known, values[finite, joint], gap)
+        invented[:, joint] = _unsupported(target, known, gap)
         if smooth:
             bridged(out[:, joint], invented[:, joint], grid.rate)
     return Signal(_frozen(out), _frozen(invented), origin)
+
+
+def _between(target: FloatArray, known: FloatArray, values: FloatArray, gap: float) -> FloatArray:
+    """Values (m,) at `target` s from those at `known` (n,) s: cubic splines, linear across gaps.
+
+    Halfway between samples a line keeps cos(π f / rate) of a signal at f: 3 % are lost at 20 Hz of
+    an effort at 250 Hz, 12 % at 125 Hz, and a spline loses 0.1 and 1 %.
+    """
+    out = np.interp(target, known, values)
+    cuts = np.flatnonzero(np.diff(known) > gap) + 1
+    for part in np.split(np.arange(len(known)), cuts):
+        if len(part) < _SPLINE_SAMPLES:
+            continue
+        first, last = np.searchsorted(target, known[part[[0, -1]]], side="left")
+        inside = slice(int(first), int(last))
+        spline = make_interp_spline(known[part], values[part], k=3)
+        out[inside] = spline(target[inside])
+    return np.asarray(out)
 
 
 def _lies_on(grid: Grid, seconds: FloatArray) -> bool:

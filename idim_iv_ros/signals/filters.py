@@ -3,6 +3,8 @@
 Source: paper, section II.C.
 """
 
+from typing import Literal
+
 import numpy as np
 import scipy
 
@@ -43,11 +45,18 @@ def zero_phase_butterworth(
 
 
 def central_differences(
-    signal: FloatArray, *, rate: float, start: int = 0, stop: int | None = None
+    signal: FloatArray,
+    *,
+    rate: float,
+    start: int = 0,
+    stop: int | None = None,
+    order: Literal[2, 4] = 2,
 ) -> tuple[FloatArray, FloatArray]:
     """First and second derivative by central differences, one-sided at the two ends.
 
-    Velocity is the central difference of position, and acceleration that of velocity.
+    Velocity is the difference of position, and acceleration that of velocity. Over three samples
+    (order 2, as in the paper) a motion at f loses (2π f / rate)² / 6 of its velocity and twice that
+    of its acceleration: 12 % at a tenth of the rate. Over five (order 4) that is 1 %.
 
     Parameters
     ----------
@@ -57,6 +66,8 @@ def central_differences(
         Hz.
     start, stop
         Samples to return; neighbours outside are used where there are any.
+    order
+        Of the error, in the time between two samples.
 
     Returns
     -------
@@ -64,8 +75,18 @@ def central_differences(
         Per second, per second squared.
     """
     stop = len(signal) if stop is None else stop
-    first, last = max(start - 2, 0), min(stop + 2, len(signal))
-    velocity = np.gradient(signal[first:last], 1.0 / rate, axis=0)
-    acceleration = np.gradient(velocity, 1.0 / rate, axis=0)
+    first, last = max(start - order, 0), min(stop + order, len(signal))
+    velocity = _slopes(signal[first:last], rate, order)
+    acceleration = _slopes(velocity, rate, order)
     inside = slice(start - first, stop - first)
     return velocity[inside], acceleration[inside]
+
+
+def _slopes(signal: FloatArray, rate: float, order: Literal[2, 4]) -> FloatArray:
+    """Central differences of an order; of order 2 for the two samples at either end."""
+    if order == 2 or len(signal) < 5:
+        return np.asarray(np.gradient(signal, 1.0 / rate, axis=0))
+    slopes = np.gradient(signal, 1.0 / rate, axis=0, edge_order=2)
+    near, far = signal[3:-1] - signal[1:-3], signal[4:] - signal[:-4]
+    slopes[2:-2] = rate * (8.0 * near - far) / 12.0
+    return np.asarray(slopes)

@@ -1,6 +1,6 @@
 """Control laws of the recorded robot, as the simulated loop runs them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -69,6 +69,19 @@ class ControlLaw:
         if self.type == "cascade":
             return replace(self, drive_gain=self.drive_gain * factor)
         return replace(self, kp=self.kp * factor, kd=self.kd * factor, ki=self.ki * factor)
+
+
+def control_period(section: ControllerSection, rates: Iterable[float]) -> float:
+    """Period of the control, s: the configured one, or what the recordings tell of it.
+
+    A robot has one controller, at least as fast as the fastest of its recordings.
+
+    Parameters
+    ----------
+    rates
+        Of the recordings, Hz.
+    """
+    return section.period if section.period is not None else 1.0 / max(rates)
 
 
 def control_law(

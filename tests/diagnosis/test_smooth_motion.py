@@ -262,3 +262,14 @@ def test_slope_of_a_load_at_rest_is_that_of_gravity() -> None:
     np.testing.assert_allclose(
         still.slope(1), (ends[0] - ends[1]) / (2 * step), atol=1e-3 * np.abs(ends[0]).max()
     )
+
+
+def test_without_a_simulated_loop_it_is_the_measured_motion_in_the_whole_band() -> None:
+    """What stands in for the simulated motion lacks the upper half of it."""
+    arm = arm2(seconds=SECONDS)
+    lonely = replace(recorded(arm, 1), position_reference=None, velocity_reference=None)
+    found = baseline([lonely], arm.configuration)
+    (motion,), (measured,) = found.motions, found.prepared.motions
+    places = np.round((motion.time - motion.time[0]) * measured.signals.rate).astype(int)
+    first = measured.span.start + int(measured.decimation.kept[0])
+    np.testing.assert_array_equal(motion.position, measured.position[first + places])

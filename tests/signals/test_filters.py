@@ -38,3 +38,16 @@ def test_a_piece_has_the_derivatives_of_the_whole() -> None:
 def test_too_few_samples_are_refused() -> None:
     with pytest.raises(ValueError, match="too few"):
         zero_phase_butterworth(np.zeros((10, 1)), rate=RATE, cutoff=50.0, order=4)
+
+
+def test_derivatives_of_a_fast_sine_at_a_low_rate_keep_their_size() -> None:
+    """25 Hz at 250 Hz, over five samples; over three it is 12 % too small."""
+    rate, pulsation = 250.0, 2 * np.pi * 25.0
+    time = np.arange(1000) / rate
+    sine = np.sin(pulsation * time)[:, None]
+    velocity, acceleration = central_differences(sine, rate=rate, order=4)
+    inside = slice(10, -10)
+    np.testing.assert_allclose(
+        velocity[inside, 0] / pulsation, np.cos(pulsation * time)[inside], atol=6e-3
+    )
+    np.testing.assert_allclose(acceleration[inside] / pulsation**2, -sine[inside], atol=1.2e-2)

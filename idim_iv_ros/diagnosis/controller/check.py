@@ -22,7 +22,7 @@ from idim_iv_ros.diagnosis.result import (
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
 from idim_iv_ros.effects.encoder_eccentricity import EncoderEccentricity
-from idim_iv_ros.simulation import ControlLaw, control_law
+from idim_iv_ros.simulation import ControlLaw, control_law, control_period
 
 
 @dataclass(frozen=True)
@@ -93,8 +93,8 @@ def check_law(data: Baseline, without: Collection[str] = ()) -> LawCheck:
         return LawCheck()
     configuration = data.prepared.configuration
     law = control_law(configuration.controller, len(data.joints))
-    slowest = min(motion.signals.rate for motion in data.prepared.motions)
-    period = configuration.controller.period or 1.0 / slowest
+    rates = [motion.signals.rate for motion in data.prepared.motions]
+    period = control_period(configuration.controller, rates)
     speed = law_speed(data.prepared.motions, law)
     compared = {}
     for joint in range(len(data.joints)):

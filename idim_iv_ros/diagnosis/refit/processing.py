@@ -38,9 +38,10 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
         return configuration
     prepared = prepare(recordings, configuration)
     rate = min(motion.signals.rate for motion in prepared.motions)
+    measured = min(rate, *map(_effort_rate, recordings))
     highest = min(
         settings.WIDEST_BAND,
-        rate / (2.0 * settings.POSITION_OVER_DECIMATION * settings.NYQUIST_MARGIN),
+        measured / (2.0 * settings.POSITION_OVER_DECIMATION * settings.NYQUIST_MARGIN),
     )
     cutoff = max(min(_noise_limit(prepared), highest), prepared.cutoffs.decimation)
     edge = processing.decimation_edge
@@ -61,6 +62,12 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
         }
     )
     return configuration.model_copy(update={"processing": changed})
+
+
+def _effort_rate(recording: Recording) -> float:
+    """Hz at which efforts are measured: those of a slower topic are interpolated to the grid."""
+    topic = recording.effort.origin.rpartition(" ")[0]
+    return next((clock.rate for clock in recording.clocks if clock.topic == topic), recording.rate)
 
 
 def _noise_limit(prepared: PreparedRegression) -> float:

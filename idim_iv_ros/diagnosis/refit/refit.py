@@ -1,12 +1,13 @@
 """The refit on the smooth motion: its effort aligned, and gravity where it was missing."""
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.parametric.missing import MissingGravity, missing_gravity
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.gain_ripple import GainRipple, without_gain_ripples
 from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.diagnosis.result import Cause
@@ -26,6 +27,8 @@ class Refit:
         On the smooth motion.
     shift : EffortShift
         Taken out of the effort of both.
+    ripples : tuple of GainRipple
+        Of efforts that are currents, taken out as well.
     gravity : MissingGravity or None
         Which the nominal model lacks; `data` has it.
     weightless : HeldOut or None
@@ -35,6 +38,7 @@ class Refit:
     data: Baseline
     regression: Regression
     shift: EffortShift
+    ripples: tuple[GainRipple, ...] = ()
     gravity: MissingGravity | None = None
     weightless: HeldOut | None = None
 
@@ -74,10 +78,18 @@ def refitted(
     may_lack = GravityDirection.name not in without
     gravity = missing_gravity(data, regression) if may_lack else None
     if gravity is None:
-        return Refit(*aligned(data, regression))
+        return _chain_taken_out(data, regression)
     weightless = _nominal_and_refit(data, regression)
     data = baseline(recordings, gravity.corrected(configuration))
-    return Refit(*aligned(data, smooth_regression(data)), gravity, weightless)
+    refit = _chain_taken_out(data, smooth_regression(data))
+    return replace(refit, gravity=gravity, weightless=weightless)
+
+
+def _chain_taken_out(data: Baseline, regression: Regression) -> Refit:
+    """Align the effort, and take the ripple of its gain out of it."""
+    data, regression, shift = aligned(data, regression)
+    data, regression, ripples = without_gain_ripples(data, regression)
+    return Refit(data, regression, shift, ripples)
 
 
 def _nominal_and_refit(data: Baseline, regression: Regression) -> HeldOut:

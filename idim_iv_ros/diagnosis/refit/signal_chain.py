@@ -17,6 +17,7 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter, SignalChain
 from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression
 from idim_iv_ros.estimation.observation import torque_rows
+from idim_iv_ros.simulation import control_period
 from idim_iv_ros.types import BoolArray, FloatArray
 
 
@@ -95,13 +96,13 @@ def aligned(data: Baseline, regression: Regression) -> tuple[Baseline, Regressio
         With the torque of their rows at the instants at which it acts.
     EffortShift
     """
-    period = data.prepared.configuration.controller.period
-    period = period or max(1.0 / motion.signals.rate for motion in data.prepared.motions)
+    rates = [motion.signals.rate for motion in data.prepared.motions]
+    period = control_period(data.prepared.configuration.controller, rates)
     chain = _chain(np.zeros(len(data.joints)), np.full(len(data.joints), np.inf), period)
-    rates = [_rate_of_torque(data, joint) for joint in range(len(data.joints))]
+    slopes = [_rate_of_torque(data, joint) for joint in range(len(data.joints))]
     shifted = data
     for _ in range(settings.SHIFT_STEPS):
-        shifts, deviations = _joint_shifts(_with_torque_of(shifted, regression), rates)
+        shifts, deviations = _joint_shifts(_with_torque_of(shifted, regression), slopes)
         chain = _chain(chain.shift + shifts, deviations, period)
         shifted = _shifted(data, chain.shift)
     return shifted, _with_torque_of(shifted, regression), chain

@@ -1,0 +1,79 @@
+"""A benchmark of the diagnosis that is as hostile as the world.
+
+    python -m benchmarks.hostile generate --seed N --cells M --out DIR
+    python -m benchmarks.hostile run --out DIR [--processes P] [--command "idim-iv diagnose"]
+    python -m benchmarks.hostile score --out DIR [--page NAME]
+
+Each goes on where it was stopped. Labels are sealed by their SHA-256 before the first diagnosis.
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from benchmarks.hostile.judge import Answer, judge
+from benchmarks.hostile.page import page_lines
+from benchmarks.measurement import write_page
+from benchmarks.withheld_effects.run import COMMAND, run
+from benchmarks.withheld_effects.score import open_labels
+
+
+def score(out: Path) -> tuple[dict[str, Answer], dict[str, str]]:
+    """Judge every cell; those without an answer with the reason.
+
+    Raises
+    ------
+    ValueError
+        The labels are not those that were sealed before the diagnosis.
+    """
+    judged, missing = {}, {}
+    for name, label in open_labels(out).items():
+        folder = out / "verdicts" / name
+        if not (folder / "gap.json").is_file():
+            log = folder / "failure.txt"
+            said = log.read_text(encoding="utf-8").strip() if log.is_file() else "not run"
+            missing[name] = said.splitlines()[-1]
+            continue
+        timing = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        document = json.loads((folder / "gap.json").read_text(encoding="utf-8"))
+        judged[name] = judge(label, document, timing["processor_seconds"])
+    return judged, missing
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    verbs = parser.add_subparsers(dest="verb", required=True)
+    making = verbs.add_parser("generate", help="write cells, seal their labels")
+    making.add_argument("--seed", type=int, required=True)
+    making.add_argument("--cells", type=int, required=True)
+    running = verbs.add_parser("run", help="diagnose every cell")
+    running.add_argument("--command", default=COMMAND)
+    running.add_argument("--timeout", type=float, default=1800.0, help="seconds a cell")
+    scoring = verbs.add_parser("score", help="judge the answers")
+    scoring.add_argument("--page", help="name of a page in benchmarks/results")
+    for each in (making, running, scoring):
+        each.add_argument("--out", type=Path, required=True)
+    for each in (making, running):
+        each.add_argument("--processes", type=int, default=1)
+    given = parser.parse_args()
+    if given.verb == "generate":
+        # What makes the robots needs MuJoCo and compiled code; scoring does not.
+        from benchmarks.hostile.generate import generate
+
+        generate(given.out, given.cells, given.seed, given.processes)
+    elif given.verb == "run":
+        failed = run(given.out, given.command, processes=given.processes, timeout=given.timeout)
+        if failed:
+            sys.exit(f"{failed} cells without an answer")
+    else:
+        lines = page_lines(*score(given.out))
+        if given.page:
+            write_page(given.page, "Hostile benchmark", lines)
+        else:
+            print("\n".join(lines))
+
+
+if __name__ == "__main__":
+    main()
