@@ -16,6 +16,8 @@ from idim_iv_ros.diagnosis.structural.attribution import Attribution, attributed
 from idim_iv_ros.diagnosis.structural.causes import structural_causes
 from idim_iv_ros.diagnosis.structural.confirmation import confirmation
 from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages
+from idim_iv_ros.diagnosis.transmission.causes import with_transmissions
+from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.files import FilePaths
 from idim_iv_ros.identification.prepare import read_configured
@@ -88,6 +90,8 @@ def concluded(
         *controller_causes(data, law, [each.candidate for each in model.found]),
         *refit.gravity_causes(held.tested),
     ]
+    measured = measured_transmissions(data, regression)
+    shafts = with_transmissions(data, regression, measured, causes, without)
     shown, not_testable = shown_by_motion(data, regression, effects, held.noise(attribution.refit))
 
     watch.stage("where", 0.95)
@@ -97,7 +101,9 @@ def concluded(
         refit=refit,
         held=held,
         tracked=tracked,
-        causes=causes,
+        causes=shafts.causes,
+        transmissions=measured,
+        excluded=shafts.notes,
         parametric=parametric,
         law=law,
         agreement=agreement(data, attribution, parameters),

@@ -299,6 +299,33 @@ LAW_EVENT_SIZE = Setting(8.0, "median size",
 LAW_EVENTS_APART = Setting(0.5, "s", "pause between two events, at least", CHOSEN)
 LAW_MOST_EVENTS = Count(3, "events", "events that are listed, at most", CONVENTION)
 
+# Transmissions, with encoders behind the gears.
+REPEATING_ENCODER = Setting(0.5, "samples",
+    "share of distinct values below which an encoder shows its resolution", CHOSEN)
+TWIST_OFFSET_STEPS = Count(3, "",
+    "fits of the time offset between the channels, which enters to first order only", NUMERICAL)
+LEAST_SIDE = Setting(0.05, "rows",
+    "share on either side of zero load, at least, to look for play", CHOSEN)
+TWIST_POSITION_TERMS = Count(4, "cosines",
+    "of an encoder's error over the position: slower than that of a gear", CHOSEN)
+LEAST_TWIST_ROWS = Count(50, "rows", "at least, to measure a transmission", CHOSEN)
+TWIST_FOLDS = Count(6, "blocks of time", "held out in turn from a twist", CONVENTION)
+LEAST_LINK_MOTION = Setting(0.01, "motion of the motor",
+    "motion of the link below which its encoder stands still", CHOSEN)
+LEAST_LOAD_VARIATION = Setting(0.01, "largest load",
+    "standard deviation of the load, at least, to show a stiffness", CHOSEN)
+LINK_TURNS = Setting(0.1, "",
+    "difference from 1 of how far a link turns beside its motor, from which its encoder has "
+    "another unit, sign or ratio", PHYSICS)
+TWIST_DEVIATIONS = Setting(3.0, "standard deviations",
+    "distance from zero of a stiffness' reciprocal, a gap or a damping, at least, with all that "
+    "makes them unsure", CONVENTION)
+LIGHT_DAMPING = Setting(0.03, "times critical",
+    "damping of a measured shaft where none shows", PHYSICS)
+STIFF_RESONANCE = Setting(100.0, "Hz",
+    "resonance of the link against its motor from which a shaft counts as rigid: above what the "
+    "catalogue looks for", PHYSICS)
+
 # Localisation and what stays unexplained.
 LEAST_OCCUPANCY = Setting(0.005, "samples", "size of a regime, at least", CHOSEN)
 REGIME_LEAST_BLOCKS = Count(5, "blocks",

@@ -2,7 +2,12 @@
 
 from pathlib import Path
 
-from idim_iv_ros import import_table
+import numpy as np
+import scipy
+from scipy.interpolate import CubicSpline
+
+from idim_iv_ros import import_table, write_bag
+from idim_iv_ros.recording.writing.write import JointTopic
 
 
 def emps_bag(data: Path, out: Path) -> Path:
@@ -49,3 +54,63 @@ def double_pendulum_bag(data: Path, out: Path) -> Path:
         reference_time=f"{reference}:time",
     )
     return out
+
+
+KUKA_JOINTS = ("j1", "j2", "j3", "j4", "j5", "j6")
+# Axes 4 to 6 have no second encoder. Offsets, as published with the recordings: the arm stands
+# upright at zero. The drive inertias are the published motor inertias times the squared ratio.
+KUKA = """
+robot:
+  name: kr300
+  urdf: {urdf}
+  joints: [j1, j2, j3, j4, j5, j6]
+  position_offset: [0.0, -1.5707963267948966, 1.5707963267948966, 0.0, 0.0, 0.0]
+simulator:
+  armature: [608.95, 843.91, 751.33, 488.41, 574.17, 238.16]
+controller:
+  type: unknown
+signals:
+  reference: /joint_reference
+  link_states: /link_states
+  effort_scale: [256.857143, 267.428571, 252.333333, 221.0, 239.619048, 154.323134]
+processing:
+  position_cutoff: 20.0
+  decimation_cutoff: 8.0
+"""
+
+
+def kuka_bags(data: Path, folder: Path, *, link: str = "encoders") -> list[Path]:
+    """KUKA KR300: motor encoders in joint angles, motor torques, references, second encoders.
+
+    Parameters
+    ----------
+    link
+        ``encoders``: as recorded. ``late``: the motor encoders 3 ms late instead of them: a time
+        offset and nothing else.
+    """
+    bags = []
+    for name in "ABC":
+        record = scipy.io.loadmat(data / "kuka_kr300" / f"{name}.mat", squeeze_me=True)["rec"]
+        degrees = {
+            field: np.radians(record[field].item().T)
+            for field in ("act_pos_mot_deg", "act_pos_se_deg", "ref_pos_deg")
+        }
+        motor = degrees["act_pos_mot_deg"]
+        time = np.arange(len(motor)) / 250.0
+        behind = degrees["act_pos_se_deg"][:, :3]
+        if link == "late":
+            behind = CubicSpline(time, motor[:, :3], axis=0)(np.maximum(time - 0.003, 0.0))
+        topics = [
+            JointTopic(
+                "/joint_states",
+                KUKA_JOINTS,
+                time,
+                position=motor,
+                effort=record["act_torque_rel_nm"].item().T,
+            ),
+            JointTopic("/joint_reference", KUKA_JOINTS, time, position=degrees["ref_pos_deg"]),
+            JointTopic("/link_states", KUKA_JOINTS[:3], time, position=behind),
+        ]
+        bags.append(folder / f"kr300_{name}_{link}.mcap")
+        write_bag(bags[-1], topics)
+    return bags
