@@ -300,12 +300,18 @@ LAW_EVENTS_APART = Setting(0.5, "s", "pause between two events, at least", CHOSE
 LAW_MOST_EVENTS = Count(3, "events", "events that are listed, at most", CONVENTION)
 
 # Transmissions, with encoders behind the gears.
-REPEATING_ENCODER = Setting(0.5, "samples",
-    "share of distinct values below which an encoder shows its resolution", CHOSEN)
+STEP_TOLERANCE = Setting(0.01, "steps",
+    "distance of an encoder's values from a grid, up to which they lie on it", NUMERICAL)
 TWIST_OFFSET_STEPS = Count(3, "",
     "fits of the time offset between the channels, which enters to first order only", NUMERICAL)
 LEAST_SIDE = Setting(0.05, "rows",
     "share on either side of zero load, at least, to look for play", CHOSEN)
+ON_ONE_SIDE = Setting(0.98, "",
+    "decimated sign of the load from which a link in play lies on one side", NUMERICAL)
+SIDE_MARGIN = Count(2, "rows",
+    "beside a change of side that say nothing of the gap: the link flies there", CHOSEN)
+LINK_MOTION_STEPS = Count(3, "",
+    "times that the load is computed again at the link's motion", NUMERICAL)
 TWIST_POSITION_TERMS = Count(4, "cosines",
     "of an encoder's error over the position: slower than that of a gear", CHOSEN)
 LEAST_TWIST_ROWS = Count(50, "rows", "at least, to measure a transmission", CHOSEN)

@@ -9,13 +9,13 @@ from scipy.stats import chi2
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap, Transmission
-from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.transmission import words
 from idim_iv_ros.diagnosis.transmission.fit import LOAD, SIDE, held_out
 from idim_iv_ros.diagnosis.transmission.measure import Measured
+from idim_iv_ros.diagnosis.transmission.torque import less, link_inertia, twist_torques
 from idim_iv_ros.effects.backlash import Backlash
 from idim_iv_ros.effects.elasticity import Elasticity
-from idim_iv_ros.effects.two_masses import transmitted
 
 _EFFECTS = (Elasticity.name, Backlash.name)
 # Play counts as play, and not as part of a shaft, from this share of the shaft's largest bending:
@@ -93,9 +93,8 @@ def _effect(data: Baseline, each: Measured) -> str | None:
 def _resonance(data: Baseline, each: Measured) -> float:
     """Of the link against a motor that stands, Hz: median over the motion."""
     assert each.result.stiffness is not None
-    inertia = np.concatenate([motion.inertia[:, each.joint, each.joint] for motion in data.motions])
-    typical = max(float(np.median(inertia)), 1e-12)
-    return float(np.sqrt(each.result.stiffness.value / typical) / (2.0 * np.pi))
+    inertia = link_inertia(data, each.joint)
+    return float(np.sqrt(each.result.stiffness.value / inertia) / (2.0 * np.pi))
 
 
 def _excluded(found: Transmission, cause: Cause) -> bool:
@@ -161,43 +160,14 @@ def _torque_gap(
     fit = regression.fit()
     after = fit
     if "stiffness" in values:
-        parts = [
-            transmitted(
-                motion,
-                each.joint,
-                values["stiffness"],
-                values.get("damping", _light_damping(data, each, values["stiffness"])),
-                values.get("gap", 0.0),
-            )
-            for motion in data.motions
-        ]
-        columns = {
-            joint: data.counting(
-                joint,
-                [
-                    motion.rows(part[joint])
-                    for motion, part in zip(data.motions, parts, strict=True)
-                ],
-            )
-            for joint in parts[0]
-        }
-        after = _less(regression, columns).fit(fit.noise_models, steps=0)
+        columns = twist_torques(
+            data,
+            each.joint,
+            values["stiffness"],
+            values.get("damping"),
+            values.get("gap", 0.0),
+        )
+        after = less(regression, columns).fit(fit.noise_models, steps=0)
     sizes = [float(np.sqrt(np.mean(found.residuals[each.joint] ** 2))) for found in (fit, after)]
     shrinkage = 1.0 - sizes[1] / sizes[0] if sizes[0] > 0.0 else None
     return Gap(sizes[0], sizes[1], None, shrinkage, None)
-
-
-def _light_damping(data: Baseline, each: Measured, stiffness: float) -> float:
-    """Damping of a lightly damped shaft, N m s/rad, where none shows."""
-    inertia = np.concatenate([motion.inertia[:, each.joint, each.joint] for motion in data.motions])
-    typical = max(float(np.median(inertia)), 1e-12)
-    return float(2.0 * settings.LIGHT_DAMPING * np.sqrt(stiffness * typical))
-
-
-def _less(regression: Regression, columns: Columns) -> Regression:
-    """Return the same rows with a known torque (r, 1) taken off."""
-    joints = tuple(
-        replace(rows, torque=rows.torque - columns[joint][:, 0]) if joint in columns else rows
-        for joint, rows in enumerate(regression.joints)
-    )
-    return Regression(joints, regression.parameters)

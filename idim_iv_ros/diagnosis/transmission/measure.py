@@ -21,6 +21,7 @@ from idim_iv_ros.diagnosis.transmission.fit import (
     term_columns,
     with_term,
 )
+from idim_iv_ros.diagnosis.transmission.torque import less, twist_torques
 from idim_iv_ros.diagnosis.transmission.twist import TwistRows, has_encoder, twist_rows
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.types import FloatArray
@@ -77,9 +78,34 @@ def _measured(data: Baseline, regression: Regression, joint: int) -> Measured:
     if reason:
         return Measured(joint, Transmission(joint=data.joints[joint], reason=reason))
     fit = fit_twist(rows)
+    for _ in range(settings.LINK_MOTION_STEPS):
+        compliance = fit.coefficients[LOAD]
+        if not fit.accepted(LOAD) or compliance <= settings.TWIST_DEVIATIONS * fit.stds[LOAD]:
+            break
+        fit = fit_twist(_with_link_motion(data, regression, joint, fit))
+        if fit.accepted(SIDE):
+            fit = fit_twist(fit.rows.away_from_side_changes())
     return Measured(
         joint, transmission(fit, data.joints[joint], lambda u: data.unit_at(joint, u)), fit
     )
+
+
+def _with_link_motion(
+    data: Baseline, regression: Regression, joint: int, fit: TwistFit
+) -> TwistRows:
+    """Rows with the load of links that move as the shaft lets them, refitted as such.
+
+    A refit that takes the motor's motion for the link's finds heavier links.
+    """
+    compliance = fit.coefficients[LOAD]
+    damping = None
+    if fit.accepted(RATE) and fit.coefficients[RATE] < 0.0:
+        damping = -fit.coefficients[RATE] / compliance**2
+    gap = 2.0 * max(fit.coefficients[SIDE], 0.0) if fit.accepted(SIDE) else 0.0
+    columns = twist_torques(data, joint, 1.0 / compliance, damping, gap)
+    rigid = regression.fit()
+    elastic = less(regression, columns).fit(rigid.noise_models)
+    return twist_rows(data, regression, joint, compliance, elastic.values)
 
 
 def _unusable(data: Baseline, rows: TwistRows, joint: int) -> str:
