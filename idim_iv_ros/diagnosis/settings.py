@@ -296,8 +296,11 @@ LAW_EVENT_KURTOSIS = Setting(6.0, "excess kurtosis",
     "kurtosis from which on it acts at certain times only", CHOSEN)
 LAW_EVENT_SIZE = Setting(8.0, "median size",
     "size from which on a row belongs to such an event", CHOSEN)
+LAW_EVENT_EDGE = Setting(0.5, "peak of the event", "size at which it begins and ends", CHOSEN)
+LAW_LEAST_EVENT = Setting(0.1, "energy of the largest event",
+    "energy from which on another one is listed", CHOSEN)
 LAW_EVENTS_APART = Setting(0.5, "s", "pause between two events, at least", CHOSEN)
-LAW_MOST_EVENTS = Count(3, "events", "events that are listed, at most", CONVENTION)
+LAW_MOST_EVENTS = Count(5, "events", "events that are listed, at most", CONVENTION)
 
 # Transmissions, with encoders behind the gears.
 STEP_TOLERANCE = Setting(0.01, "steps",
@@ -316,13 +319,8 @@ TWIST_POSITION_TERMS = Count(4, "cosines",
     "of an encoder's error over the position: slower than that of a gear", CHOSEN)
 LEAST_TWIST_ROWS = Count(50, "rows", "at least, to measure a transmission", CHOSEN)
 TWIST_FOLDS = Count(6, "blocks of time", "held out in turn from a twist", CONVENTION)
-LEAST_LINK_MOTION = Setting(0.01, "motion of the motor",
-    "motion of the link below which its encoder stands still", CHOSEN)
 LEAST_LOAD_VARIATION = Setting(0.01, "largest load",
     "standard deviation of the load, at least, to show a stiffness", CHOSEN)
-LINK_TURNS = Setting(0.1, "",
-    "difference from 1 of how far a link turns beside its motor, from which its encoder has "
-    "another unit, sign or ratio", PHYSICS)
 TWIST_DEVIATIONS = Setting(3.0, "standard deviations",
     "distance from zero of a stiffness' reciprocal, a gap or a damping, at least, with all that "
     "makes them unsure", CONVENTION)

@@ -217,7 +217,7 @@ def _assemble(
     grid = _common_grid(path, request, stamped)
     for topic in stamped.values():
         notes += topic.notes
-        notes += topic.messages.notes()
+        notes += _with_encoder(topic.messages, request).notes()
     stamped, frozen = without_frozen(stamped, joint_states, effort, joints, grid.start)
     sources = {topic.quality.source for topic in stamped.values()}
     if len(sources) > 1:
@@ -247,6 +247,15 @@ def _assemble(
         robot_description=description,
         frozen=frozen,
     )
+
+
+def _with_encoder(messages: JointMessages, request: Request) -> JointMessages:
+    """Of encoders behind the gears only the joints that have one: the others miss nothing."""
+    if messages.topic != request.link_states:
+        return messages
+    values = messages.values["position"]
+    there = np.isfinite(values).any(axis=0)
+    return replace(messages, values={"position": values[:, there]})
 
 
 def _common_grid(path: Path, request: Request, stamped: dict[str, StampedMessages]) -> Grid:

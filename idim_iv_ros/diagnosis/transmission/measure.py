@@ -23,6 +23,7 @@ from idim_iv_ros.diagnosis.transmission.fit import (
 )
 from idim_iv_ros.diagnosis.transmission.torque import less, twist_torques
 from idim_iv_ros.diagnosis.transmission.twist import TwistRows, has_encoder, twist_rows
+from idim_iv_ros.identification.link_encoders import link_encoders
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.types import FloatArray
 
@@ -115,23 +116,10 @@ def _unusable(data: Baseline, rows: TwistRows, joint: int) -> str:
             f"only {len(rows.load)} rows of the encoder behind the gear count: record for longer, "
             "with this joint moving"
         )
-    turned, ahead = [], []
-    for channel in rows.channels:
-        signals, span = channel.motion.signals, channel.motion.span
-        assert signals.link_position is not None
-        motor = signals.position[span, joint]
-        turned.append(signals.link_position[span, joint])
-        ahead.append(motor - motor.mean())
-    moved = np.concatenate([each - each.mean() for each in turned])
-    motor = np.concatenate(ahead)
-    if float(np.ptp(moved)) < settings.LEAST_LINK_MOTION * float(np.ptp(motor)):
-        return "the encoder behind the gear stands still: look at its channel"
-    ratio = float(motor @ moved) / float(motor @ motor)
-    if abs(ratio - 1.0) > settings.LINK_TURNS:
-        return (
-            f"the encoder behind the gear turns {ratio:.3g} times as far as the motor: look at "
-            "its unit and sign, and at the gear ratio"
-        )
+    types = data.prepared.model.robot.joint_types
+    for each in link_encoders(data.prepared.motions, data.joints, types):
+        if each.joint == data.joints[joint]:
+            return each.problem
     return ""
 
 
