@@ -244,6 +244,8 @@ _PENDULUM_KNOWN = {
     "link_inertia": "least squares finds 0.06 kg m² about the shoulder, 0.049 are published",
     "drive_inertia": "least squares finds 0.004 to 0.008 kg m² at the elbow, none is published",
 }
+# The drives have no gear that could bend.
+_DIRECT = ("elasticity", "backlash")
 _NO_FRICTION = {"friction_level": "the nominal model has none", **_PENDULUM_KNOWN}
 
 CASES = (
@@ -288,6 +290,7 @@ CASES = (
         "control: command and disturbance",
         _perturbed("acrobot", _FULL),
         confirmed=_PENDULUM_KNOWN,
+        contradicted=_DIRECT,
     ),
     Case(
         "acrobot, disturbance missing",
@@ -295,6 +298,7 @@ CASES = (
         _perturbed("acrobot", _WITHOUT_PULSES),
         control="acrobot, everything in the effort",
         confirmed=_PENDULUM_KNOWN,
+        contradicted=_DIRECT,
         outside=True,
     ),
     Case(
@@ -304,12 +308,14 @@ CASES = (
         expected=_BOTH,
         control="acrobot, everything in the effort",
         confirmed=_PENDULUM_KNOWN,
+        contradicted=_DIRECT,
     ),
     Case(
         "pendubot, everything in the effort",
         "control: command and disturbance",
         _perturbed("pendubot", _FULL),
         confirmed=_PENDULUM_KNOWN,
+        contradicted=_DIRECT,
     ),
     Case(
         "pendubot, disturbance missing",
@@ -317,6 +323,7 @@ CASES = (
         _perturbed("pendubot", _WITHOUT_PULSES),
         control="pendubot, everything in the effort",
         confirmed=_PENDULUM_KNOWN,
+        contradicted=_DIRECT,
         outside=True,
     ),
     Case(
@@ -326,12 +333,14 @@ CASES = (
         expected=_BOTH,
         control="pendubot, everything in the effort",
         confirmed=_PENDULUM_KNOWN,
+        contradicted=_DIRECT,
     ),
     Case(
         "design C0 with its own model",
         "control; the model has no friction",
         _design("C", "C"),
         confirmed=_NO_FRICTION,
+        contradicted=_DIRECT,
     ),
     Case(
         "design C0 with the model of A0",
@@ -340,12 +349,14 @@ CASES = (
         expected=(_LINKS,),
         control="design C0 with its own model",
         confirmed=_NO_FRICTION,
+        contradicted=_DIRECT,
     ),
     Case(
         "design A0 with its own model",
         "control; the model has no friction",
         _design("A", "A"),
         confirmed=_NO_FRICTION,
+        contradicted=_DIRECT,
     ),
     Case(
         "kr300",
@@ -366,7 +377,7 @@ CASES = (
             "control; no torque is recorded, the voltage of the bridge stands for it",
             _servo(gain, gain),
             confirmed=_SERVO_KNOWN,
-            contradicted=("controller_mismatch",),
+            contradicted=("controller_mismatch", "torque_saturation"),
         )
         for gain in (100, 200, 400)
     ),
@@ -378,6 +389,7 @@ CASES = (
             expected=((("controller_mismatch", "servo"),),),
             control=f"xl330, gain {gain}, its own law",
             confirmed=_SERVO_KNOWN,
+            contradicted=("torque_saturation",),
         )
         for gain, law in ((100, 200), (200, 400), (400, 100), (200, 100))
     ),

@@ -29,6 +29,7 @@ TOP = {
         "parameter_errors",
         "signal_chain",
         "recordings",
+        "transmissions",
     ),
 }
 CAUSE = {
