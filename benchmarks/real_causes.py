@@ -55,7 +55,7 @@ class Case:
         Words of the summary or of a note without which the case is missed.
     outside : bool
         Whether the truth is outside of the catalogue: "not in the catalogue" or "unexplained" is
-        the answer that is wanted.
+        the answer that is wanted. It is no hit, for it does not say what the truth is.
     """
 
     name: str
@@ -90,17 +90,16 @@ class Outcome:
     def hits(self) -> int:
         """How many of what is expected was named or said."""
         found = sum(any(_is(each, self.names) for each in one) for one in self.case.expected)
-        return found + sum(words in self._text for words in self.case.says) + self._left_open
+        return found + sum(words in self._text for words in self.case.says)
 
     @property
     def wanted(self) -> int:
         """How many there are."""
-        return len(self.case.expected) + len(self.case.says) + self.case.outside
+        return len(self.case.expected) + len(self.case.says)
 
     @property
-    def _left_open(self) -> bool:
-        if not self.case.outside:
-            return False
+    def left_open(self) -> bool:
+        """Whether something is said to be outside of the catalogue."""
         return self.result.unexplained is not None or "Unexplained residual" in self.result.summary
 
     @property
@@ -420,13 +419,19 @@ def _line(outcome: Outcome, outcomes: dict[str, Outcome]) -> str:
     cells = [
         outcome.case.name,
         outcome.case.truth,
-        f"{outcome.hits} of {outcome.wanted}" if outcome.wanted else "–",
+        _found(outcome),
         _listed(outcome.false(control)),
         _listed(outcome.unconfirmed(control)),
         outcome.result.verdict,
         f"{outcome.seconds:.0f}",
     ]
     return "| " + " | ".join(cells) + " |"
+
+
+def _found(outcome: Outcome) -> str:
+    if outcome.case.outside:
+        return "left open" if outcome.left_open else "not said"
+    return f"{outcome.hits} of {outcome.wanted}" if outcome.wanted else "–"
 
 
 def _listed(names: Iterable[Name]) -> str:
