@@ -153,13 +153,24 @@ class ControllerSection(Section):
 
 
 class SignalsSection(Section):
-    """Topics, and what arrives on the effort topic."""
+    """Topics, and what arrives on the effort topic.
+
+    `link_states` holds positions of encoders behind the gears, on the joint side.
+    """
 
     joint_states: Name = "/joint_states"
     effort: Name | None = None
     reference: Name | None = None
+    link_states: Name | None = None
     effort_scale: list[NotZero] | None = None
     effort_unit: Literal["N m", "A", "V"] = "N m"
+
+    @model_validator(mode="after")
+    def _other_encoders(self) -> "SignalsSection":
+        topic = self.link_states
+        if topic is not None and topic in (self.joint_states, self.reference):
+            raise ValueError(f"link_states is {topic}, which has another meaning already")
+        return self
 
 
 class ProcessingSection(Section):

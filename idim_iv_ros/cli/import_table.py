@@ -30,6 +30,10 @@ def import_command(
         str | None,
         typer.Option(metavar="FILE[:KEY]", help="Stamps of the references, if they differ."),
     ] = None,
+    link: Annotated[
+        str | None,
+        typer.Option(metavar="FILE[:KEY]", help="Positions of encoders behind the gears."),
+    ] = None,
     urdf: Annotated[Path | None, typer.Option(help="URDF to put on /robot_description.")] = None,
     force: Force = False,
     quiet: Quiet = False,
@@ -63,6 +67,7 @@ def import_command(
         reference=reference,
         velocity_reference=velocity_reference,
         reference_time=reference_time,
+        link=link,
         robot_description=description,
         force=force,
     )

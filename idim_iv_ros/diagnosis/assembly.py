@@ -40,6 +40,8 @@ from idim_iv_ros.diagnosis.result import (
 from idim_iv_ros.diagnosis.structural.causes import NamedModel
 from idim_iv_ros.diagnosis.structural.confirmation import Confirmed
 from idim_iv_ros.diagnosis.tracking import Tracking, tracking_series, with_tracking
+from idim_iv_ros.diagnosis.transmission.measure import Measured
+from idim_iv_ros.diagnosis.transmission.words import described, measured_behind
 from idim_iv_ros.diagnosis.verdict import leading, strongest_first, verdict_of
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING
 
@@ -69,6 +71,9 @@ class Diagnosis:
     where : Localisation
     confusability : tuple of Confusability
     not_testable : tuple of NotTestable
+    transmissions : tuple of Measured
+    excluded : tuple of str
+        What encoders behind the gears exclude.
     """
 
     configuration: Configuration
@@ -84,6 +89,8 @@ class Diagnosis:
     where: Localisation
     confusability: tuple[Confusability, ...]
     not_testable: tuple[NotTestable, ...]
+    transmissions: tuple[Measured, ...] = ()
+    excluded: tuple[str, ...] = ()
 
 
 def assembled(found: Diagnosis) -> GapResult:
@@ -113,6 +120,11 @@ def assembled(found: Diagnosis) -> GapResult:
             residual=sentences.unexplained_residual(data, residual),
         ),
         *(sentences.capitalised(sentence) + "." for sentence in law.beyond),
+        *(
+            sentences.capitalised(cause.sentence) + "."
+            for cause in causes
+            if measured_behind(cause) and cause not in listed
+        ),
     ]
     recordings = _recordings(data, found.agreement)
     differing = [each for each in recordings if not each.agrees]
@@ -149,6 +161,8 @@ def assembled(found: Diagnosis) -> GapResult:
         parameter_errors=errors,
         signal_chain=refit.shift.part_of_result(data.joints, speed),
         recordings=recordings,
+        transmissions=tuple(each.result for each in found.transmissions),
+        twists=tuple(each.series for each in found.transmissions if each.series is not None),
     )
 
 
@@ -223,6 +237,8 @@ def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
         found.refit.shift.sentence(data.joints),
         *(ripple.sentence(data.joints) for ripple in found.refit.ripples),
         law_speed and f"the speed in the control law: {law_speed}",
+        *(described(each.result) for each in found.transmissions),
+        *found.excluded,
         tested.note and f"held-out gaps: {tested.note}",
         *(floor.note and f"noise floor: {floor.note}" for floor in found.held.floors),
     ]

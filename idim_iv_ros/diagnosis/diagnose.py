@@ -22,6 +22,8 @@ from idim_iv_ros.diagnosis.structural.causes import structural_causes
 from idim_iv_ros.diagnosis.structural.confirmation import confirmation
 from idim_iv_ros.diagnosis.structural.hints import hints_of, selections_of
 from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages
+from idim_iv_ros.diagnosis.transmission.causes import with_transmissions
+from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath, FilePaths
@@ -141,6 +143,8 @@ def concluded(
         *controller_causes(data, law, [each.candidate for each in model.found]),
         *refit.gravity_causes(held.tested),
     ]
+    measured = measured_transmissions(data, regression)
+    shafts = with_transmissions(data, regression, measured, causes, without)
     shown, not_testable = shown_by_motion(data, regression, effects, held.noise(attribution.refit))
 
     watch.stage("where", 0.95)
@@ -150,8 +154,10 @@ def concluded(
         refit=refit,
         held=held,
         tracked=tracked,
-        causes=causes,
+        causes=shafts.causes,
         hints=hints_of(data, attribution, held),
+        transmissions=measured,
+        excluded=shafts.notes,
         parametric=parametric,
         law=law,
         agreement=agreement(data, attribution, parameters),

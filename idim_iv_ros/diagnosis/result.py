@@ -420,6 +420,85 @@ class SignalChain:
     law_speed: str | None
 
 
+@dataclass(frozen=True, kw_only=True)
+class Transmission:
+    """What encoders before and behind a gear say of it: motor less link, beside the load.
+
+    Attributes
+    ----------
+    joint : str
+    stiffness : EffectParameter or None
+        N m/rad (N/m); None where `reason` says why.
+    stiffness_at_least : float or None
+        Lower end of its 95 % interval.
+    damping : EffectParameter or None
+        N m s/rad; None where none shows.
+    backlash : EffectParameter or None
+        Gap of the play, rad: the hysteresis over the load's sign beyond the linear law; None where
+        none shows.
+    backlash_at_most : float or None
+        Upper end of its 95 % interval, rad; None where the load never changes its side.
+    lost_motion : EffectParameter or None
+        Hysteresis over the direction of motion, rad: play that friction keeps on one side, or
+        friction behind the gear.
+    time_offset : EffectParameter or None
+        Time by which the link's channel is late, s. No elasticity.
+    position_error : bool
+        Whether the twist also follows the position: an error of one of the encoders.
+    explained : float
+        Share of the twist's variance, position aside, that is explained, 0 to 1.
+    elastic_share : float
+        Share that follows the load in proportion.
+    twist_rms : float
+        rad, with both channels at the same instants, less constants and position.
+    resolution : float
+        Step of the coarser encoder, rad; zero where none shows.
+    rows : int
+    tests : tuple of HypothesisTest
+        Whether one stiffness holds throughout.
+    unit : str
+        Of the twist.
+    reason : str
+        Why no stiffness can be said; empty where one is.
+    """
+
+    joint: str
+    stiffness: EffectParameter | None = None
+    stiffness_at_least: float | None = None
+    damping: EffectParameter | None = None
+    backlash: EffectParameter | None = None
+    backlash_at_most: float | None = None
+    lost_motion: EffectParameter | None = None
+    time_offset: EffectParameter | None = None
+    position_error: bool = False
+    explained: Number = 0.0
+    elastic_share: Number = 0.0
+    twist_rms: Number = 0.0
+    resolution: Number = 0.0
+    rows: int = 0
+    tests: tuple[HypothesisTest, ...] = ()
+    unit: str = "rad"
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class TransmissionSeries:
+    """Twist over load of one joint, less time offset, position and constants; (r,) each.
+
+    Attributes
+    ----------
+    joint : str
+    load : N m
+    twist : rad
+    direction : −1 to 1
+    """
+
+    joint: str
+    load: FloatArray
+    twist: FloatArray
+    direction: FloatArray
+
+
 @dataclass(frozen=True)
 class Difference:
     """A parametric cause by which one recording differs from the others: theirs is the nominal."""
@@ -635,6 +714,8 @@ class GapResult(Document):
         What changed in a second set of recordings; all else is of the reference set, `bags`.
     nominal : NominalModel or None
         Where the nominal model was read from; None: the URDF's.
+    transmissions : tuple of Transmission
+        One for each joint with an encoder behind its gear.
     where : Where
     findings : tuple of str
         The top regimes in words.
@@ -650,7 +731,8 @@ class GapResult(Document):
     confusability : tuple of Confusability
     series : tuple of GapSeries
     tracking : tuple of TrackingSeries
-        These three are for the report and not in the document.
+    twists : tuple of TransmissionSeries
+        These four are for the report and not in the document.
     """
 
     what: ClassVar[str] = "a diagnosis"
@@ -674,6 +756,7 @@ class GapResult(Document):
     recordings: tuple[RecordingAgreement, ...] = ()
     contrast: ContrastResult | None = None
     nominal: NominalModel | None = None
+    transmissions: tuple[Transmission, ...] = ()
     where: Where
     findings: tuple[str, ...]
     not_testable: tuple[NotTestable, ...]
@@ -685,6 +768,7 @@ class GapResult(Document):
     confusability: Unsaved[tuple[Confusability, ...]] = field(default=(), compare=False)
     series: Unsaved[tuple[GapSeries, ...]] = field(default=(), compare=False)
     tracking: Unsaved[tuple[TrackingSeries, ...]] = field(default=(), compare=False)
+    twists: Unsaved[tuple[TransmissionSeries, ...]] = field(default=(), compare=False)
 
     @property
     def joint_gaps(self) -> tuple[JointGap, ...]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.controller.law_event import LawEvent
 from idim_iv_ros.diagnosis.localisation.where import Finding
 from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause
@@ -150,7 +151,7 @@ def beyond_the_law(
     data: Baseline,
     joint: int,
     sizes: tuple[float, float],
-    events: Sequence[tuple[float, float, int]],
+    events: Sequence[LawEvent],
 ) -> str:
     """What a joint's commands hold beyond the law and its changes.
 
@@ -159,8 +160,7 @@ def beyond_the_law(
     sizes
         RMS of that and of the command, N m (N).
     events
-        From, to (s) and number of the recording, the largest first; empty where it acts all the
-        time.
+        The largest first; empty where it acts all the time.
     """
     beyond, command = sizes
     text = (
@@ -170,7 +170,12 @@ def beyond_the_law(
     if events:
         most = settings.LAW_MOST_EVENTS
         names = [recording.path.name for recording in data.prepared.recordings]
-        shown = [f"from {a:.2f} to {b:.2f} s of {names[which]}" for a, b, which in events[:most]]
+        unit = data.unit_at(joint, "N m")
+        shown = [
+            f"{each.size:+.3g} {unit} from {each.begin:.2f} to {each.end:.2f} s of "
+            f"{names[each.recording]}"
+            for each in events[:most]
+        ]
         more = len(events) - len(shown)
         text += f", most of it {', '.join(shown)}" + (f" and {more} more times" if more else "")
     return f"{text}: no change of a gain or feedforward explains it"

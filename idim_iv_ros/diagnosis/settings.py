@@ -352,8 +352,39 @@ LAW_EVENT_KURTOSIS = Setting(6.0, "excess kurtosis",
     "kurtosis from which on it acts at certain times only", CHOSEN)
 LAW_EVENT_SIZE = Setting(8.0, "median size",
     "size from which on a row belongs to such an event", CHOSEN)
+LAW_EVENT_EDGE = Setting(0.5, "peak of the event", "size at which it begins and ends", CHOSEN)
+LAW_LEAST_EVENT = Setting(0.1, "energy of the largest event",
+    "energy from which on another one is listed", CHOSEN)
 LAW_EVENTS_APART = Setting(0.5, "s", "pause between two events, at least", CHOSEN)
-LAW_MOST_EVENTS = Count(3, "events", "events that are listed, at most", CONVENTION)
+LAW_MOST_EVENTS = Count(5, "events", "events that are listed, at most", CONVENTION)
+
+# Transmissions, with encoders behind the gears.
+STEP_TOLERANCE = Setting(0.01, "steps",
+    "distance of an encoder's values from a grid, up to which they lie on it", NUMERICAL)
+TWIST_OFFSET_STEPS = Count(3, "",
+    "fits of the time offset between the channels, which enters to first order only", NUMERICAL)
+LEAST_SIDE = Setting(0.05, "rows",
+    "share on either side of zero load, at least, to look for play", CHOSEN)
+ON_ONE_SIDE = Setting(0.98, "",
+    "decimated sign of the load from which a link in play lies on one side", NUMERICAL)
+SIDE_MARGIN = Count(2, "rows",
+    "beside a change of side that say nothing of the gap: the link flies there", CHOSEN)
+LINK_MOTION_STEPS = Count(3, "",
+    "times that the load is computed again at the link's motion", NUMERICAL)
+TWIST_POSITION_TERMS = Count(4, "cosines",
+    "of an encoder's error over the position: slower than that of a gear", CHOSEN)
+LEAST_TWIST_ROWS = Count(50, "rows", "at least, to measure a transmission", CHOSEN)
+TWIST_FOLDS = Count(6, "blocks of time", "held out in turn from a twist", CONVENTION)
+LEAST_LOAD_VARIATION = Setting(0.01, "largest load",
+    "standard deviation of the load, at least, to show a stiffness", CHOSEN)
+TWIST_DEVIATIONS = Setting(3.0, "standard deviations",
+    "distance from zero of a stiffness' reciprocal, a gap or a damping, at least, with all that "
+    "makes them unsure", CONVENTION)
+LIGHT_DAMPING = Setting(0.03, "times critical",
+    "damping of a measured shaft where none shows", PHYSICS)
+STIFF_RESONANCE = Setting(100.0, "Hz",
+    "resonance of the link against its motor from which a shaft counts as rigid: above what the "
+    "catalogue looks for", PHYSICS)
 
 # Localisation and what stays unexplained.
 LEAST_OCCUPANCY = Setting(0.005, "samples", "size of a regime, at least", CHOSEN)

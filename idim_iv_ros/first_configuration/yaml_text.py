@@ -88,6 +88,11 @@ SECTIONS: dict[str, dict[str, Key]] = {
             "no reference",
             "/joint_reference",
         ),
+        "link_states": Key(
+            "sensor_msgs/JointState of encoders behind the gears: shows stiffness and play",
+            "none",
+            "/link_states",
+        ),
         "effort_scale": Key(
             "what arrives to N m (N), e.g. torque constant · gear ratio", "1", Each(1.0)
         ),

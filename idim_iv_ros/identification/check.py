@@ -17,6 +17,7 @@ from idim_iv_ros.estimation.least_squares import (
 from idim_iv_ros.estimation.observation import streamed_rows
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.files import CHECK_FORMAT, FilePaths
+from idim_iv_ros.identification.link_encoders import link_encoders
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.model import BaseParameters
 from idim_iv_ros.model.units import unit_at
@@ -110,6 +111,7 @@ def check(
         findings += _joint_findings(prepared, joint, name)
         if len(rows[joint]) == 0:
             findings.append(Finding(name, "unusable", "never faster than the reversal speed"))
+    findings += _link_findings(prepared)
     parameters, condition = _visibility(prepared, rows)
     unseen = [parameter.name for parameter in parameters if parameter.seen == "no"]
     if unseen:
@@ -213,6 +215,24 @@ def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list
         )
         findings.append(Finding(name, "limited", sentence))
     return findings
+
+
+def _link_findings(prepared: PreparedRegression) -> list[Finding]:
+    """Say what encoders behind the gears hold, where the configuration names their topic."""
+    topic = prepared.configuration.signals.link_states
+    if topic is None:
+        return []
+    joints, types = prepared.configuration.robot.joints, prepared.model.robot.joint_types
+    found = link_encoders(prepared.motions, joints, types)
+    if not found:
+        sentence = f"no joint has positions on {topic} in every recording: nothing is made of it"
+        return [Finding(topic, "limited", sentence)]
+    return [
+        Finding(each.joint, "limited", each.problem)
+        if each.problem
+        else Finding(each.joint, "good", each.sentence)
+        for each in found
+    ]
 
 
 def count_reversals(speed: FloatArray, threshold: float) -> int:

@@ -177,6 +177,7 @@ def read_configured(
         effort=signals.effort,
         reference=signals.reference,
         prismatic=prismatic,
+        link_states=signals.link_states,
         progress=progress,
     )
 

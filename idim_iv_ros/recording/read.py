@@ -39,6 +39,7 @@ class Request:
     effort: str
     reference: str | None
     prismatic: Collection[str] = ()
+    link_states: str | None = None
 
     @property
     def fields(self) -> dict[str, set[str]]:
@@ -47,6 +48,8 @@ class Request:
         fields.setdefault(self.effort, set()).add("effort")
         if self.reference is not None:
             fields.setdefault(self.reference, set()).update(("position", "velocity"))
+        if self.link_states is not None:
+            fields.setdefault(self.link_states, set()).add("position")
         return fields
 
 
@@ -58,6 +61,7 @@ def read_recordings(
     effort: str | None = None,
     reference: str | None = None,
     prismatic: Collection[str] = (),
+    link_states: str | None = None,
     progress: Progress | None = None,
 ) -> tuple[Recording, ...]:
     """Read one recording from each bag.
@@ -73,6 +77,8 @@ def read_recordings(
     prismatic
         Joints that slide, besides those of a bag's own /robot_description: their positions have
         no turns that could wrap.
+    link_states
+        Topic of encoders behind the gears; joints may be missing there.
 
     Raises
     ------
@@ -82,7 +88,9 @@ def read_recordings(
         A bag cannot be read, or does not hold what is asked for.
     """
     names = [joints] if isinstance(joints, str) else list(joints)
-    request = Request(names, joint_states, effort or joint_states, reference, prismatic)
+    request = Request(
+        names, joint_states, effort or joint_states, reference, prismatic, link_states
+    )
     recordings: list[Recording] = []
     paths = as_paths(bags)
     for number, bag in enumerate(paths):
@@ -118,7 +126,7 @@ def _read(path: Path, request: Request) -> Recording:
         for topic in request.fields:
             if topic not in readers:
                 raise DataError(_missing(bag, topic, request))
-            messages, notes = _checked(path, readers[topic])
+            messages, notes = _checked(path, readers[topic], optional=topic == request.link_states)
             ordered = stamp_messages(messages, str(path))
             stamped[topic] = replace(ordered, notes=(*notes, *ordered.notes))
         recording = _assemble(path, request, stamped, description, loss_notes(bag, request.fields))
@@ -150,8 +158,12 @@ def _messages(bag: Bag, request: Request) -> tuple[dict[str, JointMessageReader]
     return readers, description
 
 
-def _checked(path: Path, reader: JointMessageReader) -> tuple[JointMessages, list[Note]]:
+def _checked(
+    path: Path, reader: JointMessageReader, *, optional: bool = False
+) -> tuple[JointMessages, list[Note]]:
     """Messages without impossible values, and what was left out.
+
+    `optional`: of some joints only, one at least.
 
     Raises
     ------
@@ -163,12 +175,14 @@ def _checked(path: Path, reader: JointMessageReader) -> tuple[JointMessages, lis
     if len(messages) == 0:
         damaged = f": all {messages.damaged} are damaged" if messages.damaged else ""
         raise DataError(f"{path}: no message on {topic} can be read{damaged}")
-    for joint in reader.joints:
-        if messages.names and joint not in messages.names:
-            raise DataError(
-                f"{path}: {topic} never holds joint {joint}; it holds "
-                f"{', '.join(messages.names)}; name the joints to be read in robot.joints"
-            )
+    absent = [joint for joint in reader.joints if messages.names and joint not in messages.names]
+    if optional and len(absent) < len(reader.joints):
+        absent = []
+    for joint in absent:
+        raise DataError(
+            f"{path}: {topic} never holds joint {joint}; it holds "
+            f"{', '.join(messages.names)}; name the joints to be read in robot.joints"
+        )
     notes = []
     values = dict(messages.values)
     for name in reader.fields:
@@ -176,7 +190,7 @@ def _checked(path: Path, reader: JointMessageReader) -> tuple[JointMessages, lis
         values[name], sentence = without_impossible(name, values[name], reader.joints, where)
         if sentence:
             notes.append(Note(topic, sentence, 1, limits=True))
-        if name == "velocity":
+        if name == "velocity" or optional:
             continue
         for column, joint in enumerate(reader.joints):
             if not np.isfinite(values[name][:, column]).any():
@@ -198,10 +212,12 @@ def _assemble(
     prismatic = {*request.prismatic, *prismatic_joints(description or "")}
     stamped = without_pauses(stamped, joint_states)
     stamped = without_wraps(stamped, joint_states, reference, joints, prismatic)
+    if request.link_states is not None:
+        stamped = without_wraps(stamped, joint_states, request.link_states, joints, prismatic)
     grid = _common_grid(path, request, stamped)
     for topic in stamped.values():
         notes += topic.notes
-        notes += topic.messages.notes()
+        notes += _with_encoder(topic.messages, request).notes()
     stamped, frozen = without_frozen(stamped, joint_states, effort, joints, grid.start)
     sources = {topic.quality.source for topic in stamped.values()}
     if len(sources) > 1:
@@ -223,11 +239,23 @@ def _assemble(
         velocity=_optional(grid, stamped[joint_states], "velocity"),
         position_reference=_signal(grid, stamped[reference], "position") if reference else None,
         velocity_reference=_optional(grid, stamped[reference], "velocity") if reference else None,
+        link_position=(
+            _signal(grid, stamped[request.link_states], "position") if request.link_states else None
+        ),
         clocks=tuple(topic.quality for topic in stamped.values()),
         notes=tuple(notes),
         robot_description=description,
         frozen=frozen,
     )
+
+
+def _with_encoder(messages: JointMessages, request: Request) -> JointMessages:
+    """Of encoders behind the gears only the joints that have one: the others miss nothing."""
+    if messages.topic != request.link_states:
+        return messages
+    values = messages.values["position"]
+    there = np.isfinite(values).any(axis=0)
+    return replace(messages, values={"position": values[:, there]})
 
 
 def _common_grid(path: Path, request: Request, stamped: dict[str, StampedMessages]) -> Grid:
@@ -248,12 +276,13 @@ def _common_grid(path: Path, request: Request, stamped: dict[str, StampedMessage
         raise DataError(
             f"{path}: {request.joint_states} and {request.effort} do not overlap in time{because}"
         )
-    if request.reference is not None:
-        wanted = stamped[request.reference].time
+    for other in (request.reference, request.link_states):
+        if other is None:
+            continue
+        wanted = stamped[other].time
         if wanted[-1] < first or wanted[0] > last:
             raise DataError(
-                f"{path}: {request.reference} and {request.joint_states} do not overlap in time"
-                f"{because}"
+                f"{path}: {other} and {request.joint_states} do not overlap in time{because}"
             )
     grid = make_grid(states, first, last)
     if grid.samples > _SAMPLES_A_MESSAGE * len(states) + _SAMPLES_MORE:

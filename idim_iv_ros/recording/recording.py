@@ -139,6 +139,8 @@ class Recording:
         Channels that held their last value while the joint moved; these samples are invented.
     unused_references : tuple of str
         Where there is no reference: other topics with positions of all joints, likely ones first.
+    link_position : Signal or None
+        Of encoders behind the gears, joint side; all invented at a joint that has none.
     """
 
     path: Path
@@ -155,6 +157,7 @@ class Recording:
     robot_description: str | None
     frozen: tuple[FrozenStretches, ...] = ()
     unused_references: tuple[str, ...] = ()
+    link_position: Signal | None = None
 
     @property
     def samples(self) -> int:

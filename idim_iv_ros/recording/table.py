@@ -51,10 +51,11 @@ def import_table(
     reference: FilePath | None = None,
     velocity_reference: FilePath | None = None,
     reference_time: FilePath | None = None,
+    link: FilePath | None = None,
     robot_description: str | None = None,
     force: bool = False,
 ) -> ImportSummary:
-    """Write tables as an MCAP bag with /joint_states and /joint_reference.
+    """Write tables as an MCAP bag with /joint_states, /joint_reference and /link_states.
 
     Each signal is ``FILE`` or ``FILE:KEY``; KEY is a variable, or comma-separated columns: names of
     a header line, or numbers from 0.
@@ -69,6 +70,8 @@ def import_table(
         Samples per second, or the stamps in s; one of the two.
     reference_time
         Stamps of the references where they are not those of the measurements.
+    link
+        Positions of encoders behind the gears, at the stamps of the measurements.
     robot_description
         Text of the URDF, for /robot_description.
     force
@@ -116,9 +119,14 @@ def import_table(
         )
     elif velocity_reference is not None or reference_time is not None:
         raise UsageError("--velocity-reference and --reference-time need --reference")
+    if link is not None:
+        behind = _joint_columns("position", os.fspath(link), joints, warnings)
+        _require_length(behind, stamps, os.fspath(link), position)
+        topics.append(JointTopic("/link_states", joints, stamps, position=behind))
     write_bag(out, topics, robot_description=robot_description, force=force)
     duration = float(stamps[-1] - stamps[0])
     signals = tuple(measured) + (() if reference is None else ("reference",))
+    signals += () if link is None else ("link",)
     mean_rate = (len(stamps) - 1) / duration
     return ImportSummary(len(stamps), mean_rate, duration, signals, tuple(warnings))
 

@@ -32,6 +32,7 @@ from idim_iv_ros.report.sections.residuals import RESIDUALS
 from idim_iv_ros.report.sections.stages import STAGES
 from idim_iv_ros.report.sections.torque import TORQUE
 from idim_iv_ros.report.sections.tracking import TRACKING
+from idim_iv_ros.report.sections.transmissions import TRANSMISSIONS
 from idim_iv_ros.report.sections.verdict import GAP_VERDICT, VERDICT
 
 IDENTIFICATION: tuple[Section[Any], ...] = (
@@ -56,6 +57,7 @@ DIAGNOSIS: tuple[Section[Any], ...] = (
     ORDERS,
     TORQUE,
     TRACKING,
+    TRANSMISSIONS,
     LIMITS,
     NOTES,
     PROVENANCE,

@@ -35,6 +35,10 @@ class JointSignals:
     velocity : (n_samples, n_joints) or None
         As the driver publishes it, rad/s or m/s; the control law is fitted with it.
     position_reference, velocity_reference : (n_samples, n_joints) or None
+    link_position : (n_samples, n_joints) or None
+        Of encoders behind the gears, unfiltered, rad or m.
+    link_valid : (n_samples, n_joints) bool or None
+        Whether that rests on measurements.
     """
 
     name: str
@@ -45,13 +49,16 @@ class JointSignals:
     velocity: FloatArray | None
     position_reference: FloatArray | None
     velocity_reference: FloatArray | None
+    link_position: FloatArray | None = None
+    link_valid: BoolArray | None = None
 
 
 def joint_side(recording: Recording, configuration: Configuration) -> JointSignals:
     """Apply effort scale, transmission and position offsets.
 
     With a motor-to-joint matrix R all recorded signals are on the motor side: q = R⁻¹ q_motor and
-    τ = Rᵀ τ_motor (or `motor_to_joint_torque` · τ_motor).
+    τ = Rᵀ τ_motor (or `motor_to_joint_torque` · τ_motor). Encoders behind the gears are
+    on the joint side as they are.
 
     Raises
     ------
@@ -85,6 +92,7 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     if recording.velocity_reference is not None:
         values = recording.velocity_reference.values
         velocity = _transformed(values, to_joint, np.zeros(joints))
+    link = recording.link_position
     return JointSignals(
         name=name,
         rate=recording.rate,
@@ -94,6 +102,8 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
         velocity=measured,
         position_reference=reference,
         velocity_reference=velocity,
+        link_position=None if link is None else link.values,
+        link_valid=None if link is None else ~link.invented,
     )
 
 

@@ -30,6 +30,7 @@ TOP = {
         "signal_chain",
         "recordings",
         "hints",
+        "transmissions",
     ),
 }
 CAUSE = {

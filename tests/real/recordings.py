@@ -1,8 +1,15 @@
 """The real recordings as bags, for all tests of them."""
 
+import json
 from pathlib import Path
 
-from idim_iv_ros import import_table
+import numpy as np
+import scipy
+import yaml
+from scipy.interpolate import CubicSpline
+
+from idim_iv_ros import import_table, write_bag
+from idim_iv_ros.recording.writing.write import JointTopic
 
 
 def emps_bag(data: Path, out: Path) -> Path:
@@ -48,4 +55,253 @@ def double_pendulum_bag(data: Path, out: Path) -> Path:
         velocity_reference=f"{reference}:vel1,vel2",
         reference_time=f"{reference}:time",
     )
+    return out
+
+
+KUKA_JOINTS = ("j1", "j2", "j3", "j4", "j5", "j6")
+# Axes 4 to 6 have no second encoder. Offsets, as published with the recordings: the arm stands
+# upright at zero. The drive inertias are the published motor inertias times the squared ratio.
+KUKA = """
+robot:
+  name: kr300
+  urdf: {urdf}
+  joints: [j1, j2, j3, j4, j5, j6]
+  position_offset: [0.0, -1.5707963267948966, 1.5707963267948966, 0.0, 0.0, 0.0]
+simulator:
+  armature: [608.95, 843.91, 751.33, 488.41, 574.17, 238.16]
+controller:
+  type: unknown
+signals:
+  reference: /joint_reference
+  link_states: /link_states
+  effort_scale: [256.857143, 267.428571, 252.333333, 221.0, 239.619048, 154.323134]
+processing:
+  position_cutoff: 20.0
+  decimation_cutoff: 8.0
+"""
+
+
+LATE_NOISE = 2e-5  # rad
+
+
+def kuka_bags(data: Path, folder: Path, *, link: str = "encoders") -> list[Path]:
+    """KUKA KR300: motor encoders in joint angles, motor torques, references, second encoders.
+
+    Parameters
+    ----------
+    link
+        ``encoders``: as recorded. ``late``: the motor encoders 3 ms late and with noise instead of
+        them: a time offset and nothing else.
+    """
+    bags = []
+    for name in "ABC":
+        record = scipy.io.loadmat(data / "kuka_kr300" / f"{name}.mat", squeeze_me=True)["rec"]
+        degrees = {
+            field: np.radians(record[field].item().T)
+            for field in ("act_pos_mot_deg", "act_pos_se_deg", "ref_pos_deg")
+        }
+        motor = degrees["act_pos_mot_deg"]
+        time = np.arange(len(motor)) / 250.0
+        behind = degrees["act_pos_se_deg"][:, :3]
+        if link == "late":
+            behind = CubicSpline(time, motor[:, :3], axis=0)(np.maximum(time - 0.003, 0.0))
+            behind += np.random.default_rng(0).normal(0.0, LATE_NOISE, behind.shape)
+        topics = [
+            JointTopic(
+                "/joint_states",
+                KUKA_JOINTS,
+                time,
+                position=motor,
+                effort=record["act_torque_rel_nm"].item().T,
+            ),
+            JointTopic("/joint_reference", KUKA_JOINTS, time, position=degrees["ref_pos_deg"]),
+            JointTopic("/link_states", KUKA_JOINTS[:3], time, position=behind),
+        ]
+        bags.append(folder / f"kr300_{name}_{link}.mcap")
+        write_bag(bags[-1], topics)
+    return bags
+
+
+# Links of the double pendulum by design: lengths, m, and the published model.
+DESIGNS = {
+    "A": ((0.3, 0.2), "design_A0/model_2.1.yml"),
+    "C": ((0.2, 0.3), "design_C0/model_3.1.yml"),
+}
+_LINK = """
+<link name="{name}"><inertial><origin xyz="{lever} 0 0"/><mass value="{mass}"/>
+<inertia ixx="0.00001" iyy="{inertia}" izz="{inertia}"
+ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+_JOINT = """
+<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>
+<origin xyz="{along} 0 0" rpy="{turned}"/><axis xyz="0 0 1"/><limit velocity="30" effort="10"/>
+<dynamics friction="{friction}" damping="{damping}"/></joint>"""
+PENDULUM = """
+robot:
+  name: double_pendulum
+  urdf: {urdf}
+  joints: [shoulder, elbow]
+simulator:
+  armature: [0.0, 0.0]
+controller:
+  type: unknown
+processing:
+  position_cutoff: 20.0
+  decimation_cutoff: 8.0
+  minimum_speed: [0.1, 0.1]
+"""
+
+
+def pendulum_urdf(
+    data: Path,
+    design: str,
+    friction: tuple[float, float] = (0.0, 0.0),
+    damping: tuple[float, float] = (0.0, 0.0),
+) -> str:
+    """URDF of a design's published model; inertias there are about the joint."""
+    (upper, _), file = DESIGNS[design]
+    model = yaml.safe_load((data / "dfki_double_pendulum" / file).read_text())
+    links = []
+    for number, name in ((1, "upper"), (2, "lower")):
+        mass, lever = model[f"m{number}"], model[f"r{number}"]
+        inertia = max(model[f"I{number}"] - mass * lever**2, 1e-5)
+        links.append(_LINK.format(name=name, lever=lever, mass=mass, inertia=inertia))
+    quarter = "1.5707963267948966 1.5707963267948966 0"
+    joints = [
+        _JOINT.format(
+            name=name,
+            parent=parent,
+            child=child,
+            along=along,
+            turned=turned,
+            friction=friction[number],
+            damping=damping[number],
+        )
+        for number, (name, parent, child, along, turned) in enumerate(
+            (("shoulder", "base", "upper", 0, quarter), ("elbow", "upper", "lower", upper, "0 0 0"))
+        )
+    ]
+    whole = "".join(['<link name="base"/>', *links, *joints])
+    return f'<robot name="double_pendulum">{whole}</robot>'
+
+
+def pendulum_columns(file: Path) -> dict[str, np.ndarray]:
+    """Columns of one recording of the double pendulum, by their names."""
+    names = file.read_text().split("\n", 1)[0].strip().split(",")
+    table = np.loadtxt(file, delimiter=",", skiprows=1)
+    return dict(zip(names, table.T, strict=True))
+
+
+def pendulum_bag(file: Path, out: Path, terms: dict[str, float]) -> Path:
+    """Positions, velocities and an effort that is the sum of some channels.
+
+    Parameters
+    ----------
+    terms
+        Factor of each channel: ``tau_con``, ``tau_pert``, ``tau_fric``, ``tau_meas``.
+    """
+    columns = pendulum_columns(file)
+
+    def both(name: str) -> np.ndarray:
+        return np.column_stack([columns[f"{name}1"], columns[f"{name}2"]])
+
+    effort = sum(factor * both(name) for name, factor in terms.items())
+    topic = JointTopic(
+        "/joint_states",
+        ["shoulder", "elbow"],
+        columns["time"],
+        position=both("pos_meas"),
+        velocity=both("vel_meas"),
+        effort=np.asarray(effort),
+    )
+    write_bag(out, [topic])
+    return out
+
+
+# Counts of duty per rad of position error and unit of the position gain: 4096 counts a turn,
+# gain / 256; 885 is the whole supply. The recorded duty follows it to 0.1 %.
+DUTY_PER_GAIN = 4096.0 / (2.0 * np.pi) / 256.0
+DUTY_LIMIT, SUPPLY = 885.0, 7.3  # counts, V
+SERVO_URDF = """
+<robot name="xl330"><link name="base"/>
+<joint name="servo" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="1" velocity="20"/></joint>
+<link name="arm"><inertial><origin xyz="0 0 -0.1"/><mass value="0.49"/>
+<inertia ixx="0.0001" iyy="0.0001" izz="0.0001" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>
+"""
+SERVO = """
+robot:
+  urdf: {urdf}
+  joints: [servo]
+simulator:
+  armature: [0.0]
+controller:
+  type: pd
+  kp: [{kp}]
+  kd: [0.0]
+  velocity_reference: false
+  torque_limit: [7.3]
+signals:
+  reference: /joint_reference
+  effort_scale: [{scale}]
+  effort_unit: V
+"""
+
+
+def servo_configuration(gain: float, urdf: Path) -> str:
+    """Configuration with the law of one position gain; the effort is the voltage that it sets."""
+    scale = SUPPLY / DUTY_LIMIT
+    return SERVO.format(urdf=urdf, kp=DUTY_PER_GAIN * gain * scale, scale=scale)
+
+
+def servo_bags(data: Path, folder: Path, gain: int) -> list[Path]:
+    """Three motions of the servo under one gain; in the fourth it is switched off most of the time.
+
+    No torque is recorded: the duty of the bridge takes its place, counts of two's complement.
+    """
+    bags = []
+    for file in sorted((data / "bam_xl330").glob("2*.json")):
+        record = json.loads(file.read_text())
+        if record["kp"] != gain or record["trajectory"] == "lift_and_drop":
+            continue
+        entries = record["entries"]
+        channel = {
+            name: np.array([float(entry[name]) for entry in entries])[:, None]
+            for name in ("timestamp", "position", "speed", "load", "goal_position")
+        }
+        time = channel["timestamp"][:, 0]
+        duty = np.where(channel["load"] > 32767.0, channel["load"] - 65536.0, channel["load"])
+        bag = folder / f"xl330_{gain}_{record['trajectory']}.mcap"
+        topics = [
+            JointTopic(
+                "/joint_states",
+                ["servo"],
+                time,
+                position=channel["position"],
+                velocity=channel["speed"],
+                effort=duty,
+            ),
+            JointTopic("/joint_reference", ["servo"], time, position=channel["goal_position"]),
+        ]
+        write_bag(bag, topics)
+        bags.append(bag)
+    return bags
+
+
+# Pulses that are added to EMPS's recorded control signal: begin, end (s), size (V).
+PULSES = ((5.0, 5.25, 2.0), (9.4, 9.65, -2.0), (15.1, 15.35, 2.0), (20.3, 20.55, -2.0))
+
+
+def emps_with_pulses(data: Path, out: Path) -> Path:
+    """EMPS with pulses in the recorded control signal that its law does not contain."""
+    record = scipy.io.loadmat(data / "emps" / "DATA_EMPS.mat", squeeze_me=True)
+    time, command = record["t"], record["vir"].astype(float)
+    for begin, end, size in PULSES:
+        command = command + size * ((time >= begin) & (time < end))
+    topics = [
+        JointTopic(
+            "/joint_states", ["axis"], time, position=record["qm"][:, None], effort=command[:, None]
+        ),
+        JointTopic("/joint_reference", ["axis"], time, position=record["qg"][:, None]),
+    ]
+    write_bag(out, topics)
     return out

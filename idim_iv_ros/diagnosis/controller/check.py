@@ -9,6 +9,7 @@ from scipy import stats
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.controller.command_regression import command_regression, rms
 from idim_iv_ros.diagnosis.controller.law_change import LawChange, acceptable, law_change
+from idim_iv_ros.diagnosis.controller.law_event import LawEvent
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, law_speed
 from idim_iv_ros.diagnosis.parametric.significance import differs
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
@@ -151,8 +152,12 @@ def _beyond_the_law(data: Baseline, joint: int, change: LawChange) -> str:
     return sentences.beyond_the_law(data, joint, (size, command), _events(change))
 
 
-def _events(change: LawChange) -> list[tuple[float, float, int]]:
-    """From, to (s) and recording of each, the largest first; none where it acts all the time."""
+def _events(change: LawChange) -> list[LawEvent]:
+    """The largest first; none where it acts all the time.
+
+    An event begins and ends where it falls below a share of its own peak: filters smear it, and
+    the loop swings after it.
+    """
     rest = change.fit.residuals[0]
     energy = rest**2
     kurtosis = float(np.mean(energy**2) / max(float(np.mean(energy)) ** 2, 1e-300)) - 3.0
@@ -164,8 +169,22 @@ def _events(change: LawChange) -> list[tuple[float, float, int]]:
     time, which = change.rows.time, change.rows.recording
     apart = np.diff(time[large]) > settings.LAW_EVENTS_APART
     parts = np.split(large, np.flatnonzero((np.diff(which[large]) != 0) | apart) + 1)
-    parts.sort(key=lambda part: -float(energy[part].sum()))
-    return [(float(time[p[0]]), float(time[p[-1]]), int(which[p[0]])) for p in parts]
+    events = []
+    for part in parts:
+        peak = float(np.abs(rest[part]).max())
+        core = part[np.abs(rest[part]) >= settings.LAW_EVENT_EDGE * peak]
+        events.append(
+            LawEvent(
+                begin=float(time[core[0]]),
+                end=float(time[core[-1]]),
+                recording=int(which[core[0]]),
+                size=float(np.median(rest[core])),
+                energy=float(energy[part].sum()),
+            )
+        )
+    events.sort(key=lambda event: -event.energy)
+    least = settings.LAW_LEAST_EVENT * events[0].energy
+    return [event for event in events if event.energy >= least]
 
 
 def _longest_lag(compared: Sequence[LawChange], period: float) -> float:

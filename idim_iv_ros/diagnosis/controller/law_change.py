@@ -45,6 +45,12 @@ def law_change(rows: CommandRegression, law: ControlLaw, joint: int, period: flo
     period
         Of the control, s.
     """
+    change = _change_of(rows, law, joint, period)
+    on_time = _with_reference_on_time(change, rows, law, joint, period)
+    return change if on_time is None else _change_of(on_time, law, joint, period)
+
+
+def _change_of(rows: CommandRegression, law: ControlLaw, joint: int, period: float) -> LawChange:
     longest = settings.LONGEST_LAG * period
     change = _chosen(_with_late_speed(rows, law, joint, longest, ()), law, joint, period)
     if not change.groups:
@@ -105,6 +111,25 @@ def _with_late_speed(
     if not 0.0 < lag < longest + settings.LAG_DEVIATIONS * deviation:
         return rows
     return replace(rows, rest=rows.rest - lag * late)
+
+
+def _with_reference_on_time(
+    change: LawChange, rows: CommandRegression, law: ControlLaw, joint: int, period: float
+) -> CommandRegression | None:
+    """Compute the command with a reference that is as late as the recording says.
+
+    A reference that is stamped when it is sent acts up to a period later, which looks like a
+    feedforward of −kp · lag over its velocity: no mismatch. None where there is no such thing.
+    """
+    name = "feedforward_velocity"
+    kp, _, _ = (float(gain[joint]) for gain in law.torque_gains)
+    little = rms(rows.fit((), with_lag=False)) < settings.LAW_LEAST_DIFFERENCE * rows.size
+    if little or name not in change.groups:
+        return None
+    value, deviation = change.changes[name]
+    if not 0.0 < -value < period * kp + settings.LAG_DEVIATIONS * deviation:
+        return None
+    return replace(rows, rest=rows.rest - value * rows.groups[name])
 
 
 def _certain(

@@ -220,7 +220,7 @@ def _python_type(message_type: str) -> type:
 
 
 def recorder_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
-    """Return joint states, effort, reference and robot description, remapped as the node is.
+    """Return joint states, effort, reference, link states and robot description, remapped.
 
     Raises
     ------
@@ -232,6 +232,8 @@ def recorder_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic
     needed.setdefault(names.effort or names.joint_states, []).append("effort")
     if names.reference is not None:
         needed.setdefault(names.reference, []).append("position")
+    if names.link_states is not None:
+        needed.setdefault(names.link_states, []).append("position")
     if not settings.configuration:
         needed[names.joint_states] = []
     topics = []

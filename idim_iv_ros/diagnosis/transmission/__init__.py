@@ -1,0 +1,1 @@
+"""Elasticity, play and time offset, measured by encoders behind the gears."""

@@ -1,0 +1,258 @@
+"""How far each motor is ahead of its link, beside the torque that its gear transmits.
+
+The torque is the load: that of the links alone, from the refit. The measured effort would not do.
+It holds friction, of which nobody knows how much lies before the gear and how much behind, and
+noise, which makes every shaft look stiffer than it is. What friction behind the gear twists follows
+the direction of motion and the speed, and is kept apart by that.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.signals import Motion
+from idim_iv_ros.signals.motion import all_around
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
+
+# Base parameters that are none of the links.
+_NOT_OF_LINKS = ("Fv", "Fc", "off", "Ia")
+
+
+@dataclass(frozen=True)
+class LinkChannel:
+    """One joint's positions before and behind its gear in one recording, and its rows.
+
+    Attributes
+    ----------
+    motion : Motion
+    joint : int
+    counting : (m,) bool
+        Decimated samples that count.
+    """
+
+    motion: Motion
+    joint: int
+    counting: BoolArray
+
+    def twist(self, offset: float) -> FloatArray:
+        """Motor less link (r,) rad, with the link's channel read `offset` seconds later."""
+        signals, span = self.motion.signals, self.motion.span
+        assert signals.link_position is not None
+        link = signals.link_position[:, self.joint]
+        later = scipy.ndimage.shift(
+            link, -offset * signals.rate, order=settings.SHIFT_SPLINE, mode="nearest"
+        )
+        twist = (signals.position[:, self.joint] - later)[span]
+        return np.asarray(self.motion.decimation.whole(twist)[self.counting])
+
+
+@dataclass(frozen=True)
+class TwistRows:
+    """Rows of one joint over all recordings; (r,) each.
+
+    Attributes
+    ----------
+    channels : tuple of LinkChannel
+    load : N m
+        Torque of the links, from the refit.
+    load_rate : N m/s
+    side : −1 to 1
+        Sign of the load.
+    speed : rad/s
+    direction : −1 to 1
+        Sign of the speed, and between while the joint sticks.
+    position : rad
+    recording : int
+        Which recording each row belongs to.
+    segments : tuple of slice
+        Rows that are contiguous in time.
+    load_columns : (r, b)
+        Change of the load with each base parameter of the links.
+    load_covariance : (b, b)
+        Of these parameters.
+    resolution : float
+        Step of the coarser encoder, rad; zero where none shows.
+    chosen : (n,) bool or None
+        Which rows of the channels these are; None: all.
+    """
+
+    channels: tuple[LinkChannel, ...]
+    load: FloatArray
+    load_rate: FloatArray
+    side: FloatArray
+    speed: FloatArray
+    direction: FloatArray
+    position: FloatArray
+    recording: IntArray
+    segments: tuple[slice, ...]
+    load_columns: FloatArray
+    load_covariance: FloatArray
+    resolution: float
+    chosen: BoolArray | None = None
+
+    def twist(self, offset: float) -> FloatArray:
+        """Motor less link (r,) rad, with the link's channel read `offset` seconds later."""
+        twist = np.concatenate([channel.twist(offset) for channel in self.channels])
+        return twist if self.chosen is None else twist[self.chosen]
+
+    def away_from_side_changes(self) -> "TwistRows":
+        """Return the rows at which a link in play has come to rest on one side.
+
+        In play it flies from one side to the other, which a step of the load's sign does not say.
+        """
+        near = np.abs(self.side) < settings.ON_ONE_SIDE
+        chosen = np.ones(len(near), dtype=bool)
+        for segment in self.segments:
+            spread = np.convolve(near[segment], np.ones(2 * settings.SIDE_MARGIN + 1), mode="same")
+            chosen[segment] = spread[: segment.stop - segment.start] < 0.5
+        return replace(
+            self,
+            load=self.load[chosen],
+            load_rate=self.load_rate[chosen],
+            side=self.side[chosen],
+            speed=self.speed[chosen],
+            direction=self.direction[chosen],
+            position=self.position[chosen],
+            recording=self.recording[chosen],
+            segments=_runs_within(self.segments, chosen),
+            load_columns=self.load_columns[chosen],
+            chosen=chosen,
+        )
+
+
+def has_encoder(data: Baseline, joint: int) -> bool:
+    """Whether every recording holds positions of the joint behind its gear."""
+    return all(
+        motion.signals.link_valid is not None and bool(motion.signals.link_valid[:, joint].any())
+        for motion in data.prepared.motions
+    )
+
+
+def twist_rows(
+    data: Baseline,
+    regression: Regression,
+    joint: int,
+    compliance: float = 0.0,
+    values: FloatArray | None = None,
+) -> TwistRows:
+    """Rows of one joint, where both encoders were read.
+
+    Parameters
+    ----------
+    regression
+        Of the refit on the smooth motion.
+    compliance
+        Of the shaft, rad/(N m), as far as it is known: the link needs the torque of its own motion,
+        which is the motor's less the twist.
+    values
+        (b,) base parameters of the links, where those of the refit are not: it takes the motor's
+        motion for theirs.
+    """
+    channels, parts, taken = [], [], []
+    for number, (motion, smooth) in enumerate(
+        zip(data.prepared.motions, data.motions, strict=True)
+    ):
+        assert motion.signals.link_valid is not None
+        valid = motion.signals.link_valid[motion.span, joint : joint + 1]
+        measured = all_around(valid, motion.decimation, motion.decimation.factor)[:, 0]
+        kept = motion.kept[:, joint]
+        counting = kept & measured
+        channels.append(LinkChannel(motion, joint, counting))
+        taken.append(measured[kept])
+        load = smooth.load[:, joint]
+        for _ in range(settings.LINK_MOTION_STEPS if compliance > 0.0 else 0):
+            behind = smooth.moved(joint, -compliance * load, links=True)
+            load = smooth.load[:, joint] + behind[:, joint]
+        series = (
+            load,
+            np.gradient(load, 1.0 / smooth.rate),
+            np.sign(load),
+            smooth.velocity[:, joint],
+            smooth.slip[:, joint],
+            smooth.position[:, joint],
+        )
+        rows = [smooth.rows(values)[counting] for values in series]
+        parts.append([*rows, np.full(int(counting.sum()), number)])
+    load, rate, side, speed, direction, position, recording = (
+        np.concatenate(column) for column in zip(*parts, strict=True)
+    )
+    columns, own, covariance = _of_links(data, regression, joint)
+    columns = columns[np.concatenate(taken)]
+    fitted = regression.fit().values if values is None else values
+    # The motion holds the parameters of another estimator.
+    load = load + columns @ (fitted - data.estimate.linear.values)[own]
+    return TwistRows(
+        channels=tuple(channels),
+        load=load,
+        load_rate=rate,
+        side=side,
+        speed=speed,
+        direction=direction,
+        position=position,
+        recording=recording.astype(np.int64),
+        segments=_segments(data, channels),
+        load_columns=columns,
+        load_covariance=covariance,
+        resolution=_resolution(data, joint),
+    )
+
+
+def _of_links(
+    data: Baseline, regression: Regression, joint: int
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Columns of the links' base parameters at one joint, which, and their covariance."""
+    rows, names = regression.joints[joint], data.prepared.model.base.names
+    own = [
+        place
+        for place, column in enumerate(rows.columns)
+        if not names[column].startswith(_NOT_OF_LINKS)
+    ]
+    parameters = rows.columns[own]
+    covariance = regression.fit().covariance[np.ix_(parameters, parameters)]
+    return rows.matrix[:, own], parameters, covariance
+
+
+def _segments(data: Baseline, channels: Sequence[LinkChannel]) -> tuple[slice, ...]:
+    """Runs of neighbouring decimated samples, recording by recording."""
+    segments, first = [], 0
+    for channel in channels:
+        places = np.flatnonzero(channel.counting)
+        cuts = np.flatnonzero(np.diff(places) != 1) + 1
+        for run in np.split(places, cuts):
+            if len(run):
+                segments.append(slice(first, first + len(run)))
+                first += len(run)
+    return tuple(segments)
+
+
+def _runs_within(segments: Sequence[slice], chosen: BoolArray) -> tuple[slice, ...]:
+    """Runs of chosen rows within segments, numbered without those that are not chosen."""
+    runs, first = [], 0
+    for segment in segments:
+        places = np.flatnonzero(chosen[segment])
+        for run in np.split(places, np.flatnonzero(np.diff(places) != 1) + 1):
+            if len(run):
+                runs.append(slice(first, first + len(run)))
+                first += len(run)
+    return tuple(runs)
+
+
+def _resolution(data: Baseline, joint: int) -> float:
+    """Step of the coarser of the two encoders, rad; zero where values lie on no grid."""
+    steps = [0.0]
+    for motion in data.prepared.motions:
+        signals = motion.signals
+        assert signals.link_position is not None
+        for values in (signals.position[:, joint], signals.link_position[:, joint]):
+            apart = np.diff(np.unique(np.round(values, 12)))
+            if len(apart) == 0:
+                continue
+            ratios = apart / apart.min()
+            if float(np.abs(ratios - np.round(ratios)).max()) < settings.STEP_TOLERANCE:
+                steps.append(float(apart.min()))
+    return max(steps)

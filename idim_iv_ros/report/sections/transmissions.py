@@ -1,0 +1,121 @@
+"""What encoders behind the gears say: stiffness, play and time offset, and twist over load."""
+
+from typing import Any
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.result import (
+    EffectParameter,
+    GapResult,
+    Transmission,
+    TransmissionSeries,
+)
+from idim_iv_ros.report.figures import (
+    BACKWARD,
+    FORWARD,
+    INK,
+    Figure,
+    Mark,
+    axis,
+    layout,
+    line,
+    typed,
+)
+from idim_iv_ros.report.gap_words import small_unit, torque_unit
+from idim_iv_ros.report.numerals import MISSING, THIN, measured, number
+from idim_iv_ros.report.section import Report, Section
+
+_HEIGHT = 280
+_DOTS = 400  # of one direction
+_FEW = 2
+
+
+def _context(report: Report[GapResult]) -> dict[str, Any] | None:
+    result = report.result
+    if not result.transmissions:
+        return None
+    found = {each.joint: each for each in result.transmissions}
+    plots = [
+        (series.joint, twist_figure(result, series, found[series.joint], index))
+        for index, series in enumerate(result.twists)
+    ]
+    return {
+        "rows": [_row(result, each) for each in result.transmissions],
+        "legend": [
+            Mark("line", FORWARD, "forwards (speed > 0)"),
+            Mark("line", BACKWARD, "backwards"),
+            Mark("line", INK, "load over stiffness, with play"),
+        ],
+        "plots": plots,
+        "columns": "one" if len(plots) <= _FEW else "two",
+    }
+
+
+def _row(result: GapResult, found: Transmission) -> dict[str, str]:
+    small = small_unit(result, found.joint)
+    bound = ""
+    if found.stiffness is None and found.stiffness_at_least is not None:
+        bound = f"> {number(found.stiffness_at_least, 2)}"
+    gap = MISSING
+    if found.backlash is None and found.backlash_at_most is not None:
+        gap = f"< {number(1e3 * found.backlash_at_most, 2)}{THIN}{small}"
+    share = MISSING
+    if found.time_offset is not None:
+        share = f"{100.0 * found.elastic_share:.0f}{THIN}%"
+    test = found.tests[0] if found.tests else None
+    return {
+        "joint": found.joint,
+        "stiffness": _number(found.stiffness) if found.stiffness else bound or MISSING,
+        "damping": _number(found.damping),
+        "backlash": _number(found.backlash, 1e3, small) if found.backlash else gap,
+        "lost_motion": _number(found.lost_motion, 1e3, small),
+        "offset": _number(found.time_offset, 1e3, "ms"),
+        "share": share,
+        "same": MISSING if test is None or test.p_value is None else number(test.p_value, 2),
+        "remark": found.reason,
+    }
+
+
+def _number(parameter: EffectParameter | None, scale: float = 1.0, unit: str = "") -> str:
+    if parameter is None:
+        return MISSING
+    std = None if parameter.std is None else scale * parameter.std
+    value, half = measured(scale * parameter.value, std)
+    return " ".join(part for part in (value, half, unit or parameter.unit) if part)
+
+
+def twist_figure(
+    result: GapResult, series: TransmissionSeries, found: Transmission, index: int = 0
+) -> Figure:
+    """Return the twist over the load, by direction of motion, with the measured law."""
+    torque, small = torque_unit(result, series.joint), small_unit(result, series.joint)
+    hover = f"%{{y:.3g}} {small} at %{{x:.3g}} {torque}"
+    data: list[dict[str, Any]] = []
+    for sign, colour in ((1.0, FORWARD), (-1.0, BACKWARD)):
+        chosen = np.flatnonzero(series.direction * sign > 0.0)
+        chosen = chosen[:: max(1, -(-len(chosen) // _DOTS))]
+        data.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "x": typed(series.load[chosen]),
+                "y": typed(1e3 * series.twist[chosen]),
+                "marker": {"color": colour, "size": 3.5, "opacity": 0.6},
+                "hovertemplate": f"{hover}<extra></extra>",
+            }
+        )
+    ends = np.array([float(series.load.min()), float(series.load.max())])
+    load = np.sort(np.append(ends, [-1e-9, 1e-9])) if ends[0] < 0.0 < ends[1] else ends
+    law = np.zeros(len(load))
+    if found.stiffness is not None:
+        law = law + load / found.stiffness.value
+    if found.backlash is not None:
+        law = law + 0.5 * found.backlash.value * np.sign(load)
+    if found.stiffness is not None or found.backlash is not None:
+        data.append(line(load, 1e3 * law, INK, 1.6, hover))
+    axes = {"xaxis": axis(f"Load, {torque}"), "yaxis": axis(f"Twist, {small}", nticks=6)}
+    words = f"Twist of the gear of {series.joint} over its load, by direction of motion"
+    return Figure(f"transmission-{index}", _HEIGHT, words, data, layout(axes))
+
+
+TRANSMISSIONS = Section("Transmissions", "transmissions", "transmissions.html.j2", _context)

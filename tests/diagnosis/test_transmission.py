@@ -1,0 +1,214 @@
+"""Stiffness, damping, play and time offset of a gear whose numbers are known.
+
+The recordings are simulated in `link_encoders` with SciPy: none of the project's simulator.
+"""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.diagnosis.diagnose import diagnose
+from idim_iv_ros.diagnosis.refit.refit import refitted
+from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, Transmission
+from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions
+from idim_iv_ros.diagnosis.transmission.words import described
+from idim_iv_ros.identification.prepare import read_configured
+from tests.diagnosis.link_encoders import Gear, pendulum_bag
+
+SHAFT = Gear(stiffness=2e4, damping=30.0, late=0.003)
+PLAY = Gear(stiffness=1e5, damping=60.0, gap=5e-4, late=-0.002)
+FINE = 2.0 * np.pi / 2**16
+COARSE = 2.0 * np.pi / 2**14
+
+
+@pytest.fixture(scope="module")
+def measure(tmp_path_factory: pytest.TempPathFactory):
+    @cache
+    def measured(gear: Gear, seed: int = 1) -> Transmission:
+        bag, configuration = pendulum_bag(tmp_path_factory.mktemp("gear"), gear, seed)
+        refit = refitted(read_configured([bag], configuration), configuration, ())
+        (found,) = measured_transmissions(refit.data, refit.regression)
+        return found.result
+
+    return measured
+
+
+def within(found: EffectParameter | None, truth: float, deviations: float = 3.5) -> bool:
+    assert found is not None
+    assert found.std is not None
+    return abs(found.value - truth) < deviations * found.std
+
+
+def test_stiffness_damping_and_time_offset_of_a_shaft_are_found_within_their_intervals(measure):
+    found = measure(SHAFT)
+    assert within(found.stiffness, 2e4)
+    assert within(found.damping, 30.0)
+    assert within(found.time_offset, 0.003)
+    assert found.stiffness.std < 0.01 * found.stiffness.value
+    assert found.backlash is None
+    assert found.reason == ""
+    assert found.tests[0].accepted
+
+
+def test_gap_of_play_is_found_beside_the_stiffness_of_its_flanks(measure):
+    found = measure(PLAY)
+    assert within(found.backlash, 5e-4)
+    assert found.backlash.std < 0.05 * found.backlash.value
+    assert found.stiffness.value == pytest.approx(1e5, rel=0.02)
+    assert within(found.time_offset, -0.002)
+
+
+def test_a_time_offset_alone_is_no_elasticity(measure):
+    found = measure(Gear(late=0.003))
+    assert within(found.time_offset, 0.003)
+    assert found.stiffness is None
+    assert found.backlash is None
+    assert "no twist follows the load" in found.reason
+    assert found.stiffness_at_least > 1e6
+
+
+def test_equal_encoders_show_nothing(measure):
+    found = measure(Gear())
+    assert found.stiffness is None
+    assert found.backlash is None
+    assert found.lost_motion is None
+    assert abs(found.time_offset.value) < 1e-5
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_an_eccentric_encoder_on_a_rigid_gear_is_no_elasticity(measure, order):
+    """Gravity follows sin q, and so does an encoder that is mounted off its axis."""
+    found = measure(Gear(error=(_once, _twice)[order - 1]))
+    assert found.stiffness is None
+    assert found.position_error
+
+
+def _once(angle):
+    return 1e-3 * np.sin(angle)
+
+
+def _twice(angle):
+    return 1e-3 * np.sin(2.0 * angle + 1.0)
+
+
+def test_a_shaft_behind_an_eccentric_encoder_keeps_its_stiffness(measure):
+    found = measure(Gear(stiffness=2e4, damping=30.0, error=_once))
+    assert within(found.stiffness, 2e4)
+
+
+def test_stiffness_is_found_below_the_steps_of_the_encoders_where_the_twist_is_larger(measure):
+    found = measure(Gear(stiffness=2e4, damping=30.0, step=FINE, noise=0.0))
+    assert within(found.stiffness, 2e4)
+    assert found.resolution == pytest.approx(FINE, rel=1e-6)
+
+
+def test_a_twist_below_the_step_of_the_encoders_cannot_be_told(measure):
+    """39 N m twist 3e5 N m/rad by a third of a step."""
+    found = measure(Gear(stiffness=3e5, damping=60.0, step=COARSE, noise=0.0))
+    assert found.stiffness is None
+    assert "below the encoders' step" in found.reason
+    assert found.stiffness_at_least < 3e5
+
+
+@pytest.mark.parametrize(("error", "words"), [(-2.0, "turns -1 times"), (-1.0, "stands still")])
+def test_an_encoder_with_another_sign_or_that_stands_still_is_named(measure, error, words):
+    found = measure(Gear(error=(_reversed, _standing)[error == -1.0]))
+    assert words in found.reason
+    assert words in described(found)
+    assert found.time_offset is None
+
+
+def _reversed(angle):
+    return -2.0 * angle
+
+
+def _standing(angle):
+    return -angle
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_as_often_as_they_say(measure):
+    """95 % intervals of 40 recordings: at most 6 misses have a probability above 0.1 %."""
+    misses = {"stiffness": 0, "time_offset": 0}
+    for seed in range(100, 140):
+        found = measure(Gear(stiffness=5e4, damping=30.0, late=0.002, noise=2e-5), seed)
+        misses["stiffness"] += not within(found.stiffness, 5e4, 1.96)
+        misses["time_offset"] += not within(found.time_offset, 0.002, 1.96)
+    assert max(misses.values()) <= 6, misses
+
+
+@pytest.mark.slow
+def test_no_elasticity_is_named_where_there_is_none(measure):
+    named = [
+        seed
+        for seed in range(200, 230)
+        if measure(Gear(late=0.002, noise=5e-5), seed).stiffness is not None
+    ]
+    assert not named
+
+
+@pytest.fixture(scope="module")
+def diagnosed(tmp_path_factory: pytest.TempPathFactory):
+    @cache
+    def result(gear: Gear, without: tuple[str, ...] = ()) -> GapResult:
+        bag, configuration = pendulum_bag(tmp_path_factory.mktemp("gap"), gear)
+        return diagnose([bag], configuration, without=without)
+
+    return result
+
+
+def shafts(result: GapResult):
+    return [cause for cause in result.causes if cause.effect in ("elasticity", "backlash")]
+
+
+def test_a_measured_shaft_is_one_cause_with_the_measured_stiffness(diagnosed):
+    """14 Hz against the motor: the torque alone may show it, too."""
+    result = diagnosed(SHAFT)
+    (cause,) = shafts(result)
+    (found,) = result.transmissions
+    assert cause.effect == "elasticity"
+    assert cause.parameters["stiffness"] == found.stiffness
+    assert cause.evidence.held_out_gain > 0.9
+    assert "no elasticity" in cause.sentence
+    assert cause.sentence[1:] in result.summary
+    assert len(result.twists[0].load) == found.rows
+
+
+def test_measured_play_is_a_cause_with_its_gap(diagnosed):
+    (cause,) = shafts(diagnosed(PLAY))
+    assert cause.effect == "backlash"
+    assert cause.parameters["gap"].value == pytest.approx(5e-4, rel=0.05)
+
+
+def test_a_rigid_gear_with_a_late_channel_has_no_such_cause(diagnosed):
+    result = diagnosed(Gear(late=0.003))
+    assert not shafts(result)
+    assert any("no elasticity" in note for note in result.notes)
+
+
+def test_an_effect_that_is_left_out_is_not_named_from_the_encoders_either(diagnosed):
+    assert not shafts(diagnosed(SHAFT, ("elasticity",)))
+
+
+def test_transmissions_are_in_the_document_and_read_back(diagnosed, tmp_path: Path):
+    result = diagnosed(SHAFT)
+    result.write(tmp_path / "gap.json")
+    again = GapResult.read(tmp_path / "gap.json")
+    assert again.transmissions == result.transmissions
+
+
+def test_what_the_encoders_exclude_is_taken_out_with_a_note(diagnosed):
+    from dataclasses import replace
+
+    from idim_iv_ros.diagnosis.transmission.causes import with_transmissions
+    from idim_iv_ros.diagnosis.transmission.measure import Measured
+
+    cause = replace(shafts(diagnosed(SHAFT))[0], parameters={})
+    soft = EffectParameter(1e3, 10.0, "N m/rad")
+    cause = replace(cause, parameters={"stiffness": soft})
+    (rigid,) = diagnosed(Gear(late=0.003)).transmissions
+    found = with_transmissions(None, None, [Measured(0, rigid)], [cause])  # type: ignore[arg-type]
+    assert found.causes == []
+    assert "excludes" in found.notes[0]
