@@ -40,7 +40,10 @@ from idim_iv_ros.diagnosis.structural.causes import NamedModel
 from idim_iv_ros.diagnosis.structural.confirmation import Confirmed
 from idim_iv_ros.diagnosis.tracking import Tracking, tracking_series, with_tracking
 from idim_iv_ros.diagnosis.verdict import leading, strongest_first, verdict_of
+from idim_iv_ros.identification.consistency import consistent_parameters
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING
+from idim_iv_ros.model import kinematics_digest
+from idim_iv_ros.physical import PhysicalParameters
 
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 
@@ -89,6 +92,7 @@ def assembled(found: Diagnosis) -> GapResult:
     causes = strongest_first(found.causes, data)
     outside = unexplained(data, model)
     session = data.prepared.session.parts
+    physical, why_not = _consistent(refit, model)
     errors = parameter_errors(data, found.parametric)
     not_named = remaining(errors)
     stages = with_tracking(found.held.tested.stages(), found.tracked)
@@ -141,6 +145,9 @@ def assembled(found: Diagnosis) -> GapResult:
         tracking=tracking_series(data, first, last),
         notes=_notes(found, speed),
         extended_parameters=_extended_parameters(refit, model),
+        physical=physical,
+        why_no_physical=why_not,
+        kinematics=kinematics_digest(data.prepared.model.robot),
         parameter_errors=errors,
         signal_chain=refit.shift.part_of_result(data.joints, speed),
         recordings=recordings,
@@ -241,6 +248,18 @@ def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
         ),
     ]
     return tuple(dict.fromkeys(note for note in notes if note))
+
+
+def _consistent(refit: Refit, model: NamedModel) -> tuple[PhysicalParameters | None, str]:
+    """Physical parameters nearest to the extended model, judged on torques without its effects."""
+    fit, parameters = model.fit, len(model.fit.values)
+    rows = [
+        replace(joint, torque=joint.prediction(fit.values) + residual)
+        for joint, residual in zip(refit.regression.joints, fit.residuals, strict=True)
+    ]
+    sigma = np.array([max(float(np.std(residual)), 1e-300) for residual in fit.residuals])
+    covariance = fit.covariance[:parameters, :parameters]
+    return consistent_parameters(refit.data.prepared, fit.values, covariance, rows, sigma)
 
 
 def _extended_parameters(refit: Refit, model: NamedModel) -> dict[str, EffectParameter]:

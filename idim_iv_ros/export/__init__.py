@@ -1,0 +1,1 @@
+"""A result as the files of a simulator."""
