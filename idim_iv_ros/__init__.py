@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from idim_iv_ros.diagnosis.result import GapResult
     from idim_iv_ros.errors import DataError, IdimError, UsageError
     from idim_iv_ros.excitation import Trajectory, excite, read_trajectory
+    from idim_iv_ros.export import Exported, export
     from idim_iv_ros.first_configuration import propose_configuration, write_configuration
     from idim_iv_ros.identification.check import CheckReport, check
     from idim_iv_ros.identification.identify import identify, identify_recordings
@@ -25,6 +26,7 @@ __all__ = [
     "CheckReport",
     "Configuration",
     "DataError",
+    "Exported",
     "GapResult",
     "IdentificationResult",
     "IdimError",
@@ -34,6 +36,7 @@ __all__ = [
     "check",
     "diagnose",
     "excite",
+    "export",
     "identify",
     "identify_recordings",
     "import_table",
@@ -51,6 +54,7 @@ _MODULES = {
     "configuration": ("Configuration", "load_configuration"),
     "errors": ("DataError", "IdimError", "UsageError"),
     "excitation": ("Trajectory", "excite", "read_trajectory"),
+    "export": ("Exported", "export"),
     "first_configuration": ("propose_configuration", "write_configuration"),
     "diagnosis.diagnose": ("diagnose",),
     "diagnosis.result": ("GapResult",),

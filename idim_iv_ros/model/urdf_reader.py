@@ -36,10 +36,11 @@ def read_urdf_file(path: Path) -> str:
     UsageError
         The file cannot be read, or is no text.
     """
-    return read_text(path, "the URDF", megabytes=_LARGEST_FILE, decode=_decoded)
+    return read_text(path, "the URDF", megabytes=_LARGEST_FILE, decode=decoded)
 
 
-def _decoded(content: bytes) -> str:
+def decoded(content: bytes) -> str:
+    """Text of a URDF: UTF-8, or the encoding that its first line declares."""
     declared = re.match(rb"<\?xml[^>]*encoding=[\"']([\w.-]+)[\"']", content)
     return content.decode(declared.group(1).decode() if declared else "utf-8-sig")
 

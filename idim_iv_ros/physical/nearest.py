@@ -153,7 +153,7 @@ def nearest_physical(
                 each.name,
                 each.unit,
                 float(standard[k]),
-                None if sources[k] == "nominal model" else float(deviations[k]),
+                float(deviations[k]) if sources[k] == "recording" else None,
                 float(given[k]),
                 sources[k],
             )

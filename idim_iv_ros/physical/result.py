@@ -20,8 +20,8 @@ class StandardValue:
     name, unit : str
     value : float
     std : float or None
-        What the noise of the recording makes of `value`, to first order; how the nominal model
-        splits a sum has none. None where no motion shows the parameter.
+        Of `value`, to first order; None where the nominal model has a part in it, for how it splits
+        a sum has no known error.
     given : float
         Of the nominal model.
     source : str

@@ -130,7 +130,7 @@ def test_the_deviations_are_those_of_repeated_recordings() -> None:
     """Of a parameter that the recording shows, and of the mass that is only part of sums."""
     estimate = arm("arm2", samples=2000, noise=0.002)
     draws = [projected(estimate, estimate.drawn(seed)) for seed in range(60)]
-    for name in ("Fv2", "Ia1", "MX2", "YY2"):
+    for name in ("Fv2", "Ia2", "MX2", "YY2"):
         spread = float(np.std([each.values[name] for each in draws]))
         said = {each.name: each.std for each in draws[0].parameters}[name]
         assert said is not None
