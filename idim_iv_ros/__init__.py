@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from idim_iv_ros.diagnosis.result import GapResult
     from idim_iv_ros.errors import DataError, IdimError, UsageError
     from idim_iv_ros.excitation import Trajectory, excite, read_trajectory
-    from idim_iv_ros.export import Exported, export
     from idim_iv_ros.first_configuration import propose_configuration, write_configuration
     from idim_iv_ros.identification.check import CheckReport, check
     from idim_iv_ros.identification.identify import identify, identify_recordings
     from idim_iv_ros.identification.result import IdentificationResult
     from idim_iv_ros.recording import Recording, import_table, read_recordings, write_bag
     from idim_iv_ros.report import write_gap_report, write_report
+    from idim_iv_ros.simulator_files import Exported, export
 
 __all__ = [
     "CheckReport",
@@ -54,7 +54,7 @@ _MODULES = {
     "configuration": ("Configuration", "load_configuration"),
     "errors": ("DataError", "IdimError", "UsageError"),
     "excitation": ("Trajectory", "excite", "read_trajectory"),
-    "export": ("Exported", "export"),
+    "simulator_files": ("Exported", "export"),
     "first_configuration": ("propose_configuration", "write_configuration"),
     "diagnosis.diagnose": ("diagnose",),
     "diagnosis.result": ("GapResult",),

@@ -34,7 +34,7 @@ def export_command(
     """
     from idim_iv_ros.cli.output import Output
     from idim_iv_ros.configuration import load_configuration
-    from idim_iv_ros.export import export
+    from idim_iv_ros.simulator_files import export
 
     output = Output(quiet=quiet, as_json=as_json)
     made = export(result, load_configuration(config), out, force=force)

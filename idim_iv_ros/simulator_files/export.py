@@ -9,19 +9,19 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.export.answer import Answer, read_answer
-from idim_iv_ros.export.changes import ChangedLink, changes_text, simulator_lines
-from idim_iv_ros.export.isaac_lab import isaac_lab_text
-from idim_iv_ros.export.law import DriveLaw, drive_law
-from idim_iv_ros.export.links import LinkBody, body_of_joint, link_bodies
-from idim_iv_ros.export.mjcf import JointValues, mjcf_text
-from idim_iv_ros.export.mjcf_effects import Coupled, native_effects
-from idim_iv_ros.export.urdf_text import MOMENTS, with_values
 from idim_iv_ros.files import FilePath, complete_files
 from idim_iv_ros.model import load_robot, read_urdf_file, read_urdf_text
 from idim_iv_ros.model.parameters import REGRESSOR_ORDER
 from idim_iv_ros.model.urdf import Urdf
 from idim_iv_ros.model.urdf_reader import decoded
+from idim_iv_ros.simulator_files.answer import Answer, read_answer
+from idim_iv_ros.simulator_files.changes import ChangedLink, changes_text, simulator_lines
+from idim_iv_ros.simulator_files.isaac_lab import isaac_lab_text
+from idim_iv_ros.simulator_files.law import DriveLaw, drive_law
+from idim_iv_ros.simulator_files.links import LinkBody, body_of_joint, link_bodies
+from idim_iv_ros.simulator_files.mjcf import JointValues, mjcf_text
+from idim_iv_ros.simulator_files.mjcf_effects import Coupled, native_effects
+from idim_iv_ros.simulator_files.urdf_text import MOMENTS, with_values
 from idim_iv_ros.simulators.effects_file import EffectsFile, PlantedEffect
 from idim_iv_ros.types import FloatArray
 

@@ -7,9 +7,9 @@ Isaac Sim 5 `friction` and `dynamic_friction` are efforts, `viscous_friction` a 
 import math
 from collections.abc import Sequence
 
-from idim_iv_ros.export.law import DELAY, MISMATCH, DriveLaw
-from idim_iv_ros.export.mjcf import JointValues
 from idim_iv_ros.model import RobotModel
+from idim_iv_ros.simulator_files.law import DELAY, MISMATCH, DriveLaw
+from idim_iv_ros.simulator_files.mjcf import JointValues
 from idim_iv_ros.simulators.effects_file import PlantedEffect
 from idim_iv_ros.types import FloatArray
 

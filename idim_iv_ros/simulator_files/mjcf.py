@@ -10,11 +10,11 @@ import numpy as np
 import pinocchio as pin
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.export.law import DriveLaw
-from idim_iv_ros.export.links import LinkBody
-from idim_iv_ros.export.mjcf_effects import Coupled, NativeEffects
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.model.urdf import Urdf
+from idim_iv_ros.simulator_files.law import DriveLaw
+from idim_iv_ros.simulator_files.links import LinkBody
+from idim_iv_ros.simulator_files.mjcf_effects import Coupled, NativeEffects
 from idim_iv_ros.types import FloatArray
 
 _THICKNESS = 0.12  # of a drawn link, of its length

@@ -19,8 +19,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from idim_iv_ros.export.law import DELAY, MISMATCH, SATURATION, DriveLaw
 from idim_iv_ros.model import RobotModel
+from idim_iv_ros.simulator_files.law import DELAY, MISMATCH, SATURATION, DriveLaw
 from idim_iv_ros.simulators.effects_file import PlantedEffect
 
 

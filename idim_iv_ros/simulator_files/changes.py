@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.export.answer import Answer
-from idim_iv_ros.export.law import DriveLaw
-from idim_iv_ros.export.links import LinkBody
 from idim_iv_ros.model.units import unit_at
 from idim_iv_ros.physical import StandardValue
+from idim_iv_ros.simulator_files.answer import Answer
+from idim_iv_ros.simulator_files.law import DriveLaw
+from idim_iv_ros.simulator_files.links import LinkBody
 from idim_iv_ros.simulators.effects_file import PlantedEffect
 
 _SOURCES = {

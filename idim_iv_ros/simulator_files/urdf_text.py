@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.export.links import LinkBody
+from idim_iv_ros.simulator_files.links import LinkBody
 from idim_iv_ros.types import FloatArray
 
 _ATTRIBUTE = re.compile(rb"([^\s=/<>\"']+)\s*=\s*(\"[^\"]*\"|'[^']*')")
