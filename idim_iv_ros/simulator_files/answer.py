@@ -18,6 +18,7 @@ from idim_iv_ros.model import (
     build_inverse_model,
     kinematics_digest,
 )
+from idim_iv_ros.model.parameters import INERTIAL
 from idim_iv_ros.physical import PhysicalParameters, nearest_physical
 from idim_iv_ros.physical.nearest import TO_INSTALL
 from idim_iv_ros.simulation import SimulatedEffect
@@ -141,6 +142,12 @@ def _require_same_nominal(
     """Refuse a nominal model that changed since: what no motion shows was taken from it."""
     layout = model.regressor.layout
     now = dict(zip(layout.names, layout.vector(model.robot.given), strict=True))
+    for name in layout.names:
+        if name.rstrip("0123456789") in INERTIAL and name not in physical.values:
+            raise UsageError(
+                f"{path}: physical.parameters: {name} is missing; run "
+                f"`idim-iv {result.written_by}` again"
+            )
     sizes: dict[str, float] = {}
     for each in physical.parameters:
         sizes[each.unit] = max(sizes.get(each.unit, 0.0), abs(each.given))
