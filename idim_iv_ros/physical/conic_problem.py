@@ -24,6 +24,7 @@ from idim_iv_ros.types import FloatArray
 
 TRIANGLE = tuple((row, column) for row in range(4) for column in range(row + 1))  # of x
 _SIZE = len(TRIANGLE)
+_TOLERANCE = 1e-10  # of the solver; a solution that misses it is taken if it is within 1e-5
 _ROOT = float(np.sqrt(2.0))
 
 
@@ -81,6 +82,7 @@ class ConicProblem:
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_threads = 1
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
         matrix, right, cones = rows.build(clarabel)
         solver = clarabel.DefaultSolver(quadratic, linear, matrix, right, cones, settings)
         solution = solver.solve()

@@ -41,8 +41,7 @@ TIE_BREAKER = 0.1
 LEAST_OF_NOMINAL = 1e-3
 ALPHA = 0.01
 _ACTIVE = 1.5  # a bound holds a link back within this factor of it
-_AT_ZERO = 1e-4  # of its σ or of its nominal value a bounded parameter counts as zero
-_SHARE_OF_LARGEST = 0.1  # scale of a drive parameter that the nominal model does not give
+_AT_ZERO = 1e-3  # of its σ: what is nearer to zero is there, but for the solver's tolerance
 _INDEPENDENT = 1e-9
 _LEAST_VARIANCE = 1e-12  # of a correlation matrix
 
@@ -104,7 +103,7 @@ def nearest_physical(
     nominal = given[coordinates.drives]
     kinds = np.array([base.layout.parameters[k].kind for k in coordinates.drives])
     bounded = np.isin(kinds, list(NON_NEGATIVE))
-    scale = _scales(nominal, kinds)
+    scale = _scales(base, coordinates.drives, nominal, values)
 
     def solve(estimate: FloatArray) -> FloatArray:
         problem = ConicProblem(
@@ -119,17 +118,18 @@ def nearest_physical(
         )
         x = problem.solve()
         drives = x[10 * len(coordinates.links) :]
-        drives[bounded] = np.maximum(drives[bounded], 0.0)
+        drives[bounded & (drives < _AT_ZERO * own_std)] = 0.0
         return x
 
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    own_std = _smallest_std(base, coordinates.drives, std)
     x = solve(values)
     standard = coordinates.to_standard @ x
     consistent = base.grouping @ standard
     links = _links(robot, base, coordinates, group[shown], values[shown], x)
-    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     deviations = _standard_deviations(coordinates, root @ group[shown], x, bounded, scale)
     sources = _sources(base, shown)
-    zero = _at_zero(base, coordinates, standard, bounded, deviations)
+    zero = _at_zero(base, coordinates, standard, bounded)
     active = (*(each.joint for each in links if each.active), *zero)
     distance = float(np.sum((root @ (consistent - values)[shown]) ** 2))
     test = HypothesisTest(
@@ -210,14 +210,23 @@ def _root(covariance: FloatArray) -> tuple[IntArray, FloatArray]:
     return shown, (vectors / np.sqrt(sizes)).T / std
 
 
-def _scales(nominal: FloatArray, kinds: NDArray[np.str_]) -> FloatArray:
-    """How far each parameter of drives and friction may be from the nominal one for λ: (k,)."""
+def _scales(
+    base: BaseParameters, drives: IntArray, nominal: FloatArray, values: FloatArray
+) -> FloatArray:
+    """How far each parameter of drives and friction may be from the nominal one for λ: (k,).
+
+    Infinite where the recording shows it alone. In a sum it is as large as the nominal one or the
+    sum itself: a drive without a given inertia may take all of what it shares with a link.
+    """
     scale = np.abs(nominal)
-    for kind in np.unique(kinds):
-        own = kinds == kind
-        largest = float(np.max(scale[own]))
-        scale[own] = np.maximum(scale[own], _SHARE_OF_LARGEST * largest if largest > 0.0 else 1.0)
-    return scale
+    for k, column in enumerate(drives):
+        rows = np.flatnonzero(base.grouping[:, column])
+        if len(rows) and all(np.count_nonzero(base.grouping[row]) == 1 for row in rows):
+            scale[k] = np.inf
+        elif len(rows):
+            sums = np.abs(values[rows] / base.grouping[rows, column])
+            scale[k] = max(scale[k], float(sums.max()))
+    return np.where(scale > 0.0, scale, 1.0)
 
 
 def _links(
@@ -275,7 +284,7 @@ def _standard_deviations(
     drives = np.arange(len(scale)) + 10 * links
     hessian[drives, drives] += 2.0 * TIE_BREAKER / scale**2
     free = np.ones(len(x), dtype=bool)
-    free[10 * links :] = ~(bounded & (x[10 * links :] <= _AT_ZERO * scale))
+    free[10 * links :] = ~(bounded & (x[10 * links :] <= 0.0))
     gain = np.zeros((len(x), len(matrix)))
     gain[free] = np.linalg.solve(hessian[np.ix_(free, free)], 2.0 * matrix[:, free].T)
     return np.asarray(np.linalg.norm(coordinates.to_standard @ gain, axis=1))
@@ -295,18 +304,24 @@ def _sources(base: BaseParameters, shown: IntArray) -> list[Source]:
     return found
 
 
+def _smallest_std(base: BaseParameters, drives: IntArray, std: FloatArray) -> FloatArray:
+    """σ of the best known sum that each of drives and friction is part of: (k,)."""
+    parts = base.grouping[:, drives] != 0.0
+    shown = np.where(parts & (std > 0.0)[:, None], std[:, None], np.inf).min(axis=0)
+    return np.where(np.isfinite(shown), shown, 0.0)
+
+
 def _at_zero(
     base: BaseParameters,
     coordinates: _Coordinates,
     standard: FloatArray,
     bounded: NDArray[np.bool_],
-    deviations: FloatArray,
 ) -> tuple[str, ...]:
     """Drive and friction parameters that a bound holds at zero."""
     return tuple(
         base.layout.names[k]
         for k, bound in zip(coordinates.drives, bounded, strict=True)
-        if bound and np.any(base.grouping[:, k]) and standard[k] <= _AT_ZERO * deviations[k] + 1e-9
+        if bound and np.any(base.grouping[:, k]) and standard[k] == 0.0
     )
 
 

@@ -117,9 +117,11 @@ class ReferenceLink:
         return np.linalg.solve(self.factor, left.T).T
 
     def eigenvalues(self, parameters: FloatArray) -> FloatArray:
-        """Of J (4,), kg, with lengths in radii of gyration of the nominal link, ascending."""
-        shape = self.factor[:3, :3]
-        radius = float(np.sqrt(np.trace(shape @ shape.T))) / self.factor[3, 3]
+        """Of J (4,), kg, ascending; lengths in radii of gyration of the nominal link.
+
+        About the origin of the joint frame.
+        """
+        radius = float(np.linalg.norm(self.factor[:3])) / self.factor[3, 3]
         scale = np.diag([1.0 / radius, 1.0 / radius, 1.0 / radius, 1.0])
         return np.asarray(np.linalg.eigvalsh(scale @ pseudo_inertia(parameters) @ scale))
 
