@@ -17,7 +17,8 @@ _LARGEST = 50.0  # MB
 class PlantedEffect:
     """One effect at a joint, or at all; numbers as in docs/simulation.md.
 
-    `native`: the MJCF beside the file has it already, so that it is not applied on top of that one.
+    `native`: whether the MJCF that the file goes with has it already, so that
+    `simulators.mujoco.Effects` passes it over.
     """
 
     effect: str
