@@ -329,8 +329,8 @@ def _sentence(test: HypothesisTest, active: tuple[str, ...]) -> str:
     held = f"bounds hold back {', '.join(active)}" if active else "no bound is touched"
     if test.accepted:
         return (
-            "A physical robot with parameters as near as noise lets them be could have made this "
-            f"recording; {held}."
+            "A physical robot explains this recording as well as the estimate does, within noise; "
+            f"{held}."
         )
     return (
         "No rigid robot with friction that only takes energy could have made this recording "

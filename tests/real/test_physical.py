@@ -1,4 +1,4 @@
-"""Physical parameters on real recordings: every link a body, and no worse where it was not fitted."""
+"""Physical parameters of real recordings: every link a body, and no worse where not fitted."""
 
 from pathlib import Path
 
