@@ -29,6 +29,9 @@ TOP = {
         "parameter_errors",
         "signal_chain",
         "recordings",
+        "physical",
+        "why_no_physical",
+        "kinematics",
     ),
 }
 CAUSE = {
