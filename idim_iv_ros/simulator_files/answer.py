@@ -18,7 +18,9 @@ from idim_iv_ros.model import (
     build_inverse_model,
     kinematics_digest,
 )
+from idim_iv_ros.model.base_parameters import NON_NEGATIVE
 from idim_iv_ros.model.parameters import INERTIAL
+from idim_iv_ros.model.urdf_reader import LARGEST
 from idim_iv_ros.physical import PhysicalParameters, nearest_physical
 from idim_iv_ros.physical.nearest import TO_INSTALL
 from idim_iv_ros.simulation import SimulatedEffect
@@ -26,6 +28,7 @@ from idim_iv_ros.simulation.effects import joint_effects
 from idim_iv_ros.simulators.effects_file import PlantedEffect
 
 _LARGEST = 50.0  # MB
+_LONGEST_DELAY = 1.0  # s, as controller.delay
 _SAME = 1e-6  # relative to the largest of its kind: rounding of a file that was written again
 
 
@@ -148,6 +151,14 @@ def _require_same_nominal(
                 f"{path}: physical.parameters: {name} is missing; run "
                 f"`idim-iv {result.written_by}` again"
             )
+    for each in physical.parameters:
+        kind = each.name.rstrip("0123456789")
+        bounded = kind in NON_NEGATIVE and kind not in INERTIAL  # links are judged as bodies
+        if not abs(each.value) <= LARGEST or (bounded and each.value < 0.0):
+            raise UsageError(
+                f"{path}: physical.parameters: {each.name} is {each.value:g} {each.unit}, which no "
+                "robot has"
+            )
     sizes: dict[str, float] = {}
     for each in physical.parameters:
         sizes[each.unit] = max(sizes.get(each.unit, 0.0), abs(each.given))
@@ -178,6 +189,10 @@ def _effects(
             inside.append(f"{cause.effect}{where}")
             continue
         values = {name: each.value for name, each in cause.parameters.items()}
+        if values.get("delay", 0.0) > _LONGEST_DELAY:
+            raise UsageError(
+                f"{path}: causes.{number}: a delay of {values['delay']:g} s is no drive's"
+            )
         effects.append(PlantedEffect(cause.effect, cause.joint, cause.other_joint, values))
         if cause.indistinguishable_from:
             others = ", ".join(each.effect for each in cause.indistinguishable_from)

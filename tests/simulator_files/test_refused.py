@@ -4,11 +4,14 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import pinocchio as pin
 import pytest
 
 from idim_iv_ros import export
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.types import FloatArray
 from tests.report.sample_result import sample_result
 from tests.simulator_files.cases import CONFIG, Case, case, cause
 
@@ -122,3 +125,55 @@ def test_a_physical_key_that_lacks_a_parameter(arm: Case, tmp_path: Path) -> Non
     del content["physical"]["parameters"][3]
     arm.path.write_text(json.dumps(content), encoding="utf-8")
     refused(arm, tmp_path / "out", "physical.parameters: YY1 is missing; run `idim-iv diagnose`")
+
+
+@pytest.mark.parametrize(("name", "value"), [("Fv1", -0.1), ("YY2", 1e300), ("Ia1", -1e-3)])
+def test_numbers_that_no_robot_has(arm: Case, tmp_path: Path, name: str, value: float) -> None:
+    assert arm.gap.physical is not None
+    parameters = tuple(
+        replace(each, value=value) if each.name == name else each
+        for each in arm.gap.physical.parameters
+    )
+    edited = arm.with_gap(physical=replace(arm.gap.physical, parameters=parameters))
+    refused(edited, tmp_path / "out", f"{name} is .*which no robot has")
+
+
+def test_a_link_that_is_no_body(arm: Case, tmp_path: Path) -> None:
+    assert arm.gap.physical is not None
+    parameters = tuple(
+        replace(each, value=-each.value) if each.name == "YY2" else each
+        for each in arm.gap.physical.parameters
+    )
+    edited = arm.with_gap(physical=replace(arm.gap.physical, parameters=parameters))
+    refused(edited, tmp_path / "out", "link link_2: no body is left for it")
+
+
+def test_a_delay_of_an_hour(tmp_path: Path) -> None:
+    arm = case(tmp_path, "arm2", [cause("time_delay", None, delay=3600.0)])
+    refused(arm, tmp_path / "out", "a delay of 3600 s is no drive's")
+
+
+def test_an_older_identification_of_this_robot_is_exported(arm: Case, tmp_path: Path) -> None:
+    """It has no physical set, but estimates with their covariance: the set is found then."""
+    sample, base = sample_result(2), arm.model.base
+    first = sample.parameters[0]
+    parameters = tuple(
+        replace(first, name=name, value=float(value), std=0.01)
+        for name, value in zip(base.names, base.from_standard(_standard(arm)), strict=True)
+    )
+    older = replace(
+        sample,
+        joints=("joint_1", "joint_2"),
+        parameters=parameters,
+        covariance=1e-4 * np.eye(len(parameters)),
+    )
+    path = tmp_path / "result.json"
+    path.write_text(older.to_json(), encoding="utf-8")
+    made = export(path, arm.configuration, tmp_path / "out")
+    model = pin.buildModelFromUrdf(str(made.urdf))
+    friction = model.damping[1]
+    assert friction == pytest.approx(arm.standard["Fv2"], abs=1e-3)
+
+
+def _standard(arm: Case) -> FloatArray:
+    return np.array([arm.standard[name] for name in arm.model.regressor.layout.names])
