@@ -2,6 +2,7 @@
 
 import difflib
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.model import read_urdf_text
 from tests.simulator_files.cases import Case, case
 
 DECORATED = Path(__file__).with_name("decorated.urdf")
@@ -139,3 +141,28 @@ def test_values_for_macros_are_those_of_the_urdf(decorated: Case, tmp_path: Path
     mass = re.search(r'<mass   value="([^"]*)"', made.urdf.read_text(encoding="utf-8"))
     assert mass is not None
     assert values["links"]["upper"]["mass"] == float(mass[1])
+
+
+def test_a_load_that_is_heavier_than_the_joint_carries_changes_with_the_link(
+    tmp_path: Path,
+) -> None:
+    """The URDF says 0.2 kg of camera; the same result with 5 kg of it in the file is no link."""
+    text = DECORATED.read_text(encoding="utf-8")
+    heavy = text.replace('<mass value="0.2"/>', '<mass value="5.0"/>')
+    urdf = tmp_path / "decorated.urdf"
+    urdf.write_text(heavy, encoding="utf-8")
+    arm = case(tmp_path, configured(urdf, ["shoulder", "elbow"]))
+    light = {
+        each.name: replace(each, value=0.3 * each.value) if each.name[-1] == "1" else each
+        for each in arm.gap.physical.parameters
+    }
+    changed = replace(arm.gap.physical, parameters=tuple(light.values()))
+    made = arm.with_gap(physical=changed).export(tmp_path / "out")
+    assert any("upper and what is fixed behind it (camera)" in note for note in made.notes)
+    model = pin.buildModelFromUrdf(str(made.urdf))
+    assert model.inertias[1].mass == pytest.approx(0.3 * arm.standard["M1"], rel=1e-9)
+    read = read_urdf_text(made.urdf.read_text(encoding="utf-8"), "exported")
+    for name in ("upper", "camera"):
+        inertial = read.links[name]
+        assert inertial is not None and inertial.mass > 0.0
+        assert np.linalg.eigvalsh(inertial.inertia)[0] > 0.0
