@@ -1,6 +1,6 @@
 """The physically consistent parameters of a result, or the reason why it has none."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.estimation.rows import JointRows
@@ -17,6 +17,7 @@ def consistent_parameters(
     covariance: FloatArray,
     rows: Sequence[JointRows],
     sigma: FloatArray,
+    shared: Collection[str] = (),
 ) -> tuple[PhysicalParameters | None, str]:
     """Return the nearest physical parameters and nothing, or None and why there are none.
 
@@ -26,6 +27,8 @@ def consistent_parameters(
         The refined estimate.
     rows, sigma
         On which the torque is judged, and the residual's standard deviation of each joint.
+    shared
+        Friction parameters that effects share.
     """
     unit = prepared.configuration.signals.effort_unit
     if unit != "N m":
@@ -46,7 +49,7 @@ def consistent_parameters(
     model = prepared.model
     try:
         judge = Judge(rows, len(values), sigma)
-        found = nearest_physical(model.robot, model.base, values, covariance, judge)
+        found = nearest_physical(model.robot, model.base, values, covariance, judge, shared)
     except ImportError:
         return None, TO_INSTALL
     except DataError as error:

@@ -12,6 +12,7 @@ recording decides what it shows, and the divergence from the nominal model the r
 """
 
 import time
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,6 +74,7 @@ def nearest_physical(
     values: FloatArray,
     covariance: FloatArray,
     judge: Judge | None = None,
+    shared: Collection[str] = (),
 ) -> PhysicalParameters:
     """Find the physically consistent parameters nearest to an estimate.
 
@@ -87,6 +89,9 @@ def nearest_physical(
         Rows of zeros: not shown by the recording.
     judge
         What judges the torque of both; None: not judged.
+    shared
+        Friction parameters that are not bounded, because an effect shares them: only the sum takes
+        energy.
 
     Raises
     ------
@@ -102,7 +107,8 @@ def nearest_physical(
     group = base.grouping @ coordinates.to_standard
     nominal = given[coordinates.drives]
     kinds = np.array([base.layout.parameters[k].kind for k in coordinates.drives])
-    bounded = np.isin(kinds, list(NON_NEGATIVE))
+    names = np.array([base.layout.names[k] for k in coordinates.drives])
+    bounded = np.isin(kinds, list(NON_NEGATIVE)) & ~np.isin(names, list(shared))
     scale = _scales(base, coordinates.drives, nominal, values)
 
     def solve(estimate: FloatArray) -> FloatArray:
@@ -147,7 +153,7 @@ def nearest_physical(
         error = judge(lambda other: onto_base @ solve(other), values, consistent)
     return PhysicalParameters(
         test=test,
-        sentence=_sentence(test, active),
+        sentence=_sentence(test, active, _below_zero(base, standard, shared)),
         parameters=tuple(
             StandardValue(
                 each.name,
@@ -171,6 +177,7 @@ def nearest_physical(
             for k, name in enumerate(base.names)
         ),
         active=active,
+        shared=tuple(name for name in base.layout.names if name in shared),
         torque_error=error,
         seconds=time.perf_counter() - begin,
     )
@@ -325,8 +332,21 @@ def _at_zero(
     )
 
 
-def _sentence(test: HypothesisTest, active: tuple[str, ...]) -> str:
+def _below_zero(
+    base: BaseParameters, standard: FloatArray, shared: Collection[str]
+) -> tuple[str, ...]:
+    """Friction parameters below zero that an effect makes up for."""
+    values = zip(base.layout.names, standard, strict=True)
+    return tuple(name for name, value in values if name in shared and value < 0.0)
+
+
+def _sentence(test: HypothesisTest, active: tuple[str, ...], below: tuple[str, ...]) -> str:
     held = f"bounds hold back {', '.join(active)}" if active else "no bound is touched"
+    if below:
+        held += (
+            f"; {', '.join(below)} below zero, which an effect of friction at the same joint makes "
+            "up for"
+        )
     if test.accepted:
         return (
             "A physical robot explains this recording as well as the estimate does, within noise; "
@@ -335,5 +355,5 @@ def _sentence(test: HypothesisTest, active: tuple[str, ...]) -> str:
     return (
         "No rigid robot with friction that only takes energy could have made this recording "
         f"(p = {test.p_value:.2g}, and the test is conservative): the model lacks an effect, or "
-        f"the transmission or the effort scale is wrong; `idim-iv diagnose` looks for it; {held}."
+        f"the transmission or the effort scale is wrong; {held}."
     )

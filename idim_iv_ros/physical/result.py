@@ -109,6 +109,9 @@ class PhysicalParameters:
     base : tuple of BaseChange
     active : tuple of str
         Bounds that hold the set back: joints of links, names of drive and friction parameters.
+    shared : tuple of str
+        Friction parameters without a bound: an effect at the same joint shares them, and only the
+        sum takes energy.
     torque_error : TorqueError or None
     seconds : float
         What it took.
@@ -120,6 +123,7 @@ class PhysicalParameters:
     links: tuple[LinkInertia, ...]
     base: tuple[BaseChange, ...]
     active: tuple[str, ...]
+    shared: tuple[str, ...] = ()
     torque_error: TorqueError | None
     seconds: Number
 

@@ -154,6 +154,7 @@ def _require_same_nominal(
     for each in physical.parameters:
         kind = each.name.rstrip("0123456789")
         bounded = kind in NON_NEGATIVE and kind not in INERTIAL  # links are judged as bodies
+        bounded &= each.name not in physical.shared
         if not abs(each.value) <= LARGEST or (bounded and each.value < 0.0):
             raise UsageError(
                 f"{path}: physical.parameters: {each.name} is {each.value:g} {each.unit}, which no "

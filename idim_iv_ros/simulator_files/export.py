@@ -21,6 +21,7 @@ from idim_iv_ros.simulator_files.law import DriveLaw, drive_law
 from idim_iv_ros.simulator_files.links import LinkBody, body_of_joint, link_bodies
 from idim_iv_ros.simulator_files.mjcf import JointValues, mjcf_text
 from idim_iv_ros.simulator_files.mjcf_effects import Coupled, native_effects
+from idim_iv_ros.simulator_files.shared_friction import below_zero
 from idim_iv_ros.simulator_files.urdf_text import MOMENTS, with_values
 from idim_iv_ros.simulators.effects_file import EffectsFile, PlantedEffect
 from idim_iv_ros.types import FloatArray
@@ -114,7 +115,14 @@ def export(
     links, notes = link_bodies(urdf, bodies, str(source))
     drives = _joint_values(answer, bodies)
     law = drive_law(configuration.controller, robot.joints, answer.effects)
-    native, effects = native_effects(answer.effects, robot, law)
+    negative = below_zero(answer.physical, robot.joints)
+    notes += tuple(
+        f"friction of {each.joint} below zero, which another effect there makes up for, is the "
+        f"{each.effect} with parameters {each.parameters}: a URDF holds zero in its place"
+        for each in negative
+    )
+    planted = (*answer.effects, *negative)
+    native, effects = native_effects(planted, robot, law)
     dynamics = {
         name: {"damping": float(drives.damping[joint]), "friction": float(drives.friction[joint])}
         for joint, name in enumerate(robot.joints)
@@ -183,8 +191,8 @@ def _joint_values(answer: Answer, bodies: Mapping[str, FloatArray]) -> JointValu
     )
     return JointValues(
         armature=numbers["Ia"],
-        damping=numbers["Fv"],
-        friction=numbers["Fc"],
+        damping=np.maximum(numbers["Fv"], 0.0),
+        friction=np.maximum(numbers["Fc"], 0.0),
         offset=numbers["off"],
         bodies=tuple(LinkBody.of(bodies[name]) for name in robot.joints),
         couplings=couplings,

@@ -1,12 +1,14 @@
 """The exported MuJoCo model, compiled and asked for torques by MuJoCo itself."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
+from idim_iv_ros.model import load_robot
 from idim_iv_ros.simulation import SimulatedEffect, control_law
 from idim_iv_ros.simulation.effects import joint_effects
 from tests.simulator_files.cases import Case, case, cause
@@ -168,6 +170,27 @@ def test_what_mujoco_has_no_element_for_is_in_the_file_as_simulate_takes_it(
     assert planted["parameters"] == numbers and not planted["native"]
     one = SimulatedEffect(planted["effect"], planted["joint"], planted["parameters"])
     assert joint_effects([one], ["joint_1", "joint_2"])
+
+
+def test_friction_below_zero_that_an_effect_makes_up_for_is_an_effect_too(tmp_path: Path) -> None:
+    """URDF, model and effects together are the robot that was found: −0.4 v + 0.9 |v| v."""
+    planted = cause("nonlinear_viscous", "joint_1", coefficient=0.9, power=2.0)
+    arm = case(tmp_path, "arm2", [planted])
+    assert arm.gap.physical is not None
+    parameters = tuple(
+        replace(each, value=-0.4) if each.name == "Fv1" else each
+        for each in arm.gap.physical.parameters
+    )
+    physical = replace(arm.gap.physical, parameters=parameters, shared=("Fv1", "Fc1"))
+    made = arm.with_gap(physical=physical).export(tmp_path / "out")
+    assert passive(mujoco.MjModel.from_xml_path(str(made.mjcf)), 0.0, 1.5) == pytest.approx(
+        -0.9 * 1.5**2
+    )
+    effects = json.loads(made.effects.read_text(encoding="utf-8"))["effects"]
+    rest = [each for each in effects if not each["native"]]
+    assert [each["parameters"] for each in rest] == [{"coefficient": -0.4, "power": 1.0}]
+    robot = load_robot(made.urdf.read_text(encoding="utf-8"), ["joint_1", "joint_2"])
+    assert robot.given.viscous[0] == 0.0
 
 
 def test_coupled_drives_of_a_wrist_are_a_tendon(tmp_path: Path) -> None:
