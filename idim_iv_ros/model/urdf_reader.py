@@ -36,11 +36,10 @@ def read_urdf_file(path: Path) -> str:
     UsageError
         The file cannot be read, or is no text.
     """
-    return read_text(path, "the URDF", megabytes=_LARGEST_FILE, decode=decoded)
+    return read_text(path, "the URDF", megabytes=_LARGEST_FILE, decode=_decoded)
 
 
-def decoded(content: bytes) -> str:
-    """Text of a URDF: UTF-8, or the encoding that its first line declares."""
+def _decoded(content: bytes) -> str:
     declared = re.match(rb"<\?xml[^>]*encoding=[\"']([\w.-]+)[\"']", content)
     return content.decode(declared.group(1).decode() if declared else "utf-8-sig")
 
@@ -243,3 +242,8 @@ def _last_digit(texts: list[str]) -> float:
         if number and isinstance(exponent, int):
             finest.append(exponent)
     return float(Decimal(1).scaleb(min(finest))) if finest else 0.0
+
+
+def decoded_urdf(content: bytes) -> str:
+    """Text of the bytes of a URDF: UTF-8, or the encoding that its first line declares."""
+    return _decoded(content)

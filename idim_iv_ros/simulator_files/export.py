@@ -13,7 +13,7 @@ from idim_iv_ros.files import FilePath, complete_files
 from idim_iv_ros.model import load_robot, read_urdf_file, read_urdf_text
 from idim_iv_ros.model.parameters import REGRESSOR_ORDER
 from idim_iv_ros.model.urdf import Urdf
-from idim_iv_ros.model.urdf_reader import decoded
+from idim_iv_ros.model.urdf_reader import decoded_urdf
 from idim_iv_ros.simulator_files.answer import Answer, read_answer
 from idim_iv_ros.simulator_files.changes import ChangedLink, changes_text, simulator_lines
 from idim_iv_ros.simulator_files.isaac_lab import isaac_lab_text
@@ -222,7 +222,7 @@ def _require_read_back(
     source: str,
 ) -> None:
     """Read the new URDF as this program reads any, and find the parameters that were meant."""
-    robot = load_robot(decoded(written), configuration.robot.joints, source=source)
+    robot = load_robot(decoded_urdf(written), configuration.robot.joints, source=source)
     meant = np.array(list(bodies.values()))
     found = robot.given.inertial[:, list(REGRESSOR_ORDER)]
     same = np.allclose(found, meant, rtol=0.0, atol=_READ_BACK * np.abs(meant).max())
