@@ -53,6 +53,7 @@ load: $(VENV)/ready-test
 bench: $(VENV)/ready-bench $(VENV)/ready-test
 	$(BIN)/python -m benchmarks.decode
 	$(BIN)/python -m benchmarks.simulation
+	$(BIN)/python -m benchmarks.export
 	$(BIN)/python -m benchmarks.figaroh
 	$(BIN)/python -m benchmarks.long_recording
 	$(BIN)/python -m benchmarks.recorder_rate

@@ -20,11 +20,13 @@ if TYPE_CHECKING:
     from idim_iv_ros.identification.result import IdentificationResult
     from idim_iv_ros.recording import Recording, import_table, read_recordings, write_bag
     from idim_iv_ros.report import write_gap_report, write_report
+    from idim_iv_ros.simulator_files import Exported, export
 
 __all__ = [
     "CheckReport",
     "Configuration",
     "DataError",
+    "Exported",
     "GapResult",
     "IdentificationResult",
     "IdimError",
@@ -34,6 +36,7 @@ __all__ = [
     "check",
     "diagnose",
     "excite",
+    "export",
     "identify",
     "identify_recordings",
     "import_table",
@@ -51,6 +54,7 @@ _MODULES = {
     "configuration": ("Configuration", "load_configuration"),
     "errors": ("DataError", "IdimError", "UsageError"),
     "excitation": ("Trajectory", "excite", "read_trajectory"),
+    "simulator_files": ("Exported", "export"),
     "first_configuration": ("propose_configuration", "write_configuration"),
     "diagnosis.diagnose": ("diagnose",),
     "diagnosis.result": ("GapResult",),

@@ -73,9 +73,13 @@ class RobotSection(Section):
 
 
 class SimulatorSection(Section):
-    """What the user's simulator holds besides the URDF: drive inertia on the joint side, kg m²."""
+    """What the user's simulator holds besides the URDF.
+
+    Drive inertia on the joint side, kg m², and constant torques that the motors must overcome, N m.
+    """
 
     armature: Levels | None = None
+    torque_offset: Vector | None = None
 
 
 class SimulatedRobotSection(Section):
@@ -229,6 +233,7 @@ class Configuration(Section):
         lists = {
             "robot.position_offset": self.robot.position_offset,
             "simulator.armature": self.simulator.armature,
+            "simulator.torque_offset": self.simulator.torque_offset,
             "signals.effort_scale": self.signals.effort_scale,
             "processing.minimum_speed": self.processing.minimum_speed,
         }

@@ -8,8 +8,8 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "idim_iv_ros"
 ORDER = (
     *("recording", "signals", "model", "effects", "simulation", "estimation", "statistics"),
-    *("identification", "diagnosis", "excitation", "first_configuration", "simulators", "report"),
-    *("nodes", "cli"),
+    *("physical", "identification", "diagnosis", "excitation", "first_configuration"),
+    *("simulators", "simulator_files", "report", "nodes", "cli"),
 )
 
 

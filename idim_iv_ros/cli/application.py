@@ -7,6 +7,7 @@ import typer
 from idim_iv_ros.cli.check import check_command
 from idim_iv_ros.cli.diagnose import WithSets, diagnose_command
 from idim_iv_ros.cli.excite import excite_command
+from idim_iv_ros.cli.export import export_command
 from idim_iv_ros.cli.identify import identify_command
 from idim_iv_ros.cli.import_table import import_command
 from idim_iv_ros.cli.init import init_command
@@ -25,6 +26,7 @@ application.command("init")(init_command)
 application.command("check")(check_command)
 application.command("identify")(identify_command)
 application.command("diagnose", cls=WithSets)(diagnose_command)
+application.command("export")(export_command)
 application.command("import")(import_command)
 application.command("record")(record_command)
 application.command("serve")(serve_command)

@@ -173,6 +173,7 @@ def run_diagnosis(
         `require_destination` and `require_picture`.
     """
     from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
+    from idim_iv_ros.cli.identify import print_physical
     from idim_iv_ros.cli.output import Output, report_warnings, require_destination
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.report import write_gap_report
@@ -200,6 +201,7 @@ def run_diagnosis(
             write_picture(result, picture)
     output.document(result.to_document())
     print_diagnosis(output.console, result, whole=output.verbose)
+    print_physical(output, result, numbers, config)
     if page is not None:
         output.line(f"Report: {page}")
     elif numbers is not None:

@@ -23,6 +23,8 @@ from idim_iv_ros.cli.arguments import (
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.diagnosis.result import GapResult
     from idim_iv_ros.identification.result import IdentificationResult
 
 
@@ -77,10 +79,28 @@ def identify_command(
     print_remarks(output.console, result)
     print_verdict(output.console, result)
     print_next(output.console, result, bags, config)
+    print_physical(output, result, numbers, config)
     if page is not None:
         output.line(f"Report: {page}")
     elif numbers is not None:
         output.line(f"Numbers: {numbers}")
+
+
+def print_physical(
+    output: Output, result: IdentificationResult | GapResult, numbers: Path | None, config: Path
+) -> None:
+    """Name the command that takes the answer into a simulator; else say why it cannot be."""
+    from idim_iv_ros.cli.output import next_command
+
+    if result.physical is None:
+        if result.why_no_physical:
+            output.line(f"No physical parameters for a simulator: {result.why_no_physical}")
+        return
+    if not result.physical.test.accepted:
+        output.line(f"Physical parameters: {result.physical.sentence}")
+    if numbers is not None:
+        command = next_command("export", [numbers], config, "--out", "simulator")
+        output.line(f"Into a simulator: {command}")
 
 
 def print_parameters(

@@ -43,8 +43,16 @@ from idim_iv_ros.diagnosis.tracking import Tracking, tracking_series, with_track
 from idim_iv_ros.diagnosis.transmission.measure import Measured
 from idim_iv_ros.diagnosis.transmission.words import described, measured_behind
 from idim_iv_ros.diagnosis.verdict import leading, strongest_first, verdict_of
+from idim_iv_ros.identification.consistency import consistent_parameters
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING
+from idim_iv_ros.model import kinematics_digest
+from idim_iv_ros.physical import PhysicalParameters
 
+# Effects that share their joint's Fv and Fc: only the sum is friction.
+_OF_FRICTION = frozenset({
+    *("stribeck", "nonlinear_viscous", "asymmetric_friction", "load_dependent_friction"),
+    *("position_dependent_friction", "friction_drift", "presliding", "joint_coupling"),
+})  # fmt: skip
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 
 
@@ -100,6 +108,7 @@ def assembled(found: Diagnosis) -> GapResult:
     causes = strongest_first(found.causes, data)
     outside = unexplained(data, model)
     session = data.prepared.session.parts
+    physical, why_not = _consistent(refit, model)
     errors = parameter_errors(data, found.parametric)
     not_named = remaining(errors)
     stages = with_tracking(found.held.tested.stages(), found.tracked)
@@ -158,6 +167,9 @@ def assembled(found: Diagnosis) -> GapResult:
         tracking=tracking_series(data, first, last),
         notes=_notes(found, speed),
         extended_parameters=_extended_parameters(refit, model),
+        physical=physical,
+        why_no_physical=why_not,
+        kinematics=kinematics_digest(data.prepared.model.robot),
         parameter_errors=errors,
         signal_chain=refit.shift.part_of_result(data.joints, speed),
         recordings=recordings,
@@ -263,6 +275,25 @@ def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
         ),
     ]
     return tuple(dict.fromkeys(note for note in notes if note))
+
+
+def _consistent(refit: Refit, model: NamedModel) -> tuple[PhysicalParameters | None, str]:
+    """Physical parameters nearest to the extended model, judged on torques without its effects."""
+    fit, parameters = model.fit, len(model.fit.values)
+    rows = [
+        replace(joint, torque=joint.prediction(fit.values) + residual)
+        for joint, residual in zip(refit.regression.joints, fit.residuals, strict=True)
+    ]
+    sigma = np.array([max(float(np.std(residual)), 1e-300) for residual in fit.residuals])
+    covariance = fit.covariance[:parameters, :parameters]
+    joints = {
+        joint
+        for each in model.found
+        if each.candidate.effect.name in _OF_FRICTION
+        for joint in each.candidate.columns
+    }
+    shared = [f"{kind}{joint + 1}" for joint in sorted(joints) for kind in ("Fv", "Fc")]
+    return consistent_parameters(refit.data.prepared, fit.values, covariance, rows, sigma, shared)
 
 
 def _extended_parameters(refit: Refit, model: NamedModel) -> dict[str, EffectParameter]:

@@ -9,6 +9,7 @@ from idim_iv_ros.documents import Document, HighEnd, LowEnd, Number, Unsaved
 from idim_iv_ros.effects.cause import EffectParameter as EffectParameter
 from idim_iv_ros.effects.cause import Family, Kind
 from idim_iv_ros.files import GAP_FORMAT
+from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.recording import SessionPart
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.types import FloatArray
@@ -725,6 +726,12 @@ class GapResult(Document):
         What could not be done and why.
     extended_parameters : dict of str to EffectParameter
         Base parameters of the extended model.
+    physical : PhysicalParameters or None
+        Nearest to the base parameters of the extended model.
+    why_no_physical : str
+        Why there are none; empty where there are.
+    kinematics : str
+        Digest of the geometry (`kinematics_digest`): to which URDF the result belongs.
     configuration : dict
     timing : dict of str to float
         Seconds by stage.
@@ -764,6 +771,9 @@ class GapResult(Document):
     notes: tuple[str, ...]
     extended_parameters: dict[str, EffectParameter]
     configuration: dict[str, object]
+    physical: PhysicalParameters | None = None
+    why_no_physical: str = ""
+    kinematics: str = ""
     timing: dict[str, Number] = field(default_factory=dict)
     confusability: Unsaved[tuple[Confusability, ...]] = field(default=(), compare=False)
     series: Unsaved[tuple[GapSeries, ...]] = field(default=(), compare=False)

@@ -67,6 +67,9 @@ SECTIONS: dict[str, dict[str, Key]] = {
             "0",
             Each(0.1),
         ),
+        "torque_offset": Key(
+            "N m (N), constant torques that the motors of your simulator overcome", "0", Each(0.1)
+        ),
     },
     "controller": {
         "type": Key("pd, cascade or unknown (fitted from each recording)", "unknown", "unknown"),

@@ -39,6 +39,8 @@ from idim_iv_ros.identification.result import (
     RefinedEstimate,
 )
 from idim_iv_ros.identification.validate import Validation
+from idim_iv_ros.model import kinematics_digest
+from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.statistics import OverallVerdict, judge_all, judge_joint
 from idim_iv_ros.statistics.drift import in_deviations
 from idim_iv_ros.types import FloatArray
@@ -76,7 +78,10 @@ class Estimates:
 
 
 def assemble_result(
-    prepared: PreparedRegression, estimates: Estimates, validation: Validation
+    prepared: PreparedRegression,
+    estimates: Estimates,
+    validation: Validation,
+    physical: tuple[PhysicalParameters | None, str] = (None, ""),
 ) -> IdentificationResult:
     """Gather everything that a user is shown."""
     rows, linear, refined = estimates.rows, estimates.linear, estimates.refined
@@ -151,6 +156,9 @@ def assemble_result(
         refined=refined_result(refined, parameters) if autocorrelated else None,
         series=_series(prepared, rows, linear),
         doubts=prepared.doubts,
+        physical=physical[0],
+        why_no_physical=physical[1],
+        kinematics=kinematics_digest(prepared.model.robot),
     )
 
 

@@ -12,6 +12,7 @@ from idim_iv_ros.estimation.rows import with_instruments
 from idim_iv_ros.estimation.sources import instrument_sources
 from idim_iv_ros.files import FilePaths
 from idim_iv_ros.identification.assembly import Estimates, assemble_result
+from idim_iv_ros.identification.consistency import consistent_parameters
 from idim_iv_ros.identification.prepare import prepare, read_configured, require_excitation
 from idim_iv_ros.identification.result import Estimator, IdentificationResult
 from idim_iv_ros.identification.validate import validate
@@ -103,8 +104,13 @@ def _identify(
     validation = validate(prepared, rows, linear, estimate)
     watch.stage("refinement", 0.95)
     refined = refined_idim_iv(rows, validation.models, parameters)
+    watch.stage("physical parameters", 0.97)
+    physical = consistent_parameters(
+        prepared, refined.values, refined.covariance, rows, linear.sigma
+    )
     return assemble_result(
         prepared,
         Estimates(estimator, rows, linear, weighted, estimate, sources, refined),
         validation,
+        physical,
     )

@@ -7,6 +7,7 @@ import numpy as np
 
 from idim_iv_ros.documents import Document, Matrix, Number, Unsaved
 from idim_iv_ros.files import IDENTIFICATION_FORMAT
+from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.recording import ClockQuality, FrozenStretches, Note
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.statistics import (
@@ -333,6 +334,12 @@ class IdentificationResult(Document):
     covariance : (b, b)
         Of the estimates in `parameters`, in their order and the products of their units; the
         diagonal holds the squares of their `std`.
+    physical : PhysicalParameters or None
+        Nearest to the refined estimate.
+    why_no_physical : str
+        Why there are none; empty where there are.
+    kinematics : str
+        Digest of the geometry (`kinematics_digest`): to which URDF the result belongs.
     timing : dict of str to float
         Seconds by stage.
     series : tuple of JointSeries
@@ -367,5 +374,8 @@ class IdentificationResult(Document):
     effort_unit: str
     covariance: Matrix = field(compare=False)
     configuration: dict[str, object]
+    physical: PhysicalParameters | None = None
+    why_no_physical: str = ""
+    kinematics: str = ""
     timing: dict[str, Number] = field(default_factory=dict)
     series: Unsaved[tuple[JointSeries, ...]] = field(default=(), compare=False)

@@ -6,6 +6,7 @@ from idim_iv_ros.model.inverse_model import (
     build_inverse_model,
     configured_robot,
 )
+from idim_iv_ros.model.kinematics_digest import kinematics_digest
 from idim_iv_ros.model.parameters import (
     DynamicParameters,
     ParameterLayout,
@@ -28,6 +29,7 @@ __all__ = [
     "build_inverse_model",
     "configured_robot",
     "find_base_parameters",
+    "kinematics_digest",
     "load_robot",
     "parameter_layout",
     "read_urdf_file",

@@ -1,6 +1,6 @@
 """The inverse dynamic model in base parameters: what the recordings are regressed on."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -93,7 +93,7 @@ def configured_robot(configuration: Configuration, urdf: str, source: str) -> Ro
         matrix = getattr(configuration.robot, key)
         if matrix is not None and np.linalg.matrix_rank(np.array(matrix)) < len(matrix):
             raise UsageError(f"{configuration.source or 'configuration'}: robot.{key} is singular")
-    return load_robot(
+    robot = load_robot(
         urdf,
         configuration.robot.joints,
         gravity=configuration.robot.gravity,
@@ -102,6 +102,10 @@ def configured_robot(configuration: Configuration, urdf: str, source: str) -> Ro
         name=configuration.robot.name,
         source=source,
     )
+    offset = configuration.simulator.torque_offset
+    if offset is None:
+        return robot
+    return replace(robot, given=replace(robot.given, offset=np.asarray(offset, dtype=float)))
 
 
 def _couplings(configuration: Configuration) -> list[tuple[int, int]]:

@@ -242,3 +242,8 @@ def _last_digit(texts: list[str]) -> float:
         if number and isinstance(exponent, int):
             finest.append(exponent)
     return float(Decimal(1).scaleb(min(finest))) if finest else 0.0
+
+
+def decoded_urdf(content: bytes) -> str:
+    """Text of the bytes of a URDF: UTF-8, or the encoding that its first line declares."""
+    return _decoded(content)

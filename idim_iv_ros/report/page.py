@@ -24,6 +24,7 @@ from idim_iv_ros.report.sections.instruments import INSTRUMENTS
 from idim_iv_ros.report.sections.limits import LIMITS
 from idim_iv_ros.report.sections.orders import ORDERS
 from idim_iv_ros.report.sections.parameters import PARAMETERS
+from idim_iv_ros.report.sections.physical import PHYSICAL
 from idim_iv_ros.report.sections.processing import PROCESSING
 from idim_iv_ros.report.sections.provenance import NOTES, PROVENANCE
 from idim_iv_ros.report.sections.regimes import REGIMES
@@ -39,6 +40,7 @@ IDENTIFICATION: tuple[Section[Any], ...] = (
     VERDICT,
     CHANGES,
     PARAMETERS,
+    PHYSICAL,
     TORQUE,
     RESIDUALS,
     INSTRUMENTS,
@@ -58,6 +60,7 @@ DIAGNOSIS: tuple[Section[Any], ...] = (
     TORQUE,
     TRACKING,
     TRANSMISSIONS,
+    PHYSICAL,
     LIMITS,
     NOTES,
     PROVENANCE,

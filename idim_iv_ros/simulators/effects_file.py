@@ -15,12 +15,17 @@ _LARGEST = 50.0  # MB
 
 @dataclass(frozen=True)
 class PlantedEffect:
-    """One effect at a joint, or at all; numbers as in docs/simulation.md."""
+    """One effect at a joint, or at all; numbers as in docs/simulation.md.
+
+    `native`: whether the MJCF that the file goes with has it already, so that
+    `simulators.mujoco.Effects` passes it over.
+    """
 
     effect: str
     joint: str | None = None
     other_joint: str | None = None
     parameters: dict[str, float] = field(default_factory=dict)
+    native: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

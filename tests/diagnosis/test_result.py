@@ -31,6 +31,9 @@ TOP = {
         "recordings",
         "hints",
         "transmissions",
+        "physical",
+        "why_no_physical",
+        "kinematics",
     ),
 }
 CAUSE = {

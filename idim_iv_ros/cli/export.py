@@ -1,0 +1,57 @@
+"""`idim-iv export`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from idim_iv_ros.cli.arguments import AsJson, Config, Force, Out, Quiet
+
+
+def export_command(
+    result: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RESULT.json|GAP.json",
+            help="What `idim-iv identify` or `idim-iv diagnose` wrote.",
+            show_default=False,
+        ),
+    ],
+    config: Config,
+    out: Out,
+    force: Force = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write a result as URDF, MuJoCo model, effects, Isaac Lab actuators and a table of changes.
+
+    The URDF is that of the configuration with other inertials, damping and friction, and nothing
+    else changed. It is never written over.
+
+    Example: idim-iv export why/gap.json --config ur5.yaml --out simulator
+    """
+    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.configuration import load_configuration
+    from idim_iv_ros.simulator_files import export
+
+    output = Output(quiet=quiet, as_json=as_json)
+    made = export(result, load_configuration(config), out, force=force)
+    output.document(
+        {
+            "files": [str(file) for file in made.files],
+            "not_native": list(made.not_native),
+            "notes": list(made.notes),
+        }
+    )
+    for note in made.notes:
+        output.line(f"Note: {note}")
+    if made.not_native:
+        output.line(
+            f"MuJoCo has no element for {', '.join(made.not_native)}: {made.effects.name} holds "
+            "them for its loop (docs/simulators.md)"
+        )
+    for file in made.files:
+        output.line(f"Written: {file}")
+    output.line(f"What is new, and how sure it is: {made.changes}")

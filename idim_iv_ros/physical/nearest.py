@@ -1,0 +1,359 @@
+"""The physically consistent parameters that lie nearest to an estimate.
+
+Estimates of base parameters need not belong to any robot: noise, or an effect that the model lacks,
+takes a link's moment of inertia below zero. The nearest set of standard parameters that a robot can
+have minimises
+
+    ‖R(Kπ − β̂)‖² + λ Σ_i [tr(J₀ᵢ⁻¹ Jᵢ) − log det J₀ᵢ⁻¹ Jᵢ],    Jᵢ ≽ ε J₀ᵢ;  Ia, Fv, Fc ≥ 0,
+
+with RᵀR the inverse of the covariance of β̂, K the grouping and J₀ the nominal pseudo-inertias
+(Sousa and Cortesão 2014; Wensing, Kim, Slotine 2018; Lee, Wensing, Park 2020). λ is small: the
+recording decides what it shows, and the divergence from the nominal model the rest.
+"""
+
+import time
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from idim_iv_ros.model import BaseParameters, RobotModel
+from idim_iv_ros.model.base_parameters import NON_NEGATIVE
+from idim_iv_ros.model.parameters import INERTIAL
+from idim_iv_ros.physical.conic_problem import TRIANGLE, ConicProblem
+from idim_iv_ros.physical.pseudo_inertia import ReferenceLink
+from idim_iv_ros.physical.result import (
+    BaseChange,
+    LinkInertia,
+    PhysicalParameters,
+    Source,
+    StandardValue,
+)
+from idim_iv_ros.physical.torque_error import Judge
+from idim_iv_ros.statistics.hypothesis import HypothesisTest
+from idim_iv_ros.types import FloatArray, IntArray
+
+# λ: a nominal link of twice or half the size costs about 0.1, where a difference of one standard
+# deviation costs 1: what the recording shows to 10 % moves by less than a hundredth of its σ.
+# ε: what a link has at least of its nominal pseudo-inertia in every direction.
+TIE_BREAKER = 0.1
+LEAST_OF_NOMINAL = 1e-3
+ALPHA = 0.01
+_ACTIVE = 1.5  # a bound holds a link back within this factor of it
+_AT_ZERO = 1e-3  # of its σ: what is nearer to zero is there, but for the solver's tolerance
+_INDEPENDENT = 1e-9
+_LEAST_VARIANCE = 1e-12  # of a correlation matrix
+
+TO_INSTALL = "clarabel is not installed: pip install 'idim-iv-ros[physical]'"
+
+
+@dataclass(frozen=True)
+class _Coordinates:
+    """Standard parameters π = T x + fixed, x the triangles of all J̃, then drives and friction."""
+
+    links: tuple[ReferenceLink, ...]
+    places: tuple[IntArray, ...]
+    drives: IntArray
+    to_standard: FloatArray
+
+    @property
+    def nominal(self) -> FloatArray:
+        """X of the nominal links; drives at zero."""
+        x = np.zeros(self.to_standard.shape[1])
+        for link in range(len(self.links)):
+            for place, (row, column) in enumerate(TRIANGLE):
+                x[10 * link + place] = float(row == column)
+        return x
+
+
+def nearest_physical(
+    robot: RobotModel,
+    base: BaseParameters,
+    values: FloatArray,
+    covariance: FloatArray,
+    judge: Judge | None = None,
+    shared: Collection[str] = (),
+) -> PhysicalParameters:
+    """Find the physically consistent parameters nearest to an estimate.
+
+    Parameters
+    ----------
+    robot
+        Its given parameters are the nominal model.
+    base
+    values : (b,)
+        β̂.
+    covariance : (b, b)
+        Rows of zeros: not shown by the recording.
+    judge
+        What judges the torque of both; None: not judged.
+    shared
+        Friction parameters that are not bounded, because an effect shares them: only the sum takes
+        energy.
+
+    Raises
+    ------
+    DataError
+        The solver found none.
+    ImportError
+        clarabel is not installed.
+    """
+    begin = time.perf_counter()
+    coordinates = _coordinates(robot, base)
+    given = base.layout.vector(robot.given)
+    shown, root = _root(covariance)
+    group = base.grouping @ coordinates.to_standard
+    nominal = given[coordinates.drives]
+    kinds = np.array([base.layout.parameters[k].kind for k in coordinates.drives])
+    names = np.array([base.layout.names[k] for k in coordinates.drives])
+    bounded = np.isin(kinds, list(NON_NEGATIVE)) & ~np.isin(names, list(shared))
+    scale = _scales(base, coordinates.drives, nominal, values)
+
+    def solve(estimate: FloatArray) -> FloatArray:
+        problem = ConicProblem(
+            matrix=root @ group[shown],
+            right=root @ estimate[shown],
+            links=len(coordinates.links),
+            nominal=nominal,
+            scale=scale,
+            bounded=bounded,
+            tie_breaker=TIE_BREAKER,
+            least=LEAST_OF_NOMINAL,
+        )
+        x = problem.solve()
+        drives = x[10 * len(coordinates.links) :]
+        drives[bounded & (drives < _AT_ZERO * own_std)] = 0.0
+        return x
+
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    own_std = _smallest_std(base, coordinates.drives, std)
+    x = solve(values)
+    standard = coordinates.to_standard @ x
+    consistent = base.grouping @ standard
+    links = _links(robot, base, coordinates, group[shown], values[shown], x)
+    deviations = _standard_deviations(coordinates, root @ group[shown], x, bounded, scale)
+    sources = _sources(base, shown)
+    zero = _at_zero(base, coordinates, standard, bounded)
+    active = (*(each.joint for each in links if each.active), *zero)
+    distance = float(np.sum((root @ (consistent - values)[shown]) ** 2))
+    test = HypothesisTest(
+        null="a rigid robot with friction that only takes energy has made the recording",
+        scope="all",
+        statistic=distance,
+        df=len(shown),
+        df_denom=None,
+        p_value=float(chi2.sf(distance, len(shown))),
+        alpha=ALPHA,
+    )
+    error = None
+    if judge is not None:
+        onto_base = base.grouping @ coordinates.to_standard
+        error = judge(lambda other: onto_base @ solve(other), values, consistent)
+    return PhysicalParameters(
+        test=test,
+        sentence=_sentence(test, active, _below_zero(base, standard, shared)),
+        parameters=tuple(
+            StandardValue(
+                each.name,
+                each.unit,
+                float(standard[k]),
+                float(deviations[k]) if sources[k] == "recording" else None,
+                float(given[k]),
+                sources[k],
+            )
+            for k, each in enumerate(base.layout.parameters)
+        ),
+        links=links,
+        base=tuple(
+            BaseChange(
+                name,
+                float(values[k]),
+                float(std[k]),
+                float(consistent[k]),
+                float((consistent[k] - values[k]) / std[k]) if std[k] > 0.0 else float("nan"),
+            )
+            for k, name in enumerate(base.names)
+        ),
+        active=active,
+        shared=tuple(name for name in base.layout.names if name in shared),
+        torque_error=error,
+        seconds=time.perf_counter() - begin,
+    )
+
+
+def _coordinates(robot: RobotModel, base: BaseParameters) -> _Coordinates:
+    layout, joints = base.layout, len(robot.joints)
+    names = {name: k for k, name in enumerate(layout.names)}
+    given = layout.vector(robot.given)
+    places = tuple(
+        np.array([names[f"{kind}{joint + 1}"] for kind in INERTIAL]) for joint in range(joints)
+    )
+    masses = robot.given.inertial[:, 0]
+    mass = float(np.mean(masses[masses > 0.0])) if np.any(masses > 0.0) else 1.0
+    distances = [
+        float(np.linalg.norm(each.translation)) for each in robot.pinocchio.jointPlacements[1:]
+    ]
+    length = max(float(np.mean(distances)), 0.05)
+    links = tuple(ReferenceLink.of(given[place], mass, length) for place in places)
+    inertial = set(np.concatenate(places).tolist())
+    drives = np.array([k for k in range(len(names)) if k not in inertial], dtype=np.int64)
+    matrix = np.zeros((len(names), 10 * joints + len(drives)))
+    for joint, (place, link) in enumerate(zip(places, links, strict=True)):
+        matrix[place, 10 * joint : 10 * joint + 10] = link.to_parameters
+    matrix[drives, 10 * joints + np.arange(len(drives))] = 1.0
+    return _Coordinates(links, places, drives, matrix)
+
+
+def _root(covariance: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Which parameters are shown, and R with RᵀR the inverse of their covariance."""
+    variance = np.diag(covariance)
+    shown = np.flatnonzero(variance > 0.0)
+    std = np.sqrt(variance[shown])
+    correlation = covariance[np.ix_(shown, shown)] / np.outer(std, std)
+    sizes, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
+    sizes = np.maximum(sizes, _LEAST_VARIANCE * sizes[-1])
+    return shown, (vectors / np.sqrt(sizes)).T / std
+
+
+def _scales(
+    base: BaseParameters, drives: IntArray, nominal: FloatArray, values: FloatArray
+) -> FloatArray:
+    """How far each parameter of drives and friction may be from the nominal one for λ: (k,).
+
+    Infinite where the recording shows it alone. In a sum it is as large as the nominal one or the
+    sum itself: a drive without a given inertia may take all of what it shares with a link.
+    """
+    scale = np.abs(nominal)
+    for k, column in enumerate(drives):
+        rows = np.flatnonzero(base.grouping[:, column])
+        if len(rows) and all(np.count_nonzero(base.grouping[row]) == 1 for row in rows):
+            scale[k] = np.inf
+        elif len(rows):
+            sums = np.abs(values[rows] / base.grouping[rows, column])
+            scale[k] = max(scale[k], float(sums.max()))
+    return np.where(scale > 0.0, scale, 1.0)
+
+
+def _links(
+    robot: RobotModel,
+    base: BaseParameters,
+    coordinates: _Coordinates,
+    group: FloatArray,
+    values: FloatArray,
+    x: FloatArray,
+) -> tuple[LinkInertia, ...]:
+    """Eigenvalues of each link before and after."""
+    start = coordinates.nominal
+    # Drives and friction keep their place: only what links have in common with them is split.
+    start[10 * len(coordinates.links) :] = base.layout.vector(robot.given)[coordinates.drives]
+    change, *_ = np.linalg.lstsq(group, values - group @ start, rcond=None)
+    before, after = coordinates.to_standard @ (start + change), coordinates.to_standard @ x
+    found = []
+    for joint, link, place in zip(robot.joints, coordinates.links, coordinates.places, strict=True):
+        smallest = [
+            float(np.linalg.eigvalsh(link.relative(values[place]))[0]) for values in (before, after)
+        ]
+        found.append(
+            LinkInertia(
+                joint,
+                smallest[0],
+                smallest[1],
+                LEAST_OF_NOMINAL,
+                tuple(float(each) for each in link.eigenvalues(after[place])),
+                smallest[1] < _ACTIVE * LEAST_OF_NOMINAL,
+            )
+        )
+    return tuple(found)
+
+
+def _standard_deviations(
+    coordinates: _Coordinates,
+    matrix: FloatArray,
+    x: FloatArray,
+    bounded: NDArray[np.bool_],
+    scale: FloatArray,
+) -> FloatArray:
+    """Of π* by the noise of β̂ alone, to first order: dπ*/dβ̂ is constant near the optimum."""
+    links = len(coordinates.links)
+    hessian = 2.0 * matrix.T @ matrix
+    for link in range(links):
+        own = slice(10 * link, 10 * link + 10)
+        units = np.zeros((10, 4, 4))
+        matrix_of_link = np.zeros((4, 4))
+        for place, (row, column) in enumerate(TRIANGLE):
+            units[place, row, column] = units[place, column, row] = 1.0
+            matrix_of_link += x[10 * link + place] * units[place]
+        inverse = np.linalg.inv(matrix_of_link)
+        turned = inverse @ units
+        hessian[own, own] += TIE_BREAKER * np.einsum("aij,bji->ab", turned, turned)
+    drives = np.arange(len(scale)) + 10 * links
+    hessian[drives, drives] += 2.0 * TIE_BREAKER / scale**2
+    free = np.ones(len(x), dtype=bool)
+    free[10 * links :] = ~(bounded & (x[10 * links :] <= 0.0))
+    gain = np.zeros((len(x), len(matrix)))
+    gain[free] = np.linalg.solve(hessian[np.ix_(free, free)], 2.0 * matrix[:, free].T)
+    return np.asarray(np.linalg.norm(coordinates.to_standard @ gain, axis=1))
+
+
+def _sources(base: BaseParameters, shown: IntArray) -> list[Source]:
+    """Whether the recording shows each standard parameter alone, in a sum, or not at all."""
+    rows = base.grouping[shown]
+    vectors = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None], full_matrices=False)[2]
+    found: list[Source] = []
+    for k in range(rows.shape[1]):
+        if not np.any(rows[:, k]):
+            found.append("nominal model")
+            continue
+        alone = 1.0 - float(np.sum(vectors[:, k] ** 2)) < _INDEPENDENT
+        found.append("recording" if alone else "recording and nominal model")
+    return found
+
+
+def _smallest_std(base: BaseParameters, drives: IntArray, std: FloatArray) -> FloatArray:
+    """σ of the best known sum that each of drives and friction is part of: (k,)."""
+    parts = base.grouping[:, drives] != 0.0
+    shown = np.where(parts & (std > 0.0)[:, None], std[:, None], np.inf).min(axis=0)
+    return np.where(np.isfinite(shown), shown, 0.0)
+
+
+def _at_zero(
+    base: BaseParameters,
+    coordinates: _Coordinates,
+    standard: FloatArray,
+    bounded: NDArray[np.bool_],
+) -> tuple[str, ...]:
+    """Drive and friction parameters that a bound holds at zero."""
+    return tuple(
+        base.layout.names[k]
+        for k, bound in zip(coordinates.drives, bounded, strict=True)
+        if bound and np.any(base.grouping[:, k]) and standard[k] == 0.0
+    )
+
+
+def _below_zero(
+    base: BaseParameters, standard: FloatArray, shared: Collection[str]
+) -> tuple[str, ...]:
+    """Friction parameters below zero that an effect makes up for."""
+    values = zip(base.layout.names, standard, strict=True)
+    return tuple(name for name, value in values if name in shared and value < 0.0)
+
+
+def _sentence(test: HypothesisTest, active: tuple[str, ...], below: tuple[str, ...]) -> str:
+    held = f"bounds hold back {', '.join(active)}" if active else "no bound is touched"
+    if below:
+        held += (
+            f"; {', '.join(below)} below zero, which an effect of friction at the same joint makes "
+            "up for"
+        )
+    if test.accepted:
+        return (
+            "A physical robot explains this recording as well as the estimate does, within noise; "
+            f"{held}."
+        )
+    return (
+        "No rigid robot with friction that only takes energy could have made this recording "
+        f"(p = {test.p_value:.2g}, and the test is conservative): the model lacks an effect, or "
+        f"the transmission or the effort scale is wrong; {held}."
+    )

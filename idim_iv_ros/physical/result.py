@@ -1,0 +1,133 @@
+"""What `physical` of result.json and gap.json holds."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from idim_iv_ros.documents import Number
+from idim_iv_ros.statistics.hypothesis import HypothesisTest
+
+# Where the value of a standard parameter comes from: the recording shows it alone; the recording
+# shows only a sum that it belongs to, which the nominal model splits; or no motion shows it.
+Source = Literal["recording", "recording and nominal model", "nominal model"]
+
+
+@dataclass(frozen=True)
+class StandardValue:
+    """One standard parameter of the physically consistent set.
+
+    Attributes
+    ----------
+    name, unit : str
+    value : float
+    std : float or None
+        Of `value`, to first order; None where the nominal model has a part in it, for how it splits
+        a sum has no known error.
+    given : float
+        Of the nominal model.
+    source : str
+    """
+
+    name: str
+    unit: str
+    value: Number
+    std: float | None
+    given: Number
+    source: Source
+
+
+@dataclass(frozen=True)
+class LinkInertia:
+    """The body that one joint carries, with all that is fixed to it.
+
+    Attributes
+    ----------
+    joint : str
+    smallest_before, smallest_after, bound : float
+        Smallest eigenvalue of the pseudo-inertia relative to the nominal one (1: the nominal link;
+        below zero: no body has it): of the estimate, split as the nominal model splits it; of the
+        consistent set; and the least that the set may have.
+    eigenvalues : (4,)
+        Of the pseudo-inertia of the consistent set, lengths in units of the link's nominal radius
+        of gyration, in kg, ascending.
+    active : bool
+        Whether the bound holds the link back.
+    """
+
+    joint: str
+    smallest_before: Number
+    smallest_after: Number
+    bound: Number
+    eigenvalues: tuple[Number, ...]
+    active: bool
+
+
+@dataclass(frozen=True)
+class BaseChange:
+    """One base parameter: estimate, consistent value, and their difference in σ of the estimate."""
+
+    name: str
+    estimate: Number
+    std: Number
+    value: Number
+    deviations: Number
+
+
+@dataclass(frozen=True)
+class TorqueError:
+    """Relative error of the torque of estimate and consistent set, %.
+
+    Joints count by the inverse of their residual's variance, so that none hides another.
+
+    Attributes
+    ----------
+    before, after : float
+        On all rows.
+    held_out_before, held_out_after : float or None
+        Fitted without each quarter of the recording in turn, and judged there; None where a quarter
+        is needed to see all parameters.
+    """
+
+    before: Number
+    after: Number
+    held_out_before: float | None
+    held_out_after: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhysicalParameters:
+    """The physically consistent parameters nearest to the estimate.
+
+    Attributes
+    ----------
+    test : HypothesisTest
+        d² = ‖R(Kπ − β̂)‖² against χ² of as many degrees of freedom as base parameters that are
+        shown: conservative, since most directions are free of bounds.
+    sentence : str
+        In words: whether a robot with such parameters could have made the recording.
+    parameters : tuple of StandardValue
+    links : tuple of LinkInertia
+    base : tuple of BaseChange
+    active : tuple of str
+        Bounds that hold the set back: joints of links, names of drive and friction parameters.
+    shared : tuple of str
+        Friction parameters without a bound: an effect at the same joint shares them, and only the
+        sum takes energy.
+    torque_error : TorqueError or None
+    seconds : float
+        What it took.
+    """
+
+    test: HypothesisTest
+    sentence: str
+    parameters: tuple[StandardValue, ...]
+    links: tuple[LinkInertia, ...]
+    base: tuple[BaseChange, ...]
+    active: tuple[str, ...]
+    shared: tuple[str, ...] = ()
+    torque_error: TorqueError | None
+    seconds: Number
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Standard parameters by name."""
+        return {each.name: each.value for each in self.parameters}

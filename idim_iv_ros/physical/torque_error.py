@@ -1,0 +1,99 @@
+"""What the physical bounds cost: the torque that estimate and consistent set leave unexplained."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.estimation.least_squares import solve_instrumental_variables
+from idim_iv_ros.estimation.rows import JointRows
+from idim_iv_ros.physical.result import TorqueError
+from idim_iv_ros.types import FloatArray
+
+_PARTS = 4
+Projection = Callable[[FloatArray], FloatArray]
+
+
+class Judge:
+    """Errors of the torque on all rows, and on quarters that were left out of the fit.
+
+    Each quarter is reduced once: R factors of three make the fit, that of the fourth judges it.
+
+    Parameters
+    ----------
+    rows
+        Of all joints; with instruments, held-out estimates use them.
+    parameters
+        b.
+    sigma : (n_joints,)
+        Standard deviation of each joint's residual: the weights.
+    """
+
+    def __init__(self, rows: Sequence[JointRows], parameters: int, sigma: FloatArray):
+        self._parameters, self._sigma = parameters, sigma
+        self._parts = [[_part(joint, k) for joint in rows] for k in range(_PARTS)]
+
+    def __call__(
+        self, projection: Projection, estimate: FloatArray, consistent: FloatArray
+    ) -> TorqueError:
+        """Judge β̂ (b,) and the set that `projection` makes of it (b,)."""
+        held_out = self._held_out()
+        return TorqueError(
+            before=self._error([estimate] * _PARTS),
+            after=self._error([consistent] * _PARTS),
+            held_out_before=self._error(held_out) if held_out else None,
+            held_out_after=self._error([projection(each) for each in held_out])
+            if held_out
+            else None,
+        )
+
+    def _held_out(self) -> list[FloatArray]:
+        """Estimates (b,) without each quarter; none where one is needed for all parameters."""
+        estimates = []
+        for left_out in range(_PARTS):
+            others = [part for k, part in enumerate(self._parts) if k != left_out]
+            rows = [_stacked(joint) for joint in zip(*others, strict=True)]
+            try:
+                linear = solve_instrumental_variables(rows, self._parameters, self._sigma)
+            except (DataError, np.linalg.LinAlgError):
+                return []
+            estimates.append(linear.values)
+        return estimates
+
+    def _error(self, estimates: Sequence[FloatArray]) -> float:
+        """Of one estimate for each quarter, %."""
+        error = torque = 0.0
+        for part, values in zip(self._parts, estimates, strict=True):
+            for rows, sigma in zip(part, self._sigma, strict=True):
+                error += float(np.sum(rows.residual(values) ** 2)) / sigma**2
+                torque += float(np.sum(rows.torque**2)) / sigma**2
+        return 100.0 * float(np.sqrt(error / torque)) if torque > 0.0 else float("nan")
+
+
+def _part(rows: JointRows, number: int) -> JointRows:
+    """R factor of one quarter of the rows."""
+    bounds = np.linspace(0, len(rows.torque), _PARTS + 1).astype(int)
+    own = slice(bounds[number], bounds[number + 1])
+    z = rows.instrument_matrix
+    part = replace(
+        rows,
+        matrix=rows.matrix[own],
+        torque=rows.torque[own],
+        instrument_matrix=None if z is None else z[own],
+        segments=(),
+        position=None,
+    )
+    return part.reduced
+
+
+def _stacked(parts: Sequence[JointRows]) -> JointRows:
+    first = parts[0]
+    instruments = [part.instrument_matrix for part in parts if part.instrument_matrix is not None]
+    return replace(
+        first,
+        matrix=np.vstack([part.matrix for part in parts]),
+        torque=np.concatenate([part.torque for part in parts]),
+        instrument_matrix=np.vstack(instruments) if instruments else None,
+        represented=sum(len(part) for part in parts),
+    )

@@ -1,0 +1,162 @@
+"""From the bodies that joints carry to the links of the URDF.
+
+The model knows one body for each joint: its link, and all that fixed and locked joints carry behind
+it. What is fixed keeps the inertials of the URDF and is taken out of that body. Where nothing
+possible is left for the link, the change is spread over all of them: one affine map of the whole
+body, J → T J Tᵀ, takes the nominal one to the new one and every part of it to a possible part.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER
+from idim_iv_ros.model.urdf import Urdf
+from idim_iv_ros.physical.pseudo_inertia import inertial_parameters, pseudo_inertia, upper_root
+from idim_iv_ros.types import FloatArray
+
+# Of the nominal link the rest must have at least this share in every direction.
+_LEAST = 1e-4
+
+
+@dataclass(frozen=True)
+class LinkBody:
+    """Inertial of one link in the axes of its frame.
+
+    Attributes
+    ----------
+    mass : float
+        kg.
+    centre : (3,) m
+    inertia : (3, 3) kg m²
+        About the centre of mass.
+    """
+
+    mass: float
+    centre: FloatArray
+    inertia: FloatArray
+
+    @classmethod
+    def of(cls, parameters: FloatArray) -> "LinkBody":
+        """From XX … M (10,) about the origin of its frame."""
+        body = pin.Inertia.FromDynamicParameters(parameters[np.argsort(REGRESSOR_ORDER)])
+        return cls(float(body.mass), np.array(body.lever), np.array(body.inertia))
+
+
+@dataclass(frozen=True)
+class _Part:
+    link: str
+    place: pin.SE3
+    parameters: FloatArray | None  # in the frame of the joint
+
+
+def link_bodies(
+    urdf: Urdf, joints: Mapping[str, FloatArray], source: str
+) -> tuple[dict[str, LinkBody], tuple[str, ...]]:
+    """Return the links that change, and what there is to say of them.
+
+    Parameters
+    ----------
+    urdf
+    joints
+        XX … M (10,) of the body that each identified joint carries.
+    source
+        What to call the URDF in messages.
+
+    Raises
+    ------
+    UsageError
+        A link for which nothing possible is left.
+    """
+    carried = _carried(urdf, set(joints))
+    found, notes = {}, []
+    for joint, target in joints.items():
+        main = urdf.joints[joint].child
+        parts = carried[joint]
+        others = [each for each in parts if each.link != main and each.parameters is not None]
+        own = next(each for each in parts if each.link == main)
+        rest = target - sum((_known(each) for each in others), np.zeros(10))
+        reference = rest if own.parameters is None else own.parameters
+        if _possible(rest, reference):
+            found[main] = LinkBody.of(rest)
+            continue
+        names = ", ".join(each.link for each in others)
+        if not others:
+            raise UsageError(f"{source}: link {main}: no body is left for it")
+        spread = _spread(parts, target)
+        if spread is None:
+            raise UsageError(
+                f"{source}: link {main}: what is fixed behind it ({names}) weighs more than the "
+                f"recording lets {joint} carry, and the nominal inertials are too degenerate to "
+                "spread the change; correct their inertials"
+            )
+        found |= spread
+        notes.append(
+            f"{main} and what is fixed behind it ({names}) changed together: with the inertials "
+            "that the URDF gives these, no body would be left for the link"
+        )
+    return found, tuple(notes)
+
+
+def _known(part: _Part) -> FloatArray:
+    assert part.parameters is not None
+    return part.parameters
+
+
+def _carried(urdf: Urdf, identified: set[str]) -> dict[str, list[_Part]]:
+    """Links that each identified joint carries, their inertials in its frame."""
+    places: dict[str, tuple[str, pin.SE3]] = {}
+    carried: dict[str, list[_Part]] = {joint: [] for joint in identified}
+    for link, joint in urdf.outward():
+        carrier, place = ("", pin.SE3.Identity()) if joint is None else places[joint.parent]
+        if joint is not None:
+            place = place * joint.placement
+            if joint.name in identified:
+                carrier, place = joint.name, pin.SE3.Identity()
+        places[link] = carrier, place
+        if carrier:
+            inertial = urdf.links[link]
+            parameters = None
+            if inertial is not None and inertial.mass > 0.0:
+                body = pin.Inertia(inertial.mass, inertial.centre, inertial.inertia)
+                parameters = place.act(body).toDynamicParameters()[list(REGRESSOR_ORDER)]
+            carried[carrier].append(_Part(link, place, parameters))
+    return carried
+
+
+def _possible(parameters: FloatArray, reference: FloatArray) -> bool:
+    """Whether a body has these parameters, and no sliver of the reference is left."""
+    try:
+        root = np.linalg.inv(upper_root(pseudo_inertia(reference)))
+    except np.linalg.LinAlgError:
+        return bool(np.linalg.eigvalsh(pseudo_inertia(parameters))[0] > 0.0)
+    relative = root @ pseudo_inertia(parameters) @ root.T
+    return bool(np.linalg.eigvalsh(relative)[0] > _LEAST)
+
+
+def _spread(parts: list[_Part], target: FloatArray) -> dict[str, LinkBody] | None:
+    """Map all parts alike; None where the nominal whole is no body."""
+    known = [each for each in parts if each.parameters is not None]
+    nominal = sum((_known(each) for each in known), np.zeros(10))
+    try:
+        root = upper_root(pseudo_inertia(target)) @ np.linalg.inv(
+            upper_root(pseudo_inertia(nominal))
+        )
+    except np.linalg.LinAlgError:
+        return None
+    mapped = {}
+    for each in known:
+        matrix = root @ pseudo_inertia(_known(each)) @ root.T
+        parameters = inertial_parameters(matrix)
+        body = pin.Inertia.FromDynamicParameters(parameters[np.argsort(REGRESSOR_ORDER)])
+        own = each.place.actInv(body).toDynamicParameters()[list(REGRESSOR_ORDER)]
+        mapped[each.link] = LinkBody.of(own)
+    return mapped
+
+
+def body_of_joint(values: Mapping[str, float], joint: int) -> FloatArray:
+    """XX … M (10,) of the body that a joint carries."""
+    return np.array([values[f"{kind}{joint + 1}"] for kind in INERTIAL])

@@ -1,0 +1,269 @@
+"""A MuJoCo model of a robot with the parameters of a result, every number in full precision."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+import pinocchio as pin
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.model import RobotModel
+from idim_iv_ros.model.urdf import Urdf
+from idim_iv_ros.simulator_files.law import DriveLaw
+from idim_iv_ros.simulator_files.links import LinkBody
+from idim_iv_ros.simulator_files.mjcf_effects import Coupled, NativeEffects
+from idim_iv_ros.types import FloatArray
+
+_THICKNESS = 0.12  # of a drawn link, of its length
+
+
+@dataclass(frozen=True)
+class JointValues:
+    """Drives and friction of all joints, (n_joints,) each.
+
+    Attributes
+    ----------
+    armature, damping, friction, offset
+        kg m², N m s/rad, N m, N m.
+    bodies : tuple of LinkBody
+        What each joint carries, in its frame.
+    couplings : tuple of Coupled
+        Of the transmission.
+    """
+
+    armature: FloatArray
+    damping: FloatArray
+    friction: FloatArray
+    offset: FloatArray
+    bodies: tuple[LinkBody, ...]
+    couplings: tuple[Coupled, ...] = ()
+
+
+def mjcf_text(
+    robot: RobotModel,
+    urdf: Urdf,
+    values: JointValues,
+    law: DriveLaw,
+    native: NativeEffects,
+    comments: Sequence[str],
+) -> str:
+    """Return the model as text.
+
+    Parameters
+    ----------
+    robot
+        Kinematics; locked joints and fixed links are part of the body that carries them.
+    urdf
+        Names of links.
+    values
+    law
+        Proportional and derivative actuators where they are the whole law; else motors, whose
+        commands are torques.
+    native
+        Effects that elements of the model have.
+    comments
+        Lines at the top.
+
+    Raises
+    ------
+    UsageError
+        A coupled transmission whose drives have less inertia or damping than it takes from them.
+    """
+    root = Element("mujoco", model=robot.name)
+    for line in comments:
+        root.append(ElementTree.Comment(f" {line.replace('--', '- -')} "))
+    SubElement(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
+    gravity = np.array(robot.pinocchio.gravity.linear)
+    SubElement(
+        root,
+        "option",
+        timestep=_number(law.period),
+        gravity=_numbers(gravity),
+        integrator="implicitfast",
+    )
+    _law_numbers(root, robot, law)
+    world = SubElement(root, "worldbody")
+    values = _behind_transmission(values, robot)
+    _bodies(world, robot, urdf, values, law, native)
+    couplings = [*values.couplings, *native.couplings]
+    if couplings:
+        _tendons(SubElement(root, "tendon"), robot, couplings)
+    _actuators(SubElement(root, "actuator"), robot, values, law, native)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _law_numbers(root: Element, robot: RobotModel, law: DriveLaw) -> None:
+    """The law, for a loop that runs it itself."""
+    custom = SubElement(root, "custom")
+    SubElement(custom, "text", name="control_law", data=law.words)
+    for name, gains in (("kp", law.kp), ("kd", law.kd), ("ki", law.ki), ("delay", law.delay)):
+        SubElement(custom, "numeric", name=name, size=str(len(robot.joints)), data=_numbers(gains))
+    SubElement(custom, "numeric", name="period", data=_number(law.period))
+
+
+def _behind_transmission(values: JointValues, robot: RobotModel) -> JointValues:
+    """Take out of the joints what the tendons of coupled drives add to them."""
+    armature, damping = values.armature.copy(), values.damping.copy()
+    for each in values.couplings:
+        for joint in (each.first, each.second):
+            armature[joint] -= each.inertia
+            damping[joint] -= each.damping
+            # What is left of two numbers that are equal is rounding.
+            armature[joint] = 0.0 if abs(armature[joint]) < 1e-12 else armature[joint]
+            if armature[joint] < 0.0 or damping[joint] < 0.0:
+                raise UsageError(
+                    f"the coupled transmission takes more inertia or damping from "
+                    f"{robot.joints[joint]} than this drive has: MuJoCo has no element for that"
+                )
+    return JointValues(
+        armature, damping, values.friction, values.offset, values.bodies, values.couplings
+    )
+
+
+def _bodies(
+    world: Element,
+    robot: RobotModel,
+    urdf: Urdf,
+    values: JointValues,
+    law: DriveLaw,
+    native: NativeEffects,
+) -> None:
+    """One body for each joint, in the order of the tree."""
+    model = robot.pinocchio
+    elements: dict[int, Element] = {0: world}
+    for tree in range(1, model.njoints):
+        joint = int(robot.order[tree - 1])
+        name = robot.joints[joint]
+        place = model.jointPlacements[tree]
+        carrier = elements[int(model.parents[tree])]
+        body = SubElement(carrier, "body", {"name": urdf.joints[name].child, **_placement(place)})
+        elements[tree] = body
+        own = values.bodies[joint]
+        moments = own.inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
+        SubElement(
+            body,
+            "inertial",
+            pos=_numbers(own.centre),
+            mass=_number(own.mass),
+            fullinertia=_numbers(moments),
+        )
+        _joint(body, robot, joint, values, law, native, np.array(urdf.joints[name].axis))
+        _drawn(body, robot, tree, own)
+
+
+def _joint(
+    body: Element,
+    robot: RobotModel,
+    joint: int,
+    values: JointValues,
+    law: DriveLaw,
+    native: NativeEffects,
+    axis: FloatArray,
+) -> None:
+    low, high = robot.limits.lower[joint], robot.limits.upper[joint]
+    damping = [values.damping[joint], *native.damping.get(joint, [])]
+    attributes = {
+        "name": robot.joints[joint],
+        "type": "hinge" if robot.joint_types[joint] == "revolute" else "slide",
+        "axis": _numbers(axis / np.linalg.norm(axis)),
+        "armature": _number(values.armature[joint]),
+        "damping": _numbers(damping),
+        "frictionloss": _number(values.friction[joint]),
+    }
+    if math.isfinite(low) and math.isfinite(high):
+        attributes["range"] = _numbers([low, high])
+    if joint in native.stiffness:
+        attributes["stiffness"] = _numbers(native.stiffness[joint])
+    limit, offset = law.limit[joint], _offset(values, native, joint)
+    if law.in_actuators and math.isfinite(limit):
+        # The command is limited, and the constant torque is taken off what it gives.
+        attributes["actuatorfrcrange"] = _numbers([-limit - offset, limit - offset])
+    SubElement(body, "joint", attributes)
+
+
+def _drawn(body: Element, robot: RobotModel, tree: int, own: LinkBody) -> None:
+    """Something to look at: it neither weighs nor touches anything."""
+    model = robot.pinocchio
+    ends = [
+        np.array(model.jointPlacements[child].translation)
+        for child in range(1, model.njoints)
+        if int(model.parents[child]) == tree
+    ] or [2.0 * own.centre]
+    length = float(np.linalg.norm(ends[0]))
+    attributes = {"contype": "0", "conaffinity": "0", "group": "2", "mass": "0"}
+    if length > 1e-3:
+        fromto = _numbers([0.0, 0.0, 0.0, *ends[0]])
+        size = _number(round(_THICKNESS * length, 4))
+        SubElement(body, "geom", {"type": "capsule", "fromto": fromto, "size": size} | attributes)
+    else:
+        SubElement(body, "geom", {"type": "sphere", "size": "0.03"} | attributes)
+
+
+def _tendons(element: Element, robot: RobotModel, couplings: Sequence[Coupled]) -> None:
+    for each in couplings:
+        first, second = robot.joints[each.first], robot.joints[each.second]
+        tendon = SubElement(
+            element,
+            "fixed",
+            name=f"{first}_{second}",
+            armature=_number(each.inertia),
+            damping=_number(each.damping),
+            frictionloss=_number(each.friction),
+        )
+        SubElement(tendon, "joint", joint=first, coef="1")
+        SubElement(tendon, "joint", joint=second, coef=_number(each.direction))
+
+
+def _actuators(
+    element: Element, robot: RobotModel, values: JointValues, law: DriveLaw, native: NativeEffects
+) -> None:
+    """The law at each joint, or a motor; the constant torque is part of its bias."""
+    for joint, name in enumerate(robot.joints):
+        offset = _offset(values, native, joint)
+        kp, kd = (law.kp[joint], law.kd[joint]) if law.in_actuators else (0.0, 0.0)
+        attributes = {
+            "name": name,
+            "joint": name,
+            "gainprm": _number(kp if law.in_actuators else 1.0),
+            "biastype": "affine",
+            "biasprm": _numbers([-offset, -kp, -kd]),
+        }
+        if not law.in_actuators:
+            if math.isfinite(law.limit[joint]):
+                attributes["ctrlrange"] = _numbers([-law.limit[joint], law.limit[joint]])
+            if law.delay[joint] > 0.0:
+                samples = math.ceil(law.delay[joint] / law.period - 1e-9) + 1
+                attributes |= {"delay": _number(law.delay[joint]), "nsample": str(samples)}
+        SubElement(element, "general", attributes)
+    if law.in_actuators and law.velocity_reference:
+        for joint, name in enumerate(robot.joints):
+            SubElement(
+                element,
+                "general",
+                name=f"{name}_velocity",
+                joint=name,
+                gainprm=_number(law.kd[joint]),
+            )
+
+
+def _offset(values: JointValues, native: NativeEffects, joint: int) -> float:
+    return float(values.offset[joint]) + native.offset.get(joint, 0.0)
+
+
+def _placement(place: pin.SE3) -> dict[str, str]:
+    quaternion = pin.Quaternion(place.rotation)
+    quaternion.normalize()
+    parts = [quaternion.w, quaternion.x, quaternion.y, quaternion.z]
+    return {"pos": _numbers(np.array(place.translation)), "quat": _numbers(parts)}
+
+
+def _number(value: float) -> str:
+    return repr(float(value) + 0.0)
+
+
+def _numbers(values: Sequence[float] | FloatArray) -> str:
+    return " ".join(_number(value) for value in values)

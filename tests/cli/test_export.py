@@ -1,0 +1,87 @@
+"""The command that takes a result into a simulator, and the commands that name it."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.cli.test_bad_input import refused
+from tests.simulator_files.cases import CONFIG, Case, case, cause
+
+FILES = ["arm2.urdf", "arm2.values.yaml", "arm2.xml", "changes.md", "effects.json", "isaac_lab.py"]
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Case:
+    return case(tmp_path, "arm2", [cause("stribeck", "joint_2", excess=1.0, speed=0.2)])
+
+
+def test_all_files_are_written_and_named(run, arm: Case, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    outcome = run("export", arm.path, "--config", CONFIG / "arm2.yaml", "--out", out)
+    assert outcome.status == 0, outcome.error
+    assert sorted(path.name for path in out.iterdir()) == FILES
+    assert all(str(out / name) in outcome.out for name in FILES)
+    assert "MuJoCo has no element for stribeck at joint_2" in outcome.out
+
+
+def test_json_names_the_files(run, arm: Case, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    outcome = run("export", arm.path, "--config", CONFIG / "arm2.yaml", "--out", out, "--json")
+    assert sorted(Path(file).name for file in json.loads(outcome.out)["files"]) == FILES
+
+
+def test_refusals_are_one_line_and_nothing_is_written(run, arm: Case, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    pendulum = CONFIG / "double_pendulum.yaml"
+    refused(run("export", arm.path, "--config", pendulum, "--out", out), 2, "another robot")
+    nothing = tmp_path / "none.json"
+    refused(run("export", nothing, "--config", CONFIG / "arm2.yaml", "--out", out), 2, "none.json")
+    assert not out.exists()
+
+
+def test_effects_are_simulated_with_the_exported_robot(run, arm: Case, tmp_path: Path) -> None:
+    """The file goes back into `simulate`, with the URDF and the lines of changes.md."""
+    out = tmp_path / "out"
+    assert run("export", arm.path, "--config", CONFIG / "arm2.yaml", "--out", out).status == 0
+    changes = (out / "changes.md").read_text(encoding="utf-8")
+    section = changes.split("```yaml\n")[1].split("```")[0]
+    config = tmp_path / "new.yaml"
+    robot = f"robot:\n  urdf: {out / 'arm2.urdf'}\n  joints: [joint_1, joint_2]\n"
+    law = "controller: {type: pd, kp: [900.0, 200.0], kd: [40.0, 8.0], period: 0.001}\n"
+    config.write_text(robot + section + law, encoding="utf-8")
+    bag = tmp_path / "new.mcap"
+    outcome = run(
+        "simulate", "--config", config, "--out", bag, "--effects", out / "effects.json",
+        "--duration", 2,
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.error
+    truth = json.loads((tmp_path / "new.truth.json").read_text())
+    model, standard = arm.model, arm.standard
+    for name, row in zip(model.base.names, model.base.grouping, strict=True):
+        names = model.regressor.layout.names
+        expected = sum(k * standard[each] for k, each in zip(row, names, strict=True))
+        assert truth[name] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_identify_ends_by_naming_the_export(run, bag: Path, config, tmp_path: Path) -> None:
+    out = tmp_path / "found"
+    outcome = run("identify", bag, "--config", config(), "--out", out)
+    assert outcome.status == 0, outcome.error
+    assert f"Into a simulator: idim-iv export {out / 'result.json'} --config" in outcome.out
+
+
+def test_without_the_solver_one_line_says_what_to_install(
+    run, bag: Path, config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "clarabel", None)
+    out = tmp_path / "found"
+    outcome = run("identify", bag, "--config", config(), "--out", out)
+    assert outcome.status == 0, outcome.error
+    assert "pip install 'idim-iv-ros[physical]'" in outcome.out
+    assert json.loads((out / "result.json").read_text())["physical"] is None
+    exported = tmp_path / "out"
+    refused(
+        run("export", out / "result.json", "--config", config(), "--out", exported), 2, "[physical]"
+    )

@@ -1,0 +1,54 @@
+"""Physical parameters of real recordings: every link a body, and no worse where not fitted."""
+
+from pathlib import Path
+
+import pytest
+
+from idim_iv_ros import identify, load_configuration
+from idim_iv_ros.identification.result import IdentificationResult
+from tests.real.recordings import double_pendulum_bag, emps_bag, tx40_bag
+from tests.real.test_tx40 import CONFIGURATION
+
+
+@pytest.fixture(scope="module", params=["emps", "tx40", "double_pendulum"])
+def result(
+    request: pytest.FixtureRequest,
+    data: Path,
+    config: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> IdentificationResult:
+    folder, name = tmp_path_factory.mktemp("physical"), request.param
+    make = {"emps": emps_bag, "tx40": tx40_bag, "double_pendulum": double_pendulum_bag}[name]
+    bag, path = make(data, folder / f"{name}.mcap"), config / f"{name}.yaml"
+    if name == "tx40":
+        path = folder / "tx40.yaml"
+        urdf = data / "staubli_tx40" / "tx40_mdh_modified.urdf"
+        path.write_text(CONFIGURATION.format(urdf=urdf))
+    return identify([bag], load_configuration(path))
+
+
+def test_the_held_out_error_is_at_most_two_percent_worse(result: IdentificationResult) -> None:
+    assert result.physical is not None
+    error = result.physical.torque_error
+    assert error is not None and error.held_out_before is not None
+    assert error.held_out_after is not None
+    assert error.held_out_after <= 1.02 * error.held_out_before
+
+
+def test_every_link_is_a_body_and_no_drive_gives_energy(result: IdentificationResult) -> None:
+    assert result.physical is not None
+    assert all(link.eigenvalues[0] > 0.0 for link in result.physical.links)
+    for name, value in result.physical.values.items():
+        assert value >= 0.0 or not name.startswith(("Ia", "Fv", "Fc"))
+
+
+def test_it_takes_less_than_a_second(result: IdentificationResult) -> None:
+    assert result.physical is not None
+    assert result.physical.seconds < 1.0
+
+
+def test_current_in_place_of_torque_is_no_mass(data: Path, config: Path) -> None:
+    bag = data / "unisa_ur10" / "ur10_exciting_trajectory.db3"
+    result = identify([bag], load_configuration(config / "ur10.yaml"))
+    assert result.physical is None
+    assert result.why_no_physical.startswith("efforts are in A")

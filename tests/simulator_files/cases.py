@@ -1,0 +1,89 @@
+"""Results of robots whose parameters are known, as files that can be exported."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from idim_iv_ros import export
+from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.model import InverseModel, build_inverse_model, kinematics_digest
+from idim_iv_ros.physical import nearest_physical
+from idim_iv_ros.simulator_files import Exported
+from tests.gap_files import gap_content
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A robot's configuration, and the gap.json of a diagnosis of it."""
+
+    configuration: Configuration
+    model: InverseModel
+    gap: GapResult
+    path: Path
+
+    def export(self, out: Path, **options: Any) -> Exported:
+        return export(self.path, self.configuration, out, **options)
+
+    def with_gap(self, **changes: Any) -> "Case":
+        case = replace(self, gap=replace(self.gap, **changes))
+        case.path.write_text(case.gap.to_json(), encoding="utf-8")
+        return case
+
+    @property
+    def standard(self) -> dict[str, float]:
+        assert self.gap.physical is not None
+        return self.gap.physical.values
+
+
+def case(
+    folder: Path,
+    configuration: Configuration | str,
+    causes: Sequence[Mapping[str, Any]] = (),
+    *,
+    change: float = 0.1,
+) -> Case:
+    """A robot that differs from its nominal model, with some causes.
+
+    `change`: of the links, as a share of the nominal parameters.
+    """
+    if isinstance(configuration, str):
+        configuration = load_configuration(CONFIG / f"{configuration}.yaml")
+    urdf = configuration.robot.urdf
+    assert urdf is not None
+    model = build_inverse_model(configuration, urdf.read_text(encoding="utf-8"), urdf.name)
+    random = np.random.default_rng(3)
+    values = model.given * (1.0 + change * random.uniform(-1.0, 1.0, len(model.given)))
+    values += np.array([0.1 if name.startswith("off") else 0.0 for name in model.base.names])
+    std = 0.02 * np.abs(values) + 1e-4
+    physical = nearest_physical(model.robot, model.base, values, np.diag(std**2))
+    joints = model.robot.joints
+    content = json.dumps(gap_content(*causes))
+    gap = replace(
+        GapResult.from_json(content, "sample"),
+        joints=joints,
+        joint_types=model.robot.joint_types,
+        robot=model.robot.name,
+        physical=physical,
+        kinematics=kinematics_digest(model.robot),
+    )
+    path = folder / "gap.json"
+    path.write_text(gap.to_json(), encoding="utf-8")
+    return Case(configuration, model, gap, path)
+
+
+def cause(effect: str, joint: str | None, **parameters: float) -> dict[str, Any]:
+    """One structural cause."""
+    return {
+        "effect": effect,
+        "joint": joint,
+        "other_joint": None,
+        "indistinguishable_from": [],
+        "parameters": parameters,
+    }

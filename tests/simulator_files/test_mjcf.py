@@ -1,0 +1,211 @@
+"""The exported MuJoCo model, compiled and asked for torques by MuJoCo itself."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from idim_iv_ros.model import load_robot
+from idim_iv_ros.simulation import SimulatedEffect, control_law
+from idim_iv_ros.simulation.effects import joint_effects
+from tests.simulator_files.cases import Case, case, cause
+
+
+def compiled(arm: Case, out: Path) -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_path(str(arm.export(out).mjcf))
+
+
+def passive(model: mujoco.MjModel, q: float, dq: float, joint: int = 0) -> float:
+    """Torque of springs and dampers at one joint, the others at rest."""
+    data = mujoco.MjData(model)
+    data.qpos[joint], data.qvel[joint] = q, dq
+    mujoco.mj_forward(model, data)
+    return float(data.qfrc_passive[joint])
+
+
+def test_inverse_dynamics_in_mujoco_are_the_regressor_times_the_parameters(tmp_path: Path) -> None:
+    arm = case(tmp_path, "arm7")
+    model = compiled(arm, tmp_path / "out")
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+    names, values = arm.model.regressor.layout.names, arm.standard
+    standard = np.array([0.0 if name.startswith(("Fc", "off")) else values[name] for name in names])
+    data = mujoco.MjData(model)
+    random = np.random.default_rng(0)
+    low, high = arm.model.robot.limits.lower, arm.model.robot.limits.upper
+    for _ in range(30):
+        q, dq, ddq = random.uniform(0.9 * low, 0.9 * high), *random.uniform(-2.0, 2.0, (2, 7))
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
+        mujoco.mj_inverse(model, data)
+        expected = arm.model.regressor(q[None], dq[None], ddq[None])[0] @ standard
+        np.testing.assert_allclose(data.qfrc_inverse, expected, rtol=0.0, atol=1e-8)
+
+
+def test_friction_and_constant_torques_are_those_of_the_result(tmp_path: Path) -> None:
+    arm = case(tmp_path, "arm7")
+    model = compiled(arm, tmp_path / "out")
+    friction = [arm.standard[f"Fc{joint}"] for joint in range(1, 8)]
+    np.testing.assert_array_equal(model.dof_frictionloss, friction)
+    offset = [arm.standard[f"off{joint}"] for joint in range(1, 8)]
+    np.testing.assert_array_equal(model.actuator_biasprm[:7, 0], -np.array(offset))
+
+
+def test_actuators_are_the_law_of_the_configuration(tmp_path: Path) -> None:
+    """Position and velocity references go in, and the law's torque, limited, comes out."""
+    arm = case(tmp_path, "arm7")
+    model = compiled(arm, tmp_path / "out")
+    law = control_law(arm.configuration.controller, 7)
+    offset = np.array([arm.standard[f"off{joint}"] for joint in range(1, 8)])
+    data = mujoco.MjData(model)
+    random = np.random.default_rng(0)
+    for size in (0.001, 0.2):
+        q, dq, q_ref, dq_ref = random.uniform(-size, size, (4, 7))
+        data.qpos[:], data.qvel[:] = q, dq
+        for joint, name in enumerate(arm.model.robot.joints):
+            data.actuator(name).ctrl = q_ref[joint]
+            data.actuator(f"{name}_velocity").ctrl = dq_ref[joint]
+        mujoco.mj_forward(model, data)
+        command = law.kp * (q_ref - q) + law.kd * (dq_ref - dq)
+        limited = np.clip(command, -law.torque_limit, law.torque_limit)
+        np.testing.assert_allclose(data.qfrc_actuator, limited - offset, rtol=0.0, atol=1e-9)
+    assert model.opt.timestep == law.period
+
+
+@pytest.mark.parametrize("power", [2.0, 3.0])
+def test_drag_with_a_whole_power_is_the_joints_damping(tmp_path: Path, power: float) -> None:
+    planted = cause("nonlinear_viscous", "joint_1", coefficient=0.8, power=power)
+    arm = case(tmp_path, "arm2", [planted])
+    model = compiled(arm, tmp_path / "out")
+    effects = json.loads((tmp_path / "out" / "effects.json").read_text())["effects"]
+    assert effects[0]["native"]
+    linear = arm.standard["Fv1"]
+    for speed in (0.5, -1.5):
+        drag = 0.8 * abs(speed) ** power * np.sign(speed)
+        assert passive(model, 0.0, speed) == pytest.approx(-linear * speed - drag, rel=1e-12)
+
+
+def test_a_spring_over_the_whole_range_is_native_and_one_that_ends_inside_is_not(
+    tmp_path: Path,
+) -> None:
+    spring = {"linear": 3.0, "quadratic": -0.5, "cubic": 0.2}
+    whole = case(tmp_path, "arm2", [cause("spring", "joint_1", **spring, constant=0.7)])
+    model = compiled(whole, tmp_path / "whole")
+    for q in (0.4, -1.1):
+        torque = 3.0 * q - 0.5 * q**2 + 0.2 * q**3
+        assert passive(model, q, 0.0) == pytest.approx(-torque, rel=1e-12)
+    offset = whole.standard["off1"] + 0.7
+    assert model.actuator_biasprm[0, 0] == pytest.approx(-offset, rel=1e-12)
+    part = case(tmp_path, "arm2", [cause("spring", "joint_1", **spring, lowest=-0.3, highest=0.3)])
+    made = part.export(tmp_path / "part")
+    assert made.not_native == ("spring at joint_1",)
+    assert passive(mujoco.MjModel.from_xml_path(str(made.mjcf)), 0.2, 0.0) == 0.0
+
+
+def test_friction_between_two_joints_is_a_tendon(tmp_path: Path) -> None:
+    planted = cause(
+        "joint_coupling", "joint_1", direction=-1.0, coulomb=0.4, viscous=0.3, power=1.0
+    )
+    arm = case(tmp_path, "arm2", [{**planted, "other_joint": "joint_2"}])
+    model = compiled(arm, tmp_path / "out")
+    data = mujoco.MjData(model)
+    data.qvel[:] = 0.6, -0.2
+    mujoco.mj_forward(model, data)
+    common = 0.3 * (0.6 + 0.2)
+    expected = [arm.standard["Fv1"] * 0.6 + common, arm.standard["Fv2"] * -0.2 - common]
+    np.testing.assert_allclose(-data.qfrc_passive, expected, rtol=1e-12)
+    assert model.tendon_frictionloss[0] == 0.4
+
+
+def test_a_delayed_command_acts_that_much_later(tmp_path: Path) -> None:
+    """4 ms at a period of 1 ms; the actuators are motors then, whose control is the torque."""
+    arm = case(tmp_path, "arm2", [cause("time_delay", None, delay=0.004)])
+    model = compiled(arm, tmp_path / "out")
+    period = model.opt.timestep
+    data, forces = mujoco.MjData(model), []
+    offset = arm.standard["off1"]
+    for step in range(12):
+        data.ctrl[:] = step + 1.0
+        mujoco.mj_step(model, data)
+        forces.append(float(data.actuator_force[0]) + offset)
+    late = round(0.004 / period)
+    np.testing.assert_allclose(forces[late:], np.arange(1.0, 13.0 - late), atol=1e-12)
+    np.testing.assert_allclose(model.numeric("delay").data, 0.004)
+
+
+def test_a_drive_that_saturates_hard_has_a_smaller_limit(tmp_path: Path) -> None:
+    arm = case(tmp_path, "arm2", [cause("torque_saturation", "joint_1", knee=5.0, slope=0.0)])
+    model = compiled(arm, tmp_path / "out")
+    data = mujoco.MjData(model)
+    data.actuator("joint_1").ctrl = 3.0
+    mujoco.mj_forward(model, data)
+    assert data.qfrc_actuator[0] == pytest.approx(5.0 - arm.standard["off1"], rel=1e-12)
+
+
+def test_gains_that_the_robot_really_has_take_the_place_of_those_configured(
+    tmp_path: Path,
+) -> None:
+    arm = case(tmp_path, "arm2", [cause("controller_mismatch", "joint_2", kp=123.0)])
+    model = compiled(arm, tmp_path / "out")
+    assert model.actuator("joint_2").gainprm[0] == 123.0
+    lag = case(tmp_path, "arm2", [cause("controller_mismatch", "joint_2", kp=123.0, lag=0.01)])
+    assert lag.export(tmp_path / "lag").not_native == ("controller_mismatch at joint_2",)
+
+
+@pytest.mark.parametrize("effect", ["stribeck", "presliding", "backlash", "friction_drift"])
+def test_what_mujoco_has_no_element_for_is_in_the_file_as_simulate_takes_it(
+    tmp_path: Path, effect: str
+) -> None:
+    numbers = {
+        "stribeck": {"excess": 1.0, "speed": 0.1, "exponent": 2.0},
+        "presliding": {"span_1": 0.001, "level_1": 0.3},
+        "backlash": {"gap": 0.002},
+        "friction_drift": {"time_constant": 30.0, "coulomb": 0.5},
+    }[effect]
+    made = case(tmp_path, "arm2", [cause(effect, "joint_1", **numbers)]).export(tmp_path / "out")
+    assert made.not_native == (f"{effect} at joint_1",)
+    (planted,) = json.loads(made.effects.read_text())["effects"]
+    assert planted["parameters"] == numbers and not planted["native"]
+    one = SimulatedEffect(planted["effect"], planted["joint"], planted["parameters"])
+    assert joint_effects([one], ["joint_1", "joint_2"])
+
+
+def test_friction_below_zero_that_an_effect_makes_up_for_is_an_effect_too(tmp_path: Path) -> None:
+    """URDF, model and effects together are the robot that was found: −0.4 v + 0.9 |v| v."""
+    planted = cause("nonlinear_viscous", "joint_1", coefficient=0.9, power=2.0)
+    arm = case(tmp_path, "arm2", [planted])
+    assert arm.gap.physical is not None
+    parameters = tuple(
+        replace(each, value=-0.4) if each.name == "Fv1" else each
+        for each in arm.gap.physical.parameters
+    )
+    physical = replace(arm.gap.physical, parameters=parameters, shared=("Fv1", "Fc1"))
+    made = arm.with_gap(physical=physical).export(tmp_path / "out")
+    assert passive(mujoco.MjModel.from_xml_path(str(made.mjcf)), 0.0, 1.5) == pytest.approx(
+        -0.9 * 1.5**2
+    )
+    effects = json.loads(made.effects.read_text(encoding="utf-8"))["effects"]
+    rest = [each for each in effects if not each["native"]]
+    assert [each["parameters"] for each in rest] == [{"coefficient": -0.4, "power": 1.0}]
+    robot = load_robot(made.urdf.read_text(encoding="utf-8"), ["joint_1", "joint_2"])
+    assert robot.given.viscous[0] == 0.0
+
+
+def test_coupled_drives_of_a_wrist_are_a_tendon(tmp_path: Path) -> None:
+    """TX40: the motor of joint 6 turns with joint 5, and MuJoCo finds the same torques."""
+    arm = case(tmp_path, "tx40", change=0.02)
+    model = compiled(arm, tmp_path / "out")
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+    names = arm.model.regressor.layout.names
+    standard = np.array(
+        [0.0 if name.startswith(("Fc", "off")) else arm.standard[name] for name in names]
+    )
+    data = mujoco.MjData(model)
+    q, dq, ddq = np.random.default_rng(0).uniform(-0.5, 0.5, (3, 6))
+    data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
+    mujoco.mj_inverse(model, data)
+    expected = arm.model.regressor(q[None], dq[None], ddq[None])[0] @ standard
+    np.testing.assert_allclose(data.qfrc_inverse, expected, rtol=0.0, atol=1e-8)

@@ -1,0 +1,179 @@
+"""What is not exported: one line that says why, and nothing written."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from idim_iv_ros import export
+from idim_iv_ros.configuration import load_configuration
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.types import FloatArray
+from tests.report.sample_result import sample_result
+from tests.simulator_files.cases import CONFIG, Case, case, cause
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Case:
+    return case(tmp_path, "arm2")
+
+
+def refused(arm: Case, out: Path, match: str) -> None:
+    with pytest.raises(UsageError, match=match) as refusal:
+        arm.export(out)
+    assert "\n" not in str(refusal.value)
+    assert not out.exists()
+
+
+def moved(arm: Case, folder: Path, old: str, new: str) -> Case:
+    """The same result, and a URDF that was changed since."""
+    urdf = arm.configuration.robot.urdf
+    assert urdf is not None
+    text = urdf.read_text(encoding="utf-8")
+    assert old in text
+    other = folder / "arm2.urdf"
+    other.write_text(text.replace(old, new, 1), encoding="utf-8")
+    section = arm.configuration.robot.model_copy(update={"urdf": other})
+    return replace(arm, configuration=arm.configuration.model_copy(update={"robot": section}))
+
+
+def test_a_result_of_another_robot(arm: Case, tmp_path: Path) -> None:
+    other = replace(arm, configuration=load_configuration(CONFIG / "double_pendulum.yaml"))
+    refused(other, tmp_path / "out", "joint_1, joint_2.*shoulder, elbow: another robot")
+
+
+def test_a_urdf_whose_joints_were_moved_since(arm: Case, tmp_path: Path) -> None:
+    changed = moved(arm, tmp_path, '<origin xyz="0.42 0 0"', '<origin xyz="0.43 0 0"')
+    refused(changed, tmp_path / "out", "joints are placed or turned differently; run `idim-iv di")
+
+
+def test_a_urdf_whose_masses_were_changed_since(arm: Case, tmp_path: Path) -> None:
+    mass = arm.model.robot.given.inertial[1, 0]
+    changed = moved(arm, tmp_path, f'<mass value="{mass:g}"', f'<mass value="{2 * mass:g}"')
+    refused(changed, tmp_path / "out", "the nominal model changed since: ")
+
+
+def test_effects_unknown_to_this_version(tmp_path: Path) -> None:
+    arm = case(tmp_path, "arm2", [cause("magnetism", "joint_1", field=1.0)])
+    refused(arm, tmp_path / "out", "magnetism at joint_1 is unknown to this version")
+
+
+def test_a_result_without_physical_parameters_says_why(arm: Case, tmp_path: Path) -> None:
+    without = arm.with_gap(physical=None, why_no_physical="efforts are in A")
+    refused(without, tmp_path / "out", "efforts are in A; then run `idim-iv diagnose` again")
+    older = arm.with_gap(physical=None, kinematics="")
+    refused(older, tmp_path / "out", "was written before .*; run `idim-iv diagnose` again")
+
+
+def test_an_older_identification_is_projected_when_it_is_exported(tmp_path: Path) -> None:
+    """It has estimates and their covariance; their names say to which robot they belong."""
+    sample = sample_result(2)
+    path = tmp_path / "result.json"
+    joints = ("joint_1", "joint_2")
+    path.write_text(replace(sample, joints=joints).to_json(), encoding="utf-8")
+    arm = load_configuration(CONFIG / "arm2.yaml")
+    with pytest.raises(UsageError, match="its base parameters are not those of this robot"):
+        export(path, arm, tmp_path / "out")
+
+
+@pytest.mark.parametrize("content", ["", "{}", "[1]", '{"format": "idim_iv_ros/check/1"}'])
+def test_what_is_no_result(arm: Case, tmp_path: Path, content: str) -> None:
+    arm.path.write_text(content, encoding="utf-8")
+    refused(arm, tmp_path / "out", str(arm.path))
+
+
+def test_a_folder_that_cannot_be_written(arm: Case, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(UsageError, match=r"cannot be written: .*; give another --out"):
+        arm.export(tmp_path / "file" / "out")
+    assert (tmp_path / "file").read_text(encoding="utf-8") == ""
+
+
+def test_files_of_somebody_else_stay(arm: Case, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "changes.md").write_text("mine", encoding="utf-8")
+    with pytest.raises(UsageError, match="exists, and is not of an earlier export"):
+        arm.export(out)
+    assert [path.name for path in out.iterdir()] == ["changes.md"]
+    arm.export(out, force=True)
+    arm.export(out)  # its own files are replaced
+    assert (out / "changes.md").read_text(encoding="utf-8") != "mine"
+
+
+def test_a_disk_that_is_full_leaves_nothing(
+    arm: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    refused(arm, tmp_path / "out", "No space left on device")
+
+
+def test_a_configuration_without_a_urdf(arm: Case, tmp_path: Path) -> None:
+    section = arm.configuration.robot.model_copy(update={"urdf": None})
+    without = replace(arm, configuration=arm.configuration.model_copy(update={"robot": section}))
+    refused(without, tmp_path / "out", "robot.urdf is not given")
+
+
+def test_a_physical_key_that_lacks_a_parameter(arm: Case, tmp_path: Path) -> None:
+    content = json.loads(arm.path.read_text(encoding="utf-8"))
+    del content["physical"]["parameters"][3]
+    arm.path.write_text(json.dumps(content), encoding="utf-8")
+    refused(arm, tmp_path / "out", "physical.parameters: YY1 is missing; run `idim-iv diagnose`")
+
+
+@pytest.mark.parametrize(("name", "value"), [("Fv1", -0.1), ("YY2", 1e300), ("Ia1", -1e-3)])
+def test_numbers_that_no_robot_has(arm: Case, tmp_path: Path, name: str, value: float) -> None:
+    assert arm.gap.physical is not None
+    parameters = tuple(
+        replace(each, value=value) if each.name == name else each
+        for each in arm.gap.physical.parameters
+    )
+    edited = arm.with_gap(physical=replace(arm.gap.physical, parameters=parameters))
+    refused(edited, tmp_path / "out", f"{name} is .*which no robot has")
+
+
+def test_a_link_that_is_no_body(arm: Case, tmp_path: Path) -> None:
+    assert arm.gap.physical is not None
+    parameters = tuple(
+        replace(each, value=-each.value) if each.name == "YY2" else each
+        for each in arm.gap.physical.parameters
+    )
+    edited = arm.with_gap(physical=replace(arm.gap.physical, parameters=parameters))
+    refused(edited, tmp_path / "out", "link link_2: no body is left for it")
+
+
+def test_a_delay_of_an_hour(tmp_path: Path) -> None:
+    arm = case(tmp_path, "arm2", [cause("time_delay", None, delay=3600.0)])
+    refused(arm, tmp_path / "out", "a delay of 3600 s is no drive's")
+
+
+def test_an_older_identification_of_this_robot_is_exported(arm: Case, tmp_path: Path) -> None:
+    """It has no physical set, but estimates with their covariance: the set is found then."""
+    sample, base = sample_result(2), arm.model.base
+    first = sample.parameters[0]
+    parameters = tuple(
+        replace(first, name=name, value=float(value), std=0.01)
+        for name, value in zip(base.names, base.from_standard(_standard(arm)), strict=True)
+    )
+    older = replace(
+        sample,
+        joints=("joint_1", "joint_2"),
+        parameters=parameters,
+        covariance=1e-4 * np.eye(len(parameters)),
+    )
+    path = tmp_path / "result.json"
+    path.write_text(older.to_json(), encoding="utf-8")
+    made = export(path, arm.configuration, tmp_path / "out")
+    model = pin.buildModelFromUrdf(str(made.urdf))
+    friction = model.damping[1]
+    assert friction == pytest.approx(arm.standard["Fv2"], abs=1e-3)
+
+
+def _standard(arm: Case) -> FloatArray:
+    return np.array([arm.standard[name] for name in arm.model.regressor.layout.names])

@@ -1,0 +1,168 @@
+"""The exported URDF: right where it is read, and unchanged everywhere else."""
+
+import difflib
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.model import read_urdf_text
+from tests.simulator_files.cases import Case, case
+
+DECORATED = Path(__file__).with_name("decorated.urdf")
+NUMBER = re.compile(r"-?\d+\.?\d*(e-?\d+)?")
+
+
+def configured(urdf: Path, joints: list[str]) -> Configuration:
+    return Configuration.model_validate({"robot": {"urdf": urdf, "joints": joints}})
+
+
+@pytest.fixture
+def decorated(tmp_path: Path) -> Case:
+    urdf = tmp_path / "decorated.urdf"
+    urdf.write_bytes(DECORATED.read_bytes())
+    return case(tmp_path, configured(urdf, ["shoulder", "elbow"]))
+
+
+def test_inverse_dynamics_in_pinocchio_are_the_regressor_times_the_parameters(
+    tmp_path: Path,
+) -> None:
+    """Seven joints, pinocchio's own reader and RNEA; friction and drives by hand."""
+    arm = case(tmp_path, "arm7")
+    made = arm.export(tmp_path / "out")
+    model = pin.buildModelFromUrdf(str(made.urdf))
+    data = model.createData()
+    names, values = arm.model.regressor.layout.names, arm.standard
+    standard = np.array([values[name] for name in names])
+    random = np.random.default_rng(0)
+    q, dq, ddq = (random.uniform(-2.0, 2.0, (50, 7)) for _ in range(3))
+    expected = arm.model.regressor(q, dq, ddq) @ standard
+    of_kind = {
+        kind: np.array([values[f"{kind}{joint}"] for joint in range(1, 8)])
+        for kind in ("Ia", "Fv", "Fc", "off")
+    }
+    drives = of_kind["Ia"] * ddq + of_kind["Fv"] * dq + of_kind["Fc"] * np.sign(dq)
+    found = [pin.rnea(model, data, *row) for row in zip(q, dq, ddq, strict=True)]
+    np.testing.assert_allclose(
+        np.array(found) + drives + of_kind["off"], expected, rtol=0.0, atol=1e-8
+    )
+
+
+def test_damping_and_friction_are_those_of_the_result(decorated: Case, tmp_path: Path) -> None:
+    text = decorated.export(tmp_path / "out").urdf.read_text(encoding="utf-8")
+    model = pin.buildModelFromXML(text)
+    expected = [decorated.standard["Fv1"], decorated.standard["Fv2"]]
+    np.testing.assert_array_equal(model.damping, expected)
+
+
+def test_a_diff_shows_values_and_nothing_else(decorated: Case, tmp_path: Path) -> None:
+    before = DECORATED.read_text(encoding="utf-8").splitlines()
+    after = decorated.export(tmp_path / "out").urdf.read_text(encoding="utf-8").splitlines()
+    changed, inserted = [], []
+    for tag, start, stop, begin, end in difflib.SequenceMatcher(
+        None, before, after, autojunk=False
+    ).get_opcodes():
+        if tag == "insert":
+            inserted += after[begin:end]
+        elif tag != "equal":
+            changed += list(zip(before[start:stop], after[begin:end], strict=True))
+    # Whatever changed is the same line with other numbers.
+    for old, new in changed:
+        if 'link name="fore"' not in old:
+            assert NUMBER.sub("#", old) == NUMBER.sub("#", new)
+    assert len(changed) == 7
+    assert '    <dynamics damping="' in "".join(inserted)
+
+
+def test_what_other_programs_read_is_byte_for_byte_the_same(
+    decorated: Case, tmp_path: Path
+) -> None:
+    before, after = DECORATED.read_bytes(), decorated.export(tmp_path / "out").urdf.read_bytes()
+    for start in (b"<?xml", b"<ros2_control", b"<visual>", b'<link name="camera">'):
+        end = {b"<?xml": b"<joint", b"<ros2_control": b"</robot>", b"<visual>": b"<inertial>"}.get(
+            start, b"</link>"
+        )
+        part = before[before.index(start) :]
+        part = part[: part.index(end, 1)]
+        assert part in after
+    assert after.endswith(before[before.index(b"<ros2_control") :])
+
+
+def test_windows_line_ends_stay(tmp_path: Path) -> None:
+    urdf = tmp_path / "decorated.urdf"
+    urdf.write_bytes(DECORATED.read_bytes().replace(b"\n", b"\r\n"))
+    made = case(tmp_path, configured(urdf, ["shoulder", "elbow"])).export(tmp_path / "out")
+    content = made.urdf.read_bytes()
+    assert content.count(b"\n") == content.count(b"\r\n")
+
+
+def test_what_is_fixed_to_a_link_keeps_its_inertial(decorated: Case, tmp_path: Path) -> None:
+    """The camera's mass is taken out of what the shoulder carries, and the sum is the result."""
+    text = decorated.export(tmp_path / "out").urdf.read_text(encoding="utf-8")
+    model = pin.buildModelFromXML(text)
+    masses = [inertia.mass for inertia in model.inertias][1:]
+    np.testing.assert_allclose(masses, [decorated.standard["M1"], decorated.standard["M2"]])
+    assert '<mass value="0.2"/>' in text
+
+
+def test_a_link_without_inertial_that_leaves_nothing_changes_with_what_it_carries(
+    decorated: Case, tmp_path: Path
+) -> None:
+    """All that the elbow carries is the tool: a heavier tool is no link beside a given one."""
+    made = decorated.export(tmp_path / "out")
+    text = made.urdf.read_text(encoding="utf-8")
+    assert ('name="fore"/>' in text) == any("changed together" in note for note in made.notes)
+    model = pin.buildModelFromXML(text)
+    found = model.inertias[2].toDynamicParameters()
+    assert found[0] == pytest.approx(decorated.standard["M2"], rel=1e-12)
+    assert found[6] == pytest.approx(decorated.standard["YY2"], rel=1e-9)
+    for inertia in list(model.inertias)[1:]:
+        assert np.linalg.eigvalsh(inertia.toPseudoInertia().toMatrix())[0] > 0.0
+
+
+def test_the_input_is_never_written_over(decorated: Case, tmp_path: Path) -> None:
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(UsageError, match=r"decorated\.urdf: was read for this export"):
+        decorated.export(tmp_path, force=True)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_values_for_macros_are_those_of_the_urdf(decorated: Case, tmp_path: Path) -> None:
+    from ruamel.yaml import YAML
+
+    made = decorated.export(tmp_path / "out")
+    values = YAML(typ="safe").load(made.values)
+    assert values["joints"]["shoulder"]["damping"] == decorated.standard["Fv1"]
+    mass = re.search(r'<mass   value="([^"]*)"', made.urdf.read_text(encoding="utf-8"))
+    assert mass is not None
+    assert values["links"]["upper"]["mass"] == float(mass[1])
+
+
+def test_a_load_that_is_heavier_than_the_joint_carries_changes_with_the_link(
+    tmp_path: Path,
+) -> None:
+    """The URDF says 0.2 kg of camera; the same result with 5 kg of it in the file is no link."""
+    text = DECORATED.read_text(encoding="utf-8")
+    heavy = text.replace('<mass value="0.2"/>', '<mass value="5.0"/>')
+    urdf = tmp_path / "decorated.urdf"
+    urdf.write_text(heavy, encoding="utf-8")
+    arm = case(tmp_path, configured(urdf, ["shoulder", "elbow"]))
+    light = {
+        each.name: replace(each, value=0.3 * each.value) if each.name[-1] == "1" else each
+        for each in arm.gap.physical.parameters
+    }
+    changed = replace(arm.gap.physical, parameters=tuple(light.values()))
+    made = arm.with_gap(physical=changed).export(tmp_path / "out")
+    assert any("upper and what is fixed behind it (camera)" in note for note in made.notes)
+    model = pin.buildModelFromUrdf(str(made.urdf))
+    assert model.inertias[1].mass == pytest.approx(0.3 * arm.standard["M1"], rel=1e-9)
+    read = read_urdf_text(made.urdf.read_text(encoding="utf-8"), "exported")
+    for name in ("upper", "camera"):
+        inertial = read.links[name]
+        assert inertial is not None and inertial.mass > 0.0
+        assert np.linalg.eigvalsh(inertial.inertia)[0] > 0.0
