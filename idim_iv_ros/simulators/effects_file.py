@@ -15,12 +15,17 @@ _LARGEST = 50.0  # MB
 
 @dataclass(frozen=True)
 class PlantedEffect:
-    """One effect at a joint, or at all; numbers as in docs/simulation.md."""
+    """One effect at a joint, or at all; numbers as in docs/simulation.md.
+
+    `native`: whether the MJCF that the file goes with has it already, so that
+    `simulators.mujoco.Effects` passes it over.
+    """
 
     effect: str
     joint: str | None = None
     other_joint: str | None = None
     parameters: dict[str, float] = field(default_factory=dict)
+    native: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +72,12 @@ def read_effects(path: Path) -> ExtendedModel:
         planted = EffectsFile.from_json(text, str(path))
         effects = tuple(
             SimulatedEffect(
-                each.effect, each.joint, each.parameters, each.other_joint, f"{path}: effects.{k}"
+                each.effect,
+                each.joint,
+                each.parameters,
+                each.other_joint,
+                f"{path}: effects.{k}",
+                each.native,
             )
             for k, each in enumerate(planted.effects)
         )
