@@ -45,7 +45,7 @@ from idim_iv_ros.types import FloatArray
 
 __all__ = ["Effects", "model_with_effects"]
 
-_STIFFEST = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solimp; 0.9999 is MuJoCo's largest impedance
+STIFFEST = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solimp; 0.9999 is MuJoCo's largest impedance
 # Dry friction that bristles leave, as a share of the model's, at which a joint still sticks.
 _STICKS = 1e-9
 
@@ -159,10 +159,10 @@ class Effects:
             self._drive = DelayLine(self._mujoco, model, self._id, lag)
         reference = (2.0 * model.opt.timestep, 1.0)
         for dof in self._dof[self._frictional]:
-            model.dof_solref[dof], model.dof_solimp[dof] = reference, _STIFFEST
+            model.dof_solref[dof], model.dof_solimp[dof] = reference, STIFFEST
         for tendon in self._tendons:
             model.tendon_solref_fri[tendon] = reference
-            model.tendon_solimp_fri[tendon] = _STIFFEST
+            model.tendon_solimp_fri[tendon] = STIFFEST
 
     def _tendon(self, model: Any, first: str, second: str) -> int:
         for index in range(model.ntendon):
