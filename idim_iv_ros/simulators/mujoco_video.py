@@ -18,9 +18,10 @@ from idim_iv_ros.simulators.replay_result import CORRECTED, NOMINAL, WITH_EFFECT
 from idim_iv_ros.types import FloatArray
 
 SUFFIXES = (".mp4", ".gif")
-_WIDTH, _HEIGHT = 960, 400
+_WIDTH, _HEIGHT = 720, 320
+_FIELD = 15.0  # degrees: a narrow one shows all robots from the same side
 _FRAMES = {".mp4": 30.0, ".gif": 12.5}  # 1/s
-_MOST_FRAMES = 900
+_LONGEST = 12.0  # s of the recording, which are shown
 _COLOURS = {
     "recorded": (0.25, 0.25, 0.27, 1.0),
     NOMINAL: (0.6, 0.6, 0.62, 1.0),
@@ -90,31 +91,40 @@ def _frames(mujoco: Any, result: ReplayResult, robot: RobotModel, rate: float) -
     """Pictures (height, width, 3) of the whole recording, or of its beginning."""
     names = list(result.positions)
     reach = _reach(robot)
+    spacing = 1.1 * reach
     spec = mujoco.MjSpec()
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # as that of its parts
     spec.visual.global_.offwidth, spec.visual.global_.offheight = _WIDTH, _HEIGHT
-    spec.visual.headlight.ambient = [0.5, 0.5, 0.5]
+    spec.visual.headlight.ambient = [0.6, 0.6, 0.6]
+    spec.visual.global_.fovy = _FIELD
+    sky = spec.add_texture(type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, width=32, height=192)
+    sky.builtin = mujoco.mjtBuiltin.mjBUILTIN_FLAT
+    sky.rgb1 = sky.rgb2 = [1.0, 1.0, 1.0]
     floor = spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE, size=[20.0, 20.0, 0.1], rgba=[0.96, 0.96, 0.97, 1.0]
     )
     floor.pos = [0.0, 0.0, -reach if _low(robot) else 0.0]
     for place, name in enumerate(names):
         one = plant_spec(mujoco, robot, robot.given)
+        one.option.gravity = spec.option.gravity
         _draw(mujoco, one, robot, _COLOURS[name], 0.04 * reach)
-        frame = spec.worldbody.add_frame(
-            pos=[0.0, (place - 0.5 * (len(names) - 1)) * 1.6 * reach, 0.0]
-        )
+        across = (place - 0.5 * (len(names) - 1)) * spacing * np.sqrt(0.5)
+        frame = spec.worldbody.add_frame(pos=[across, across, 0.0])
         spec.attach(one, prefix=f"{place}_", frame=frame)
     model = spec.compile()
     data = mujoco.MjData(model)
     camera = mujoco.MjvCamera()
-    camera.lookat[:] = (0.0, 0.0, 0.35 * reach)
-    camera.distance, camera.azimuth, camera.elevation = 2.1 * reach * len(names) / 2, 180.0, -15.0
+    camera.lookat[:] = (0.0, 0.0, 0.0 if _low(robot) else 0.4 * reach)
+    height = max(len(names) * spacing * _HEIGHT / _WIDTH, 1.3 * reach)
+    camera.distance = 0.5 * height / np.tan(np.radians(0.5 * _FIELD))
+    # From half way between the axes of the base: arms often move in the plane of one of them.
+    camera.azimuth, camera.elevation = 135.0, -12.0
     addresses = [
         [int(model.joint(f"{place}_{joint}").qposadr[0]) for joint in robot.joints]
         for place in range(len(names))
     ]
     step = max(1, round(result.rate / rate))
-    chosen = range(0, len(result.positions[names[0]]), step)[:_MOST_FRAMES]
+    chosen = range(0, len(result.positions[names[0]]), step)[: round(_LONGEST * rate)]
     pictures = []
     renderer = mujoco.Renderer(model, _HEIGHT, _WIDTH)
     try:
@@ -136,7 +146,6 @@ def _labelled(picture: Any, names: list[str]) -> Any:
     drawing, image = import_module("PIL.ImageDraw"), import_module("PIL.Image")
     canvas = image.fromarray(picture)
     pen = drawing.Draw(canvas)
-    # The camera looks along -x: the last robot is on the left.
     for place, name in enumerate(names):
         middle = (place + 0.5) * _WIDTH / len(names)
         pen.text((middle, 14), name, fill=(30, 30, 32), anchor="mm")
