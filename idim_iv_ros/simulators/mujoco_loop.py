@@ -75,6 +75,8 @@ def run_in_mujoco(
     references: References,
     parameters: DynamicParameters,
     effects: Sequence[SimulatedEffect] = (),
+    *,
+    longest_step: float = LONGEST_STEP,
 ) -> MujocoMotion:
     """Follow references with a control law.
 
@@ -88,6 +90,8 @@ def run_in_mujoco(
         Of the model: effects that take the place of dry friction ask for it.
     effects
         What the model does not have. Of a changed control law, too.
+    longest_step
+        s; a shaft may need shorter ones.
 
     Raises
     ------
@@ -98,16 +102,16 @@ def run_in_mujoco(
     delayed = [*effects]
     if law.delay > 0.0:
         delayed.append(SimulatedEffect("time_delay", None, {"delay": law.delay}))
-    active, steps = _effects(model, delayed, period, references.start_time)
+    active, steps = _effects(model, delayed, period, references.start_time, longest_step)
     loop = _Loop(mujoco, model, joints, law, references, parameters, effects, period)
     return loop.run(active, steps)
 
 
 def _effects(
-    model: Any, effects: Sequence[SimulatedEffect], period: float, start_time: float
+    model: Any, effects: Sequence[SimulatedEffect], period: float, start_time: float, longest: float
 ) -> tuple[Effects | None, int]:
     """Effects, and steps in a control period; the model's time step is set."""
-    steps = math.ceil(period / LONGEST_STEP - 1e-6)
+    steps = math.ceil(period / longest - 1e-6)
     for halving in range(_HALVINGS + 1):
         model.opt.timestep = period / steps
         if not effects:
