@@ -29,6 +29,11 @@ class Nominal:
     missing: str
 
     @property
+    def is_mjcf(self) -> bool:
+        """Whether the nominal model is an MJCF, which holds drive inertias too."""
+        return self.configuration is not None and self.configuration.robot.mjcf is not None
+
+    @property
     def urdf(self) -> str:
         """What to call the URDF in an instruction."""
         path = None if self.configuration is None else self.configuration.robot.description

@@ -55,6 +55,7 @@ def replay_bags(
     *,
     model: FilePath = URDF,
     effects: FilePath | None = None,
+    stages: Sequence[str] = (NOMINAL, CORRECTED, WITH_EFFECTS),
     progress: Progress | None = None,
 ) -> ReplayResult:
     """Run the recorded references in MuJoCo and compare with the recording.
@@ -69,6 +70,8 @@ def replay_bags(
         parameters of `effects` where these are given. Else an MJCF file of the corrected robot.
     effects
         A diagnosis (gap.json) or a file of effects.
+    stages
+        Which are simulated, of those that there are; all of them by default.
 
     Raises
     ------
@@ -85,7 +88,8 @@ def replay_bags(
         extended = None if effects is None else read_effects(Path(effects))
         prepared = prepare(read_configured(bags, configuration), configuration)
         laws = _laws(prepared)
-        models = _stages(mujoco, prepared, model, extended, effects)
+        known = _stages(mujoco, prepared, model, extended, effects)
+        models = [stage for stage in known if stage.name in stages]
         compared = []
         for number, stage in enumerate(models):
             watch.stage(f"simulating: {stage.name}", 0.1 + 0.9 * number / len(models))

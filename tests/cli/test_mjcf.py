@@ -49,6 +49,9 @@ def test_the_same_arm_as_urdf_and_mjcf_has_the_same_diagnosis(
         answers.append(answer(tmp_path / name / "gap.json"))
         document = json.loads((tmp_path / name / "gap.json").read_text())
         assert read_nominal(document["configuration"]).skeleton is not None
+    page = (tmp_path / "mjcf" / "report.html").read_text()
+    assert "joint_1@frictionloss" in page and "joint_2@armature" in page
+    assert "simulator.armature[" not in page and "/dynamics@" not in page
     assert answers[0]["verdict"] == "parametric"  # type: ignore[index]
     assert close(*answers), answers
 

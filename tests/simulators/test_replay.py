@@ -162,7 +162,9 @@ def mjcf(inertial: np.ndarray, model: InverseModel, parameters: DynamicParameter
             f'pos="{" ".join(f"{c:.15g}" for c in centre)}" '
             f'diaginertia="{moment:.15g} {moment:.15g} {moment:.15g}"/>'
             f'<joint name="joint_{k}" axis="0 1 0" '
-            f'armature="{parameters.drive_inertia[k - 1]:.15g}" damping="{values.viscous[k - 1]:.15g}" frictionloss="{values.coulomb[k - 1]:.15g}"/>'
+            f'armature="{parameters.drive_inertia[k - 1]:.15g}" '
+            f'damping="{values.viscous[k - 1]:.15g}" '
+            f'frictionloss="{values.coulomb[k - 1]:.15g}"/>'
         )
         ends += "</body>"
     return (
