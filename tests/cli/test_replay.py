@@ -82,6 +82,14 @@ def test_without_anything_that_draws_one_line_says_so(
     refused(out, 2, "nothing draws here", "no display anywhere", "leave --video out")
 
 
+def test_without_mujoco_one_line_names_the_extra(
+    run, config, short: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
+    outcome = run("replay", short, "--config", config(), "--json")
+    refused(outcome, 2, "a replay needs MuJoCo", "idim-iv-ros[mujoco]")
+
+
 def test_a_recording_without_references_is_refused(run, short: Path, tmp_path: Path) -> None:
     text = (CONFIG / "arm2.yaml").read_text().replace("  reference: /joint_reference\n", "")
     path = tmp_path / "arm2.yaml"

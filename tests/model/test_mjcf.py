@@ -173,3 +173,22 @@ def test_gravity_compensation_is_a_doubt_that_the_user_is_shown(tmp_path: Path) 
     text = ARM2.replace('<body name="link_2"', '<body name="link_2" gravcomp="1"')
     robot = load_robot(read_urdf_file(written(tmp_path, text)), ("joint_1", "joint_2"))
     assert any("gravcomp of link_2" in doubt for doubt in robot.doubts)
+
+
+@pytest.mark.skipif(
+    not hasattr(mujoco.MjModel, "actuator_armature"), reason="MuJoCo is older than 3.5"
+)
+def test_armature_and_damping_of_an_actuator_count_at_its_joint(tmp_path: Path) -> None:
+    text = ARM2.replace(
+        "</mujoco>",
+        '<actuator><motor joint="joint_2" gear="3" armature="0.05" damping="0.07"/></actuator></mujoco>',
+    )
+    robot = load_robot(read_urdf_file(written(tmp_path, text)), ("joint_1", "joint_2"))
+    model = mujoco.MjModel.from_xml_string(text)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data = mujoco.MjData(model)
+    data.qvel[:], data.qacc[:] = (0.4, -0.7), (1.0, 2.0)
+    mujoco.mj_inverse(model, data)
+    friction = model.dof_frictionloss * np.sign(data.qvel)
+    state = (np.zeros((1, 2)), np.array([[0.4, -0.7]]), np.array([[1.0, 2.0]]))
+    assert torques(robot, *state)[0] == pytest.approx(data.qfrc_inverse + friction, rel=1e-10)
