@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     from idim_iv_ros.identification.identify import identify, identify_recordings
     from idim_iv_ros.identification.result import IdentificationResult
     from idim_iv_ros.recording import Recording, import_table, read_recordings, write_bag
-    from idim_iv_ros.report import write_gap_report, write_report
+    from idim_iv_ros.report import write_gap_report, write_replay_report, write_report
     from idim_iv_ros.simulator_files import Exported, export
+    from idim_iv_ros.simulators.replay import replay_bags
+    from idim_iv_ros.simulators.replay_result import ReplayResult
 
 __all__ = [
     "CheckReport",
@@ -31,6 +33,7 @@ __all__ = [
     "IdentificationResult",
     "IdimError",
     "Recording",
+    "ReplayResult",
     "Trajectory",
     "UsageError",
     "check",
@@ -44,9 +47,11 @@ __all__ = [
     "propose_configuration",
     "read_recordings",
     "read_trajectory",
+    "replay_bags",
     "write_bag",
     "write_configuration",
     "write_gap_report",
+    "write_replay_report",
     "write_report",
 ]
 
@@ -60,7 +65,9 @@ _MODULES = {
     "diagnosis.result": ("GapResult",),
     "identification.identify": ("identify", "identify_recordings"),
     "recording": ("Recording", "import_table", "read_recordings", "write_bag"),
-    "report": ("write_gap_report", "write_report"),
+    "report": ("write_gap_report", "write_replay_report", "write_report"),
+    "simulators.replay": ("replay_bags",),
+    "simulators.replay_result": ("ReplayResult",),
     "identification.result": ("IdentificationResult",),
     "identification.check": ("CheckReport", "check"),
 }

@@ -64,12 +64,24 @@ class RobotSection(Section):
 
     name: Name | None = None
     urdf: YamlPath | None = None
+    mjcf: YamlPath | None = None
     joints: Annotated[list[Name], Field(min_length=1, max_length=100)]
     gravity: Annotated[list[Acceleration], Field(min_length=3, max_length=3)] = [0.0, 0.0, -9.81]
     position_offset: Vector | None = None
     motor_to_joint: Matrix | None = None
     motor_to_joint_torque: Matrix | None = None
     couplings: list[Coupling] = []
+
+    @model_validator(mode="after")
+    def _one_description(self) -> "RobotSection":
+        if self.urdf is not None and self.mjcf is not None:
+            raise ValueError("urdf and mjcf are both given: one file is the nominal model")
+        return self
+
+    @property
+    def description(self) -> Path | None:
+        """The file of the nominal model, URDF or MJCF."""
+        return self.mjcf if self.urdf is None else self.urdf
 
 
 class SimulatorSection(Section):
@@ -277,13 +289,13 @@ class Configuration(Section):
 
 
 def load_configuration(path: FilePath) -> Configuration:
-    """Read and check a robot's YAML file; the URDF path becomes absolute.
+    """Read and check a robot's YAML file; the path of its URDF or MJCF becomes absolute.
 
     Raises
     ------
     UsageError
         File missing or unreadable, broken YAML, unknown key, wrong type, length or value,
-        URDF file missing. The message names the key and the file.
+        URDF or MJCF file missing. The message names the key and the file.
     """
     path = Path(path)
     data = read_mapping(path)
@@ -291,21 +303,23 @@ def load_configuration(path: FilePath) -> Configuration:
         configuration = Configuration.model_validate(data)
     except ValidationError as error:
         raise UsageError(f"{path}: {first_problem(error)}") from error
-    urdf = configuration.robot.urdf
-    if urdf is not None:
-        urdf = _existing(path, urdf)
-    robot = configuration.robot.model_copy(update={"urdf": urdf})
+    files = {
+        key: _existing(path, f"robot.{key}", value)
+        for key in ("urdf", "mjcf")
+        if (value := getattr(configuration.robot, key)) is not None
+    }
+    robot = configuration.robot.model_copy(update=files)
     return configuration.model_copy(update={"robot": robot, "source": path})
 
 
-def _existing(path: Path, urdf: Path) -> Path:
-    """Absolute path of the URDF that a configuration names."""
+def _existing(path: Path, key: str, urdf: Path) -> Path:
+    """Absolute path of the URDF or MJCF that a key of a configuration names."""
     try:
         absolute = (path.parent / urdf).resolve()
         found = absolute.is_file()
     except (OSError, ValueError, RuntimeError) as error:  # too long, a zero byte, a loop of links
         reason = getattr(error, "strerror", None) or "not a path"
-        raise UsageError(f"{path}: robot.urdf: {shortened(str(urdf))}: {reason}") from error
+        raise UsageError(f"{path}: {key}: {shortened(str(urdf))}: {reason}") from error
     if not found:
-        raise UsageError(f"{path}: robot.urdf: no file {absolute}")
+        raise UsageError(f"{path}: {key}: no file {absolute}")
     return absolute

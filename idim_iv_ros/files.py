@@ -38,9 +38,11 @@ CHECK_FORMAT: Final = "idim_iv_ros/check/1"
 IMPORT_FORMAT = f"{PROGRAM}/import/1"
 INIT_FORMAT = f"{PROGRAM}/init/1"
 SIMULATION_FORMAT = f"{PROGRAM}/simulation/1"
+REPLAY_FORMAT: Final = "idim_iv_ros/replay/1"
 TRUTH_FORMAT = f"{PROGRAM}/truth/1"  # of BAG.truth.json
 
 RESULT, GAP, REPORT = "result.json", "gap.json", "report.html"
+REPLAY = "replay.json"
 
 GENERATOR = f'<meta name="generator" content="{PROGRAM}">'
 PNG_SOFTWARE = b"Software\0" + PROGRAM.encode()  # content of the text chunk of a picture

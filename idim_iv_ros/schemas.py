@@ -7,9 +7,11 @@ from pathlib import Path
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.documents import Document
 from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.simulators.replay_result import ReplayResult
 
 SCHEMAS: dict[str, type[Document]] = {
     "gap.schema.json": GapResult,
+    "replay.schema.json": ReplayResult,
     "result.schema.json": IdentificationResult,
 }
 

@@ -12,6 +12,7 @@ from idim_iv_ros.cli.identify import identify_command
 from idim_iv_ros.cli.import_table import import_command
 from idim_iv_ros.cli.init import init_command
 from idim_iv_ros.cli.nodes import record_command, serve_command
+from idim_iv_ros.cli.replay import replay_command
 from idim_iv_ros.cli.simulate import simulate_command
 
 application = typer.Typer(
@@ -32,6 +33,7 @@ application.command("record")(record_command)
 application.command("serve")(serve_command)
 application.command("excite")(excite_command)
 application.command("simulate")(simulate_command)
+application.command("replay")(replay_command)
 
 
 def _print_version(wanted: bool) -> None:

@@ -105,7 +105,7 @@ def simulate_command(
 def _doubts(configuration: Configuration) -> tuple[str, ...]:
     from idim_iv_ros.model import configured_robot, read_urdf_file
 
-    urdf = configuration.robot.urdf
+    urdf = configuration.robot.description
     if urdf is None:
         return ()
     return configured_robot(configuration, read_urdf_file(urdf), urdf.name).doubts

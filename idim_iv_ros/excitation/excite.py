@@ -58,9 +58,10 @@ def load_model(configuration: Configuration) -> InverseModel:
     UsageError
         The configuration names no URDF, or one that cannot be used.
     """
-    urdf = configuration.robot.urdf
+    urdf = configuration.robot.description
     if urdf is None:
-        raise UsageError(f"{configuration.source}: robot.urdf is needed to design a motion")
+        source = configuration.source
+        raise UsageError(f"{source}: robot.urdf or robot.mjcf is needed to design a motion")
     text = read_urdf_file(urdf)
     signals = configuration.signals.model_copy(update={"effort_unit": "N m"})
     return build_inverse_model(

@@ -68,10 +68,10 @@ def choose_joints(
             continue
         left_out[name] = reason
         lowest = position[0].lowest if position[0] is not None else None
-        if lowest is not None and not _is_gripper(joint) and abs(lowest) > _AWAY:
+        if lowest is not None and not _is_gripper(joint) and abs(lowest - joint.rest) > _AWAY:
             warnings.append(
-                f"{name} is left out ({reason}) and the model locks it at zero, but it was at "
-                f"{lowest:.3g}: record a motion of it as well"
+                f"{name} is left out ({reason}) and the model locks it at {joint.rest:.3g}, but it "
+                f"was at {lowest:.3g}: record a motion of it as well"
             )
     recorded = [name for topic in bags[0].topics if topic.name == states for name in topic.joints]
     left_out.update({name: "not in the URDF" for name in recorded if name not in known.joints})
@@ -92,6 +92,8 @@ def _why_not(
     """Reason to leave a movable joint out; empty where it is identified."""
     if joint.type not in MOVABLE:
         return f"its type is {joint.type}"
+    if joint.tied or joint.beyond:
+        return joint.tied or f"it has {joint.beyond}"
     if joint.mimics:
         return f"it mimics {joint.mimics}"
     if _is_gripper(joint):

@@ -21,6 +21,7 @@ from idim_iv_ros.first_configuration.topics import (
 )
 from idim_iv_ros.identification.prepare import prepare, read_configured
 from idim_iv_ros.model import read_urdf_file
+from idim_iv_ros.model.urdf_reader import description_key
 from idim_iv_ros.progress import Progress, Stopwatch
 
 
@@ -60,7 +61,8 @@ class Proposal:
         values = {section: dict(keys) for section, keys in self.values.items()}
         if self.urdf is not None:
             path = os.path.relpath(self.urdf.resolve(), out.resolve().parent)
-            values["robot"] = {"urdf": Path(path).as_posix(), **values["robot"]}
+            key = description_key(self.urdf)
+            values["robot"] = {key: Path(path).as_posix(), **values["robot"]}
         return values
 
 
@@ -150,8 +152,9 @@ def _description(contents: list[BagContents], urdf: Path | None) -> tuple[str, s
 
 
 def _configuration(urdf: Path | None, joints: JointChoice, topics: TopicChoice) -> Configuration:
+    named = {} if urdf is None else {description_key(urdf): urdf}
     return Configuration(
-        robot=RobotSection(urdf=urdf, joints=list(joints.joints)),
+        robot=RobotSection.model_validate({**named, "joints": list(joints.joints)}),
         signals=SignalsSection(
             joint_states=topics.states.name,
             effort=None if topics.effort is None else topics.effort.name,

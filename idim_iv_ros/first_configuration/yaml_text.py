@@ -44,6 +44,7 @@ SECTIONS: dict[str, dict[str, Key]] = {
     "robot": {
         "name": Key("shown in reports", "the URDF's name", "my_arm"),
         "urdf": Key("path relative to this file", "/robot_description of the bag", "my_arm.urdf"),
+        "mjcf": Key("an MJCF instead of the URDF; needs the extra `mujoco`", "none", "my_arm.xml"),
         "joints": Key("identified; every other joint is locked at zero", "required", []),
         "gravity": Key("m/s² in the base frame", "[0, 0, -9.81]", [0.0, 0.0, -9.81]),
         "position_offset": Key("rad (m), added to the measured positions", "0", Each(0.0)),

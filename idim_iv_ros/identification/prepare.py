@@ -87,7 +87,7 @@ class PreparedRegression:
         return (
             self.given is not None
             and configuration.identification.drive_inertia
-            and configuration.simulator.armature is None
+            and not self.model.robot.armature_given
         )
 
     @property
@@ -164,7 +164,7 @@ def read_configured(
 ) -> tuple[Recording, ...]:
     """Read the topics and joints of a configuration; see `read_recordings`."""
     signals = configuration.signals
-    urdf = configuration.robot.urdf
+    urdf = configuration.robot.description
     prismatic: frozenset[str] = frozenset()
     # Behind a transmission the positions are angles of motors, whatever the joints are.
     if urdf is not None and configuration.robot.motor_to_joint is None:
@@ -211,7 +211,7 @@ def require_excitation(prepared: PreparedRegression, rows: Sequence[JointRows]) 
 
 
 def _urdf(configuration: Configuration, recordings: Sequence[Recording]) -> tuple[str, str]:
-    path = configuration.robot.urdf
+    path = configuration.robot.description
     if path is not None:
         return read_urdf_file(path), str(path)
     for recording in recordings:

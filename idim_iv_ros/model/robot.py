@@ -8,6 +8,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.model.mjcf import joint_motion
 from idim_iv_ros.model.parameters import DynamicParameters, JointType
 from idim_iv_ros.model.urdf import MOVABLE, Urdf, UrdfJoint, judge_urdf, quoted, refuse
 from idim_iv_ros.model.urdf_reader import read_urdf_text
@@ -47,6 +48,8 @@ class RobotModel:
         Inertials of the URDF, damping and friction of its ``<dynamics>``, drive inertia as given.
     doubts : tuple of str
         What of the URDF is possible but hard to believe, a sentence each.
+    armature_given : bool
+        Whether anything says what inertia the drives have.
     """
 
     name: str
@@ -57,6 +60,7 @@ class RobotModel:
     limits: JointLimits
     given: DynamicParameters
     doubts: tuple[str, ...] = ()
+    armature_given: bool = False
 
     @property
     def has_inertials(self) -> bool:
@@ -85,7 +89,7 @@ def load_robot(
     gravity
         (3,) m/s² in the base frame.
     armature
-        (n_joints,) drive inertia of the nominal model, joint side, kg m².
+        (n_joints,) drive inertia of the nominal model, joint side, kg m²; None: that of an MJCF.
     couplings
         Pairs of indices of joints that a transmission couples.
     source
@@ -101,6 +105,7 @@ def load_robot(
     types = tuple(_joint_type(description, joint, source) for joint in joints)
     impossible, doubts = judge_urdf(description, joints)
     refuse(source, impossible)
+    doubts = [*description.notes, *_locked_doubts(description, joints), *doubts]
     model, tree = _kinematic_tree(description, joints)
     model.gravity.linear = np.asarray(gravity, dtype=float)
     order = np.array([list(joints).index(joint) for joint in tree], dtype=np.int64)
@@ -114,6 +119,7 @@ def load_robot(
         limits=_limits(elements),
         given=_given(model, order, elements, armature, couplings),
         doubts=tuple(f"{source}: {doubt}" for doubt in doubts),
+        armature_given=armature is not None or description.from_mjcf,
     )
 
 
@@ -122,6 +128,17 @@ def _joint_type(urdf: Urdf, joint: str, source: str) -> JointType:
         movable = [quoted(name) for name, each in urdf.joints.items() if each.type in MOVABLE]
         known = f"its movable joints: {', '.join(movable)}" if movable else "it has no movable one"
         raise UsageError(f"{source}: no joint {quoted(joint)} in this URDF; {known}")
+    tied, beyond = urdf.joints[joint].tied, urdf.joints[joint].beyond
+    if tied:
+        raise UsageError(
+            f"{source}: joint {quoted(joint)} is {tied}; only hinges and slides that nothing ties "
+            "can be identified: leave it out of robot.joints"
+        )
+    if beyond:
+        raise UsageError(
+            f"{source}: joint {quoted(joint)} has {beyond}, which the nominal model has no term "
+            "for: take it out of the file; diagnose finds such effects"
+        )
     urdf_type = urdf.joints[joint].type
     if urdf_type in ("revolute", "continuous"):
         return "revolute"
@@ -131,6 +148,19 @@ def _joint_type(urdf: Urdf, joint: str, source: str) -> JointType:
         f"{source}: joint {quoted(joint)} is {urdf_type}; only revolute, continuous and prismatic "
         "joints can be identified"
     )
+
+
+def _locked_doubts(urdf: Urdf, joints: Sequence[str]) -> list[str]:
+    """Say where the joints of an MJCF stay that are not identified, if it is not at zero."""
+    said = []
+    for name, joint in urdf.joints.items():
+        if name in joints or not (joint.tied or joint.rest):
+            continue
+        unit = "m" if joint.type == "prismatic" else "rad"
+        place = "at its reference" if joint.type == "floating" else f"at {joint.rest:.4g} {unit}"
+        why = f" ({joint.tied})" if joint.tied else ""
+        said.append(f"joint {quoted(name)}{why} is locked {place}")
+    return said
 
 
 def _kinematic_tree(urdf: Urdf, joints: Sequence[str]) -> tuple[pin.Model, list[str]]:
@@ -155,6 +185,8 @@ def _kinematic_tree(urdf: Urdf, joints: Sequence[str]) -> tuple[pin.Model, list[
                 carrier = model.addJoint(carrier, _joint_model(joint), place, joint.name)
                 tree.append(joint.name)
                 place, kind = pin.SE3.Identity(), pin.FrameType.JOINT
+            elif joint.rest != 0.0 and joint.type in MOVABLE:
+                place = place * joint_motion(joint.type, joint.axis, joint.rest)
             model.addFrame(pin.Frame(joint.name, carrier, place, kind))
         places[link] = carrier, place
         model.addFrame(pin.Frame(link, carrier, place, pin.FrameType.BODY))
@@ -196,7 +228,8 @@ def _given(
     inertial = np.zeros((n, 10))
     for tree, joint in enumerate(order):
         inertial[joint] = model.inertias[tree + 1].toDynamicParameters()
-    drive_inertia = np.zeros(n) if armature is None else np.asarray(armature, dtype=float)
+    own = [joint.armature for joint in elements]
+    drive_inertia = np.asarray(own if armature is None else armature, dtype=float)
     return DynamicParameters(
         inertial=inertial,
         drive_inertia=drive_inertia,

@@ -74,6 +74,11 @@ class UrdfJoint:
         N m s/rad, N m (N s/m, N).
     mimics : str
         The joint that it follows; empty where it follows none.
+    armature, rest : float
+        Of an MJCF: drive inertia, kg m² (kg); where it stays if it is not identified, rad (m).
+    tied, beyond : str
+        Of an MJCF: what it is or what ties it, if it is no joint of its own; what acts on it that
+        the nominal model has no term for. Empty otherwise.
     """
 
     name: str
@@ -86,6 +91,10 @@ class UrdfJoint:
     damping: float
     friction: float
     mimics: str
+    armature: float = 0.0
+    rest: float = 0.0
+    tied: str = ""
+    beyond: str = ""
 
 
 @dataclass(frozen=True)
@@ -101,12 +110,18 @@ class Urdf:
     links : dict of str to Inertial or None
         In the order of the file.
     joints : dict of str to UrdfJoint
+    from_mjcf : bool
+        Whether it was an MJCF, which gives the armature of every joint.
+    notes : tuple of str
+        What the nominal model passes over, a sentence each.
     """
 
     name: str
     root: str
     links: dict[str, Inertial | None]
     joints: dict[str, UrdfJoint]
+    from_mjcf: bool = False
+    notes: tuple[str, ...] = ()
 
     def outward(self) -> Iterator[tuple[str, UrdfJoint | None]]:
         """Each link with the joint that carries it, parents first, branches by joint name."""

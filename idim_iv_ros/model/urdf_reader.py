@@ -10,6 +10,7 @@ import re
 from collections.abc import Mapping
 from decimal import Decimal
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,11 +18,14 @@ import pinocchio as pin
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import read_text
+from idim_iv_ros.model.mjcf import EXTENSION, is_mjcf, mjcf_as_urdf
 from idim_iv_ros.model.urdf import TYPES, Inertial, Urdf, UrdfJoint, base_link, quoted, refuse
 from idim_iv_ros.types import FloatArray
 
 # URDF files write right angles with few digits (1.5708); within this they are taken as meant.
 RIGHT_ANGLE_TOLERANCE = 1e-5
+# An angle that is written with more characters is none that was rounded to a few digits.
+_EXACT_ANGLE = 20
 # No length, mass or moment of a robot is larger in SI units; products of larger ones overflow.
 LARGEST = 1e9
 _LARGEST_FILE = 50.0  # MB
@@ -31,12 +35,24 @@ _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 def read_urdf_file(path: Path) -> str:
     """Return the text of a URDF file, in UTF-8 or in the encoding that its first line declares.
 
+    Of an MJCF file that of a URDF with the same bodies and joints (`mjcf_as_urdf`).
+
     Raises
     ------
     UsageError
-        The file cannot be read, or is no text.
+        The file cannot be read, is no text, or is an MJCF that MuJoCo cannot read.
     """
-    return read_text(path, "the URDF", megabytes=_LARGEST_FILE, decode=_decoded)
+    text = read_text(path, "the URDF", megabytes=_LARGEST_FILE, decode=_decoded)
+    return mjcf_as_urdf(path) if is_mjcf(text) else text
+
+
+def description_key(path: Path) -> str:
+    """Key of the configuration under which a file that can be read is named: urdf or mjcf."""
+    return (
+        "mjcf"
+        if is_mjcf(read_text(path, "the URDF", megabytes=_LARGEST_FILE, decode=_decoded))
+        else "urdf"
+    )
 
 
 def _decoded(content: bytes) -> str:
@@ -67,7 +83,9 @@ def read_urdf_text(urdf: str, source: str) -> Urdf:
     refuse(source, reader.problems)
     base, problems = base_link(links, joints)
     refuse(source, problems)
-    return Urdf(root.get("name", ""), base, links, joints)
+    more = root.find(EXTENSION)
+    notes = () if more is None else tuple(note.text or "" for note in more.findall("note"))
+    return Urdf(root.get("name", ""), base, links, joints, more is not None, notes)
 
 
 def _element_tree(urdf: str, source: str) -> ElementTree.Element:
@@ -163,7 +181,16 @@ class _Reader:
             damping=self._dynamics(dynamics, "damping", where),
             friction=self._dynamics(dynamics, "friction", where),
             mimics="" if mimic is None else mimic.get("joint", "another joint"),
+            **self._beyond(element, where),
         )
+
+    def _beyond(self, element: ElementTree.Element, where: str) -> dict[str, Any]:
+        """What an MJCF says of a joint and a URDF does not."""
+        more = element.find(EXTENSION)
+        if more is None:
+            return {}
+        numbers = {key: self._number(more, key, where, "0") for key in ("armature", "rest")}
+        return {**numbers, "tied": more.get("tied", ""), "beyond": more.get("beyond", "")}
 
     def _limits(self, element: ElementTree.Element, where: str) -> dict[str, float]:
         limit = element.find("limit")
@@ -184,7 +211,10 @@ class _Reader:
         place = f"{where} <origin>"
         translation = self._vector(origin, "xyz", place, "0 0 0")
         angles = self._vector(origin, "rpy", place, "0 0 0")
-        return pin.SE3(pin.rpy.rpyToMatrix(*map(_right_angle, angles)), translation)
+        words = origin.get("rpy", "").split()
+        if not any(len(word) > _EXACT_ANGLE for word in words):
+            angles = np.array([_right_angle(angle) for angle in angles])
+        return pin.SE3(pin.rpy.rpyToMatrix(*angles), translation)
 
     def _vector(
         self, element: ElementTree.Element, key: str, where: str, default: str

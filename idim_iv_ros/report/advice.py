@@ -221,6 +221,9 @@ def _parametric_step(
     sources = {f"cause: {effect_at(effect, each.joint)}" for each in causes}
     rows = [row for row in values if row.source in sources and row.key]
     places = _listed([each.joint for each in causes if each.joint] or ["all joints"])
+    if effect in ("drive_inertia", "friction_level") and rows and report.nominal.is_mjcf:
+        words = f"Set the {effect_words(effect)} of {places} in {urdf}, joint by joint:"
+        return [Step(words, _assignments(rows))]
     if effect == "drive_inertia" and rows:
         return [Step(f"Set the drive inertia of {places} in {config}:", _armature(result, rows))]
     if effect == "torque_offset":

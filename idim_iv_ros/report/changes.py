@@ -137,6 +137,10 @@ def _row(
 
 
 def _key(kind: str, joint: int, place: str, nominal: Nominal) -> tuple[str, str]:
+    if nominal.is_mjcf:
+        attribute = {"Ia": "armature", "Fv": "damping", "Fc": "frictionloss"}.get(kind, "")
+        if attribute:
+            return f"{place}@{attribute}", _URDF
     keys = {
         "Ia": (f"simulator.armature[{joint}]", _CONFIGURATION),
         "Fv": (f"{place}/dynamics@damping", _URDF),

@@ -29,9 +29,14 @@ class Nominal:
     missing: str
 
     @property
+    def is_mjcf(self) -> bool:
+        """Whether the nominal model is an MJCF, which holds drive inertias too."""
+        return self.configuration is not None and self.configuration.robot.mjcf is not None
+
+    @property
     def urdf(self) -> str:
         """What to call the URDF in an instruction."""
-        path = None if self.configuration is None else self.configuration.robot.urdf
+        path = None if self.configuration is None else self.configuration.robot.description
         return "the URDF" if path is None else path.name
 
 
@@ -44,7 +49,7 @@ def read_nominal(document: Mapping[str, object]) -> Nominal:
     configuration = None
     try:
         configuration = Configuration.model_validate_json(json.dumps(document))
-        urdf = configuration.robot.urdf
+        urdf = configuration.robot.description
         if urdf is None:
             reason = "the URDF came with the recording, not with the configuration"
             return Nominal(configuration, None, None, reason)

@@ -68,8 +68,12 @@ def write_picture(result: IdentificationResult | GapResult, path: FilePath) -> P
     UsageError
         A PNG without the library for it, or the file cannot be written.
     """
+    return save_picture(picture_svg(result), path)
+
+
+def save_picture(svg: str, path: FilePath) -> Path:
+    """Write a picture, as it is or as PNG; raises as `write_picture`."""
     path = Path(path)
-    svg = picture_svg(result)
     try:
         if path.suffix.lower() == ".png":
             path.write_bytes(_signed(_rasteriser(path)(svg_string=svg, width=2 * WIDTH)))
@@ -104,17 +108,17 @@ def picture_svg(result: IdentificationResult | GapResult) -> str:
     robot = shaded_robot(report)
     if isinstance(result, GapResult):
         badge, headline = VERDICTS[result.verdict], diagnosis_headline(result)
-        title, bars = _stages(result)
+        title, shown = _stages(result)
     else:
         badge, headline = verdict_badge(result.verdict.verdict), identification_headline(result)
-        title, bars = _errors(result)
+        title, shown = _errors(result)
     return environment().get_template("picture.svg.j2").render(
         generator=Markup(GENERATOR),
         robot_name=result.robot,
         badge=badge,
         lines=textwrap.wrap(" ".join(headline), _LETTERS),
         bars_title=title,
-        bars=bars,
+        bars=shown,
         robot=None if robot is None else flat_robot(robot, *_ROBOT),
         robot_title="" if robot is None else f"{robot.title}, %",
         largest="" if robot is None else number(robot.largest, 2),
@@ -143,7 +147,7 @@ def _stages(result: GapResult) -> tuple[str, list[PictureBar]]:
     if worst.noise_floor is not None:
         value = f"{number(worst.noise_floor)} {unit}"
         rows.append(("noise floor", worst.noise_floor, "#b9c1cc", value))
-    return f"Torque gap at {worst.joint}, rms on held-out data", _bars(rows)
+    return f"Torque gap at {worst.joint}, rms on held-out data", bars(rows)
 
 
 def _errors(result: IdentificationResult) -> tuple[str, list[PictureBar]]:
@@ -154,10 +158,11 @@ def _errors(result: IdentificationResult) -> tuple[str, list[PictureBar]]:
         for joint, error in list(errors.items())[:_MOST_BARS]
         if error is not None and known(error)
     ]
-    return "Relative error of the torque", _bars(rows)
+    return "Relative error of the torque", bars(rows)
 
 
-def _bars(rows: Sequence[tuple[str, float, str, str]]) -> list[PictureBar]:
+def bars(rows: Sequence[tuple[str, float, str, str]]) -> list[PictureBar]:
+    """Bars of (name, size, colour, value in words), the largest over the whole width."""
     largest = max((size for _, size, *_ in rows), default=0.0) or 1.0
     return [
         PictureBar(name, round(_BARS_WIDTH * size / largest, 1), colour, value)

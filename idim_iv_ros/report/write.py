@@ -11,6 +11,7 @@ from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import ReportWarning, UsageError, one_line
 from idim_iv_ros.files import (
     GAP,
+    REPLAY,
     REPORT,
     RESULT,
     FilePath,
@@ -21,9 +22,11 @@ from idim_iv_ros.files import (
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.interruption import undone_if_interrupted
 from idim_iv_ros.report.page import gap_report_html, report_html
+from idim_iv_ros.report.replay import replay_html
 from idim_iv_ros.report.section import CONFIGURATION
+from idim_iv_ros.simulators.replay_result import ReplayResult
 
-_WRITTEN_BY = {RESULT: "identify", GAP: "diagnose"}
+_WRITTEN_BY = {RESULT: "identify", GAP: "diagnose", REPLAY: "replay"}
 
 
 def write_report(
@@ -92,6 +95,24 @@ def write_gap_report(
     """
     draw = partial(gap_report_html, result, str(config))
     return _write(Path(out), GAP, result.to_json(), draw, force)
+
+
+def write_replay_report(
+    result: ReplayResult, out: FilePath, *, force: bool = False
+) -> tuple[Path, Path | None]:
+    """Write replay.json, then report.html; otherwise as `write_report`.
+
+    Returns
+    -------
+    Path, Path or None
+        replay.json and report.html; None where there is no page, and none of an earlier result.
+
+    Raises
+    ------
+    UsageError
+        The folder cannot be written, or holds another result or a file of somebody else.
+    """
+    return _write(Path(out), REPLAY, result.to_json(), partial(replay_html, result), force)
 
 
 @contextmanager

@@ -124,7 +124,7 @@ def affected_robot(
     for k, shaft in enumerate(shafts):
         link[place[shaft.joint]] = n + k
     arrays = Effects(
-        rows=_rows(added, place, first_coupling=len(own) - couplings),
+        rows=effect_rows(added, place, first_coupling=len(own) - couplings),
         level=own,
         damping=grown.damping,
         model_level=np.pad(model.level, (0, couplings)),
@@ -154,7 +154,7 @@ def affected_robot(
 _Row = tuple[int, int, bool, tuple[float, ...]]
 
 
-def _rows(added: JointContributions, place: IntArray, *, first_coupling: int) -> Rows:
+def effect_rows(added: JointContributions, place: IntArray, *, first_coupling: int) -> Rows:
     """Contributions with compiled laws; `first_coupling`: contact of the first coupling."""
     torques: list[_Row] = []
     contact = first_coupling

@@ -33,6 +33,8 @@ class SimulatedEffect:
         Second joint of a coupling.
     source : str
         What messages call it: file and key, or nothing.
+    native : bool
+        Whether the model of a simulator that it goes with has it already.
     """
 
     effect: str
@@ -40,6 +42,7 @@ class SimulatedEffect:
     parameters: Mapping[str, float]
     other_joint: str | None = None
     source: str = ""
+    native: bool = False
 
 
 @dataclass(frozen=True)

@@ -72,7 +72,12 @@ def read_effects(path: Path) -> ExtendedModel:
         planted = EffectsFile.from_json(text, str(path))
         effects = tuple(
             SimulatedEffect(
-                each.effect, each.joint, each.parameters, each.other_joint, f"{path}: effects.{k}"
+                each.effect,
+                each.joint,
+                each.parameters,
+                each.other_joint,
+                f"{path}: effects.{k}",
+                each.native,
             )
             for k, each in enumerate(planted.effects)
         )

@@ -98,9 +98,9 @@ def simulate(
     DataError
         The closed loop diverged.
     """
-    urdf = configuration.robot.urdf
+    urdf = configuration.robot.description
     if urdf is None:
-        raise UsageError(f"{configuration.source}: robot.urdf is needed to simulate")
+        raise UsageError(f"{configuration.source}: robot.urdf or robot.mjcf is needed to simulate")
     if len(set(seeds)) != len(seeds):
         raise UsageError("--seed: a seed is given twice")
     require_simulation_place(out, seeds, force=force)

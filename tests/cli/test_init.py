@@ -242,7 +242,7 @@ def test_every_example_of_a_left_out_key_is_valid(run, record, tmp_path: Path) -
     for section, keys in SECTIONS.items():
         for name in keys:
             # These are examples of other robots: a file, joints, a law.
-            if name in ("urdf", "couplings", "kp", "kd", "ki", "kv", "drive_gain"):
+            if name in ("urdf", "mjcf", "couplings", "kp", "kd", "ki", "kv", "drive_gain"):
                 continue
             changed = re.sub(rf"^# ({section}:)$", r"\1", text, flags=re.MULTILINE)
             head, middle, tail = changed.partition(f"{section}:\n")

@@ -216,9 +216,9 @@ class RobotSimulator:
 def _loaded(path: Path) -> tuple[Configuration, Path, float]:
     """Configuration, its URDF, and the rate of the references in Hz."""
     configuration = load_configuration(path)
-    urdf = configuration.robot.urdf
+    urdf = configuration.robot.description
     if urdf is None:
-        raise UsageError(f"{path}: robot.urdf is needed to simulate")
+        raise UsageError(f"{path}: robot.urdf or robot.mjcf is needed to simulate")
     period = configuration.controller.period
     rate = configuration.simulated_robot.rate or (1.0 / period if period else _FASTEST)
     if rate > _FASTEST + 1e-6:

@@ -1,0 +1,110 @@
+"""`idim-iv replay`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from idim_iv_ros.cli.arguments import AsJson, Bags, Config, Force, OutOrJson, Picture, Quiet
+from idim_iv_ros.files import REPLAY, REPORT
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from idim_iv_ros.simulators.replay_result import ReplayResult
+
+
+def replay_command(
+    bags: Bags,
+    config: Config,
+    model: Annotated[
+        str,
+        typer.Option(
+            metavar="urdf|ROBOT.xml",
+            help="urdf: a MuJoCo model is made from the nominal model; or an MJCF file.",
+        ),
+    ] = "urdf",
+    effects: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="effects.json|gap.json",
+            help="What the robot has beyond the model: a file of effects, or a diagnosis, whose "
+            "parameters are taken too where --model is urdf.",
+            show_default=False,
+        ),
+    ] = None,
+    out: OutOrJson = None,
+    picture: Picture = None,
+    video: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.mp4|gif",
+            help="Write recorded and simulated robots side by side; needs something that draws.",
+            show_default=False,
+        ),
+    ] = None,
+    force: Force = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Run the recorded references in MuJoCo, and say how far it is from the robot.
+
+    Nominal, with corrected parameters, and with effects. Writes replay.json and report.html.
+
+    Example: idim-iv replay run1.mcap --config ur5.yaml --effects why/gap.json --out replay
+    """
+    from idim_iv_ros.cli.output import Output, report_warnings, require_destination
+    from idim_iv_ros.configuration import load_configuration
+
+    output = Output(quiet=quiet, as_json=as_json)
+    configuration = load_configuration(config)
+    from idim_iv_ros.report import write_replay_report
+    from idim_iv_ros.report.picture import require_picture
+    from idim_iv_ros.report.replay_picture import write_replay_picture
+    from idim_iv_ros.simulators.mujoco_video import require_video, write_video
+    from idim_iv_ros.simulators.replay import replay_bags, replayed_robot
+
+    require_picture(picture, force=force)
+    require_video(video, force=force)
+    destination = require_destination(out, (REPLAY, REPORT), as_json=as_json, force=force)
+    numbers = page = None
+    with destination:
+        with output.progress() as progress:
+            result = replay_bags(
+                bags, configuration, model=model, effects=effects, progress=progress
+            )
+        if out is not None:
+            with report_warnings():
+                numbers, page = write_replay_report(result, out, force=force)
+        if picture is not None:
+            write_replay_picture(result, picture)
+        if video is not None:
+            write_video(result, replayed_robot(bags, configuration), video)
+    output.document(result.to_document())
+    _print(output.console, result)
+    output.warn(result.notes)
+    for name, path in (("Report", page), ("Numbers", None if page else numbers)):
+        if path is not None:
+            output.line(f"{name}: {path}")
+    if video is not None:
+        output.line(f"Video: {video}")
+
+
+def _print(console: Console, result: ReplayResult) -> None:
+    from idim_iv_ros.cli.table import Column, print_table, unbroken
+    from idim_iv_ros.report.replay import error_rows, headline
+
+    drawn = [stage.name for stage in result.stages if stage.tracking is not None]
+    columns = [Column("joint"), *(Column(name, right=True) for name in (*drawn, "noise"))]
+    for kind, title in (
+        ("tracking", "Position, simulation less recording (rms, ± half of the 95 % interval)"),
+        ("torque", "Torque, simulation less recording"),
+    ):
+        rows = [tuple(map(unbroken, row)) for row in error_rows(result, kind)]
+        print_table(console, title, columns, rows)
+    for stage in result.stages:
+        if stage.note:
+            console.print(f"{stage.name}: not simulated to its end: {stage.note}")
+    console.print(headline(result))

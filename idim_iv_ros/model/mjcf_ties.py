@@ -1,0 +1,132 @@
+"""What an MJCF holds beyond a tree of hinges and slides: joints that are tied, other forces."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+
+def tied_joints(mujoco: Any, model: Any) -> dict[int, str]:
+    """Say of each joint that is no hinge or slide of its own what it is or what ties it."""
+    reasons: dict[int, list[str]] = {}
+
+    def tie(joints: Iterable[int], words: str) -> None:
+        for joint in joints:
+            reasons.setdefault(joint, []).append(words)
+
+    types = mujoco.mjtJoint
+    for joint in range(model.njnt):
+        if model.jnt_type[joint] == types.mjJNT_FREE:
+            tie([joint], "a free joint")
+        elif model.jnt_type[joint] == types.mjJNT_BALL:
+            tie([joint], "a ball joint")
+    for equality in range(model.neq):
+        if model.eq_active0[equality]:
+            name = model.equality(equality).name
+            words = f"tied by the equality{f' {name}' if name else ''}"
+            tie(_of_equality(mujoco, model, equality), words)
+    for tendon in range(model.ntendon):
+        if _acts(mujoco, model, tendon):
+            name = model.tendon(tendon).name
+            words = f"driven by the tendon{f' {name}' if name else ''}"
+            tie(_of_tendon(mujoco, model, tendon), words)
+    return {joint: " and ".join(dict.fromkeys(words)) for joint, words in reasons.items()}
+
+
+def _of_equality(mujoco: Any, model: Any, equality: int) -> set[int]:
+    kind, kinds = model.eq_type[equality], mujoco.mjtEq
+    first, second = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+    if kind == kinds.mjEQ_JOINT:
+        return {joint for joint in (first, second) if joint >= 0}
+    if kind == kinds.mjEQ_TENDON:
+        both = (tendon for tendon in (first, second) if tendon >= 0)
+        return set().union(*(_of_tendon(mujoco, model, tendon) for tendon in both))
+    if kind == kinds.mjEQ_CONNECT or kind == kinds.mjEQ_WELD:
+        if model.eq_objtype[equality] == mujoco.mjtObj.mjOBJ_SITE:
+            first, second = int(model.site_bodyid[first]), int(model.site_bodyid[second])
+        return _between(model, [first, second])
+    return set()
+
+
+def _acts(mujoco: Any, model: Any, tendon: int) -> bool:
+    """Whether a tendon does more than to measure a length."""
+    numbers = (model.tendon_stiffness, model.tendon_damping, model.tendon_frictionloss)
+    armature = getattr(model, "tendon_armature", np.zeros(model.ntendon))
+    driven = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (
+        model.actuator_trnid[:, 0] == tendon
+    )
+    return bool(
+        any(float(each[tendon]) != 0.0 for each in (*numbers, armature))
+        or model.tendon_limited[tendon]
+        or np.any(driven)
+    )
+
+
+def _of_tendon(mujoco: Any, model: Any, tendon: int) -> set[int]:
+    joints: set[int] = set()
+    bodies = []
+    first = int(model.tendon_adr[tendon])
+    for wrap in range(first, first + int(model.tendon_num[tendon])):
+        kind, index = model.wrap_type[wrap], int(model.wrap_objid[wrap])
+        if kind == mujoco.mjtWrap.mjWRAP_JOINT:
+            joints.add(index)
+        elif kind == mujoco.mjtWrap.mjWRAP_SITE:
+            bodies.append(int(model.site_bodyid[index]))
+    return joints | _between(model, bodies)
+
+
+def _between(model: Any, bodies: list[int]) -> set[int]:
+    """Joints on the paths between bodies: those that do not carry all of them."""
+    if not bodies:
+        return set()
+    carriers: list[set[int]] = [_carriers(model, body) for body in bodies]
+    joints: set[int] = set()
+    return joints.union(*carriers) - carriers[0].intersection(*carriers)
+
+
+def _carriers(model: Any, body: int) -> set[int]:
+    joints: set[int] = set()
+    while body > 0:
+        first = int(model.body_jntadr[body])
+        joints.update(range(first, first + int(model.body_jntnum[body])))
+        body = int(model.body_parentid[body])
+    return joints
+
+
+def extra_forces(mujoco: Any, model: Any) -> dict[int, str]:
+    """Say of joints what acts on them that the nominal model has no term for."""
+    found: dict[int, list[str]] = {}
+    for joint in range(model.njnt):
+        dof, words = int(model.jnt_dofadr[joint]), []
+        if float(model.jnt_stiffness[joint]) or np.any(_poly(model, "jnt_stiffnesspoly", joint)):
+            words.append("a spring (stiffness)")
+        if np.any(_poly(model, "dof_dampingpoly", dof)):
+            words.append("nonlinear damping")
+        if words:
+            found[joint] = words
+    special = getattr(mujoco.mjtGain, "mjGAIN_DCMOTOR", None)
+    for actuator in range(model.nu):
+        if model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_JOINT:
+            continue
+        joint = int(model.actuator_trnid[actuator, 0])
+        if special is not None and model.actuator_gaintype[actuator] == special:
+            found.setdefault(joint, []).append("a dcmotor")
+    return {joint: " and ".join(words) for joint, words in found.items()}
+
+
+def _poly(model: Any, name: str, index: int) -> Any:
+    """Coefficients beyond the first; zero where this version of MuJoCo has none."""
+    values = getattr(model, name, None)
+    return 0.0 if values is None else values[index]
+
+
+def notes(model: Any) -> list[str]:
+    """What holds for the whole file and is no part of the nominal model, a sentence each."""
+    said = []
+    compensated = [model.body(b).name for b in range(model.nbody) if model.body_gravcomp[b] != 0.0]
+    if compensated:
+        listed = ", ".join(name or "an unnamed body" for name in compensated)
+        said.append(f"gravcomp of {listed} is passed over: the nominal model feels all gravity")
+    if model.opt.density > 0.0 or model.opt.viscosity > 0.0:
+        said.append("density and viscosity of the medium are passed over")
+    return said

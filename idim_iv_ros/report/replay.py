@@ -1,0 +1,148 @@
+"""The page of a replay: tracking error and torque of every stage beside the recording."""
+
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from idim_iv_ros.files import GENERATOR
+from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.report.figures import BLUE, GREY, INK, ORANGE, Figure, Mark, axis, layout, line
+from idim_iv_ros.report.numerals import number, with_unit
+from idim_iv_ros.report.page import environment, page_parts
+from idim_iv_ros.report.time_axis import peaks
+from idim_iv_ros.simulators.replay_result import (
+    CORRECTED,
+    NOMINAL,
+    WITH_EFFECTS,
+    ReplayError,
+    ReplayResult,
+    ReplaySeries,
+)
+from idim_iv_ros.types import FloatArray
+
+_COLOURS = {NOMINAL: GREY, CORRECTED: ORANGE, WITH_EFFECTS: BLUE}
+_HEIGHT = 340
+_BUCKETS = 220
+_FEW = 3
+
+
+def replay_html(result: ReplayResult) -> str:
+    """Return the report of a replay as one self-contained HTML document."""
+    section = environment().get_template("replay.html.j2").render(anchor="replay", **shown(result))
+    count = len(result.joints)
+    return environment().get_template("page.html.j2").render(
+        generator=Markup(GENERATOR),
+        robot=result.robot,
+        subject="replay in MuJoCo",
+        subtitle=f"References of {with_unit(result.duration, 's')} of recording, "
+        f"{count} joint{'s' if count != 1 else ''}",
+        links=[("replay", "Replay")],
+        sections=[Markup(section)],
+        **page_parts(),
+    )  # fmt: skip
+
+
+def shown(result: ReplayResult) -> dict[str, Any]:
+    """What the template shows."""
+    drawn = [stage.name for stage in result.stages if stage.tracking is not None]
+    plots = [
+        (each.joint, each.bag, replay_figure(result, each, index))
+        for index, each in enumerate(result.series)
+    ]
+    return {
+        "headline": headline(result),
+        "stages": [(stage.name, stage.model, stage.note) for stage in result.stages],
+        "columns": ["Joint", *([name, "num"] for name in drawn), ["Noise", "num"]],
+        "tracking": error_rows(result, "tracking"),
+        "torque": error_rows(result, "torque"),
+        "notes": result.notes,
+        "legend": [
+            Mark("line", INK, "robot"),
+            *(Mark("line", _COLOURS[name], f"simulated, {name}") for name in drawn),
+        ],
+        "plots": plots,
+        "layout": "one" if len(plots) <= _FEW else "two",
+        "software": " ".join(f"{name} {text}" for name, text in result.software.items()),
+    }
+
+
+def headline(result: ReplayResult) -> str:
+    """Say how far the tracking of the best stage is from that of the robot."""
+    first, last = result.stages[0], result.best
+    if last.tracking is None:
+        return "No stage could be simulated to its end."
+    if first.tracking is None:
+        return f"The nominal model cannot follow the references; {last.name} does."
+    ratios = {
+        joint: last.tracking[joint].rms / max(first.tracking[joint].rms, 1e-300)
+        for joint in result.joints
+    }
+    if last is first:
+        return "Only the nominal model was simulated."
+    worst = max(ratios, key=lambda joint: ratios[joint])
+    best = min(ratios, key=lambda joint: ratios[joint])
+    if worst == best:
+        return f"{last.name.capitalize()}, {best} is {_times(ratios[best])}."
+    return (
+        f"{last.name.capitalize()}, the simulated motion is "
+        f"{_times(ratios[best])} at {best}, and {_times(ratios[worst])} at {worst}."
+    )
+
+
+def _times(ratio: float) -> str:
+    return f"{100.0 * ratio:.3g} % as far from the robot's as that of the nominal model"
+
+
+def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:
+    """Rows of a table: joint, each stage, noise; `kind`: tracking or torque."""
+    rows = []
+    noise = result.tracking_noise if kind == "tracking" else result.torque_noise
+    for joint, joint_type in zip(result.joints, result.joint_types, strict=True):
+        unit = unit_at("mrad" if kind == "tracking" else "N m", joint_type)
+        scale = 1e3 if kind == "tracking" else 1.0
+        cells = [joint]
+        for stage in result.stages:
+            found: dict[str, ReplayError] | None = getattr(stage, kind)
+            if found is not None:
+                cells.append(error_words(found[joint], scale, unit))
+        rows.append([*cells, f"{number(scale * noise[joint])} {unit}"])
+    return rows
+
+
+def error_words(error: ReplayError, scale: float, unit: str) -> str:
+    """Value with half of its interval, and how many times the noise it is."""
+    half = 0.5 * scale * (error.high - error.low)
+    times = f" ({error.over_noise:.2g} × noise)" if np.isfinite(error.over_noise) else ""
+    return f"{scale * error.rms:.3g} ± {half:.1g} {unit}{times}"
+
+
+def replay_figure(result: ReplayResult, series: ReplaySeries, index: int) -> Figure:
+    """Return tracking errors above and torques below."""
+    joint_type = result.joint_types[result.joints.index(series.joint)]
+    small, torque_unit = unit_at("mrad", joint_type), unit_at("N m", joint_type)
+    chosen = peaks([series.error, *series.errors.values(), series.torque], _BUCKETS)
+
+    def drawn(values: FloatArray, scale: float) -> FloatArray:
+        return scale * np.asarray(values)[chosen]
+
+    data = []
+    time: object = np.asarray(series.time)[chosen]
+    for name in series.errors:
+        hover = f"{name} %{{y:.3g}} {small} at %{{x:.3f}} s"
+        colour = _COLOURS[name]
+        data.append(line(time, drawn(series.errors[name], 1e3), colour, 1.8, hover, yaxis="y"))
+        time = {"same": 0}
+        hover = f"{name} %{{y:.3g}} {torque_unit} at %{{x:.3f}} s"
+        data.append(line(time, drawn(series.torques[name], 1.0), colour, 1.8, hover, yaxis="y2"))
+    data.append(line(time, drawn(series.error, 1e3), INK, 0.9, f"robot %{{y:.3g}} {small}",
+                     yaxis="y"))  # fmt: skip
+    data.append(line({"same": 0} if series.errors else time, drawn(series.torque, 1.0), INK, 0.9,
+                     f"robot %{{y:.3g}} {torque_unit}", yaxis="y2"))  # fmt: skip
+    axes = {
+        "xaxis": axis("Time, s", anchor="y2"),
+        "yaxis": axis(f"Error, {small}", domain=[0.54, 1.0], nticks=6),
+        "yaxis2": axis(f"Torque, {torque_unit}", domain=[0.0, 0.46], nticks=5),
+    }
+    words = f"Tracking error and torque of {series.joint}, robot and simulations, over time"
+    return Figure(f"replay-{index}", _HEIGHT, words, data, layout(axes))

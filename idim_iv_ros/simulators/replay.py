@@ -1,0 +1,319 @@
+"""The recorded references once more, in MuJoCo: how far is the simulator from the robot?"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
+from idim_iv_ros.effects.registry import BY_NAME
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.estimation.instruments import SimulatedLoop
+from idim_iv_ros.estimation.sources import instrument_sources
+from idim_iv_ros.files import FilePath, FilePaths
+from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
+from idim_iv_ros.model import RobotModel
+from idim_iv_ros.model.mujoco_package import load_mujoco
+from idim_iv_ros.progress import Progress, Stopwatch
+from idim_iv_ros.signals import Motion, central_differences
+from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
+from idim_iv_ros.simulation.effects import joint_effects
+from idim_iv_ros.simulators.effects_file import ExtendedModel, read_effects
+from idim_iv_ros.simulators.mujoco_loop import MujocoMotion, References, run_in_mujoco
+from idim_iv_ros.simulators.replay_models import StageModel, plant_stage, xml_stage
+from idim_iv_ros.simulators.replay_result import (
+    CORRECTED,
+    NOMINAL,
+    WITH_EFFECTS,
+    ReplayError,
+    ReplayResult,
+    ReplaySeries,
+    ReplayStage,
+)
+from idim_iv_ros.types import FloatArray
+
+URDF = "urdf"
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """One stage on all recordings: filtered positions and torques on the whole record."""
+
+    positions: tuple[FloatArray, ...]
+    torques: tuple[FloatArray, ...]
+    note: str
+
+
+def replay_bags(
+    bags: FilePaths,
+    configuration: Configuration,
+    *,
+    model: FilePath = URDF,
+    effects: FilePath | None = None,
+    stages: Sequence[str] = (NOMINAL, CORRECTED, WITH_EFFECTS),
+    progress: Progress | None = None,
+) -> ReplayResult:
+    """Run the recorded references in MuJoCo and compare with the recording.
+
+    The control law is that of the configuration (fitted from the recordings where it is unknown):
+    sampled and held, with its delay and limits. The robot starts where the recording does.
+
+    Parameters
+    ----------
+    model
+        ``urdf``: a MuJoCo model is made from the nominal model of the configuration, with the base
+        parameters of `effects` where these are given. Else an MJCF file of the corrected robot.
+    effects
+        A diagnosis (gap.json) or a file of effects.
+    stages
+        Which are simulated, of those that there are; all of them by default.
+
+    Raises
+    ------
+    UsageError
+        MuJoCo is not installed, a file cannot be read or belongs to another robot, an effect is not
+        known, or joints are coupled.
+    DataError
+        The recordings have no references, or the control law is not known.
+    """
+    mujoco = load_mujoco("a replay")
+    mujoco.set_mju_user_warning(lambda text: None)  # else it writes a file of its own
+    with Stopwatch(progress) as watch:
+        watch.stage("reading", 0.0)
+        extended = None if effects is None else read_effects(Path(effects))
+        prepared = prepare(read_configured(bags, configuration), configuration)
+        laws = _laws(prepared)
+        known = _stages(mujoco, prepared, model, extended, effects)
+        models = [stage for stage in known if stage.name in stages]
+        compared = []
+        for number, stage in enumerate(models):
+            watch.stage(f"simulating: {stage.name}", 0.1 + 0.9 * number / len(models))
+            compared.append(_compare(mujoco, prepared, laws, stage))
+    return _result(prepared, models, compared, model, effects)
+
+
+def replayed_robot(bags: FilePaths, configuration: Configuration) -> RobotModel:
+    """Return the robot that a configuration and its recordings describe."""
+    return prepare(read_configured(bags, configuration), configuration).model.robot
+
+
+def _laws(prepared: PreparedRegression) -> tuple[ControlLaw, ...]:
+    """Control law of each recording."""
+    missing = [
+        motion.signals.name
+        for motion in prepared.motions
+        if motion.signals.position_reference is None
+    ]
+    if missing:
+        raise DataError(
+            f"{', '.join(missing)}: no reference to replay; name its topic as signals.reference"
+        )
+    sources = instrument_sources(
+        prepared.configuration, prepared.model, prepared.motions, prepared.cutoffs
+    )
+    source = sources.sources[0]
+    if not isinstance(source, SimulatedLoop):
+        raise DataError(" ".join(sources.controller) or "the control law is not known")
+    return tuple(source.laws)
+
+
+def _stages(
+    mujoco: Any,
+    prepared: PreparedRegression,
+    model: FilePath,
+    extended: ExtendedModel | None,
+    source: FilePath | None,
+) -> list[StageModel]:
+    """Nominal, corrected and with effects, as far as there is something to simulate."""
+    robot = prepared.model.robot
+    if prepared.given is None:
+        raise UsageError(prepared.why_no_given)
+    stages = [plant_stage(mujoco, prepared.model, None, NOMINAL)]
+    effects: tuple[SimulatedEffect, ...] = () if extended is None else extended.effects
+    joint_effects(effects, robot.joints)  # refuses what is not known before anything is simulated
+    parameters = {} if extended is None else extended.parameters
+    if str(model) != URDF:
+        offsets = {name: v for name, v in parameters.items() if re.fullmatch(r"off\d+", name)}
+        stages.append(xml_stage(mujoco, robot, Path(model), offsets))
+    elif parameters:
+        values = prepared.given.copy()
+        names = list(prepared.model.base.names)
+        for name, value in parameters.items():
+            if name not in names:
+                raise UsageError(
+                    f"{source}: {name} is not a base parameter of this robot; they are "
+                    f"{', '.join(names)}"
+                )
+            values[names.index(name)] = value
+        stages.append(plant_stage(mujoco, prepared.model, values, CORRECTED))
+    beyond = [each for each in effects if not BY_NAME[each.effect].in_base_parameters]
+    if str(model) != URDF and not any(name.startswith("off") for name in parameters):
+        beyond += [each for each in effects if each.effect == "torque_offset"]
+    if beyond:
+        stages.append(stages[-1].with_effects(WITH_EFFECTS, beyond))
+    return stages
+
+
+def _compare(
+    mujoco: Any, prepared: PreparedRegression, laws: Sequence[ControlLaw], stage: StageModel
+) -> _Compared:
+    positions, torques = [], []
+    for motion, law, part in zip(prepared.motions, laws, prepared.session.parts, strict=True):
+        ran = _run(mujoco, prepared, motion, law, part.start, stage)
+        if ran.diverged:
+            return _Compared((), (), f"{motion.signals.name}: {ran.diverged}")
+        positions.append(motion.filtered(ran.position))
+        torques.append(motion.filtered(ran.torque))
+    return _Compared(tuple(positions), tuple(torques), "")
+
+
+def _run(
+    mujoco: Any,
+    prepared: PreparedRegression,
+    motion: Motion,
+    law: ControlLaw,
+    start_time: float,
+    stage: StageModel,
+) -> MujocoMotion:
+    signals, robot = motion.signals, prepared.model.robot
+    wanted = signals.position_reference
+    assert wanted is not None
+    speed = signals.velocity_reference
+    if speed is None:
+        speed = np.gradient(wanted, 1.0 / signals.rate, axis=0)
+    initial, _ = central_differences(motion.position, rate=signals.rate, start=0, stop=1)
+    references = References(signals.rate, wanted, speed, motion.position[0], initial[0], start_time)
+    return run_in_mujoco(
+        mujoco, stage.compiled(mujoco), robot.joints, law, references, robot.given, stage.effects
+    )
+
+
+def _result(
+    prepared: PreparedRegression,
+    models: Sequence[StageModel],
+    compared: Sequence[_Compared],
+    model: FilePath,
+    effects: FilePath | None,
+) -> ReplayResult:
+    robot, motions = prepared.model.robot, prepared.motions
+    raw = [motion.signals.torque for motion in motions]
+    smooth = [motion.filtered(torque) for motion, torque in zip(motions, raw, strict=True)]
+    measured = [motion.position for motion in motions]
+    noise = (
+        _noise(motions, [motion.signals.position for motion in motions], measured),
+        _noise(motions, raw, smooth),
+    )
+    stages = []
+    for stage, found in zip(models, compared, strict=True):
+        errors: dict[str, dict[str, ReplayError] | None] = {"tracking": None, "torque": None}
+        if not found.note:
+            for kind, simulated, recorded, level in (
+                ("tracking", found.positions, measured, noise[0]),
+                ("torque", found.torques, smooth, noise[1]),
+            ):
+                errors[kind] = _errors(robot.joints, motions, simulated, recorded, level)
+        stages.append(
+            ReplayStage(stage.name, stage.words, errors["tracking"], errors["torque"], found.note)
+        )
+    seconds = sum((m.span.stop - m.span.start) / m.signals.rate for m in motions)
+    positions = {"recorded": measured[0]}
+    positions |= {
+        stage.name: found.positions[0]
+        for stage, found in zip(models, compared, strict=True)
+        if not found.note
+    }
+    return ReplayResult(
+        robot=robot.name,
+        joints=robot.joints,
+        joint_types=robot.joint_types,
+        bags=tuple(recording.path.name for recording in prepared.recordings),
+        duration=seconds,
+        software=_software(),
+        model=URDF if str(model) == URDF else str(model),
+        effects="" if effects is None else str(effects),
+        tracking_noise=dict(zip(robot.joints, map(float, noise[0]), strict=True)),
+        torque_noise=dict(zip(robot.joints, map(float, noise[1]), strict=True)),
+        stages=tuple(stages),
+        notes=prepared.doubts + tuple(note for stage in models for note in stage.notes),
+        series=_series(robot.joints, motions, smooth, models, compared),
+        positions=positions,
+        rate=motions[0].signals.rate,
+    )
+
+
+def _noise(
+    motions: Sequence[Motion], raw: Sequence[FloatArray], smooth: Sequence[FloatArray]
+) -> FloatArray:
+    """Standard deviation of what the filter takes away, (n_joints,)."""
+    parts = [
+        (one - other)[motion.span] for motion, one, other in zip(motions, raw, smooth, strict=True)
+    ]
+    return np.asarray(np.nanstd(np.concatenate(parts), axis=0))
+
+
+def _errors(
+    joints: Sequence[str],
+    motions: Sequence[Motion],
+    simulated: Sequence[FloatArray],
+    recorded: Sequence[FloatArray],
+    noise: FloatArray,
+) -> dict[str, ReplayError]:
+    """Root mean squares, their interval by blocks of time, and their ratio to the noise."""
+    squares, lengths = [], []
+    for motion, one, other in zip(motions, simulated, recorded, strict=True):
+        error = (one - other)[motion.span]
+        places = np.arange(len(error))
+        blocks = time_blocks(np.zeros_like(places), places, motion.signals.rate)
+        known = np.nan_to_num(error**2)
+        squares.append(np.column_stack([block_sums(blocks, column) for column in known.T]))
+        lengths.append(block_sums(blocks, np.ones(len(error))))
+    table = np.column_stack([np.concatenate(squares), np.concatenate(lengths)])
+    total = table.sum(axis=0)
+    draws = resampled(table)
+    found = {}
+    for joint, name in enumerate(joints):
+        rms = float(np.sqrt(total[joint] / total[-1]))
+        low, high = interval(np.sqrt(draws[:, joint] / draws[:, -1]))
+        level = float(noise[joint])
+        found[name] = ReplayError(rms, low, high, rms / level if level > 0.0 else np.nan)
+    return found
+
+
+def _series(
+    joints: Sequence[str],
+    motions: Sequence[Motion],
+    smooth: Sequence[FloatArray],
+    models: Sequence[StageModel],
+    compared: Sequence[_Compared],
+) -> tuple[ReplaySeries, ...]:
+    """The first recording, thinned."""
+    motion = motions[0]
+    reference = motion.signals.position_reference
+    assert reference is not None
+    span = motion.span
+    thin = slice(span.start, span.stop, max(1, (span.stop - span.start) // settings.MOST_POINTS))
+    time = np.arange(len(reference))[thin] / motion.signals.rate
+    done = [(m.name, c) for m, c in zip(models, compared, strict=True) if not c.note]
+    return tuple(
+        ReplaySeries(
+            joint=name,
+            bag=motion.signals.name,
+            time=time,
+            error=(reference - motion.position)[thin, j],
+            errors={stage: (reference - c.positions[0])[thin, j] for stage, c in done},
+            torque=smooth[0][thin, j],
+            torques={stage: c.torques[0][thin, j] for stage, c in done},
+        )
+        for j, name in enumerate(joints)
+    )
+
+
+def _software() -> dict[str, str]:
+    from importlib.metadata import version
+
+    return {"idim_iv_ros": version("idim-iv-ros"), "mujoco": version("mujoco")}

@@ -1,0 +1,153 @@
+"""The MuJoCo models of a replay: made from the nominal model, or read from a file."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.files import read_text
+from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
+from idim_iv_ros.simulation import SimulatedEffect
+from idim_iv_ros.simulators.mujoco import STIFFEST
+from idim_iv_ros.simulators.mujoco_loop import LONGEST_STEP
+from idim_iv_ros.simulators.mujoco_parts import add_parts
+from idim_iv_ros.simulators.mujoco_plant import (
+    add_motors,
+    nearest_parameters,
+    plant_spec,
+    set_inertias,
+)
+from idim_iv_ros.types import FloatArray
+
+_LARGEST = 50.0  # MB
+
+
+@dataclass(frozen=True)
+class StageModel:
+    """One robot to simulate.
+
+    Attributes
+    ----------
+    name, words : str
+        Of the stage; what the model is made of.
+    robot : RobotModel
+    parameters : DynamicParameters or None
+        None for a model that is read from `xml`.
+    xml : Path or None
+    effects : tuple of SimulatedEffect
+        Beyond the model: constant torques, which MuJoCo has no parameter for, are among them.
+    notes : tuple of str
+    """
+
+    name: str
+    words: str
+    robot: RobotModel
+    parameters: DynamicParameters | None
+    xml: Path | None
+    effects: tuple[SimulatedEffect, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def with_effects(self, name: str, effects: Sequence[SimulatedEffect]) -> "StageModel":
+        """The same with effects; those that a file has natively stay its own."""
+        # Motors of a replay take the place of the file's actuators, and with them of their delay.
+        ours = [replace(e, native=e.native and e.effect not in _OF_DRIVES) for e in effects]
+        words = f"{self.words}, with {', '.join(dict.fromkeys(e.effect for e in ours))}"
+        return replace(self, name=name, words=words, effects=(*self.effects, *ours))
+
+    def compiled(self, mujoco: Any) -> Any:
+        """A model with a motor for each joint and the parts that the effects need."""
+        if self.parameters is not None:
+            spec = plant_spec(mujoco, self.robot, self.parameters)
+        else:
+            assert self.xml is not None
+            spec = _read(mujoco, self.xml, self.robot.joints)
+        try:
+            add_motors(mujoco, spec, self.robot.joints)
+            add_parts(spec, self.effects)
+            model = spec.compile()
+        except ValueError as error:
+            raise UsageError(f"{self.xml}: MuJoCo: {' '.join(str(error).split())}") from error
+        bits = mujoco.mjtDisableBit
+        for bit in (bits.mjDSBL_CONTACT, bits.mjDSBL_LIMIT, bits.mjDSBL_AUTORESET):
+            model.opt.disableflags |= bit
+        if self.parameters is not None:
+            set_inertias(mujoco, model, self.robot, self.parameters)
+            model.dof_solref[:] = (2.0 * LONGEST_STEP, 1.0)
+            model.dof_solimp[:] = STIFFEST
+        return model
+
+
+_OF_DRIVES = ("time_delay", "torque_saturation", "torque_gain", "encoder_eccentricity",
+              "controller_mismatch")  # fmt: skip
+
+
+def plant_stage(
+    mujoco: Any, model: InverseModel, values: FloatArray | None, name: str
+) -> StageModel:
+    """Return a robot of the nominal model's geometry, its own values or base parameters (b,)."""
+    robot = model.robot
+    parameters = robot.given if values is None else nearest_parameters(model, values)
+    plant_spec(mujoco, robot, parameters)  # refuses what cannot be simulated
+    effects = _offsets(robot, dict(enumerate(parameters.offset)))
+    words = "the nominal model" if values is None else "the nominal model with found parameters"
+    return StageModel(name, words, robot, parameters, None, effects)
+
+
+def xml_stage(
+    mujoco: Any, robot: RobotModel, path: Path, offsets: Mapping[str, float]
+) -> StageModel:
+    """Return the robot of an MJCF file.
+
+    Parameters
+    ----------
+    offsets
+        Constant torques of joints by their names in a file of effects (off1, off2, …).
+    """
+    _read(mujoco, path, robot.joints)
+    constants = {int(name[3:]) - 1: value for name, value in offsets.items()}
+    wrong = [joint for joint in constants if not 0 <= joint < len(robot.joints)]
+    if wrong:
+        raise UsageError(
+            f"off{wrong[0] + 1} is a parameter of a joint that the robot does not have"
+        )
+    return StageModel("corrected", path.name, robot, None, path, _offsets(robot, constants))
+
+
+def _offsets(robot: RobotModel, values: Mapping[int, float]) -> tuple[SimulatedEffect, ...]:
+    return tuple(
+        SimulatedEffect("torque_offset", robot.joints[joint], {"offset": float(value)})
+        for joint, value in values.items()
+        if value != 0.0
+    )
+
+
+def _read(mujoco: Any, path: Path, joints: Sequence[str]) -> Any:
+    """Read a file of the same joints, and take its actuators out: the replay has its own."""
+    read_text(path, "the MJCF", megabytes=_LARGEST)
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        model = spec.copy().compile()
+    except Exception as error:
+        raise UsageError(f"{path}: MuJoCo: {' '.join(str(error).split())}") from error
+    named = [joint.name for joint in spec.joints]
+    missing = [name for name in joints if name not in named]
+    if missing:
+        raise UsageError(
+            f"{path}: no joint {missing[0]}; its joints are {', '.join(filter(None, named))}: is "
+            "this the model of another robot?"
+        )
+    others = [name or "an unnamed one" for name in named if name not in joints]
+    if others:
+        raise UsageError(
+            f"{path}: its joint {others[0]} is not among robot.joints: a replay needs a model of "
+            "these joints alone"
+        )
+    special = getattr(mujoco.mjtGain, "mjGAIN_DCMOTOR", None)
+    for index, actuator in reversed(list(enumerate(spec.actuators))):
+        if special is None or model.actuator_gaintype[index] != special:
+            spec.delete(actuator)
+    for kind in (spec.sensors, spec.keys):
+        for each in list(kind):
+            spec.delete(each)
+    return spec

@@ -1,0 +1,133 @@
+"""What a replay found: how far the simulated robot is from the recorded one, stage by stage."""
+
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from idim_iv_ros.documents import Document, Number, Unsaved
+from idim_iv_ros.files import REPLAY_FORMAT
+from idim_iv_ros.types import FloatArray
+
+NOMINAL, CORRECTED, WITH_EFFECTS = "nominal", "corrected", "with effects"
+
+
+@dataclass(frozen=True)
+class ReplayError:
+    """Root mean square difference of simulation and recording at one joint.
+
+    Attributes
+    ----------
+    rms : float
+        rad (m), or N m (N).
+    low, high : float
+        95 % interval, by blocks of time.
+    over_noise : float
+        `rms` over the standard deviation of the recording's noise.
+    """
+
+    rms: Number
+    low: Number
+    high: Number
+    over_noise: Number
+
+
+@dataclass(frozen=True)
+class ReplayStage:
+    """One simulated robot.
+
+    Attributes
+    ----------
+    name : str
+        ``nominal``, ``corrected`` or ``with effects``.
+    model : str
+        What it is made of, in words.
+    tracking, torque : dict
+        By joint; None where it was not simulated to the end.
+    note : str
+        Why not, or what is missing in it; empty otherwise.
+    """
+
+    name: Annotated[str, Field(alias="stage")]
+    model: str
+    tracking: dict[str, ReplayError] | None
+    torque: dict[str, ReplayError] | None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class ReplaySeries:
+    """Motion of one joint in one recording, thinned; in order of time.
+
+    Attributes
+    ----------
+    joint, bag : str
+    time : (n,) s
+    error : (n,)
+        Reference less position of the recording, rad (m).
+    errors : dict of (n,)
+        The same of each stage.
+    torque, torques
+        N m (N).
+    """
+
+    joint: str
+    bag: str
+    time: FloatArray
+    error: FloatArray
+    errors: dict[str, FloatArray]
+    torque: FloatArray
+    torques: dict[str, FloatArray]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayResult(Document):
+    """Result of a replay; what `replay.json` holds.
+
+    Attributes
+    ----------
+    format, robot : str
+    joints, joint_types, bags : tuple of str
+    duration : float
+        s of recording that were compared.
+    software : dict of str to str
+    model, effects : str
+        File of the model (``urdf``: made from the nominal model), file of the effects or empty.
+    tracking_noise, torque_noise : dict
+        Of the recordings by joint, rad (m) and N m (N).
+    stages : tuple of ReplayStage
+    notes : tuple of str
+    series : tuple of ReplaySeries
+        Not saved.
+    positions : dict of (n_samples, n_joints)
+        Of the first recording, recorded and of each stage, rad (m); not saved.
+    rate : float
+        Of `positions`, Hz; not saved.
+    """
+
+    what: ClassVar[str] = "a replay"
+    written_by: ClassVar[str] = "replay"
+
+    format: Literal["idim_iv_ros/replay/1"] = REPLAY_FORMAT
+    robot: str
+    joints: tuple[str, ...]
+    joint_types: tuple[str, ...]
+    bags: tuple[str, ...]
+    duration: float
+    software: dict[str, str]
+    model: str
+    effects: str = ""
+    tracking_noise: dict[str, Number]
+    torque_noise: dict[str, Number]
+    stages: tuple[ReplayStage, ...]
+    notes: tuple[str, ...] = ()
+    series: Unsaved[tuple[ReplaySeries, ...]] = ()
+    positions: Unsaved[dict[str, FloatArray]] = field(default_factory=dict)
+    rate: Unsaved[float] = float(np.nan)
+
+    @property
+    def best(self) -> ReplayStage:
+        """The last stage that was simulated to its end; the first where none was."""
+        done = [stage for stage in self.stages if stage.tracking is not None]
+        return done[-1] if done else self.stages[0]

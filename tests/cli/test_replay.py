@@ -1,0 +1,99 @@
+"""`idim-iv replay` as a user sees it."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import CONFIG, write_arm
+from tests.cli.test_bad_input import refused
+from tests.simulators.test_replay import OTHER
+
+
+@pytest.fixture(scope="session")
+def short(record, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three seconds of the two-joint arm."""
+    path = tmp_path_factory.mktemp("short") / "arm2.mcap"
+    part = slice(0, 3000)
+    return write_arm(
+        path,
+        record.time[part],
+        record.position[part],
+        record.effort[part],
+        record.position_reference[part],
+    )
+
+
+@pytest.fixture
+def effects(tmp_path: Path) -> Path:
+    path = tmp_path / "effects.json"
+    planted = {
+        "effect": "stribeck",
+        "joint": "joint_1",
+        "parameters": {"excess": 1.0, "speed": 0.1},
+    }
+    path.write_text(json.dumps({"format": "idim_iv_ros/effects/1", "effects": [planted]}))
+    return path
+
+
+def test_a_replay_prints_tables_and_writes_numbers_page_and_picture(
+    run, config, short: Path, effects: Path, tmp_path: Path
+) -> None:
+    out, picture = tmp_path / "out", tmp_path / "replay.svg"
+    done = run("replay", short, "--config", config(), "--effects", effects, "--out", out,
+               "--picture", picture)  # fmt: skip
+    assert done.status == 0, done.error
+    for word in ("nominal", "with effects", "noise", "joint_2", "mrad", "N m", "Report:"):
+        assert word in done.out, done.out
+    document = json.loads((out / "replay.json").read_text())
+    assert document["format"] == "idim_iv_ros/replay/1"
+    assert [stage["stage"] for stage in document["stages"]] == ["nominal", "with effects"]
+    page = (out / "report.html").read_text()
+    assert "once more, in MuJoCo" in page and "joint_2" in page
+    assert "replay in MuJoCo" in picture.read_text()
+    again = run("replay", short, "--config", config(), "--json")
+    assert again.status == 0 and json.loads(again.out)["model"] == "urdf"
+
+
+def test_what_cannot_be_replayed_is_one_line_and_nothing_is_written(
+    run, config, short: Path, effects: Path, tmp_path: Path
+) -> None:
+    other, out = tmp_path / "other.xml", tmp_path / "out"
+    other.write_text(OTHER)
+    common = (short, "--config", config(), "--out", out)
+    refused(run("replay", *common, "--model", other), 2, "other.xml", "no joint joint_1")
+    effects.write_text(effects.read_text().replace("stribeck", "warp"))
+    refused(run("replay", *common, "--effects", effects), 2, "effects.json", "warp")
+    refused(run("replay", *common, "--video", tmp_path / "v.avi"), 2, ".mp4 or .gif")
+    assert not out.exists()
+
+
+def test_without_anything_that_draws_one_line_says_so(
+    run, config, short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import mujoco
+
+    def fails(*_: object) -> None:
+        raise RuntimeError("no display\nanywhere")
+
+    monkeypatch.setattr(mujoco, "Renderer", fails)
+    monkeypatch.setenv("MUJOCO_GL", "egl")
+    out = run("replay", short, "--config", config(), "--json", "--video", tmp_path / "v.gif")
+    refused(out, 2, "nothing draws here", "no display anywhere", "leave --video out")
+
+
+def test_without_mujoco_one_line_names_the_extra(
+    run, config, short: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
+    outcome = run("replay", short, "--config", config(), "--json")
+    refused(outcome, 2, "a replay needs MuJoCo", "idim-iv-ros[mujoco]")
+
+
+def test_a_recording_without_references_is_refused(run, short: Path, tmp_path: Path) -> None:
+    text = (CONFIG / "arm2.yaml").read_text().replace("  reference: /joint_reference\n", "")
+    path = tmp_path / "arm2.yaml"
+    path.write_text(text.replace("urdf: arm2.urdf", f"urdf: {CONFIG / 'arm2.urdf'}"))
+    outcome = run("replay", short, "--config", path, "--out", tmp_path / "out")
+    refused(outcome, 1, "no reference to replay")
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,222 @@
+"""Recordings of the project's own simulator, replayed in MuJoCo."""
+
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from bags import simulated_arms
+from idim_iv_ros import load_configuration, replay_bags
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.model import DynamicParameters, InverseModel, build_inverse_model, read_urdf_file
+from idim_iv_ros.recording import write_bag
+from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, record_simulated_robot
+from idim_iv_ros.simulators.mujoco_plant import (
+    add_motors,
+    nearest_parameters,
+    plant_spec,
+    set_inertias,
+)
+from idim_iv_ros.simulators.replay_result import ReplayResult
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+PLANTED = SimulatedEffect("stribeck", "joint_1", {"excess": 1.5, "speed": 0.2})
+
+
+@pytest.fixture(scope="module")
+def configuration() -> Configuration:
+    return load_configuration(CONFIG / "arm2.yaml")
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four seconds of the true arm with Stribeck friction."""
+    arm = simulated_arms.arm2(seconds=4.0)
+    recorded = record_simulated_robot(
+        arm.robot,
+        arm.truth,
+        arm.law,
+        arm.position_reference,
+        arm.velocity_reference,
+        rate=arm.rate,
+        seed=1,
+        position_noise=2e-5,
+        torque_noise=np.array([0.45, 0.175]),
+        effects=[PLANTED],
+    )
+    path = tmp_path_factory.mktemp("replay") / "arm.mcap"
+    write_bag(path, simulated_arms.joint_topics(arm, recorded))
+    return path
+
+
+@pytest.fixture(scope="module")
+def truth(configuration: Configuration, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What is true of that arm, as a file of effects."""
+    arm = simulated_arms.arm2(seconds=4.0)
+    model = inverse_model(configuration)
+    values = model.base.from_standard(model.regressor.layout.vector(arm.truth))
+    document = {
+        "format": "idim_iv_ros/effects/1",
+        "base_parameters": dict(zip(model.base.names, map(float, values), strict=True)),
+        "effects": [
+            {"effect": PLANTED.effect, "joint": PLANTED.joint, "parameters": PLANTED.parameters}
+        ],
+    }
+    path = tmp_path_factory.mktemp("effects") / "effects.json"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    return path
+
+
+def inverse_model(configuration: Configuration) -> InverseModel:
+    urdf = configuration.robot.urdf
+    assert urdf is not None
+    return build_inverse_model(configuration, read_urdf_file(urdf), urdf.name)
+
+
+def in_mujoco(model: InverseModel, parameters: DynamicParameters) -> mujoco.MjModel:
+    spec = plant_spec(mujoco, model.robot, parameters)
+    add_motors(mujoco, spec, model.robot.joints)
+    compiled = spec.compile()
+    set_inertias(mujoco, compiled, model.robot, parameters)
+    return compiled
+
+
+@pytest.mark.parametrize("name", ["arm2", "arm7"])
+def test_the_plant_has_the_torques_of_the_model_with_any_base_parameters(name: str) -> None:
+    model = inverse_model(load_configuration(CONFIG / f"{name}.yaml"))
+    random = np.random.default_rng(3)
+    values = model.given * (1.0 + 0.2 * random.uniform(-1, 1, len(model.given)))
+    parameters = nearest_parameters(model, values)
+    compiled = in_mujoco(model, parameters)
+    compiled.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT  # dry friction
+    data, n = mujoco.MjData(compiled), len(model.robot.joints)
+    place = [compiled.joint(joint).qposadr[0] for joint in model.robot.joints]
+    states = random.normal(size=(3, 10, n))
+    expected = inverse_dynamics(model.robot, parameters.without_dry_friction, *states)
+    found = np.empty_like(expected)
+    for k in range(10):
+        data.qpos[place], data.qvel[place], data.qacc[place] = states[:, k]
+        mujoco.mj_inverse(compiled, data)
+        found[k] = data.qfrc_inverse[place] + parameters.offset
+    assert found == pytest.approx(expected, abs=1e-9)
+    by_regressor = model.matrix(*states) @ values
+    dry = parameters.coulomb * np.sign(states[1])
+    assert found + dry == pytest.approx(by_regressor, abs=1e-8)
+
+
+def test_errors_shrink_from_nominal_over_corrected_to_the_noise(
+    bag: Path, truth: Path, configuration: Configuration
+) -> None:
+    result = replay_bags(bag, configuration, effects=truth)
+    assert [stage.name for stage in result.stages] == ["nominal", "corrected", "with effects"]
+    nominal, corrected, affected = (stage.tracking for stage in result.stages)
+    assert nominal is not None and corrected is not None and affected is not None
+    errors = [stage["joint_1"].rms for stage in (nominal, corrected, affected)]
+    assert errors[0] > 1.5 * errors[1] > 6.0 * errors[2]
+    assert result.tracking_noise["joint_1"] == pytest.approx(2e-5, rel=0.3)
+    for joint, level in (("joint_1", 0.45), ("joint_2", 0.175)):
+        assert affected[joint].over_noise < 1.0
+        assert affected[joint].low <= affected[joint].rms <= affected[joint].high
+        assert result.torque_noise[joint] == pytest.approx(level, rel=0.15)
+        torque = result.stages[2].torque
+        # The filter lets a tenth of the white noise of the torque through, no more is left.
+        assert torque is not None and torque[joint].over_noise < 0.5
+    text = result.to_json()
+    assert ReplayResult.from_json(text, "replay.json").to_json() == text
+
+
+def test_an_mjcf_is_the_corrected_model(
+    bag: Path, truth: Path, configuration: Configuration, tmp_path: Path
+) -> None:
+    """The true arm in a file with actuators of its own, which the law takes the place of."""
+    arm = simulated_arms.arm2(seconds=4.0)
+    text = mjcf(arm.truth.inertial, inverse_model(configuration), arm.truth)
+    path = tmp_path / "arm2.xml"
+    path.write_text(text, encoding="utf-8")
+    result = replay_bags(bag, configuration, model=path, effects=truth)
+    assert result.model == str(path)
+    tracking = result.stages[2].tracking
+    assert tracking is not None
+    # MuJoCo's dry friction is as soft as the file has it at joints without effects.
+    assert tracking["joint_1"].over_noise < 1.0 and tracking["joint_2"].over_noise < 5.0
+
+
+def mjcf(inertial: np.ndarray, model: InverseModel, parameters: DynamicParameters) -> str:
+    """Text of an MJCF with inertias about the centres of mass."""
+    values = nearest_parameters(
+        model, model.base.from_standard(model.regressor.layout.vector(parameters))
+    )
+    bodies, ends = "", ""
+    for k, (pos, own) in enumerate((("0 0 0.6", inertial[0]), ("0.42 0 0", inertial[1])), start=1):
+        mass, centre = own[0], own[1:4] / own[0]
+        xx, xy, yy, xz, yz, zz = own[4:]
+        origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        about = origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+        # Of a planar arm only the moment about the axis counts; the others need only be possible.
+        moment = about[1, 1]
+        bodies += (
+            f'<body name="l{k}" pos="{pos}"><inertial mass="{mass:.15g}" '
+            f'pos="{" ".join(f"{c:.15g}" for c in centre)}" '
+            f'diaginertia="{moment:.15g} {moment:.15g} {moment:.15g}"/>'
+            f'<joint name="joint_{k}" axis="0 1 0" '
+            f'armature="{parameters.drive_inertia[k - 1]:.15g}" '
+            f'damping="{values.viscous[k - 1]:.15g}" '
+            f'frictionloss="{values.coulomb[k - 1]:.15g}"/>'
+        )
+        ends += "</body>"
+    return (
+        f'<mujoco><worldbody>{bodies}{ends}</worldbody><actuator><position joint="joint_1" '
+        'kp="7"/></actuator><keyframe><key name="home" qpos="0 0" ctrl="0"/></keyframe></mujoco>'
+    )
+
+
+OTHER = '<mujoco><worldbody><body><joint name="elbow"/><geom size="1"/></body></worldbody></mujoco>'
+MORE = OTHER.replace("elbow", "joint_1").replace(
+    "<geom", '<joint name="joint_2" axis="0 1 0"/><joint name="finger" axis="1 0 0"/><geom'
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (OTHER, "no joint joint_1; its joints are elbow"),
+        (MORE, "its joint finger is not among robot.joints"),
+        ("<mujoco><worldbody><bodi/></worldbody></mujoco>", "MuJoCo: .*bodi"),
+        (None, "cannot read the MJCF: No such file"),
+    ],
+)
+def test_a_model_of_another_robot_is_refused(
+    text: str | None, words: str, bag: Path, configuration: Configuration, tmp_path: Path
+) -> None:
+    path = tmp_path / "other.xml"
+    if text is not None:
+        path.write_text(text, encoding="utf-8")
+    with pytest.raises(UsageError, match=words) as refused:
+        replay_bags(bag, configuration, model=path)
+    assert "\n" not in str(refused.value)
+
+
+def test_unknown_effects_and_parameters_are_refused(
+    bag: Path, configuration: Configuration, tmp_path: Path
+) -> None:
+    for content, words in (
+        ({"effects": [{"effect": "warp", "joint": "joint_1"}]}, "warp is not an effect"),
+        ({"base_parameters": {"ZZ9": 1.0}}, "ZZ9 is not a base parameter"),
+        ({"effects": [{"effect": "presliding", "joint": "j9"}]}, "no joint j9"),
+    ):  # fmt: skip
+        path = tmp_path / "effects.json"
+        path.write_text(json.dumps({"format": "idim_iv_ros/effects/1", **content}))
+        with pytest.raises(UsageError, match=words):
+            replay_bags(bag, configuration, effects=path)
+
+
+def test_without_references_there_is_nothing_to_replay(bag: Path, tmp_path: Path) -> None:
+    text = (CONFIG / "arm2.yaml").read_text().replace("  reference: /joint_reference\n", "")
+    text = text.replace("urdf: arm2.urdf", f"urdf: {CONFIG / 'arm2.urdf'}")
+    path = tmp_path / "arm2.yaml"
+    path.write_text(text)
+    with pytest.raises(DataError, match=r"no reference to replay; name its topic"):
+        replay_bags(bag, load_configuration(path))
