@@ -164,7 +164,7 @@ class AutoregressiveModel:
 
         Products of whitened columns with many others then need those others as they are.
         """
-        _require_cover(segments, len(rows))
+        _starts(segments, len(rows))
         order = self.order
         if order == 0:
             return np.array(rows, dtype=float)

@@ -155,8 +155,8 @@ def shift(difference: ShiftDifference) -> str:
     if one.std is None or other.std is None:
         return "the effort's shift in time cannot be compared: it cannot be determined in each set"
     first, second = (
-        f"{round(1e3 * each.value, 2) + 0.0:.2f} ± {1e3 * settings.NORMAL_95 * (each.std or 0.0):.2g} ms"
-        for each in (one, other)
+        f"{round(1e3 * value, 2) + 0.0:.2f} ± {1e3 * settings.NORMAL_95 * std:.2g} ms"
+        for value, std in ((one.value, one.std), (other.value, other.std))
     )
     return (
         f"the effort acts {first} after its stamp in the reference recordings, {second} in the "
