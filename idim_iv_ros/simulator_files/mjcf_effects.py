@@ -11,8 +11,8 @@ effect                  element
 `controller_mismatch`   gains of the actuators, where no lag and no feedforward is part of it
 ======================  ==========================================================================
 
-It has none for a constant torque, nor for one that depends on the load. MuJoCo's DC motor has LuGre friction, which is another law than the Stribeck curve and the Maxwell
-slip of the catalogue; these stay with `Effects`.
+It has none for a constant torque. Its DC motor has LuGre friction, another law than the Stribeck
+curve and the Maxwell slip of the catalogue. All these stay with `Effects`.
 """
 
 import math
