@@ -65,8 +65,8 @@ def changes_text(
         "|---|---|---|---|---|---|---|---|",
         *_drive_rows(answer),
         "",
-        "`armature` and `torque_offset` have no element in a URDF. They are in the MJCF; for the "
-        "nominal model of a configuration:",
+        "`armature` and `torque_offset` have no element in a URDF. The MJCF has the first, "
+        "effects.json the second; for the nominal model of a configuration:",
         "",
         "```yaml",
         *simulator_lines(answer),
@@ -167,11 +167,11 @@ def _link_rows(link: ChangedLink) -> list[str]:
 def _effect_lines(answer: Answer, effects: Sequence[PlantedEffect]) -> list[str]:
     lines = ["## Effects", ""]
     if not answer.diagnosed:
-        return [*lines, "An identification names none: `idim-iv diagnose` does.", ""]
+        lines += ["An identification names no cause: `idim-iv diagnose` does.", ""]
     if answer.in_parameters:
         lines += [f"In the parameters above: {', '.join(answer.in_parameters)}.", ""]
     if not effects:
-        return [*lines, "No structural cause was found.", ""]
+        return [*lines, "There are none.", ""]
     lines += ["| effect | joint | parameters | where |", "|---|---|---|---|"]
     for each in effects:
         numbers = ", ".join(f"{name} {value:.6g}" for name, value in each.parameters.items())

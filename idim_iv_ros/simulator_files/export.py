@@ -121,7 +121,12 @@ def export(
         f"{each.effect} with parameters {each.parameters}: a URDF holds zero in its place"
         for each in negative
     )
-    planted = (*answer.effects, *negative)
+    constant = tuple(
+        PlantedEffect("torque_offset", name, None, {"offset": float(offset)})
+        for name, offset in zip(robot.joints, drives.offset, strict=True)
+        if offset
+    )
+    planted = (*answer.effects, *negative, *constant)
     native, effects = native_effects(planted, robot, law)
     dynamics = {
         name: {"damping": float(drives.damping[joint]), "friction": float(drives.friction[joint])}

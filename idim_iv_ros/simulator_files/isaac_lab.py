@@ -149,7 +149,9 @@ def _inexpressible(
         for each in values.couplings
     ]
     for effect in effects:
-        if effect.effect == DELAY or (effect.effect == MISMATCH and not law.beyond):
+        if effect.effect in (DELAY, "torque_offset") or (
+            effect.effect == MISMATCH and not law.beyond
+        ):
             continue
         numbers = ", ".join(f"{name} {value:.6g}" for name, value in effect.parameters.items())
         where = f" at {effect.joint}" if effect.joint else ""

@@ -91,7 +91,7 @@ def mjcf_text(
     couplings = [*values.couplings, *native.couplings]
     if couplings:
         _tendons(SubElement(root, "tendon"), robot, couplings)
-    _actuators(SubElement(root, "actuator"), robot, values, law, native)
+    _actuators(SubElement(root, "actuator"), robot, law)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -178,10 +178,9 @@ def _joint(
         attributes["range"] = _numbers([low, high])
     if joint in native.stiffness:
         attributes["stiffness"] = _numbers(native.stiffness[joint])
-    limit, offset = law.limit[joint], _offset(values, native, joint)
+    limit = law.limit[joint]
     if law.in_actuators and math.isfinite(limit):
-        # The command is limited, and the constant torque is taken off what it gives.
-        attributes["actuatorfrcrange"] = _numbers([-limit - offset, limit - offset])
+        attributes["actuatorfrcrange"] = _numbers([-limit, limit])
     SubElement(body, "joint", attributes)
 
 
@@ -218,19 +217,16 @@ def _tendons(element: Element, robot: RobotModel, couplings: Sequence[Coupled]) 
         SubElement(tendon, "joint", joint=second, coef=_number(each.direction))
 
 
-def _actuators(
-    element: Element, robot: RobotModel, values: JointValues, law: DriveLaw, native: NativeEffects
-) -> None:
-    """The law at each joint, or a motor; the constant torque is part of its bias."""
+def _actuators(element: Element, robot: RobotModel, law: DriveLaw) -> None:
+    """The law at each joint, or a motor."""
     for joint, name in enumerate(robot.joints):
-        offset = _offset(values, native, joint)
         kp, kd = (law.kp[joint], law.kd[joint]) if law.in_actuators else (0.0, 0.0)
         attributes = {
             "name": name,
             "joint": name,
             "gainprm": _number(kp if law.in_actuators else 1.0),
             "biastype": "affine",
-            "biasprm": _numbers([-offset, -kp, -kd]),
+            "biasprm": _numbers([0.0, -kp, -kd]),
         }
         if not law.in_actuators:
             if math.isfinite(law.limit[joint]):
@@ -248,10 +244,6 @@ def _actuators(
                 joint=name,
                 gainprm=_number(law.kd[joint]),
             )
-
-
-def _offset(values: JointValues, native: NativeEffects, joint: int) -> float:
-    return float(values.offset[joint]) + native.offset.get(joint, 0.0)
 
 
 def _placement(place: pin.SE3) -> dict[str, str]:

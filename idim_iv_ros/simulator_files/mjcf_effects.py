@@ -11,8 +11,8 @@ effect                  element
 `controller_mismatch`   gains of the actuators, where no lag and no feedforward is part of it
 ======================  ==========================================================================
 
-MuJoCo's DC motor has LuGre friction, which is another law than the Stribeck curve and the Maxwell
-slip of the catalogue; these stay with `Effects`.
+It has none for a constant torque. Its DC motor has LuGre friction, another law than the Stribeck
+curve and the Maxwell slip of the catalogue. All these stay with `Effects`.
 """
 
 import math
@@ -46,14 +46,11 @@ class NativeEffects:
         Coefficients of ∣v∣v and v³, N m s²/rad², N m s³/rad³.
     stiffness : dict of joint index to list of float
         Coefficients of q, q², q³.
-    offset : dict of joint index to float
-        Constant torques, N m.
     couplings : list of Coupled
     """
 
     damping: dict[int, list[float]] = field(default_factory=dict)
     stiffness: dict[int, list[float]] = field(default_factory=dict)
-    offset: dict[int, float] = field(default_factory=dict)
     couplings: list[Coupled] = field(default_factory=list)
 
 
@@ -93,12 +90,11 @@ def _spring(effect: PlantedEffect, robot: RobotModel, joint: int, found: NativeE
     numbers = effect.parameters
     low, high = robot.limits.lower[joint], robot.limits.upper[joint]
     lowest, highest = numbers.get("lowest", -math.inf), numbers.get("highest", math.inf)
-    if numbers.get("bent", 0.0) or low < lowest or high > highest:
+    if numbers.get("bent") or numbers.get("constant") or low < lowest or high > highest:
         return False
     own = found.stiffness.setdefault(joint, [0.0, 0.0, 0.0])
     for place, name in enumerate(("linear", "quadratic", "cubic")):
         own[place] += numbers.get(name, 0.0)
-    found.offset[joint] = found.offset.get(joint, 0.0) + numbers.get("constant", 0.0)
     return True
 
 

@@ -49,8 +49,10 @@ def test_friction_and_constant_torques_are_those_of_the_result(tmp_path: Path) -
     model = compiled(arm, tmp_path / "out")
     friction = [arm.standard[f"Fc{joint}"] for joint in range(1, 8)]
     np.testing.assert_array_equal(model.dof_frictionloss, friction)
-    offset = [arm.standard[f"off{joint}"] for joint in range(1, 8)]
-    np.testing.assert_array_equal(model.actuator_biasprm[:7, 0], -np.array(offset))
+    offset = {f"joint_{joint}": arm.standard[f"off{joint}"] for joint in range(1, 8)}
+    effects = json.loads((tmp_path / "out" / "effects.json").read_text())["effects"]
+    assert {each["joint"]: each["parameters"]["offset"] for each in effects} == offset
+    assert {each["effect"] for each in effects} == {"torque_offset"}
 
 
 def test_actuators_are_the_law_of_the_configuration(tmp_path: Path) -> None:
@@ -58,7 +60,6 @@ def test_actuators_are_the_law_of_the_configuration(tmp_path: Path) -> None:
     arm = case(tmp_path, "arm7")
     model = compiled(arm, tmp_path / "out")
     law = control_law(arm.configuration.controller, 7)
-    offset = np.array([arm.standard[f"off{joint}"] for joint in range(1, 8)])
     data = mujoco.MjData(model)
     random = np.random.default_rng(0)
     for size in (0.001, 0.2):
@@ -70,7 +71,7 @@ def test_actuators_are_the_law_of_the_configuration(tmp_path: Path) -> None:
         mujoco.mj_forward(model, data)
         command = law.kp * (q_ref - q) + law.kd * (dq_ref - dq)
         limited = np.clip(command, -law.torque_limit, law.torque_limit)
-        np.testing.assert_allclose(data.qfrc_actuator, limited - offset, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(data.qfrc_actuator, limited, rtol=0.0, atol=1e-9)
     assert model.opt.timestep == law.period
 
 
@@ -91,16 +92,14 @@ def test_a_spring_over_the_whole_range_is_native_and_one_that_ends_inside_is_not
     tmp_path: Path,
 ) -> None:
     spring = {"linear": 3.0, "quadratic": -0.5, "cubic": 0.2}
-    whole = case(tmp_path, "arm2", [cause("spring", "joint_1", **spring, constant=0.7)])
+    whole = case(tmp_path, "arm2", [cause("spring", "joint_1", **spring)])
     model = compiled(whole, tmp_path / "whole")
     for q in (0.4, -1.1):
         torque = 3.0 * q - 0.5 * q**2 + 0.2 * q**3
         assert passive(model, q, 0.0) == pytest.approx(-torque, rel=1e-12)
-    offset = whole.standard["off1"] + 0.7
-    assert model.actuator_biasprm[0, 0] == pytest.approx(-offset, rel=1e-12)
     part = case(tmp_path, "arm2", [cause("spring", "joint_1", **spring, lowest=-0.3, highest=0.3)])
     made = part.export(tmp_path / "part")
-    assert made.not_native == ("spring at joint_1",)
+    assert made.not_native[0] == "spring at joint_1"
     assert passive(mujoco.MjModel.from_xml_path(str(made.mjcf)), 0.2, 0.0) == 0.0
 
 
@@ -125,11 +124,10 @@ def test_a_delayed_command_acts_that_much_later(tmp_path: Path) -> None:
     model = compiled(arm, tmp_path / "out")
     period = model.opt.timestep
     data, forces = mujoco.MjData(model), []
-    offset = arm.standard["off1"]
     for step in range(12):
         data.ctrl[:] = step + 1.0
         mujoco.mj_step(model, data)
-        forces.append(float(data.actuator_force[0]) + offset)
+        forces.append(float(data.actuator_force[0]))
     late = round(0.004 / period)
     np.testing.assert_allclose(forces[late:], np.arange(1.0, 13.0 - late), atol=1e-12)
     np.testing.assert_allclose(model.numeric("delay").data, 0.004)
@@ -141,7 +139,7 @@ def test_a_drive_that_saturates_hard_has_a_smaller_limit(tmp_path: Path) -> None
     data = mujoco.MjData(model)
     data.actuator("joint_1").ctrl = 3.0
     mujoco.mj_forward(model, data)
-    assert data.qfrc_actuator[0] == pytest.approx(5.0 - arm.standard["off1"], rel=1e-12)
+    assert data.qfrc_actuator[0] == 5.0
 
 
 def test_gains_that_the_robot_really_has_take_the_place_of_those_configured(
@@ -151,7 +149,7 @@ def test_gains_that_the_robot_really_has_take_the_place_of_those_configured(
     model = compiled(arm, tmp_path / "out")
     assert model.actuator("joint_2").gainprm[0] == 123.0
     lag = case(tmp_path, "arm2", [cause("controller_mismatch", "joint_2", kp=123.0, lag=0.01)])
-    assert lag.export(tmp_path / "lag").not_native == ("controller_mismatch at joint_2",)
+    assert lag.export(tmp_path / "lag").not_native[0] == "controller_mismatch at joint_2"
 
 
 @pytest.mark.parametrize("effect", ["stribeck", "presliding", "backlash", "friction_drift"])
@@ -165,8 +163,8 @@ def test_what_mujoco_has_no_element_for_is_in_the_file_as_simulate_takes_it(
         "friction_drift": {"time_constant": 30.0, "coulomb": 0.5},
     }[effect]
     made = case(tmp_path, "arm2", [cause(effect, "joint_1", **numbers)]).export(tmp_path / "out")
-    assert made.not_native == (f"{effect} at joint_1",)
-    (planted,) = json.loads(made.effects.read_text())["effects"]
+    assert made.not_native[0] == f"{effect} at joint_1"
+    planted, *_ = json.loads(made.effects.read_text())["effects"]
     assert planted["parameters"] == numbers and not planted["native"]
     one = SimulatedEffect(planted["effect"], planted["joint"], planted["parameters"])
     assert joint_effects([one], ["joint_1", "joint_2"])
@@ -187,7 +185,7 @@ def test_friction_below_zero_that_an_effect_makes_up_for_is_an_effect_too(tmp_pa
         -0.9 * 1.5**2
     )
     effects = json.loads(made.effects.read_text(encoding="utf-8"))["effects"]
-    rest = [each for each in effects if not each["native"]]
+    rest = [each for each in effects if not each["native"] and each["effect"] != "torque_offset"]
     assert [each["parameters"] for each in rest] == [{"coefficient": -0.4, "power": 1.0}]
     robot = load_robot(made.urdf.read_text(encoding="utf-8"), ["joint_1", "joint_2"])
     assert robot.given.viscous[0] == 0.0
