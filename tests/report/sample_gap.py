@@ -16,6 +16,7 @@ from idim_iv_ros.diagnosis.result import (
     Gap,
     GapResult,
     GapSeries,
+    Hint,
     Indistinguishable,
     JointGap,
     NotTestable,
