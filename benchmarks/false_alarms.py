@@ -103,7 +103,7 @@ def best_p_value(data: Baseline, world: Regression, menu: Menu, seed: int) -> fl
     """Of the best of all candidates beside the refit, its noise models fitted to this world."""
     fit = world.fit()
     folds, _ = folds_of(data, ())
-    noise = null_noise(folds, seed=seed)
+    noise = null_noise(world, fit.noise_models, folds, seed)
     model = FoldModel(FoldProducts(world, fit.noise_models, fit.values, folds, menu, noise))
     return p_value(largest_support(model), null_supports(model))
 

@@ -249,7 +249,7 @@ def test_by_chance_all_p_values_are_as_frequent(data: Baseline, menu: Menu) -> N
     for seed in range(40):
         null: Regression = world(data, 100 + seed, pole=0.5)
         fit = null.fit()
-        noise = null_noise(folds, seed)
+        noise = null_noise(null, fit.noise_models, folds, seed)
         model = FoldModel(FoldProducts(null, fit.noise_models, fit.values, folds, menu, noise))
         found.append(p_value(largest_support(model), null_supports(model)))
     # Binomial with 40 draws: below 0.5 are 20 ± 3.2, below 0.1 are 4 ± 1.9.

@@ -6,8 +6,9 @@ candidates are fixed columns: one product of matrices gives the scores of every 
 The largest support over the whole catalogue is kept, as the search would: so the choice among all
 candidates is part of the p-value, and correlated candidates do not count twice.
 
-The noise model is not fitted again in a draw; `benchmarks/false_alarms.py` shows what that costs.
-Shapes are those of the grids on both sides: refinements count neither for the cause nor for chance.
+The noise models are fitted again in every draw; `benchmarks/false_alarms.py` compares what is
+claimed with what happens. Shapes are those of the grids on both sides: refinements count neither
+for the cause nor for chance.
 """
 
 from collections.abc import Sequence
@@ -19,7 +20,9 @@ from numpy.typing import NDArray
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.structural.fold_model import FoldModel, orthonormal
 from idim_iv_ros.diagnosis.structural.fold_search import cost, own_joints
+from idim_iv_ros.diagnosis.structural.likelihood import Regression, noise_model
 from idim_iv_ros.diagnosis.structural.menu import Menu
+from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray, IntArray
 
 _SEED = 50110
@@ -27,15 +30,35 @@ _SEED = 50110
 SingleArray = NDArray[np.float32]  # half the time of double precision, for what is noise
 
 
-def null_noise(folds: Sequence[IntArray], seed: int = _SEED) -> list[SingleArray]:
-    """White noise (r_j, draws) for each joint; none at rows that belong to no fold."""
+def null_noise(
+    regression: Regression,
+    noise_models: Sequence[AutoregressiveModel],
+    folds: Sequence[IntArray],
+    seed: int = _SEED,
+) -> list[SingleArray]:
+    """Whitened noise (r_j, draws) of each joint, with the errors of noise models fitted to it.
+
+    Each draw has the noise of the model. As in a diagnosis, its noise model is fitted to what the
+    joint's own columns leave, and whitens it: where a spectrum is estimated too low, candidates
+    of that frequency score too high, by chance. None at rows that belong to no fold.
+    """
     random = np.random.default_rng(seed)
     count = int(settings.NULL_DRAWS)
     made = []
-    for fold in folds:
-        noise = random.standard_normal((len(fold), count), dtype=np.float32)
-        noise[fold < 0] = 0.0
-        made.append(noise)
+    for rows, noise, fold in zip(regression.joints, noise_models, folds, strict=True):
+        white = random.standard_normal((len(fold), count))
+        basis = np.linalg.qr(noise.standardized(rows.matrix, rows.segments))[0]
+        polynomial = np.append(1.0, noise.coefficients)
+        series, left = (
+            scipy.signal.lfilter([1.0], polynomial, each, axis=0)
+            for each in (white, white - basis @ (basis.T @ white))
+        )
+        again = np.empty((len(fold), count), np.float32)
+        for draw in range(count):
+            fitted = noise_model(left[:, draw], rows.segments)
+            again[:, draw] = fitted.standardized(series[:, draw], rows.segments)
+        again[fold < 0] = 0.0
+        made.append(again)
     return made
 
 
@@ -54,14 +77,12 @@ def null_supports(model: FoldModel) -> FloatArray:
     for joint, places in menu.places.items():
         right[places] += products.drawn[joint]
     right -= model.shared.T @ seen
-    energy = sum(float(np.sum(noise.astype(float) ** 2)) for noise in products.draws) / count
-    spread = (energy - float(np.mean(np.sum(seen**2, axis=0)))) / float(products.rows.sum())
     best = np.full(count, -np.inf)
     for width, (starts, which) in menu.by_width.items():
         columns = starts[:, None] + np.arange(width)
         turn = orthonormal(model.left[columns, :width], model.energy[columns], stacked=True)
         found = np.matmul(turn.transpose(0, 2, 1), right[columns])  # (m, rank, draws)
-        supports = 0.5 * np.sum(found**2, axis=1) / spread - costs(model, which)[:, None]
+        supports = 0.5 * np.sum(found**2, axis=1) - costs(model, which)[:, None]
         for draw in range(count):
             for k in np.argsort(-supports[:, draw])[:_TRIES]:
                 if supports[k, draw] <= best[draw]:
