@@ -6,6 +6,8 @@ reads two recordings of it, and what it finds (`gap.json`) is replayed with half
 far is that from the recording, and how far is the true robot without the unexplained torque?
 
     python -m benchmarks.replay --out DIR [EFFECT …]
+
+measures all effects, or those that are named; what DIR holds already is kept.
 """
 
 import argparse
@@ -241,6 +243,9 @@ def main() -> None:
         "",
         *rows(cases),
     ]
+    missing = [p.effect for p in PLANTED if p.effect not in [one["effect"] for one in cases]]
+    if missing:
+        lines += ["", f"Not measured here: {', '.join(missing)}."]
     write_page("replay", "Effects planted in MuJoCo, diagnosed and replayed in MuJoCo", lines)
 
 

@@ -211,9 +211,9 @@ class _Reader:
         place = f"{where} <origin>"
         translation = self._vector(origin, "xyz", place, "0 0 0")
         angles = self._vector(origin, "rpy", place, "0 0 0")
-        words = origin.get("rpy", "").split()
-        if not any(len(word) > _EXACT_ANGLE for word in words):
-            angles = np.array([_right_angle(angle) for angle in angles])
+        for k, word in enumerate(origin.get("rpy", "0 0 0").split()[:3]):
+            if len(word) <= _EXACT_ANGLE:
+                angles[k] = _right_angle(angles[k])
         return pin.SE3(pin.rpy.rpyToMatrix(*angles), translation)
 
     def _vector(
