@@ -29,6 +29,8 @@ TOP = {
         "parameter_errors",
         "signal_chain",
         "recordings",
+        "contrast",
+        "nominal",
     ),
 }
 CAUSE = {

@@ -155,7 +155,8 @@ def shift(difference: ShiftDifference) -> str:
     if one.std is None or other.std is None:
         return "the effort's shift in time cannot be compared: it cannot be determined in each set"
     first, second = (
-        f"{round(1e3 * each.value, 2) + 0.0:.2f} ± {1e3 * settings.NORMAL_95 * (each.std or 0.0):.2g} ms"
+        f"{round(1e3 * each.value, 2) + 0.0:.2f} ± "
+        f"{1e3 * settings.NORMAL_95 * (each.std or 0.0):.2g} ms"
         for each in (one, other)
     )
     return (
