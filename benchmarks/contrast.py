@@ -1,6 +1,6 @@
 """What `diagnose --against` says of two sets of recordings whose difference is known.
 
-    python -m benchmarks.contrast --out DIR [--only NAME] [--page]
+    python -m benchmarks.contrast --out DIR [--only NAME] [--judged] [--page]
 
 Every robot is drawn anew: its parameters are 10 to 30 % off the nominal model in both sets. The
 first set is recorded on the plant of `withheld_effects`, the second on the same plant or in
@@ -249,14 +249,19 @@ def judge(cell: Cell, result: ContrastResult, seconds: float) -> Judged:
     return Judged(named, tuple(others), result.sentence, seconds)
 
 
-def run(out: Path, only: str = "") -> list[tuple[Cell, Judged]]:
-    """Write, diagnose and judge the cells; those that were judged before are read."""
+def run(out: Path, only: str = "", *, judged_before: bool = False) -> list[tuple[Cell, Judged]]:
+    """Write, diagnose and judge the cells; those that were judged before are read.
+
+    `judged_before`: read these alone.
+    """
     found = []
     for seed, cell in enumerate(cells()):
         if only and only not in cell.name:
             continue
         folder = out / f"{seed:02d}_{cell.name}"
         kept = folder / "judged.json"
+        if judged_before and not kept.is_file():
+            continue
         if kept.is_file():
             document = json.loads(kept.read_text())
             judged = Judged(
@@ -291,7 +296,7 @@ def page_lines(found: list[tuple[Cell, Judged]]) -> list[str]:
     alone = sum(not each.others for each in changed)
     quiet = sum(not each.others for each in same)
     lines = [
-        "Command: `python -m benchmarks.contrast --out DIR --page`.",
+        f"Cells that were judged: {len(found)} of {len(list(cells()))}.",
         "",
         "| figure | found | target |",
         "|---|---|---|",
@@ -314,9 +319,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--only", default="", help="cells whose name holds this")
+    parser.add_argument("--judged", action="store_true", help="only those judged before")
     parser.add_argument("--page", action="store_true", help="write benchmarks/results/contrast.md")
     arguments = parser.parse_args()
-    found = run(arguments.out, arguments.only)
+    found = run(arguments.out, arguments.only, judged_before=arguments.judged)
     if arguments.page:
         write_page("contrast", "Contrast of two sets of recordings", page_lines(found))
     else:

@@ -34,6 +34,8 @@ TOP = {
         "physical",
         "why_no_physical",
         "kinematics",
+        "contrast",
+        "nominal",
     ),
 }
 CAUSE = {
