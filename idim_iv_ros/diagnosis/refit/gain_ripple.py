@@ -176,7 +176,7 @@ class _Score:
         """Columns (r, 2), coefficients (2,) and their covariance."""
         columns = self.columns(wave_number, True)
         own = self.own(columns)
-        inverse = np.linalg.pinv(own.T @ own)
+        inverse: FloatArray = np.asarray(np.linalg.pinv(own.T @ own), dtype=np.float64)
         return columns, inverse @ (own.T @ self.white), inverse
 
     def holds(self, wave_number: float) -> bool:
