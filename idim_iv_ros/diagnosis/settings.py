@@ -114,8 +114,9 @@ LATEST_SHIFT = Setting(2.0, "control periods",
 SHIFT_STEPS = Count(2, "",
     "fits of the shift, which enters the regression to first order only", NUMERICAL)
 SHIFT_SPLINE = Count(5, "", "order of the interpolation that shifts the effort", NUMERICAL)
-LEAST_WAVES = Setting(5.0, "rad of phase a rad",
-    "wave number from which on a ripple of a current's gain is looked for", CHOSEN)
+LEAST_WAVES = Setting(50.0, "rad of phase a rad",
+    "wave number from which on a ripple of a current's gain is looked for: it is the motor's, "
+    "behind a gear", PHYSICS)
 MOST_WAVES = Setting(600.0, "rad of phase a rad",
     "the same, at most: six poles of a motor behind a gear of 100", PHYSICS)
 WAVES_TRIED = Count(6, "waves", "likely waves of each joint that are tried", NUMERICAL)
@@ -125,6 +126,11 @@ GAIN_RIPPLE_LEVEL = Setting(0.01, "",
 GAIN_RIPPLE_SUPPORT = Setting(6.0, "chi-square",
     "what a ripple of the gain must take beyond the likeliest ripple of the torque: odds of 20",
     CONVENTION)
+GAIN_RIPPLE_ALONE = Setting(3.0, "chi-square of the next likely ripple of the gain",
+    "what a ripple of the gain must take, at least: structure that the model lacks correlates with "
+    "many waves, a ripple with one", CHOSEN)
+SIDE_LOBES = Setting(15.0, "resolution of wave numbers, 2 π over the range of the joint",
+    "distance of that next ripple, at least: slow motion covers a part of the range", CHOSEN)
 MOST_GAIN_RIPPLES = Count(2, "waves", "ripples of a joint's gain that are taken out", CHOSEN)
 
 # Gravity that the configuration leaves out.

@@ -98,9 +98,16 @@ def _wave(data: Baseline, fit: Fit, joint: int) -> Iterator[tuple[GainRipple, Fl
     if gain is None or torque is None:
         return
     statistic, wave_number = gain
+    others = score.peaks(True, beside=wave_number)
+    if not others:
+        return
+    if statistic < settings.GAIN_RIPPLE_ALONE * max(score.refined(k, True)[0] for k in others):
+        return
     if score.tried * chi2.sf(statistic, 2) > settings.GAIN_RIPPLE_LEVEL:
         return
     if statistic < torque[0] + settings.GAIN_RIPPLE_SUPPORT:
+        return
+    if not score.holds(wave_number):
         return
     columns, values, covariance = score.fitted(wave_number)
     size = float(np.hypot(*values))
@@ -172,8 +179,22 @@ class _Score:
         inverse: FloatArray = np.asarray(np.linalg.pinv(own.T @ own), dtype=np.float64)
         return columns, inverse @ (own.T @ self.white), inverse
 
-    def peaks(self, gain: bool) -> list[float]:
+    def holds(self, wave_number: float) -> bool:
+        """Whether the wave of either half of the rows takes energy in the other one."""
+        own = self.own(self.columns(wave_number, True))
+        middle = len(own) // 2
+        halves = slice(0, middle), slice(middle, None)
+        for known, other in (halves, halves[::-1]):
+            values = np.linalg.lstsq(own[known], self.white[known])[0]
+            rest = self.white[other] - own[other] @ values
+            if np.sum(rest**2) >= np.sum(self.white[other] ** 2):
+                return False
+        return True
+
+    def peaks(self, gain: bool, beside: float | None = None) -> list[float]:
         """Wave numbers at which the residual correlates most, by one Fourier transform.
+
+        Those near `beside` are left out: a wave that shows in slow motion alone has side lobes.
 
         The residual, times the torque for a ripple of the gain, is summed over bins of the
         position; what the filters take of each wave is left to `statistic`.
@@ -197,6 +218,8 @@ class _Score:
         spectrum = np.abs(np.fft.rfft(sums, size)) ** 2
         waves = 2.0 * np.pi * np.arange(len(spectrum)) / (size * width)
         spectrum[(waves < settings.LEAST_WAVES) | (waves > settings.MOST_WAVES)] = 0.0
+        if beside is not None:
+            spectrum[np.abs(waves - beside) < settings.SIDE_LOBES * self.resolution] = 0.0
         chosen: list[float] = []
         for place in np.argsort(spectrum)[::-1]:
             k = float(waves[place])
