@@ -15,6 +15,7 @@ _LARGEST_ENERGY = 1e100
 _LEAST_ENERGY = 1e-30  # of a whitened column that is not nothing
 # Energy of a direction of a candidate's unit columns, beside the model and the other directions.
 _LEAST_DIRECTION = 1e-6
+_AT_ONCE = 64  # candidates: their columns stay in the cache
 
 
 class Scan:
@@ -82,18 +83,20 @@ class Scan:
         return self.scores([columns])[0]
 
     def scores(self, candidates: Sequence[Columns]) -> list[tuple[float, FloatArray]]:
-        """`score` of many candidates at the same joints, whitened and projected at once."""
+        """`score` of many candidates at the same joints, whitened and projected together."""
         found: list[tuple[float, FloatArray]] = [(0.0, np.zeros(0))] * len(candidates)
         widths = [width_of(columns) for columns in candidates]
-        for width in set(widths):
-            which = [k for k, own in enumerate(widths) if own == width]
-            together = {
-                joint: np.concatenate([candidates[k][joint].T for k in which]).T
-                for joint in candidates[which[0]]
-            }
-            totals, coefficients = self._scores_of_equal_width(together, width)
-            for k, total, own in zip(which, totals, coefficients, strict=True):
-                found[k] = float(total), own
+        for width in sorted(set(widths)):
+            equal = [k for k, own in enumerate(widths) if own == width]
+            for start in range(0, len(equal), _AT_ONCE):
+                which = equal[start : start + _AT_ONCE]
+                together = {
+                    joint: np.concatenate([candidates[k][joint].T for k in which]).T
+                    for joint in candidates[which[0]]
+                }
+                totals, coefficients = self._scores_of_equal_width(together, width)
+                for k, total, own in zip(which, totals, coefficients, strict=True):
+                    found[k] = float(total), own
         return found
 
     def _scores_of_equal_width(self, columns: Columns, width: int) -> tuple[FloatArray, FloatArray]:
