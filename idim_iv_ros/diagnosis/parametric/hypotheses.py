@@ -5,7 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, Explained
+from idim_iv_ros.diagnosis.parametric.other_errors import estimated_beside_other_errors
 from idim_iv_ros.diagnosis.parametric.significance import differs
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParametricEffect
 from idim_iv_ros.types import FloatArray
@@ -127,9 +129,25 @@ def trial_of(
     gain = 0.5 * (explained.statistic - base.statistic)
     numbers = explained.rank - base.rank
     trial = Trial(hypothesis, explained, gain - 0.5 * numbers * float(np.log(changes.rows)))
-    space = changes.space
-    allowed = space.difference or hypothesis.effect.admissible(space, hypothesis.joint, trial.own)
-    return trial if numbers > 0 and trial.tells and allowed else None
+    if numbers <= 0 or not trial.tells or not _allowed(changes, kept, trial):
+        return None
+    return trial
+
+
+def _allowed(changes: ChangeRegression, kept: Sequence[Hypothesis], trial: Trial) -> bool:
+    """Whether physics allows the numbers; of what takes nearly all, beside errors of all others.
+
+    Inertials that are off by ten percent make a hand that is not mounted look as if it took more
+    inertia with it than there is, by many deviations of the noise.
+    """
+    space, hypothesis = changes.space, trial.hypothesis
+    if space.difference or hypothesis.effect.admissible(space, hypothesis.joint, trial.own):
+        return True
+    if changes.share(trial.explained.contributions.sum(axis=1)) < settings.ENOUGH_OF_CHANGE:
+        return False
+    named = [*changes_of(kept), *hypothesis.changes]
+    own = estimated_beside_other_errors(changes, named).found[-len(hypothesis.changes) :]
+    return hypothesis.effect.admissible(space, hypothesis.joint, own)
 
 
 def trials(
