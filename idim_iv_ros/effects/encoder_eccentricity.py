@@ -84,7 +84,9 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
         parts = [motion.moved(place.joint, -small * e, links=False) / small for e in errors]
         return [
             {
-                joint: np.column_stack([part[:, joint] for part in parts[: 4 if shape.twice else 2]])
+                joint: np.column_stack(
+                    [part[:, joint] for part in parts[: 4 if shape.twice else 2]]
+                )
                 for joint in range(motion.position.shape[1])
             }
             for shape in shapes
