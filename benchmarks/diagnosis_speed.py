@@ -2,8 +2,8 @@
 
     python -m benchmarks.diagnosis_speed [--against CHECKOUT] [--pairs N] [--config YAML BAG…]
 
-By default of 60 s of the six-joint and of the seven-joint arm at 1 kHz, simulated. Both versions run
-in turn, each in a process of its own with one thread, and processor time counts: the speed of a
+By default of 60 s of the six-joint and of the seven-joint arm at 1 kHz, simulated. Both versions
+run in turn, each in a process of its own with one thread, and processor time counts: the speed of a
 shared machine drifts, and a pair drifts together. Compiled kernels are in the cache (a run before
 puts them there).
 """

@@ -1,4 +1,4 @@
-"""Whitening of many columns and Burg's recursion, compiled: a search does both thousands of times."""
+"""Whitening of columns and Burg's recursion, compiled: a search does both thousands of times."""
 
 from idim_iv_ros.compilation import entry
 from idim_iv_ros.types import FloatArray, IntArray

@@ -136,4 +136,4 @@ def _own_products(columns: FloatArray, width: int) -> FloatArray:
     """Products of the columns (r, m · width) of each of m candidates: (m, width, width)."""
     lines = np.ascontiguousarray(columns.T)
     lines = lines.reshape(-1, width, len(columns))
-    return np.matmul(lines, lines.transpose(0, 2, 1))
+    return np.asarray(np.matmul(lines, lines.transpose(0, 2, 1)))
