@@ -85,7 +85,13 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
         count = {True: 4, False: 2}
         return [
             {
+<<<<<<< HEAD
                 joint: np.column_stack([part[:, joint] for part in parts[: count[shape.twice]]])
+=======
+                joint: np.column_stack(
+                    [part[:, joint] for part in parts[: 4 if shape.twice else 2]]
+                )
+>>>>>>> t-speed
                 for joint in range(motion.position.shape[1])
             }
             for shape in shapes
