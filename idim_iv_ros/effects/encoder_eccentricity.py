@@ -82,16 +82,11 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
         if any(shape.twice for shape in shapes):
             errors += [np.sin(2 * q), np.cos(2 * q)]
         parts = [motion.moved(place.joint, -small * e, links=False) / small for e in errors]
-        count = {True: 4, False: 2}
         return [
             {
-<<<<<<< HEAD
-                joint: np.column_stack([part[:, joint] for part in parts[: count[shape.twice]]])
-=======
                 joint: np.column_stack(
                     [part[:, joint] for part in parts[: 4 if shape.twice else 2]]
                 )
->>>>>>> t-speed
                 for joint in range(motion.position.shape[1])
             }
             for shape in shapes

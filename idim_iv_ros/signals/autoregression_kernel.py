@@ -1,8 +1,4 @@
-<<<<<<< HEAD
 """Whitening of many columns and Burg's recursion, compiled: a search does both very often."""
-=======
-"""Whitening of columns and Burg's recursion, compiled: a search does both thousands of times."""
->>>>>>> t-speed
 
 from idim_iv_ros.compilation import entry
 from idim_iv_ros.types import FloatArray, IntArray

@@ -2,13 +2,8 @@
 
 `scipy.signal.sosfilt` filters one signal after the other, and each step of a recursion waits for
 the one before. Here `LANES` signals take each step together, tile by tile, so that a tile stays in
-<<<<<<< HEAD
 the cache; the operations and their order are those of `sosfilt`, so that every bit is the same
 down to numbers of 1e-200.
-=======
-the cache; the operations and their order are those of `sosfilt`, so that every bit is the same down
-to numbers of 1e-200.
->>>>>>> t-speed
 """
 
 from idim_iv_ros.compilation import entry, kernel
