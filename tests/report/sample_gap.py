@@ -238,7 +238,7 @@ def _causes(
             "centre_of_mass_y": EffectParameter(-0.0007, 0.0031, "m"),
             "centre_of_mass_z": EffectParameter(0.102, 0.005, "m"),
         },
-        evidence=Evidence(3127.4, None, None, "", p_value_from="none: not simulated"),
+        evidence=Evidence(3127.4, None, 0.91, "6 of 6", p_value_from="none: not simulated"),
         indistinguishable_from=(),
         torque_gap=_gap(1.46, 0.27, level),
         simulation_gap=moved,

@@ -15,7 +15,15 @@ from idim_iv_ros.report.gap_words import (
     stage_words,
     torque_unit,
 )
-from idim_iv_ros.report.numerals import known, number, p_value, percent, sentence, with_unit
+from idim_iv_ros.report.numerals import (
+    known,
+    measured,
+    number,
+    p_value,
+    percent,
+    sentence,
+    with_unit,
+)
 from idim_iv_ros.report.section import Report, Section
 
 _CONTROL_LAW = "controller_mismatch"
@@ -126,7 +134,12 @@ def _hint(result: GapResult, hint: Hint) -> tuple[str, str, str, str]:
     """Effect and place, its numbers, in how many folds it was chosen, and why it is a hint."""
     title = effect_at(hint.effect, hint.joint, hint.other_joint)
     numbers = ", ".join(
-        f"{parameter_words(hint.effect, name)} {number(each.value)}\u202f{each.unit}".rstrip()
+        " ".join(
+            filter(
+                None,
+                (parameter_words(hint.effect, name), *measured(each.value, each.std), each.unit),
+            )
+        )
         for name, each in surest(hint.parameters, _MOST_NUMBERS).items()
     )
     reason = sentence(hint.reason, result.joints)
