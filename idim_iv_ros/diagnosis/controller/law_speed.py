@@ -57,6 +57,12 @@ class LawSpeed:
         )
         return np.asarray(filtered)
 
+    def lateness(self, rate: float) -> float:
+        """Delay at low frequencies, s, of a speed that is computed at `rate` (Hz)."""
+        if self.kind != "filtered":
+            return 0.0
+        return ((1.0 - self.factor) / self.factor + 0.5) / rate
+
     @property
     def words(self) -> str:
         """What it is, for the report."""
@@ -78,16 +84,21 @@ def law_speeds(recorded: bool) -> tuple[LawSpeed, ...]:
     return (*first, *(LawSpeed("filtered", factor) for factor in FACTORS))
 
 
-def law_speed(motions: Sequence[Motion], law: ControlLaw) -> LawSpeed:
+def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = False) -> LawSpeed:
     """Choose the speed of the law, one for all joints and recordings.
 
     Constants, the gains and a lag of the command are fitted with each, so that another gain does
     not pass for another speed. The plain central difference stays unless another leaves clearly
     less.
+
+    Parameters
+    ----------
+    computed
+        Leave the recorded velocity out: only what can be computed from any position.
     """
     if not law.torque_gains[1].any():
         return LawSpeed()
-    recorded = all(motion.signals.velocity is not None for motion in motions)
+    recorded = not computed and all(motion.signals.velocity is not None for motion in motions)
     options = law_speeds(recorded)
     scores = _scores(motions, law, options)
     best = int(np.argmin(scores))
