@@ -116,12 +116,18 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = Fa
 
 
 def _scores(motions: Sequence[Motion], law: ControlLaw, speeds: Sequence[LawSpeed]) -> FloatArray:
-    """What each speed leaves of the commands: rms over joints of the share of their size."""
+    """What each speed leaves of the commands: share of their size, geometric mean over joints.
+
+    Each joint counts by its own noise, as in a likelihood: one whose efforts are much off, whatever
+    the speed, would decide in a mean of squares.
+    """
     joints = [joint for joint in range(len(law.kp)) if law.torque_gains[1][joint] > 0.0]
     shares = [
         share for joint in joints if (share := _shares(motions, law, joint, speeds)) is not None
     ]
-    return np.sqrt(np.mean(shares, axis=0)) if shares else np.zeros(len(speeds))
+    if not shares:
+        return np.zeros(len(speeds))
+    return np.asarray(np.exp(0.5 * np.mean(np.log(np.maximum(shares, 1e-30)), axis=0)))
 
 
 def _shares(
