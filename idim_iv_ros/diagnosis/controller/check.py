@@ -207,7 +207,8 @@ def _finding(
     data: Baseline, law: ControlLaw, joint: int, change: LawChange, longest: float
 ) -> ControllerFinding | None:
     rows, fit, base = change.rows, change.fit, change.plain
-    if rms(rows.fit((), with_lag=False)) < settings.LAW_LEAST_DIFFERENCE * rows.size:
+    little = settings.LAW_LEAST_DIFFERENCE * rows.size
+    if rms(rows.fit((), with_lag=False)) < little:
         return None
     changes = change.changes
     lag, deviation = changes.pop(LAG)
@@ -217,6 +218,8 @@ def _finding(
         if acceptable(rows, short.fit(change.groups, with_lag=False), fit):
             changes[LAG] = (lag, deviation)
             base = short.fit((), with_lag=False)
+    if LAG not in changes and rms(base) < little:  # what an ordinary lag leaves
+        return None
     if not any(differs(value, deviation) for value, deviation in changes.values()):
         return None
     statistic = 2.0 * float(fit.log_likelihood - base.log_likelihood)
