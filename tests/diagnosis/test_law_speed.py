@@ -156,3 +156,25 @@ def test_efforts_of_one_joint_that_are_much_off_do_not_decide(
     chosen = law_speed(commanded(data, effort).prepared.motions, arm.law)
     assert chosen.kind == "filtered"
     assert chosen.factor == pytest.approx(0.3, rel=0.1)
+
+
+def test_commands_far_beyond_the_limit_do_not_reach_the_samples_beside_them(
+    arm: SimulatedArm, data: Baseline
+) -> None:
+    """Steps of the reference that ask for several times the limit, as a robot that clips them."""
+    signals = data.prepared.motions[0].signals
+    time = np.arange(len(signals.position)) / signals.rate
+    wanted = signals.position_reference.copy()
+    for begin in (2.0, 5.0, 9.0):
+        wanted[(time > begin) & (time < begin + 0.03)] += 0.5
+    stepped = replace(signals, position_reference=wanted)
+    effort, _ = commands(arm, stepped, 0.3)
+    limit = arm.law.torque_limit
+    assert np.all(np.abs(effort).max(axis=0) > 3.0 * limit)
+    (motion,) = data.prepared.motions
+    motions = (replace(motion, signals=replace(stepped, torque=np.clip(effort, -limit, limit))),)
+    changed = replace(data, prepared=replace(data.prepared, motions=motions))
+    assert law_speed(motions, arm.law).factor == pytest.approx(0.3, rel=0.05)
+    check = check_law(changed)
+    assert check.findings == ()
+    assert check.beyond == ()

@@ -6,7 +6,7 @@ lateness; if one of these speeds explains the command, the law is as configured.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -14,7 +14,7 @@ import scipy
 from numpy.typing import NDArray
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
+from idim_iv_ros.effects.controller_mismatch import CommandParts, ControllerMismatch
 from idim_iv_ros.signals import JointSignals, Motion
 from idim_iv_ros.signals.motion import all_around
 from idim_iv_ros.simulation import ControlLaw
@@ -140,9 +140,10 @@ def _shares(
     for number, motion in enumerate(motions):
         signals = motion.signals
         central = plain.of(signals, joint)
-        parts = ControllerMismatch().parts(signals, law, joint, central)
+        whole = ControllerMismatch().parts(signals, law, joint, central)
+        parts, free = limited(whole, float(law.torque_limit[joint]), signals.rate)
         recorded = signals.torque[:, joint]
-        later = [speed.of(signals, joint) - central for speed in speeds]
+        later = [(speed.of(signals, joint) - central) * free for speed in speeds]
         error, slip = parts.groups["kp"], parts.groups["kd"]
         rest = recorded - parts.command
         table = np.column_stack([recorded, rest, parts.rate, error, slip, *later])
@@ -160,6 +161,25 @@ def _shares(
         rest = table[:, 1] + gain * change
         left.append(float(np.sum((rest - matrix @ np.linalg.lstsq(matrix, rest)[0]) ** 2)))
     return np.array(left) / max(float(np.sum(table[:, 0] ** 2)), 1e-300)
+
+
+def limited(
+    parts: CommandParts, limit: float, rate: float
+) -> tuple[CommandParts, NDArray[np.bool_]]:
+    """Parts of a command at its limit, and where it is free (n_samples,).
+
+    Rows at the limit do not count, but filters carry what a command is beyond it for half a second.
+    """
+    free = np.abs(parts.command) < limit
+    if free.all():
+        return parts, free
+    command = np.clip(parts.command, -limit, limit)
+    groups = {name: torque * free for name, torque in parts.groups.items()}
+    slope = np.gradient(command, 1.0 / rate)
+    acceleration = parts.acceleration * free
+    return replace(
+        parts, command=command, rate=slope, acceleration=acceleration, groups=groups
+    ), free
 
 
 def comparable_rows(motion: Motion, law: ControlLaw, joint: int) -> NDArray[np.bool_]:
