@@ -145,7 +145,7 @@ def test_a_lag_beyond_that_of_the_other_joint_is_the_law_s(
 def test_efforts_of_one_joint_that_are_much_off_do_not_decide(
     arm: SimulatedArm, data: Baseline
 ) -> None:
-    """A joint whose effort is also what another signal makes it, in the direction of a later speed."""
+    """A joint whose effort is also what another signal makes it, as a later speed would."""
     signals = data.prepared.motions[0].signals
     effort, _ = commands(arm, signals, 0.3)
     _, later = commands(arm, signals, 0.12)
