@@ -109,9 +109,9 @@ def filter_command(loop: Loop, first: bool, filtered: FloatArray, out: FloatArra
 
 @kernel
 def see_speed(loop: Loop, first: bool, state: State, q: FloatArray, dq: FloatArray) -> None:
-    """Speed that the law sees: the exact one, or filtered differences of the positions it saw."""
+    """Filter differences of the positions that a law sees whose speed is not the exact one."""
     for i in range(state.speed.shape[0]):
-        if first or loop.speed_factor <= 0.0:
+        if first:
             state.speed[i] = dq[i]
         else:
             difference = (q[i] - state.seen[i]) / loop.period
@@ -140,13 +140,19 @@ def control(effects: Effects | None, loop: Loop, state: State, time: float, cont
     """Command of one control instant, into the ring of those on their way."""
     row = state.pending[controls % state.pending.shape[0]]
     if effects is None:
-        see_speed(loop, controls == 0, state, state.q, state.dq)
-        command(loop, time, state.q, state.speed, state.integral, row)
+        dq = state.dq
+        if loop.speed_factor > 0.0:
+            see_speed(loop, controls == 0, state, state.q, state.dq)
+            dq = state.speed
+        command(loop, time, state.q, dq, state.integral, row)
     else:
         measure(effects.rows, state.q, state.dq, effects.measured)
         shown = effects.measured[0]
-        see_speed(loop, controls == 0, state, shown, effects.measured[1])
-        command(loop, time, shown, state.speed, state.integral, row)
+        seen = effects.measured[1]
+        if loop.speed_factor > 0.0:
+            see_speed(loop, controls == 0, state, shown, seen)
+            seen = state.speed
+        command(loop, time, shown, seen, state.integral, row)
         filter_command(loop, controls == 0, state.filtered, row)
     if controls == 0:
         for i in range(row.shape[0]):

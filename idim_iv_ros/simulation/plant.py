@@ -84,7 +84,7 @@ class State(NamedTuple):
         Of the joints: integral of the control error, torque that has arrived, with the disturbance,
         the same before this instant, output of the command's filter, delay beyond whole periods, s.
     seen, speed : (n,)
-        Position at the last control instant, and the speed that the law sees there.
+        Position at the last control instant, and the speed that a law with a filter sees there.
     whole, arrivals : (n,)
         Delay in whole control periods, commands that have arrived.
     pending : (ring, n)
