@@ -343,9 +343,9 @@ LAW_LEAST_DIFFERENCE = Setting(0.005, "command (rms)",
 LAW_LEAST_SHARE = Setting(0.05, "energy that the law leaves",
     "what a change of the law must take, at least", CHOSEN)
 LONGEST_LAG = Setting(2.0, "control periods",
-    "lag up to which a command is only sampled and recorded late", PHYSICS)
+    "time from the law to the torque up to which a command is only sampled and held", PHYSICS)
 LAG_DIFFERENCE = Setting(0.5, "control periods",
-    "lag beyond that of the other joints from which on it is the law's", CHOSEN)
+    "lag beyond that of half of the joints from which on it is the law's", CHOSEN)
 LAG_DEVIATIONS = Setting(3.0, "standard deviations",
     "distance of a lag from those limits that is noise", CONVENTION)
 LAW_NOISE_MARGIN = Setting(3.0, "change that noise of the encoder makes",

@@ -10,6 +10,7 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.controller.simulated_speed import with_law_speed
 from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.errors import DataError, UsageError
@@ -113,8 +114,10 @@ def _laws(prepared: PreparedRegression) -> tuple[ControlLaw, ...]:
         raise DataError(
             f"{', '.join(missing)}: no reference to replay; name its topic as signals.reference"
         )
-    sources = instrument_sources(
-        prepared.configuration, prepared.model, prepared.motions, prepared.cutoffs
+    sources = with_law_speed(
+        instrument_sources(
+            prepared.configuration, prepared.model, prepared.motions, prepared.cutoffs
+        )
     )
     source = sources.sources[0]
     if not isinstance(source, SimulatedLoop):
