@@ -216,6 +216,13 @@ SHAPE_STEP = Setting(0.01, "number of the shape",
 COEFFICIENT_STEP = Setting(1e-4, "coefficient",
     "step of the numerical slope of an effect's numbers", NUMERICAL)
 
+# What may be named.
+LEAST_BEYOND_KNEE = Setting(0.005, "rows",
+    "rows of two folds, at least, beyond the knee of a saturation, or it was not reached: clipping "
+    "that matters takes 1.5 % of the samples", PHYSICS)
+MOST_BEYOND_KNEE = Setting(0.5, "rows",
+    "rows beyond the knee, at most: a bend that most of the motion passes is no limit", PHYSICS)
+
 # Held-out confirmation.
 HELD_OUT_LEAST_GAIN = Setting(0.02, "energy of the whitened residual",
     "what an effect must take on data not used to fit, at least", CHOSEN)
