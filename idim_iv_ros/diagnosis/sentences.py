@@ -117,6 +117,12 @@ def parametric_cause(data: Baseline, cause: ParametricCause, changed: Sequence[J
     mass = cause.parameters.get("mass")
     if mass is not None and mass.value < 0.0:
         text += " (negative: a part that the nominal model has is not mounted)"
+    scale = data.prepared.configuration.signals.effort_scale
+    if mass is not None and scale is not None and any(each != 1.0 for each in scale):
+        text += (
+            "; its interval takes signals.effort_scale as exact: where that is known to x %, the "
+            "mass is uncertain by x % more"
+        )
     smaller = [_change(data, each) for each in changed if each.share_of_torque > 0.0]
     if smaller:
         text += f"; correcting it reduces the torque gap {', '.join(smaller)}"

@@ -271,6 +271,9 @@ REFIT_LEAST_SHARE_BESIDE = Setting(0.05, "energy of the nominal model's gap",
 PARAMETRIC_LEAST_SHARE = Setting(0.02, "energy of the nominal model's gap",
     "what a parametric cause must take beside those before it, unless it takes "
     "LEAST_PARAMETER_ERROR", CHOSEN)
+PARAMETRIC_LEAST_TORQUE = Setting(0.005, "torque of the joint (rms)",
+    "what a parametric cause must take at a joint in any case: of a small gap each is a large "
+    "share", CHOSEN)
 LEAST_PARAMETER_ERROR = Setting(0.02, "torque of the joint (rms)",
     "size from which on a parameter error matters at a joint", CHOSEN)
 PARAMETER_ERROR_OVER_REFIT = Setting(1.5, "gap of the refit",
@@ -279,6 +282,9 @@ ENOUGH_OF_CHANGE = Setting(0.9, "change that the refit explains",
     "what the causes must explain together, at least", CHOSEN)
 CHANGE_DEVIATIONS = Setting(2.0, "standard deviations",
     "what may be missing to that by chance", CONVENTION)
+LEAST_CONFIRMED = Setting(0.5, "size of the estimate",
+    "what must remain of a wrong gain or gravity beside errors of all base parameters, or these "
+    "imitate it", CHOSEN)
 LEAST_PART_OF_CHANGE = Setting(0.02, "change that the refit explains",
     "what each cause must explain of it, at least", CHOSEN)
 MOST_PARAMETRIC_CAUSES = Count(6, "causes",

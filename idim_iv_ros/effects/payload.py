@@ -2,15 +2,20 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.parametric_effect import (
+    CLEARLY,
     Change,
     Estimated,
     ParameterSpace,
     ParametricEffect,
     estimated,
 )
+from idim_iv_ros.model import RobotModel
 from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER
+from idim_iv_ros.types import FloatArray
 
 _POINT = ("M", "MX", "MY", "MZ")
 _CHECKED = ("M", "XX", "YY", "ZZ")
@@ -59,7 +64,7 @@ class Payload(ParametricEffect):
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
     ) -> bool:
-        """A payload weighs something and has no negative moment of inertia.
+        """A payload weighs something, is near the flange and has the inertia of a rigid body.
 
         A negative one is a part that the model has and the robot has not: no more than is there.
         """
@@ -74,4 +79,71 @@ class Payload(ParametricEffect):
             change = estimated(found, name)
             if change is not None and change.above(-there[kind]) is False:
                 return False
+        sign = -1.0 if mass is not None and mass.determined and mass.value < 0.0 else 1.0
+        size = _size(space.model.robot, joint)
+        return _near(found, sign, size) and _rigid_body(found, sign)
+
+
+def _size(robot: RobotModel, joint: int) -> float:
+    """How far a link's flange can be from the base, m; infinite where joints slide.
+
+    The sum of the distances between joints, and twice that of the link's centre.
+    """
+    model = robot.pinocchio
+    tree = list(robot.order).index(joint) + 1
+    size = 2.0 * float(np.linalg.norm(np.asarray(model.inertias[tree].lever)))
+    while tree > 0:
+        if model.joints[tree].shortname().startswith("JointModelP"):
+            return np.inf
+        size += float(np.linalg.norm(np.asarray(model.jointPlacements[tree].translation)))
+        tree = int(model.parents[tree])
+    return size if size > 0.0 else np.inf
+
+
+def _ends(found: Sequence[Estimated], names: Sequence[str], sign: float) -> FloatArray:
+    """Least and largest value (2, k) of some numbers; infinite where they are not determined."""
+    ends = []
+    for name in names:
+        each = estimated(found, name)
+        if each is None or each.std is None:
+            ends.append((-np.inf, np.inf))
+        else:
+            room = CLEARLY * each.std
+            ends.append((sign * each.value - room, sign * each.value + room))
+    return np.asarray(ends, dtype=float).T
+
+
+def _least_size(ends: FloatArray) -> FloatArray:
+    """Smallest absolute values (k,) between ends (2, k)."""
+    return np.asarray(np.maximum(np.maximum(ends[0], -ends[1]), 0.0))
+
+
+def _near(found: Sequence[Estimated], sign: float, size: float) -> bool:
+    """Whether the centre of mass may lie within the arm's own size of the last joint."""
+    mass = _ends(found, ("mass",), sign)[1, 0]
+    moments = _least_size(_ends(found, [_NAMES[kind] for kind in _POINT[1:]], sign))
+    return not float(np.linalg.norm(moments)) > size * mass
+
+
+def _rigid_body(found: Sequence[Estimated], sign: float) -> bool:
+    """Whether the ten numbers may be those of a body of positive density, each in its interval.
+
+    Its pseudo-inertia [[Σ, h], [hᵀ, m]] (Wensing et al. 2018) then has no negative diagonal and no
+    negative 2 × 2 minor about it; Σ = ½ tr(I) 1 − I.
+    """
+    if not any(each.change.name.startswith("inertia_") for each in found):
         return True
+    mass = _ends(found, ("mass",), sign)[1, 0]
+    moments = _least_size(_ends(found, [_NAMES[kind] for kind in _POINT[1:]], sign))
+    least, most = _ends(found, ("inertia_xx", "inertia_yy", "inertia_zz"), sign)
+    across = _least_size(_ends(found, ("inertia_yz", "inertia_xz", "inertia_xy"), sign))
+    second = np.array([most[(k + 1) % 3] + most[(k + 2) % 3] - least[k] for k in range(3)]) / 2.0
+    if np.any(second < 0.0):
+        return False
+    for k in range(3):
+        # Of nothing known, the product is infinite, or not a number: nothing is excluded.
+        if moments[k] ** 2 > mass * second[k]:
+            return False
+        if across[k] ** 2 > second[(k + 1) % 3] * second[(k + 2) % 3]:
+            return False
+    return True

@@ -126,5 +126,21 @@ def test_armature_that_is_given_stays_a_cause_of_each_joint(data) -> None:
     prepared = data.prepared
     simulator = prepared.configuration.simulator.model_copy(update={"armature": [0.0] * n})
     configuration = prepared.configuration.model_copy(update={"simulator": simulator})
-    known = replace(data, prepared=replace(prepared, configuration=configuration))
+    model = replace(prepared.model, robot=replace(prepared.model.robot, armature_given=True))
+    known = replace(data, prepared=replace(prepared, configuration=configuration, model=model))
     assert all(cause.joint is not None for cause in found(known, 1, drives(data)))
+
+
+@pytest.mark.parametrize(("scale", "said"), [(None, False), (1.0, False), (0.8, True)])
+def test_a_mass_from_scaled_efforts_says_what_its_interval_lacks(data, scale, said) -> None:
+    n = len(data.joints)
+    causes = [each for each in found(data, 5, payload(data, 0.8)) if each.effect.name == "payload"]
+    prepared = data.prepared
+    signals = prepared.configuration.signals.model_copy(
+        update={"effort_scale": None if scale is None else [scale] * n}
+    )
+    configuration = prepared.configuration.model_copy(update={"signals": signals})
+    scaled = replace(data, prepared=replace(prepared, configuration=configuration))
+    floors = [NoiseFloor(0.01, "lower bound", "")] * n
+    (cause,) = parametric_results(scaled, causes, floors, [])
+    assert ("takes signals.effort_scale as exact" in cause.sentence) == said

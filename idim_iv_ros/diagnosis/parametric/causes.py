@@ -135,9 +135,14 @@ def parametric_causes(
         if physical.space.bare_drives == changes.space.bare_drives:
             break
         changes = physical
-    causes = _large_enough(causes_of(data.joints, changes, [*known, *found], catalogue), changes)
+    all_causes = causes_of(data.joints, changes, [*known, *found], catalogue)
+    causes = _large_enough(all_causes, changes)
     if not causes and not reason:
-        reason = "no cause of the catalogue explains the change"
+        reason = (
+            "each parameter error is too small to matter at any joint"
+            if all_causes
+            else "no cause of the catalogue explains the change"
+        )
     named = changes.explain([change for cause in causes for change in cause.changes])
     given, after = changes.rms(named.contributions.sum(axis=1))
     _, least = changes.rms(changes.refit().contributions.sum(axis=1))
@@ -163,10 +168,16 @@ def _other_causes(
 def _large_enough(
     causes: Sequence[ParametricCause], changes: ChangeRegression
 ) -> tuple[ParametricCause, ...]:
-    """Causes that take enough of the gap beside what was left out, or of a joint's torque."""
+    """Causes that take enough of the gap beside what was left out, or of a joint's torque.
+
+    Of a gap that hardly matters at any joint even all of it is not enough.
+    """
     kept, gap = [], 1.0
     for cause in causes:
-        enough = cause.share >= settings.PARAMETRIC_LEAST_SHARE * gap
+        enough = (
+            cause.share >= settings.PARAMETRIC_LEAST_SHARE * gap
+            and cause.share_of_torque >= settings.PARAMETRIC_LEAST_TORQUE
+        )
         if enough or cause.share_of_torque >= settings.LEAST_PARAMETER_ERROR:
             kept.append(cause)
         if cause.effect.known_to_be_left_out(changes.space):

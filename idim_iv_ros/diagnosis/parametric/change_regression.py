@@ -113,12 +113,22 @@ class ChangeRegression:
         """Of the whitened residual of the nominal model."""
         return float(self.right @ self.right)
 
-    def refit(self) -> Explained:
-        """Everything that new base parameters explain."""
+    @property
+    def base_parameters(self) -> list[Change]:
+        """A change of each base parameter."""
         space = self.space
         names, units = space.model.base.names, space.model.base.units
         unit = np.eye(space.size)
-        return self.explain([Change(names[k], units[k], unit[k]) for k in range(len(space.given))])
+        return [Change(names[k], units[k], unit[k]) for k in range(len(space.given))]
+
+    def refit(self) -> Explained:
+        """Everything that new base parameters explain."""
+        return self.explain(self.base_parameters)
+
+    @cached_property
+    def refit_share(self) -> float:
+        """Share of the gap's energy that new base parameters take, as `share`."""
+        return self.share(self.refit().contributions.sum(axis=1))
 
     def explain(self, changes: Sequence[Change]) -> Explained:
         """Fit changes; those that the recording cannot tell apart get no deviation."""

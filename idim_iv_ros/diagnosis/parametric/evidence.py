@@ -8,6 +8,7 @@ from scipy import stats
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, Explained
+from idim_iv_ros.diagnosis.parametric.confirmed import confirmed, takes_nearly_all
 from idim_iv_ros.diagnosis.parametric.hypotheses import (
     Hypothesis,
     Trial,
@@ -21,6 +22,7 @@ from idim_iv_ros.diagnosis.parametric.other_errors import estimated_beside_other
 from idim_iv_ros.diagnosis.parametric.significance import together
 from idim_iv_ros.diagnosis.result import EffectParameter, Indistinguishable
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParametricEffect
+from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.types import FloatArray
 
 
@@ -135,11 +137,6 @@ def causes_of(
     return tuple(causes)
 
 
-def _share(changes: ChangeRegression, named: Sequence[Change]) -> float:
-    """Of the gap's energy that these changes take alone."""
-    return changes.share(changes.explain(named).contributions.sum(axis=1))
-
-
 def _without(kept: Sequence[Hypothesis], hypothesis: Hypothesis) -> list[Hypothesis]:
     return [other for other in kept if other is not hypothesis]
 
@@ -154,7 +151,6 @@ def _sure(
     would have to conspire to imitate it, and its intervals say what they leave open.
     """
     kept = list(found)
-    refit = changes.share(changes.refit().contributions.sum(axis=1))
     while kept:
         beside = estimated_beside_other_errors(changes, changes_of(kept))
         ends = np.cumsum([len(each.changes) for each in kept])
@@ -168,7 +164,7 @@ def _sure(
             place
             for place, p_value in enumerate(sure)
             if p_value > settings.SIGNIFICANCE_LEVEL
-            and _share(changes, kept[place].changes) < settings.ENOUGH_OF_CHANGE * refit
+            and not takes_nearly_all(changes, kept[place].changes)
         ]
         if not unsure:
             return kept, numbers
@@ -193,10 +189,14 @@ def _indistinguishable(
     this: Trial,
     catalogue: Sequence[ParametricEffect],
 ) -> tuple[Indistinguishable, ...]:
-    """Hypotheses that would do as well in this one's place, with much the same torque."""
-    others = []
+    """Hypotheses that would do as well in this one's place, with much the same torque.
+
+    Of one outside the base parameters that these can imitate, what owns those of its joint.
+    """
+    others = _imitating(joints, changes, this, catalogue)
     for trial in trials(changes, rest, catalogue):
         same = trial.hypothesis.key == this.hypothesis.key
+        same = same or any(_is(joints, trial.hypothesis, other) for other in others)
         if same or trial.support < this.support - settings.INDISTINGUISHABLE_SUPPORT:
             continue
         correlation = _correlation(changes, rest, this, trial)
@@ -204,6 +204,36 @@ def _indistinguishable(
             name = _name(joints, trial.hypothesis)
             others.append(Indistinguishable(trial.hypothesis.effect.name, name, correlation))
     return tuple(others)
+
+
+def _is(joints: Sequence[str], hypothesis: Hypothesis, other: Indistinguishable) -> bool:
+    return (hypothesis.effect.name, _name(joints, hypothesis)) == (other.effect, other.joint)
+
+
+def _imitating(
+    joints: Sequence[str],
+    changes: ChangeRegression,
+    this: Trial,
+    catalogue: Sequence[ParametricEffect],
+) -> list[Indistinguishable]:
+    """Effects that own base parameters of the joint, which imitate this one together with others.
+
+    `correlation` is the multiple one of its torque, whitened, with all base parameters.
+    """
+    hypothesis = this.hypothesis
+    inside = changes.space.difference or hypothesis.effect.in_base_parameters
+    if inside or confirmed(changes, this.own):
+        return []
+    rows = changes.factor @ np.column_stack([each.direction for each in changes.base_parameters])
+    torque = changes.factor @ this.contribution
+    rest = independent_basis(rows, tolerance=settings.LEAST_DIRECTION).remove(torque[:, None])
+    energy = max(float(torque @ torque), 1e-300)
+    correlation = float(np.sqrt(max(1.0 - float(np.sum(rest**2)) / energy, 0.0)))
+    return [
+        Indistinguishable(each.effect.name, _name(joints, each), correlation)
+        for each in of_base_parameters(changes, catalogue)
+        if hypothesis.joint in (None, each.joint)
+    ]
 
 
 def _one_after_the_other(

@@ -7,6 +7,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, Explained
+from idim_iv_ros.diagnosis.parametric.confirmed import confirmed, takes_nearly_all
 from idim_iv_ros.diagnosis.parametric.other_errors import estimated_beside_other_errors
 from idim_iv_ros.diagnosis.parametric.significance import differs
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParametricEffect
@@ -138,9 +139,15 @@ def _allowed(changes: ChangeRegression, kept: Sequence[Hypothesis], trial: Trial
     """Whether physics allows the numbers; of what takes nearly all, beside errors of all others.
 
     Inertials that are off by ten percent make a hand that is not mounted look as if it took more
-    inertia with it than there is, by many deviations of the noise.
+    inertia with it than there is, by many deviations of the noise. They look like a wrong gain of
+    the torque, too: one is allowed where base parameters cannot imitate it, or where it alone
+    makes most of them unnecessary.
     """
     space, hypothesis = changes.space, trial.hypothesis
+    if not (space.difference or hypothesis.effect.in_base_parameters) and not (
+        confirmed(changes, trial.own) or takes_nearly_all(changes, hypothesis.changes)
+    ):
+        return False
     if space.difference or hypothesis.effect.admissible(space, hypothesis.joint, trial.own):
         return True
     if changes.share(trial.explained.contributions.sum(axis=1)) < settings.ENOUGH_OF_CHANGE:
