@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.estimation.sources import instrument_sources
-from idim_iv_ros.files import FilePath, FilePaths
+from idim_iv_ros.files import EFFECTS, FilePath, FilePaths
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.model.mujoco_package import load_mujoco
@@ -25,7 +25,12 @@ from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
 from idim_iv_ros.simulation.effects import joint_effects
 from idim_iv_ros.simulators.effects_file import ExtendedModel, read_effects
 from idim_iv_ros.simulators.mujoco_loop import MujocoMotion, References, run_in_mujoco
-from idim_iv_ros.simulators.replay_models import StageModel, plant_stage, xml_stage
+from idim_iv_ros.simulators.replay_models import (
+    StageModel,
+    plant_stage,
+    require_same_native,
+    xml_stage,
+)
 from idim_iv_ros.simulators.replay_result import (
     CORRECTED,
     NOMINAL,
@@ -140,6 +145,9 @@ def _stages(
     if str(model) != URDF:
         offsets = {name: v for name, v in parameters.items() if re.fullmatch(r"off\d+", name)}
         stages.append(xml_stage(mujoco, robot, Path(model), offsets))
+        if source is not None:
+            require_same_native(mujoco, Path(model), effects, source)
+        stages[-1] = replace(stages[-1], notes=_beside(Path(model), source))
     elif parameters:
         values = prepared.given.copy()
         names = list(prepared.model.base.names)
@@ -157,6 +165,14 @@ def _stages(
     if beyond:
         stages.append(stages[-1].with_effects(WITH_EFFECTS, beyond))
     return stages
+
+
+def _beside(model: Path, source: FilePath | None) -> tuple[str, ...]:
+    """Say that effects of an export were left out, where they lie beside its MJCF."""
+    effects = model.with_name(EFFECTS)
+    if source is not None or not effects.is_file():
+        return ()
+    return (f"without the effects of {effects}: add --effects {effects}",)
 
 
 def _compare(
