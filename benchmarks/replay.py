@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from benchmarks.measurement import write_page
 from idim_iv_ros import diagnose, export, load_configuration, replay_bags
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.excitation import Trajectory, random_motion
 from idim_iv_ros.excitation.excite import load_model
 from idim_iv_ros.model import read_urdf_file
@@ -178,7 +179,8 @@ def case(
     result.write(gap)
     made = export(gap, configuration, out / f"{planted.effect}.exported")
     effects = read_effects(made.effects).effects
-    last = WITH_EFFECTS if effects else CORRECTED
+    beyond = any(not BY_NAME[each.effect].in_base_parameters for each in effects)
+    last = WITH_EFFECTS if beyond else CORRECTED
     found = replay_bags(
         bags, configuration, model=made.mjcf, effects=made.effects, stages=(NOMINAL, last)
     )

@@ -144,10 +144,18 @@ def _stages(
     parameters = {} if extended is None else extended.parameters
     if str(model) != URDF:
         offsets = {name: v for name, v in parameters.items() if re.fullmatch(r"off\d+", name)}
-        stages.append(xml_stage(mujoco, robot, Path(model), offsets))
+        stage = xml_stage(mujoco, robot, Path(model), offsets)
         if source is not None:
             require_same_native(mujoco, Path(model), effects, source)
-        stages[-1] = replace(stages[-1], notes=_beside(Path(model), source))
+        # Constant torques are parameters that the XML has no place for.
+        constant = [each for each in effects if each.effect == "torque_offset" and not offsets]
+        stages.append(
+            replace(
+                stage,
+                effects=(*stage.effects, *constant),
+                notes=_beside(Path(model), source),
+            )
+        )
     elif parameters:
         values = prepared.given.copy()
         names = list(prepared.model.base.names)
@@ -160,8 +168,6 @@ def _stages(
             values[names.index(name)] = value
         stages.append(plant_stage(mujoco, prepared.model, values, CORRECTED))
     beyond = [each for each in effects if not BY_NAME[each.effect].in_base_parameters]
-    if str(model) != URDF and not any(name.startswith("off") for name in parameters):
-        beyond += [each for each in effects if each.effect == "torque_offset"]
     if beyond:
         stages.append(stages[-1].with_effects(WITH_EFFECTS, beyond))
     return stages

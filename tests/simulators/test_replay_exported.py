@@ -65,12 +65,13 @@ def test_native_effects_are_simulated_once(
     native = replay_bags(
         bag, configuration, model=made.mjcf, effects=made.effects, stages=(last,)
     ).positions[last]
+    # The friction of both is as stiff: constant torques act on both joints.
     at_each_step = replay_bags(
         bag, configuration, model=plain.mjcf, effects=callbacks, stages=(last,)
     ).positions[last]
     without = replay_bags(
-        bag, configuration, model=plain.mjcf, effects=plain.effects, stages=(last,)
-    ).positions[last]
+        bag, configuration, model=plain.mjcf, effects=plain.effects, stages=("corrected",)
+    ).positions["corrected"]
 
     def rms(values: np.ndarray) -> float:
         return float(np.sqrt(np.mean(np.square(values))))
@@ -117,6 +118,22 @@ def test_files_of_two_exports_are_refused(
         with pytest.raises(UsageError, match=words) as refused:
             replay_bags(bag, arm.configuration, model=model, effects=effects)
         assert "\n" not in str(refused.value)
+
+
+def test_constant_torques_of_an_export_are_parameters(
+    bag: Path,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    """effects.json holds nothing else: the corrected robot is the whole answer."""
+    arm = case(tmp_path, "arm2")
+    made = arm.export(tmp_path / "out")
+    assert made.not_native == ("torque_offset at joint_1", "torque_offset at joint_2")
+    result = replay_bags(bag, arm.configuration, model=made.mjcf, effects=made.effects)
+    assert [stage.name for stage in result.stages] == ["nominal", "corrected"]
+    (stage,) = replay_bags(
+        bag, arm.configuration, model=made.mjcf, stages=("corrected",)
+    ).stages  # without them
+    assert stage.torque != result.stages[1].torque
 
 
 def test_effects_that_lie_beside_the_model_and_are_not_given_are_named(
