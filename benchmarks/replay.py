@@ -2,8 +2,9 @@
 
 The two-joint arm runs at a quarter of a millisecond with its true parameters, one effect and a
 torque that no model explains; its law runs at 1 kHz, encoders and torques are noisy. `diagnose`
-reads two recordings of it, and what it finds (`gap.json`) is replayed with half a millisecond. How
-far is that from the recording, and how far is the true robot without the unexplained torque?
+reads two recordings of it, `export` writes what it finds as an MJCF and effects.json, and these are
+replayed with half a millisecond. How far is that from the recording, and how far is the true robot
+without the unexplained torque?
 
     python -m benchmarks.replay --out DIR [EFFECT …]
 
@@ -22,7 +23,7 @@ import scipy
 from numpy.typing import NDArray
 
 from benchmarks.measurement import write_page
-from idim_iv_ros import diagnose, load_configuration, replay_bags
+from idim_iv_ros import diagnose, export, load_configuration, replay_bags
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.excitation import Trajectory, random_motion
@@ -30,6 +31,7 @@ from idim_iv_ros.excitation.excite import load_model
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.recording import JointTopic, write_bag
 from idim_iv_ros.simulation import SimulatedEffect
+from idim_iv_ros.simulators.effects_file import read_effects
 from idim_iv_ros.simulators.mujoco_loop import References, run_in_mujoco
 from idim_iv_ros.simulators.replay_models import plant_stage
 from idim_iv_ros.simulators.replay_result import CORRECTED, NOMINAL, WITH_EFFECTS
@@ -170,14 +172,18 @@ def recorded(
 def case(
     configuration: Configuration, planted: Planted, trajectories: list[Trajectory], out: Path
 ) -> dict[str, object]:
-    """Record, diagnose, replay: errors at the joint of the effect, mrad."""
+    """Record, diagnose, export, replay: errors at the joint of the effect, mrad."""
     bags, truth = recorded(configuration, planted, trajectories, out)
     result = diagnose(bags, configuration)
     gap = out / f"{planted.effect}.gap.json"
     result.write(gap)
-    beyond = any(not BY_NAME[cause.effect].in_base_parameters for cause in result.causes)
+    made = export(gap, configuration, out / f"{planted.effect}.exported")
+    effects = read_effects(made.effects).effects
+    beyond = any(not BY_NAME[each.effect].in_base_parameters for each in effects)
     last = WITH_EFFECTS if beyond else CORRECTED
-    found = replay_bags(bags, configuration, effects=gap, stages=(NOMINAL, last))
+    found = replay_bags(
+        bags, configuration, model=made.mjcf, effects=made.effects, stages=(NOMINAL, last)
+    )
     true = replay_bags(bags, configuration, effects=truth, stages=(WITH_EFFECTS,))
     joint = configuration.robot.joints[planted.joint]
     structural = [cause for cause in result.causes if cause.kind == "structural"]
@@ -189,6 +195,7 @@ def case(
     return {
         **dataclasses.asdict(planted),
         "named": [f"{cause.effect} at {cause.joint}" for cause in structural],
+        "native": sorted({each.effect for each in effects if each.native}),
         "nominal": rms(found.stages[0]),
         "found": rms(found.stages[-1]),
         "true": rms(true.stages[-1]),
@@ -198,9 +205,9 @@ def case(
 def rows(cases: list[dict[str, object]]) -> list[str]:
     """Return the table of the page."""
     head = [
-        "| effect | in MuJoCo | diagnosis says | nominal | with what was "
-        "found | with the true effect | found / true |",
-        "|---|---|---|---:|---:|---:|---:|",
+        "| effect | in MuJoCo | diagnosis says | element of the exported MJCF | nominal | with "
+        "what was exported | with the true effect | exported / true |",
+        "|---|---|---|---|---:|---:|---:|---:|",
     ]
     for one in cases:
         numbers = [one[key] for key in ("nominal", "found", "true")]
@@ -209,7 +216,11 @@ def rows(cases: list[dict[str, object]]) -> list[str]:
         if one["found"] is not None and one["true"] is not None:
             ratio = f"{one['found'] / one['true']:.2f}"  # type: ignore[operator]
         named = ", ".join(one["named"]) or "nothing"  # type: ignore[arg-type]
-        head.append(f"| {one['effect']} | {one['how']} | {named} | {' | '.join(shown)} | {ratio} |")
+        native = ", ".join(one["native"]) or "–"  # type: ignore[arg-type]
+        head.append(
+            f"| {one['effect']} | {one['how']} | {named} | {native} | {' | '.join(shown)} | "
+            f"{ratio} |"
+        )
     return head
 
 

@@ -42,7 +42,7 @@ REPLAY_FORMAT: Final = "idim_iv_ros/replay/1"
 TRUTH_FORMAT = f"{PROGRAM}/truth/1"  # of BAG.truth.json
 
 RESULT, GAP, REPORT = "result.json", "gap.json", "report.html"
-REPLAY = "replay.json"
+REPLAY, EFFECTS = "replay.json", "effects.json"
 
 GENERATOR = f'<meta name="generator" content="{PROGRAM}">'
 PNG_SOFTWARE = b"Software\0" + PROGRAM.encode()  # content of the text chunk of a picture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -32,7 +33,7 @@ def export_command(
 
     Example: idim-iv export why/gap.json --config ur5.yaml --out simulator
     """
-    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.cli.output import Output, next_command
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.simulator_files import export
 
@@ -55,3 +56,15 @@ def export_command(
     for file in made.files:
         output.line(f"Written: {file}")
     output.line(f"What is new, and how sure it is: {made.changes}")
+    options = ("--model", str(made.mjcf), "--effects", str(made.effects), "--out", "replayed")
+    output.line(f"Next: {next_command('replay', _recordings(made.bags, result), config, *options)}")
+
+
+def _recordings(names: Sequence[str], result: Path) -> list[Path]:
+    """Where the recordings are: a result knows their names alone."""
+    folders = (Path(), *result.parents)
+    found = []
+    for name in names:
+        places = [folder / name for folder in folders if (folder / name).exists()]
+        found.append(places[0] if places else Path(name))
+    return found

@@ -136,7 +136,7 @@ def concluded(
     simulated = simulation_gaps(model, tracked)
 
     parametric = parametric_causes(data, *model.for_parameters(data), parameters)
-    law = check_law(data, without)
+    law = check_law(data, without, shift=refit.shift.shift)
     causes = [
         *structural_causes(data, model, held.tested, simulated, selections_of(held)),
         *parametric_results(data, parametric.causes, held.floors, effects),

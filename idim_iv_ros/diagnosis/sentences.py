@@ -213,8 +213,11 @@ def unexplained_residual(data: Baseline, lacking: Sequence[tuple[int, float, flo
 def nonparametric(data: Baseline, candidate: Candidate) -> str:
     """What a function that is no effect of the catalogue describes, and where."""
     joint = candidate.place.joint
-    assert isinstance(candidate.effect, Nonparametric)
-    text = f"{data.joints[joint]}: a torque that {candidate.effect.words}"
+    effect = candidate.effect
+    if not isinstance(effect, Nonparametric):
+        name = _spaced(effect.name)
+        return f"{data.joints[joint]}: a torque like that of {name}, which it cannot be (see hints)"
+    text = f"{data.joints[joint]}: a torque that {effect.words}"
     shape = candidate.shape
     if isinstance(shape, StopShape):
         side = "above" if shape.side > 0 else "below"

@@ -216,6 +216,13 @@ SHAPE_STEP = Setting(0.01, "number of the shape",
 COEFFICIENT_STEP = Setting(1e-4, "coefficient",
     "step of the numerical slope of an effect's numbers", NUMERICAL)
 
+# What may be named.
+LEAST_BEYOND_KNEE = Setting(0.005, "rows",
+    "rows of two folds, at least, beyond the knee of a saturation, or it was not reached: clipping "
+    "that matters takes 1.5 % of the samples", PHYSICS)
+MOST_BEYOND_KNEE = Setting(0.5, "rows",
+    "rows beyond the knee, at most: a bend that most of the motion passes is no limit", PHYSICS)
+
 # Held-out confirmation.
 HELD_OUT_LEAST_GAIN = Setting(0.02, "energy of the whitened residual",
     "what an effect must take on data not used to fit, at least", CHOSEN)
@@ -349,9 +356,9 @@ LAW_LEAST_DIFFERENCE = Setting(0.005, "command (rms)",
 LAW_LEAST_SHARE = Setting(0.05, "energy that the law leaves",
     "what a change of the law must take, at least", CHOSEN)
 LONGEST_LAG = Setting(2.0, "control periods",
-    "lag up to which a command is only sampled and recorded late", PHYSICS)
+    "time from the law to the torque up to which a command is only sampled and held", PHYSICS)
 LAG_DIFFERENCE = Setting(0.5, "control periods",
-    "lag beyond that of the other joints from which on it is the law's", CHOSEN)
+    "lag beyond that of half of the joints from which on it is the law's", CHOSEN)
 LAG_DEVIATIONS = Setting(3.0, "standard deviations",
     "distance of a lag from those limits that is noise", CONVENTION)
 LAW_NOISE_MARGIN = Setting(3.0, "change that noise of the encoder makes",

@@ -22,6 +22,7 @@ from idim_iv_ros.types import FloatArray
 _FLANKS = (12.0, 25.0, 50.0)  # Hz, of the link on a flank
 # Of the bending of the flanks under the largest load.
 _LEAST_GAP = 0.3
+_WIDEST = 0.04  # rad, four times that of worn gears; the widest that is tried
 _DAMPING = 0.3  # times critical, of the flanks
 _TYPICAL_GAP = 0.001  # rad, of 0.1 to 10 mrad; 0.01 to 1 mm
 
@@ -69,7 +70,7 @@ class Backlash(StructuralEffect[BacklashShape]):
         if inertia <= 0.0:
             return []
         load = float(covered.load[place.joint])
-        gaps = float(covered.lever[place.joint]) * logarithmic(1e-4, 0.04, 9)
+        gaps = float(covered.lever[place.joint]) * logarithmic(1e-4, _WIDEST, 9)
         shapes: list[BacklashShape] = []
         for frequency in _FLANKS:
             stiffness = inertia * (2.0 * np.pi * frequency) ** 2
@@ -112,6 +113,16 @@ class Backlash(StructuralEffect[BacklashShape]):
     ) -> bool:
         """Gaps up to the middle of what arms have."""
         return bool(shape.gap <= _TYPICAL_GAP * float(scale.covered.lever[scale.joint]))
+
+    def impossible(
+        self, shape: BacklashShape, coefficients: FloatArray, joint: int, covered: OperatingRange
+    ) -> str:
+        """Gaps wider than those of broken gears."""
+        widest = _WIDEST * float(covered.lever[joint])
+        if shape.gap <= widest:
+            return ""
+        unit = covered.length(joint)
+        return f"a play of {shape.gap:.2g} {unit} is beyond {widest:.2g} {unit}"
 
     def parameters(
         self, shape: BacklashShape, coefficients: FloatArray, deviations: FloatArray

@@ -153,6 +153,8 @@ class StructuralEffect(Cause, Generic[S]):
     size_in: ClassVar[Literal["coefficients", "scale", "shape"]] = "coefficients"
     # Middle (geometric) of the largest torques that are typical of arms; see `plausible`.
     typical: ClassVar[ShareOf | None] = None
+    # Whether it acts on few rows only, beyond a knee: the diagnosis asks that they be there.
+    beyond_knee: ClassVar[bool] = False
 
     def places(self, joints: int) -> list[Place]:
         """Where it may sit: at each joint."""
@@ -225,6 +227,16 @@ class StructuralEffect(Cause, Generic[S]):
             The largest that it adds, N m (N).
         """
         return self.typical is None or torque <= self.typical.torque(scale)
+
+    def impossible(
+        self, shape: S, coefficients: FloatArray, joint: int, covered: OperatingRange
+    ) -> str:
+        """Why no arm has it in this size; empty where one may have, as by default.
+
+        Wider than `plausible`, which says what is common: numbers that the search fits and that no
+        hardware has belong to something else, and the effect is not named.
+        """
+        return ""
 
     def size_in_words(self, shape: S, coefficients: FloatArray, torque: float) -> str:
         """First number that is fitted and not zero, with its unit and the largest torque."""

@@ -20,6 +20,7 @@ from idim_iv_ros.types import FloatArray
 
 _DAMPING = (0.03, 0.2)  # times critical
 _LOWEST, _HIGHEST = 3.0, 100.0  # Hz, resonance of the link against a motor that stands
+_SLOWEST_SWING = 4.0  # Hz: series elastic arms swing at 4 Hz, geared ones at 5 to 25 Hz
 _SOFTEST = 11.0  # Hz: the middle of 5 to 25 Hz, where links of arms swing
 
 
@@ -79,6 +80,29 @@ class Elasticity(StructuralEffect[ShaftShape]):
         inertia = float(scale.covered.inertia[scale.joint])
         stiffness = shape.stiffness / float(coefficients[0])
         return bool(stiffness >= inertia * (2.0 * np.pi * _SOFTEST) ** 2)
+
+    def impossible(
+        self, shape: ShaftShape, coefficients: FloatArray, joint: int, covered: OperatingRange
+    ) -> str:
+        """Links that swing slower or faster than those of arms, or not at all.
+
+        Far below its resonance a shaft of compliance 1/k turns M τ''/k into torque, as a drive that
+        lags by √(M/k) does to second order: the resonance tells them apart.
+        """
+        inertia = float(covered.inertia[joint])
+        stiffness = shape.stiffness / float(coefficients[0])
+        if inertia <= 0.0 or stiffness <= 0.0:
+            return "the link has no inertia that could swing"
+        swing = float(np.sqrt(stiffness / inertia)) / (2.0 * np.pi)
+        if not _SLOWEST_SWING <= swing <= _HIGHEST:
+            return (
+                f"the link would swing at {swing:.3g} Hz, and those of arms swing at "
+                f"{_SLOWEST_SWING:.0f} to {_HIGHEST:.0f} Hz"
+            )
+        damping = shape.damping / (2.0 * float(np.sqrt(stiffness * inertia)))
+        if damping > 1.0:
+            return f"the shaft would be damped {damping:.2g} times beyond critical, and not swing"
+        return ""
 
     def size_in_words(self, shape: ShaftShape, coefficients: FloatArray, torque: float) -> str:
         """The stiffness alone: its torque depends on how the motion sets it swinging."""

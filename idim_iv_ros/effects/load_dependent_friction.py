@@ -11,6 +11,7 @@ from idim_iv_ros.effects.effect import JointScale, OperatingRange, Place, Shape,
 from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
+_MOST = 1.0  # friction as large as the load: a screw that is driven from its nut
 _TYPICAL = 0.1  # of the load: 3 to 40 %
 
 
@@ -108,6 +109,13 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
     ) -> bool:
         """Coefficients up to the middle of what gears have."""
         return bool(max(coefficients[0], coefficients[-1]) <= _TYPICAL)
+
+    def impossible(
+        self, shape: LoadShape, coefficients: FloatArray, joint: int, covered: OperatingRange
+    ) -> str:
+        """Friction that is larger than the load that makes it."""
+        largest = float(max(coefficients[0], coefficients[-1]))
+        return "" if largest <= _MOST else f"friction would be {largest:.2g} times the load"
 
     def parameters(
         self, shape: LoadShape, coefficients: FloatArray, deviations: FloatArray

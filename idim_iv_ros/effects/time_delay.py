@@ -12,6 +12,7 @@ from idim_iv_ros.types import FloatArray
 
 _TERMS = 3  # of the Taylor series: the rows end where 2π f delay is about one
 _DELAYS = (0.0003, 0.0006, 0.001, 0.002, 0.004, 0.008, 0.012)
+_LONGEST = 0.02  # s
 _TYPICAL_DELAY = 0.002  # s, of 0.25 to 20 ms
 
 
@@ -81,6 +82,14 @@ class TimeDelay(StructuralEffect[DelayShape]):
     ) -> bool:
         """Delays up to the middle of what drives have."""
         return bool(shape.delay * coefficients[0] <= _TYPICAL_DELAY)
+
+    def impossible(
+        self, shape: DelayShape, coefficients: FloatArray, joint: int, covered: OperatingRange
+    ) -> str:
+        """Delays that no drive has."""
+        delay = float(shape.delay * coefficients[0])
+        longest = 1e3 * _LONGEST
+        return "" if delay <= _LONGEST else f"{1e3 * delay:.2g} ms are beyond {longest:.0f} ms"
 
     def parameters(
         self, shape: DelayShape, coefficients: FloatArray, deviations: FloatArray

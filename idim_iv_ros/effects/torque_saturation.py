@@ -51,6 +51,7 @@ class TorqueSaturation(StructuralEffect[KneeShape]):
     confounders = ("load_dependent_friction", "nonlinear_viscous")
     excitation = "high accelerations with a payload, up to the torque limit"
     beyond_motion = "needs torques near the limit: add a payload, or raise --margin"
+    beyond_knee = True
     typical = ShareOf("peak", 0.05)  # 0 to 15 %
     specs = (
         ParameterSpec("knee", "N m", "torque from which on it saturates", None, "positive"),

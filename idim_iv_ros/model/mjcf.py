@@ -105,7 +105,7 @@ class _Writer:
     def text(self) -> str:
         root = ElementTree.Element("robot", name=self.name)
         more = ElementTree.SubElement(root, EXTENSION, source="mjcf")
-        for note in notes(self.model):
+        for note in notes(self.mujoco, self.model):
             ElementTree.SubElement(more, "note").text = note
         self.names = _joint_names(self.model)
         self.tied = tied_joints(self.mujoco, self.model)

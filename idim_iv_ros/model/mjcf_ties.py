@@ -5,6 +5,29 @@ from typing import Any
 
 import numpy as np
 
+# Effects that an exported MJCF holds as elements of its own. A tuple of `custom` by this name lists
+# the joints or tendons: they are no part of the nominal model, and `notes` says so.
+DAMPING, SPRING, COUPLING = "nonlinear_viscous", "spring", "joint_coupling"
+
+
+def native_elements(mujoco: Any, model: Any) -> dict[str, list[int]]:
+    """Joints (for a coupling: tendons) whose elements are effects of an export, by effect."""
+    found: dict[str, list[int]] = {}
+    for effect, kind in (
+        (DAMPING, mujoco.mjtObj.mjOBJ_JOINT),
+        (SPRING, mujoco.mjtObj.mjOBJ_JOINT),
+        (COUPLING, mujoco.mjtObj.mjOBJ_TENDON),
+    ):
+        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TUPLE, effect)
+        if index < 0:
+            continue
+        first = int(model.tuple_adr[index])
+        places = range(first, first + int(model.tuple_size[index]))
+        found[effect] = [
+            int(model.tuple_objid[place]) for place in places if model.tuple_objtype[place] == kind
+        ]
+    return found
+
 
 def tied_joints(mujoco: Any, model: Any) -> dict[int, str]:
     """Say of each joint that is no hinge or slide of its own what it is or what ties it."""
@@ -25,8 +48,9 @@ def tied_joints(mujoco: Any, model: Any) -> dict[int, str]:
             name = model.equality(equality).name
             words = f"tied by the equality{f' {name}' if name else ''}"
             tie(_of_equality(mujoco, model, equality), words)
+    effects = native_elements(mujoco, model).get(COUPLING, [])
     for tendon in range(model.ntendon):
-        if _acts(mujoco, model, tendon):
+        if tendon not in effects and _acts(mujoco, model, tendon):
             name = model.tendon(tendon).name
             words = f"driven by the tendon{f' {name}' if name else ''}"
             tie(_of_tendon(mujoco, model, tendon), words)
@@ -96,11 +120,14 @@ def _carriers(model: Any, body: int) -> set[int]:
 def extra_forces(mujoco: Any, model: Any) -> dict[int, str]:
     """Say of joints what acts on them that the nominal model has no term for."""
     found: dict[int, list[str]] = {}
+    effects = native_elements(mujoco, model)
     for joint in range(model.njnt):
         dof, words = int(model.jnt_dofadr[joint]), []
-        if float(model.jnt_stiffness[joint]) or np.any(_poly(model, "jnt_stiffnesspoly", joint)):
+        sprung = model.jnt_stiffness[joint] or np.any(_poly(model, "jnt_stiffnesspoly", joint))
+        if sprung and joint not in effects.get(SPRING, []):
             words.append("a spring (stiffness)")
-        if np.any(_poly(model, "dof_dampingpoly", dof)):
+        curved = np.any(_poly(model, "dof_dampingpoly", dof))
+        if curved and joint not in effects.get(DAMPING, []):
             words.append("nonlinear damping")
         if words:
             found[joint] = words
@@ -120,9 +147,16 @@ def _poly(model: Any, name: str, index: int) -> Any:
     return 0.0 if values is None else values[index]
 
 
-def notes(model: Any) -> list[str]:
+def notes(mujoco: Any, model: Any) -> list[str]:
     """What holds for the whole file and is no part of the nominal model, a sentence each."""
     said = []
+    for effect, elements in native_elements(mujoco, model).items():
+        one = model.tendon if effect == COUPLING else model.joint
+        listed = ", ".join(one(index).name for index in elements)
+        said.append(
+            f"{effect} of {listed}, which an export put there, is an effect and no part of the "
+            "nominal model"
+        )
     compensated = [model.body(b).name for b in range(model.nbody) if model.body_gravcomp[b] != 0.0]
     if compensated:
         listed = ", ".join(name or "an unnamed body" for name in compensated)

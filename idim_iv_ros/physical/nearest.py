@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from idim_iv_ros.model import BaseParameters, RobotModel
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
@@ -144,7 +144,7 @@ def nearest_physical(
         statistic=distance,
         df=len(shown),
         df_denom=None,
-        p_value=float(chi2.sf(distance, len(shown))),
+        p_value=float(chdtrc(len(shown), distance)),
         alpha=ALPHA,
     )
     error = None

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from idim_iv_ros.recording.clock import GAP, StampedMessages, selected
 from idim_iv_ros.recording.recording import Note, Signal
@@ -119,6 +118,8 @@ def _between(target: FloatArray, known: FloatArray, values: FloatArray, gap: flo
     Halfway between samples a line keeps cos(π f / rate) of a signal at f: 3 % are lost at 20 Hz of
     an effort at 250 Hz, 12 % at 125 Hz, and a spline loses 0.1 and 1 %.
     """
+    from scipy.interpolate import make_interp_spline  # here, because it takes half a second
+
     out = np.interp(target, known, values)
     cuts = np.flatnonzero(np.diff(known) > gap) + 1
     for part in np.split(np.arange(len(known)), cuts):

@@ -1,7 +1,12 @@
 """Closed-loop simulation of a robot with any dynamic parameters, and its control law."""
 
 from idim_iv_ros.simulation.closed_loop import ClosedLoopResult, simulate_closed_loop
-from idim_iv_ros.simulation.controller import ControlLaw, control_law, control_period
+from idim_iv_ros.simulation.controller import (
+    ControlLaw,
+    control_law,
+    control_period,
+    factor_of_lateness,
+)
 from idim_iv_ros.simulation.controller_fit import ControllerFit, fit_controller
 from idim_iv_ros.simulation.effects import SimulatedEffect
 from idim_iv_ros.simulation.inverse_dynamics import inverse_dynamics, joint_inertia, mass_matrix
@@ -20,6 +25,7 @@ __all__ = [
     "SimulatedRecording",
     "control_law",
     "control_period",
+    "factor_of_lateness",
     "filter_reference",
     "fit_controller",
     "inverse_dynamics",

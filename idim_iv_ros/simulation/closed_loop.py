@@ -96,7 +96,8 @@ def simulate_closed_loop(
 ) -> ClosedLoopResult:
     """Simulate a robot under its control law, from the first to the last reference sample.
 
-    The law sees the true position and velocity. Negative friction is simulated as none: Fv, Fc
+    The law sees the true position and velocity, or differences of the position through a filter
+    (`ControlLaw.speed_factor`). Negative friction is simulated as none: Fv, Fc
     and Fcm below zero count as zero, Fvm is kept within what dissipates. Before the first command
     arrives through a transport delay, the first command is taken to have been held.
 
@@ -221,6 +222,7 @@ def _loop(
         delay=tree(parts.delay),
         lag=tree(parts.lag),
         plant_step=float(plant_step),
+        speed_factor=0.0 if law.speed_factor is None else float(law.speed_factor),
     )
 
 

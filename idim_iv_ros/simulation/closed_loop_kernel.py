@@ -31,7 +31,8 @@ class Loop(NamedTuple):
     """Control law as one PID with feedforward, and the instants of the loop.
 
     kp, kd, ki, limit : (n,); position, velocity, feedforward, disturbance : (n_samples, n) at
-    `rate` (Hz); delay, lag : (n,) s; period, plant_step : s. Joints in tree order.
+    `rate` (Hz); delay, lag : (n,) s; period, plant_step : s; speed_factor : of the filter of
+    differences that the law takes for the speed, 0 for the exact one. Joints in tree order.
     """
 
     kp: FloatArray
@@ -47,6 +48,7 @@ class Loop(NamedTuple):
     delay: FloatArray
     lag: FloatArray
     plant_step: float
+    speed_factor: float
 
 
 class Trace(NamedTuple):
@@ -106,6 +108,18 @@ def filter_command(loop: Loop, first: bool, filtered: FloatArray, out: FloatArra
 
 
 @kernel
+def see_speed(loop: Loop, first: bool, state: State, q: FloatArray, dq: FloatArray) -> None:
+    """Filter differences of the positions that a law sees whose speed is not the exact one."""
+    for i in range(state.speed.shape[0]):
+        if first:
+            state.speed[i] = dq[i]
+        else:
+            difference = (q[i] - state.seen[i]) / loop.period
+            state.speed[i] += loop.speed_factor * (difference - state.speed[i])
+        state.seen[i] = q[i]
+
+
+@kernel
 def too_fast(dq: FloatArray) -> int:
     """Joint whose speed is not below the limit, or -1."""
     for i in range(dq.shape[0]):
@@ -126,10 +140,19 @@ def control(effects: Effects | None, loop: Loop, state: State, time: float, cont
     """Command of one control instant, into the ring of those on their way."""
     row = state.pending[controls % state.pending.shape[0]]
     if effects is None:
-        command(loop, time, state.q, state.dq, state.integral, row)
+        dq = state.dq
+        if loop.speed_factor > 0.0:
+            see_speed(loop, controls == 0, state, state.q, state.dq)
+            dq = state.speed
+        command(loop, time, state.q, dq, state.integral, row)
     else:
         measure(effects.rows, state.q, state.dq, effects.measured)
-        command(loop, time, effects.measured[0], effects.measured[1], state.integral, row)
+        shown = effects.measured[0]
+        seen = effects.measured[1]
+        if loop.speed_factor > 0.0:
+            see_speed(loop, controls == 0, state, shown, seen)
+            seen = state.speed
+        command(loop, time, shown, seen, state.integral, row)
         filter_command(loop, controls == 0, state.filtered, row)
     if controls == 0:
         for i in range(row.shape[0]):

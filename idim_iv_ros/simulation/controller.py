@@ -34,6 +34,9 @@ class ControlLaw:
         From the command to the torque on the joint, s.
     feedforward : (n_samples, n_joints) or None
         Torque added to the command, sampled like the references.
+    speed_factor : float or None
+        Of the first-order filter through which the law sees backward differences of the position
+        over its period, v ← v + factor (Δq / period − v); 1 is no filter. None: the exact speed.
     """
 
     type: Literal["pd", "cascade"]
@@ -47,6 +50,7 @@ class ControlLaw:
     period: float | None
     delay: float
     feedforward: FloatArray | None = None
+    speed_factor: float | None = None
 
     @property
     def torque_gains(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -69,6 +73,28 @@ class ControlLaw:
         if self.type == "cascade":
             return replace(self, drive_gain=self.drive_gain * factor)
         return replace(self, kp=self.kp * factor, kd=self.kd * factor, ki=self.ki * factor)
+
+
+def factor_of_lateness(lateness: float, period: float) -> float | None:
+    """Filter of differences over a control period that is as late as another speed.
+
+    A backward difference is half a period late, and a filter of factor f another (1 − f) / f
+    periods (its group delay at low frequencies).
+
+    Parameters
+    ----------
+    lateness, period
+        s.
+
+    Returns
+    -------
+    float or None
+        0 < factor ≤ 1; None where differences over the period are later than that: the exact speed
+        is then as near.
+    """
+    if lateness < 0.5 * period * (1.0 - 1e-9):
+        return None
+    return min(1.0, period / (lateness + 0.5 * period))
 
 
 def control_period(section: ControllerSection, rates: Iterable[float]) -> float:

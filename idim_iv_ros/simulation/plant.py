@@ -83,6 +83,8 @@ class State(NamedTuple):
     integral, applied, acting, before, filtered, fraction : (n,)
         Of the joints: integral of the control error, torque that has arrived, with the disturbance,
         the same before this instant, output of the command's filter, delay beyond whole periods, s.
+    seen, speed : (n,)
+        Position at the last control instant, and the speed that a law with a filter sees there.
     whole, arrivals : (n,)
         Delay in whole control periods, commands that have arrived.
     pending : (ring, n)
@@ -104,6 +106,8 @@ class State(NamedTuple):
     before: FloatArray
     filtered: FloatArray
     fraction: FloatArray
+    seen: FloatArray
+    speed: FloatArray
     whole: IntArray
     arrivals: IntArray
     pending: FloatArray
@@ -132,7 +136,7 @@ def initial_state(
     speed = dq[plant.first] + np.where(plant.second >= 0, plant.direction * dq[plant.second], 0.0)
     n, contacts = len(delay), len(plant.level)
     ddq, middle, predicted, spare, rest = np.zeros((5, len(q)))
-    integral, applied, acting, before, filtered = np.zeros((5, n))
+    integral, applied, acting, before, filtered, seen, speed_seen = np.zeros((7, n))
     return State(
         q=q,
         dq=dq,
@@ -147,6 +151,8 @@ def initial_state(
         before=before,
         filtered=filtered,
         fraction=fraction,
+        seen=seen,
+        speed=speed_seen,
         whole=whole,
         arrivals=np.zeros(n, dtype=np.int64),
         pending=np.zeros((whole.max() + 2, n)),

@@ -39,6 +39,8 @@ class Answer:
     Attributes
     ----------
     path : Path
+    bags : tuple of str
+        Its recordings, as the result names them.
     diagnosed : bool
         A gap.json; otherwise a result.json.
     robot : RobotModel
@@ -52,6 +54,7 @@ class Answer:
     """
 
     path: Path
+    bags: tuple[str, ...]
     diagnosed: bool
     robot: RobotModel
     physical: PhysicalParameters
@@ -92,9 +95,9 @@ def read_answer(path: Path, configuration: Configuration, urdf: str, source: str
         _require_same_nominal(path, result, physical, model, source)
     causes = result.causes if isinstance(result, GapResult) else ()
     effects, inside, notes = _effects(path, causes, joints)
-    return Answer(
-        path, isinstance(result, GapResult), model.robot, physical, effects, inside, notes
-    )
+    diagnosed = isinstance(result, GapResult)
+    bags = tuple(bag if isinstance(bag, str) else bag.path for bag in result.bags)
+    return Answer(path, bags, diagnosed, model.robot, physical, effects, inside, notes)
 
 
 def _require_same_joints(

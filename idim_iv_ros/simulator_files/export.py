@@ -9,7 +9,7 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import FilePath, complete_files
+from idim_iv_ros.files import EFFECTS, FilePath, complete_files
 from idim_iv_ros.model import load_robot, read_urdf_file, read_urdf_text
 from idim_iv_ros.model.parameters import REGRESSOR_ORDER
 from idim_iv_ros.model.urdf import Urdf
@@ -26,7 +26,7 @@ from idim_iv_ros.simulator_files.urdf_text import MOMENTS, with_values
 from idim_iv_ros.simulators.effects_file import EffectsFile, PlantedEffect
 from idim_iv_ros.types import FloatArray
 
-EFFECTS, ISAAC_LAB, CHANGES = "effects.json", "isaac_lab.py", "changes.md"
+ISAAC_LAB, CHANGES = "isaac_lab.py", "changes.md"
 _READ_BACK = 1e-9  # of the largest parameter of its kind
 
 
@@ -40,6 +40,8 @@ class Exported:
     not_native : tuple of str
         Effects that MuJoCo has no element for.
     notes : tuple of str
+    bags : tuple of str
+        Names of the recordings that the result is from.
     """
 
     urdf: Path
@@ -50,6 +52,7 @@ class Exported:
     changes: Path
     not_native: tuple[str, ...]
     notes: tuple[str, ...]
+    bags: tuple[str, ...]
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -87,6 +90,12 @@ def export(
     """
     path, out = Path(result), Path(out)
     source = configuration.robot.urdf
+    if configuration.robot.mjcf is not None:
+        raise UsageError(
+            f"{configuration.source or 'configuration'}: robot.mjcf is the nominal model, and an "
+            "export changes values of a URDF: diagnose with the same robot as robot.urdf, or "
+            "replay this result as it is: `idim-iv replay BAG --effects gap.json`"
+        )
     if source is None:
         raise UsageError(
             f"{configuration.source or 'configuration'}: robot.urdf is not given: there is no file "
@@ -105,6 +114,7 @@ def export(
         changes=out / CHANGES,
         not_native=(),
         notes=(),
+        bags=answer.bags,
     )
     _require_other_files(made, source, path, configuration, force)
     robot = answer.robot

@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import RobotModel
+from idim_iv_ros.model.mjcf_ties import COUPLING
 from idim_iv_ros.model.urdf import Urdf
 from idim_iv_ros.simulator_files.law import DriveLaw
 from idim_iv_ros.simulator_files.links import LinkBody
@@ -84,7 +85,9 @@ def mjcf_text(
         gravity=_numbers(gravity),
         integrator="implicitfast",
     )
-    _law_numbers(root, robot, law)
+    custom = SubElement(root, "custom")
+    _law_numbers(custom, robot, law)
+    _native_names(custom, robot, native)
     world = SubElement(root, "worldbody")
     values = _behind_transmission(values, robot)
     _bodies(world, robot, urdf, values, law, native)
@@ -96,9 +99,25 @@ def mjcf_text(
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _law_numbers(root: Element, robot: RobotModel, law: DriveLaw) -> None:
+def _native_names(custom: Element, robot: RobotModel, native: NativeEffects) -> None:
+    """Elements that are effects: who reads the file as a nominal model leaves them out."""
+    for effect, joints in native.joints.items():
+        listed = SubElement(custom, "tuple", name=effect)
+        for joint in joints:
+            SubElement(listed, "element", objtype="joint", objname=robot.joints[joint])
+    if native.couplings:
+        listed = SubElement(custom, "tuple", name=COUPLING)
+        for each in native.couplings:
+            name = _tendon_name(robot, each)
+            SubElement(listed, "element", objtype="tendon", objname=name)
+
+
+def _tendon_name(robot: RobotModel, coupled: Coupled) -> str:
+    return f"{robot.joints[coupled.first]}_{robot.joints[coupled.second]}"
+
+
+def _law_numbers(custom: Element, robot: RobotModel, law: DriveLaw) -> None:
     """The law, for a loop that runs it itself."""
-    custom = SubElement(root, "custom")
     SubElement(custom, "text", name="control_law", data=law.words)
     for name, gains in (("kp", law.kp), ("kd", law.kd), ("ki", law.ki), ("delay", law.delay)):
         SubElement(custom, "numeric", name=name, size=str(len(robot.joints)), data=_numbers(gains))
@@ -208,7 +227,7 @@ def _tendons(element: Element, robot: RobotModel, couplings: Sequence[Coupled]) 
         tendon = SubElement(
             element,
             "fixed",
-            name=f"{first}_{second}",
+            name=_tendon_name(robot, each),
             armature=_number(each.inertia),
             damping=_number(each.damping),
             frictionloss=_number(each.friction),

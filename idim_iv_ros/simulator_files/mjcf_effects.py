@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from idim_iv_ros.model import RobotModel
+from idim_iv_ros.model.mjcf_ties import COUPLING, DAMPING, SPRING
 from idim_iv_ros.simulator_files.law import DELAY, MISMATCH, SATURATION, DriveLaw
 from idim_iv_ros.simulators.effects_file import PlantedEffect
 
@@ -53,6 +54,12 @@ class NativeEffects:
     stiffness: dict[int, list[float]] = field(default_factory=dict)
     couplings: list[Coupled] = field(default_factory=list)
 
+    @property
+    def joints(self) -> dict[str, list[int]]:
+        """Joints whose elements hold an effect, by its name."""
+        found = {DAMPING: list(self.damping), SPRING: list(self.stiffness)}
+        return {effect: joints for effect, joints in found.items() if joints}
+
 
 def native_effects(
     effects: Sequence[PlantedEffect], robot: RobotModel, law: DriveLaw
@@ -75,13 +82,13 @@ def _taken(effect: PlantedEffect, robot: RobotModel, law: DriveLaw, found: Nativ
     if effect.joint is None:
         return False
     joint = robot.joints.index(effect.joint)
-    if effect.effect == "nonlinear_viscous" and numbers.get("power", 2.0) in (2.0, 3.0):
+    if effect.effect == DAMPING and numbers.get("power", 2.0) in (2.0, 3.0):
         place = int(numbers.get("power", 2.0)) - 2
         found.damping.setdefault(joint, [0.0, 0.0])[place] += numbers.get("coefficient", 0.0)
         return True
-    if effect.effect == "spring":
+    if effect.effect == SPRING:
         return _spring(effect, robot, joint, found)
-    if effect.effect == "joint_coupling":
+    if effect.effect == COUPLING:
         return _coupling(effect, robot, joint, found)
     return False
 

@@ -6,6 +6,7 @@ from typing import ClassVar, Final, Literal
 
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.documents import Document
+from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import read_text
 from idim_iv_ros.simulation import SimulatedEffect
 
@@ -68,6 +69,11 @@ def read_effects(path: Path) -> ExtendedModel:
         The file cannot be read, or is neither.
     """
     text = read_text(path, "the diagnosis", megabytes=_LARGEST)
+    if text.lstrip("\ufeff \t\r\n").startswith("<"):
+        raise UsageError(
+            f"{path}: is XML, not effects: --effects takes effects.json or gap.json, "
+            "--model an MJCF"
+        )
     if EFFECTS_FORMAT in text:
         planted = EffectsFile.from_json(text, str(path))
         effects = tuple(

@@ -153,6 +153,7 @@ class _Loop:
         parts = LawParts(*law.torque_gains, feedforward, still, still)
         self._law = changed_law(parts, added, references.velocity, references.rate)
         self._limit = law.torque_limit
+        self._speed_factor = law.speed_factor
         count = math.floor((len(references.position) - 1) / references.rate / period + 1e-6) + 1
         self._time = np.arange(count) * period
         self._wanted = self._at(references.position)
@@ -179,6 +180,8 @@ class _Loop:
         integral = np.zeros(len(self._joints))
         lag = np.where(law.lag > 0.0, -np.expm1(-self._period / np.maximum(law.lag, 1e-12)), 1.0)
         sent: FloatArray | None = None
+        seen: FloatArray | None = None
+        late = np.zeros(len(self._joints))
         before = data.qvel[self._dof] - model.opt.timestep * data.qacc[self._dof]
         for k, wanted in enumerate(self._wanted):
             q = data.qpos[self._qpos]
@@ -192,6 +195,10 @@ class _Loop:
                 true = data.qvel[self._dof[own]]
                 q[own], shown = effects.measured(data)
                 dq[own] += shown - true
+            if self._speed_factor is not None:
+                difference = dq if seen is None else (q - seen) / self._period
+                late = dq if seen is None else late + self._speed_factor * (difference - late)
+                seen, dq = q, late
             error = wanted - q
             command = law.kp * error + law.kd * (self._speed[k] - dq) + self._feedforward[k]
             moved = self._period * error

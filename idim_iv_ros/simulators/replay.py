@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +10,13 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.controller.simulated_speed import with_law_speed
 from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.estimation.sources import instrument_sources
-from idim_iv_ros.files import FilePath, FilePaths
+from idim_iv_ros.files import EFFECTS, FilePath, FilePaths
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.model.mujoco_package import load_mujoco
@@ -25,7 +26,12 @@ from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
 from idim_iv_ros.simulation.effects import joint_effects
 from idim_iv_ros.simulators.effects_file import ExtendedModel, read_effects
 from idim_iv_ros.simulators.mujoco_loop import MujocoMotion, References, run_in_mujoco
-from idim_iv_ros.simulators.replay_models import StageModel, plant_stage, xml_stage
+from idim_iv_ros.simulators.replay_models import (
+    StageModel,
+    plant_stage,
+    require_same_native,
+    xml_stage,
+)
 from idim_iv_ros.simulators.replay_result import (
     CORRECTED,
     NOMINAL,
@@ -113,8 +119,10 @@ def _laws(prepared: PreparedRegression) -> tuple[ControlLaw, ...]:
         raise DataError(
             f"{', '.join(missing)}: no reference to replay; name its topic as signals.reference"
         )
-    sources = instrument_sources(
-        prepared.configuration, prepared.model, prepared.motions, prepared.cutoffs
+    sources = with_law_speed(
+        instrument_sources(
+            prepared.configuration, prepared.model, prepared.motions, prepared.cutoffs
+        )
     )
     source = sources.sources[0]
     if not isinstance(source, SimulatedLoop):
@@ -139,7 +147,18 @@ def _stages(
     parameters = {} if extended is None else extended.parameters
     if str(model) != URDF:
         offsets = {name: v for name, v in parameters.items() if re.fullmatch(r"off\d+", name)}
-        stages.append(xml_stage(mujoco, robot, Path(model), offsets))
+        stage = xml_stage(mujoco, robot, Path(model), offsets)
+        if source is not None:
+            require_same_native(mujoco, Path(model), effects, source)
+        # Constant torques are parameters that the XML has no place for.
+        constant = [each for each in effects if each.effect == "torque_offset" and not offsets]
+        stages.append(
+            replace(
+                stage,
+                effects=(*stage.effects, *constant),
+                notes=_beside(Path(model), source),
+            )
+        )
     elif parameters:
         values = prepared.given.copy()
         names = list(prepared.model.base.names)
@@ -152,11 +171,17 @@ def _stages(
             values[names.index(name)] = value
         stages.append(plant_stage(mujoco, prepared.model, values, CORRECTED))
     beyond = [each for each in effects if not BY_NAME[each.effect].in_base_parameters]
-    if str(model) != URDF and not any(name.startswith("off") for name in parameters):
-        beyond += [each for each in effects if each.effect == "torque_offset"]
     if beyond:
         stages.append(stages[-1].with_effects(WITH_EFFECTS, beyond))
     return stages
+
+
+def _beside(model: Path, source: FilePath | None) -> tuple[str, ...]:
+    """Say that effects of an export were left out, where they lie beside its MJCF."""
+    effects = model.with_name(EFFECTS)
+    if source is not None or not effects.is_file():
+        return ()
+    return (f"without the effects of {effects}: add --effects {effects}",)
 
 
 def _compare(

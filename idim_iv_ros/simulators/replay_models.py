@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import read_text
+from idim_iv_ros.files import FilePath, read_text
 from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
+from idim_iv_ros.model.mjcf import is_mjcf
+from idim_iv_ros.model.mjcf_ties import COUPLING, DAMPING, SPRING, native_elements
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulators.mujoco import STIFFEST
 from idim_iv_ros.simulators.mujoco_loop import LONGEST_STEP
@@ -51,7 +53,9 @@ class StageModel:
     def with_effects(self, name: str, effects: Sequence[SimulatedEffect]) -> "StageModel":
         """The same with effects; those that a file has natively stay its own."""
         # Motors of a replay take the place of the file's actuators, and with them of their delay.
-        ours = [replace(e, native=e.native and e.effect not in _OF_DRIVES) for e in effects]
+        # A model that is made here has no effect of its own.
+        kept = self.xml is not None
+        ours = [replace(e, native=kept and e.native and e.effect in NATIVE) for e in effects]
         words = f"{self.words}, with {', '.join(dict.fromkeys(e.effect for e in ours))}"
         return replace(self, name=name, words=words, effects=(*self.effects, *ours))
 
@@ -78,8 +82,7 @@ class StageModel:
         return model
 
 
-_OF_DRIVES = ("time_delay", "torque_saturation", "torque_gain", "encoder_eccentricity",
-              "controller_mismatch")  # fmt: skip
+NATIVE = (DAMPING, SPRING, COUPLING)  # what elements beside the actuators hold
 
 
 def plant_stage(
@@ -114,6 +117,45 @@ def xml_stage(
     return StageModel("corrected", path.name, robot, None, path, _offsets(robot, constants))
 
 
+def require_same_native(
+    mujoco: Any, path: Path, effects: Sequence[SimulatedEffect], source: FilePath
+) -> None:
+    """Refuse effects that would be simulated twice, or not at all.
+
+    Raises
+    ------
+    UsageError
+        The MJCF has an effect as an element which `effects` do not mark as native, or the other way
+        round.
+    """
+    model = mujoco.MjModel.from_xml_path(str(path))
+    has = {
+        effect: {_joint_of(mujoco, model, effect, index) for index in elements}
+        for effect, elements in native_elements(mujoco, model).items()
+    }
+    both = f"the {path.name} and effects.json of one export belong together"
+    for each in effects:
+        if each.effect not in NATIVE or each.joint is None:
+            continue
+        found = each.joint in has.get(each.effect, ())
+        what = f"{each.effect} at {each.joint}"
+        if each.native and not found:
+            raise UsageError(
+                f"{each.source}: {what} is native, and {path} does not have it: {both}"
+            )
+        if found and not each.native:
+            raise UsageError(
+                f"{path}: has {what} as an element already, and {source} would add it again: {both}"
+            )
+
+
+def _joint_of(mujoco: Any, model: Any, effect: str, index: int) -> str:
+    """First joint of an element."""
+    if effect == COUPLING:
+        index = int(model.wrap_objid[model.tendon_adr[index]])
+    return str(model.joint(index).name)
+
+
 def _offsets(robot: RobotModel, values: Mapping[int, float]) -> tuple[SimulatedEffect, ...]:
     return tuple(
         SimulatedEffect("torque_offset", robot.joints[joint], {"offset": float(value)})
@@ -124,7 +166,11 @@ def _offsets(robot: RobotModel, values: Mapping[int, float]) -> tuple[SimulatedE
 
 def _read(mujoco: Any, path: Path, joints: Sequence[str]) -> Any:
     """Read a file of the same joints, and take its actuators out: the replay has its own."""
-    read_text(path, "the MJCF", megabytes=_LARGEST)
+    if not is_mjcf(read_text(path, "the MJCF", megabytes=_LARGEST)):
+        raise UsageError(
+            f"{path}: is no MJCF: its first element is not <mujoco>; --model takes the .xml of "
+            "`idim-iv export`, or `urdf` for the nominal model of the configuration"
+        )
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         model = spec.copy().compile()

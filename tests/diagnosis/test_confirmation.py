@@ -95,7 +95,21 @@ def test_folds_that_do_not_choose_it_cannot_speak_against_it(
     assert judged([figures], [0], monkeypatch, chosen=[Chosen(5, 5, 5)]).kept == []
 
 
+def test_what_no_arm_has_is_a_hint_however_well_it_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    result = judged([GOOD], [0], monkeypatch, impossible="the link would swing at 3.5 Hz")
+    assert result.kept == []
+    assert result.hints == [(0, "the link would swing at 3.5 Hz")]
+    assert result.outside == [0]  # its torque is there, and is not named
+
+
+def test_what_no_arm_has_and_does_not_hold_is_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    too_little = (0.01, 5, 5, 1.0, 0.5, (0.3, 0.6))
+    result = judged([too_little], [0], monkeypatch, impossible="the link would swing at 3.5 Hz")
+    assert (result.kept, result.outside) == ([], [])
+
+
 class Judgement(NamedTuple):
+    outside: list[int]
     kept: list[int]
     hints: list[tuple[int, str]]
 
@@ -113,6 +127,7 @@ def judged(
     monkeypatch: pytest.MonkeyPatch,
     family: str = "velocity",
     chosen: list[Chosen] | None = None,
+    impossible: str = "",
 ) -> Judgement:
     effects = [found(joint, family, number) for number, joint in enumerate(joints)]
     times = chosen or [Chosen(each[2], each[2], each[2]) for each in figures]
@@ -123,18 +138,25 @@ def judged(
         return FoldTest(known, tuple(times[k] for k in which))
 
     monkeypatch.setattr(confirmation, "tested", tested)
+    monkeypatch.setattr(
+        confirmation, "impossible", lambda _, model, __: [impossible] * len(model.found)
+    )
     monkeypatch.setattr(confirmation, "sized", lambda _, model: list(model.found))
     monkeypatch.setattr(
         confirmation,
         "built_model",
-        lambda _, kept, __: SimpleNamespace(found=tuple(kept), regression=None, fit=None),
+        lambda _, kept, outside: SimpleNamespace(
+            found=tuple(kept), nonparametric=tuple(outside), regression=None, fit=None
+        ),
     )
     model: Any = SimpleNamespace(found=tuple(effects), nonparametric=(), regression=None, fit=None)
     nothing: Any = SimpleNamespace()
     result = confirmation.confirmed(nothing, nothing, model, [], nothing)
     kept: list[Any] = list(result.model.found)
     hints: list[Any] = list(result.doubtful)
+    outside: list[Any] = list(result.model.nonparametric)
     return Judgement(
+        [effects.index(each) for each in outside],
         [effects.index(each) for each in kept],
         [(effects.index(each.found), each.reason) for each in hints],
     )

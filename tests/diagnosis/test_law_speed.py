@@ -105,3 +105,76 @@ def test_a_law_that_explains_its_commands_leaves_nothing_to_say(
 ) -> None:
     effort, _ = commands(arm, data.prepared.motions[0].signals, 0.3)
     assert check_law(commanded(data, effort)).beyond == ()
+
+
+def delayed(effort: np.ndarray, periods: list[float]) -> np.ndarray:
+    """Each joint's effort recorded as many samples late."""
+    time = np.arange(len(effort), dtype=float)
+    columns = [
+        np.interp(time - late, time, column) for late, column in zip(periods, effort.T, strict=True)
+    ]
+    return np.column_stack(columns)
+
+
+def test_a_lag_that_all_joints_share_is_the_recording_s_as_far_as_it_is_measured_late(
+    arm: SimulatedArm, data: Baseline
+) -> None:
+    signals = data.prepared.motions[0].signals
+    effort, _ = commands(arm, signals, 0.3)
+    period = 1.0 / signals.rate
+    late = commanded(data, delayed(effort, [3.0, 3.0]))
+    assert check_law(late, shift=-1.5 * period).findings == ()
+    # The same lag of commands that are recorded before they act lies between law and drive.
+    found = check_law(late, shift=0.5 * period).findings
+    assert {finding.joint for finding in found} == set(data.joints)
+    for finding in found:
+        assert finding.parameters["lag"].value == pytest.approx(3.0 * period, rel=0.1)
+
+
+def test_a_lag_beyond_that_of_the_other_joint_is_the_law_s(
+    arm: SimulatedArm, data: Baseline
+) -> None:
+    signals = data.prepared.motions[0].signals
+    effort, _ = commands(arm, signals, 0.3)
+    late = commanded(data, delayed(effort, [0.5, 3.5]))
+    (finding,) = check_law(late, shift=-3.0 / signals.rate).findings
+    assert finding.joint == data.joints[1]
+    assert finding.parameters["lag"].value == pytest.approx(3.5 / signals.rate, rel=0.1)
+
+
+def test_efforts_of_one_joint_that_are_much_off_do_not_decide(
+    arm: SimulatedArm, data: Baseline
+) -> None:
+    """A joint whose effort is also what another signal makes it, as a later speed would."""
+    signals = data.prepared.motions[0].signals
+    effort, _ = commands(arm, signals, 0.3)
+    _, later = commands(arm, signals, 0.12)
+    _, speed = commands(arm, signals, 0.3)
+    time = np.arange(len(effort)) / signals.rate
+    wrong = 1.0 + np.sin(3.0 * time)
+    effort[:, 1] -= 3.0 * arm.law.kd[1] * (later - speed)[:, 1] * wrong
+    chosen = law_speed(commanded(data, effort).prepared.motions, arm.law)
+    assert chosen.kind == "filtered"
+    assert chosen.factor == pytest.approx(0.3, rel=0.1)
+
+
+def test_commands_far_beyond_the_limit_do_not_reach_the_samples_beside_them(
+    arm: SimulatedArm, data: Baseline
+) -> None:
+    """Steps of the reference that ask for several times the limit, as a robot that clips them."""
+    signals = data.prepared.motions[0].signals
+    time = np.arange(len(signals.position)) / signals.rate
+    wanted = signals.position_reference.copy()
+    for begin in (2.0, 5.0, 9.0):
+        wanted[(time > begin) & (time < begin + 0.03)] += 0.5
+    stepped = replace(signals, position_reference=wanted)
+    effort, _ = commands(arm, stepped, 0.3)
+    limit = arm.law.torque_limit
+    assert np.all(np.abs(effort).max(axis=0) > 3.0 * limit)
+    (motion,) = data.prepared.motions
+    motions = (replace(motion, signals=replace(stepped, torque=np.clip(effort, -limit, limit))),)
+    changed = replace(data, prepared=replace(data.prepared, motions=motions))
+    assert law_speed(motions, arm.law).factor == pytest.approx(0.3, rel=0.05)
+    check = check_law(changed)
+    assert check.findings == ()
+    assert check.beyond == ()

@@ -50,7 +50,13 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> Bags:
 
 
 def without_timing(document: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in document.items() if key != "timing"}
+    """Without what is found by a solver that ends within its tolerance, too."""
+    return {key: value for key, value in document.items() if key not in ("timing", "physical")}
+
+
+def require_same_physical(one: dict[str, Any], other: dict[str, Any]) -> None:
+    for a, b in zip(one["physical"]["base"], other["physical"]["base"], strict=True):
+        assert abs(a["value"] - b["value"]) < 0.01 * a["std"]
 
 
 def is_increasing(result: GapResult) -> bool:
@@ -67,8 +73,9 @@ def test_any_order_of_bags_gives_the_same_gap(bags: Bags, arm: SimulatedArm, sta
         assert list(result.bags) == in_time
         assert is_increasing(result)
         assert "Measured and modelled torque" in gap_report_html(result)
-    first, second = (without_timing(result.to_document()) for result in results)
-    assert first == second
+    first, second = (result.to_document() for result in results)
+    assert without_timing(first) == without_timing(second)
+    require_same_physical(first, second)
 
 
 def test_bags_that_start_at_the_same_stamp_give_the_same_causes_in_any_order(
@@ -97,5 +104,7 @@ def test_any_order_of_bags_gives_the_same_identification(
     for order in (paths, [paths[1], paths[2], paths[0]], paths[::-1]):
         result = identify(order, arm.configuration)
         assert np.all(np.diff(result.series[0].time) > 0.0)
-        documents.append(without_timing(result.to_document()))
-    assert all(document == documents[0] for document in documents[1:])
+        documents.append(result.to_document())
+    for document in documents[1:]:
+        assert without_timing(document) == without_timing(documents[0])
+        require_same_physical(document, documents[0])

@@ -8,7 +8,8 @@ from pathlib import Path
 from tests.fuzz.case import Case, Good, random_of
 
 _ANSWERS = ((), (), ("--quiet",), ("--json",))
-_TO_ALL = {"check", "identify", "diagnose", "excite", "simulate", "import", "init"}
+_TO_ALL = {"check", "identify", "diagnose", "excite", "simulate", "import", "init", "replay",
+           "export"}  # fmt: skip
 _WITHOUT_FORCE = {"check"}
 # With --force these replace what somebody else wrote, as they were asked to.
 _NEVER_FORCED = re.compile(r"out-config-is-the-bag|out-\w+-empty")

@@ -14,6 +14,7 @@ from tests.fuzz import (
     first_configurations,
     places,
     robots,
+    simulators,
     tables,
 )
 from tests.fuzz.case import Case, Good
@@ -29,6 +30,7 @@ _FAMILIES = (
     places,
     first_configurations,
     arguments,
+    simulators,
 )
 _SEEDS = range(1, 11)
 

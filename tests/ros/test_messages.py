@@ -13,6 +13,7 @@ from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.identification.result import NOT_SIGNIFICANT
 from idim_iv_ros.nodes.identifier.gap_publisher import GapPublisher
 from idim_iv_ros.nodes.identifier.messages import gap_message, result_message
+from tests.report.sample_everything import sample_everything
 from tests.report.sample_gap import CASES, Case, sample_gap
 from tests.report.sample_result import sample_result
 
@@ -152,6 +153,15 @@ def test_every_verdict_becomes_a_message(case: Case) -> None:
     assert [each.stage for each in message.stages] == [each.name for each in result.stages]
     assert len(message.regimes) == len(result.regimes)
     assert (message.unexplained_joint == "") == (result.unexplained is None)
+
+
+def test_what_messages_have_no_field_for_is_left_to_gap_json(tmp_path: Path) -> None:
+    """Suspicions, a contrast, transmissions, physical parameters; causes without a p-value."""
+    result = sample_everything(tmp_path)
+    assert result.hints and result.contrast and result.transmissions and result.physical
+    message = gap_message(result, Time(), [], "diagnosis")
+    assert [each.effect for each in message.causes] == [each.effect for each in result.causes]
+    assert all(isnan(each.p_value) for each in message.causes)
 
 
 def test_an_identification_is_a_message_with_remarks_and_what_whitening_moves() -> None:

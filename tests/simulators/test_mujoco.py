@@ -5,6 +5,7 @@ closed loop are MuJoCo's here.
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -160,7 +161,16 @@ def arm():
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_the_motion_is_that_of_the_other_simulator(name: str, arm) -> None:
-    effects = MOTIONS[name]
+    motion_is_the_same(arm, MOTIONS[name])
+
+
+@pytest.mark.parametrize("name", ["none", "eccentricity"])
+def test_a_law_with_a_filtered_speed_is_the_same_in_both(name: str, arm) -> None:
+    late = replace(arm, law=replace(arm.law, speed_factor=0.2))
+    motion_is_the_same(late, MOTIONS[name])
+
+
+def motion_is_the_same(arm, effects: list[SimulatedEffect]) -> None:
     start, speed = arm.position_reference[0], arm.velocity_reference[0]
     references = References(
         arm.rate, arm.position_reference, arm.velocity_reference, start, speed, 0.0

@@ -82,13 +82,19 @@ class LawCheck:
     beyond: tuple[str, ...] = ()
 
 
-def check_law(data: Baseline, without: Collection[str] = ()) -> LawCheck:
+def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0.0) -> LawCheck:
     """Compare the recorded efforts with the configured law on the measured motion.
 
-    All samples count, also at reversals, except those at the torque limit. Constants, a lag of up
-    to two periods of the control, common to all joints, and a speed that the law differentiates and
-    filters (`law_speed`) are no mismatch. Empty where nothing can be compared or nothing differs;
-    `why_not_checked` says why.
+    All samples count, also at reversals, except those at the torque limit. Constants, a lag that
+    most joints share, of up to two periods of the control until the effort acts, and a speed that
+    the law differentiates and filters (`law_speed`) are no mismatch. Empty where nothing can be
+    compared or nothing differs; `why_not_checked` says why.
+
+    Parameters
+    ----------
+    shift
+        Common time from the recorded effort to the torque on the joints, s (`signal_chain`);
+        negative where the effort is measured after it acts: it is late by that, and not the law.
     """
     if ControllerMismatch.name in without or why_not_checked(data):
         return LawCheck()
@@ -102,7 +108,7 @@ def check_law(data: Baseline, without: Collection[str] = ()) -> LawCheck:
         rows = command_regression(data.prepared.motions, law, joint, speed)
         if rows is not None:
             compared[joint] = law_change(rows, law, joint, period)
-    longest = _longest_lag(list(compared.values()), period)
+    longest = _longest_lag(list(compared.values()), period, shift)
     found = [_finding(data, law, joint, change, longest) for joint, change in compared.items()]
     beyond = [_beyond_the_law(data, joint, change) for joint, change in compared.items()]
     return LawCheck(
@@ -187,12 +193,13 @@ def _events(change: LawChange) -> list[LawEvent]:
     return [event for event in events if event.energy >= least]
 
 
-def _longest_lag(compared: Sequence[LawChange], period: float) -> float:
-    """Lag up to which a joint's is no mismatch, s."""
-    longest = settings.LONGEST_LAG * period
+def _longest_lag(compared: Sequence[LawChange], period: float, shift: float) -> float:
+    """Lag up to which a joint's is no mismatch, s: that of half of the joints, and a little."""
+    longest = settings.LONGEST_LAG * period + max(-shift, 0.0)
     if len(compared) < 2:
         return longest
-    common = max(min(each.changes[LAG][0] for each in compared), 0.0)
+    lags = sorted(each.changes[LAG][0] for each in compared)
+    common = max(lags[(len(lags) - 1) // 2], 0.0)
     return min(longest, common + settings.LAG_DIFFERENCE * period)
 
 
@@ -200,7 +207,8 @@ def _finding(
     data: Baseline, law: ControlLaw, joint: int, change: LawChange, longest: float
 ) -> ControllerFinding | None:
     rows, fit, base = change.rows, change.fit, change.plain
-    if rms(rows.fit((), with_lag=False)) < settings.LAW_LEAST_DIFFERENCE * rows.size:
+    little = settings.LAW_LEAST_DIFFERENCE * rows.size
+    if rms(rows.fit((), with_lag=False)) < little:
         return None
     changes = change.changes
     lag, deviation = changes.pop(LAG)
@@ -210,6 +218,8 @@ def _finding(
         if acceptable(rows, short.fit(change.groups, with_lag=False), fit):
             changes[LAG] = (lag, deviation)
             base = short.fit((), with_lag=False)
+    if LAG not in changes and rms(base) < little:  # what an ordinary lag leaves
+        return None
     if not any(differs(value, deviation) for value, deviation in changes.values()):
         return None
     statistic = 2.0 * float(fit.log_likelihood - base.log_likelihood)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, comparable_rows
+from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, comparable_rows, limited
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
 from idim_iv_ros.estimation.rows import JointRows
@@ -93,7 +93,8 @@ def command_regression(
     noise_energy, energy = np.zeros(len(GROUPS)), np.zeros(len(GROUPS))
     for number, motion in enumerate(motions):
         signals = motion.signals
-        parts = effect.parts(signals, law, joint, speed.of(signals, joint))
+        whole = effect.parts(signals, law, joint, speed.of(signals, joint))
+        parts, _ = limited(whole, float(law.torque_limit[joint]), signals.rate)
         rest = signals.torque[:, joint] - parts.command
         groups = [parts.groups[name] for name in GROUPS]
         recorded = signals.torque[:, joint]

@@ -6,7 +6,7 @@ lateness; if one of these speeds explains the command, the law is as configured.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -14,7 +14,7 @@ import scipy
 from numpy.typing import NDArray
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
+from idim_iv_ros.effects.controller_mismatch import CommandParts, ControllerMismatch
 from idim_iv_ros.signals import JointSignals, Motion
 from idim_iv_ros.signals.motion import all_around
 from idim_iv_ros.simulation import ControlLaw
@@ -57,6 +57,12 @@ class LawSpeed:
         )
         return np.asarray(filtered)
 
+    def lateness(self, rate: float) -> float:
+        """Delay at low frequencies, s, of a speed that is computed at `rate` (Hz)."""
+        if self.kind != "filtered":
+            return 0.0
+        return ((1.0 - self.factor) / self.factor + 0.5) / rate
+
     @property
     def words(self) -> str:
         """What it is, for the report."""
@@ -78,16 +84,21 @@ def law_speeds(recorded: bool) -> tuple[LawSpeed, ...]:
     return (*first, *(LawSpeed("filtered", factor) for factor in FACTORS))
 
 
-def law_speed(motions: Sequence[Motion], law: ControlLaw) -> LawSpeed:
+def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = False) -> LawSpeed:
     """Choose the speed of the law, one for all joints and recordings.
 
     Constants, the gains and a lag of the command are fitted with each, so that another gain does
     not pass for another speed. The plain central difference stays unless another leaves clearly
     less.
+
+    Parameters
+    ----------
+    computed
+        Leave the recorded velocity out: only what can be computed from any position.
     """
     if not law.torque_gains[1].any():
         return LawSpeed()
-    recorded = all(motion.signals.velocity is not None for motion in motions)
+    recorded = not computed and all(motion.signals.velocity is not None for motion in motions)
     options = law_speeds(recorded)
     scores = _scores(motions, law, options)
     best = int(np.argmin(scores))
@@ -105,12 +116,18 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw) -> LawSpeed:
 
 
 def _scores(motions: Sequence[Motion], law: ControlLaw, speeds: Sequence[LawSpeed]) -> FloatArray:
-    """What each speed leaves of the commands: rms over joints of the share of their size."""
+    """What each speed leaves of the commands: share of their size, geometric mean over joints.
+
+    Each joint counts by its own noise, as in a likelihood: one whose efforts are much off, whatever
+    the speed, would decide in a mean of squares.
+    """
     joints = [joint for joint in range(len(law.kp)) if law.torque_gains[1][joint] > 0.0]
     shares = [
         share for joint in joints if (share := _shares(motions, law, joint, speeds)) is not None
     ]
-    return np.sqrt(np.mean(shares, axis=0)) if shares else np.zeros(len(speeds))
+    if not shares:
+        return np.zeros(len(speeds))
+    return np.asarray(np.exp(0.5 * np.mean(np.log(np.maximum(shares, 1e-30)), axis=0)))
 
 
 def _shares(
@@ -123,9 +140,10 @@ def _shares(
     for number, motion in enumerate(motions):
         signals = motion.signals
         central = plain.of(signals, joint)
-        parts = ControllerMismatch().parts(signals, law, joint, central)
+        whole = ControllerMismatch().parts(signals, law, joint, central)
+        parts, free = limited(whole, float(law.torque_limit[joint]), signals.rate)
         recorded = signals.torque[:, joint]
-        later = [speed.of(signals, joint) - central for speed in speeds]
+        later = [(speed.of(signals, joint) - central) * free for speed in speeds]
         error, slip = parts.groups["kp"], parts.groups["kd"]
         rest = recorded - parts.command
         table = np.column_stack([recorded, rest, parts.rate, error, slip, *later])
@@ -143,6 +161,25 @@ def _shares(
         rest = table[:, 1] + gain * change
         left.append(float(np.sum((rest - matrix @ np.linalg.lstsq(matrix, rest)[0]) ** 2)))
     return np.array(left) / max(float(np.sum(table[:, 0] ** 2)), 1e-300)
+
+
+def limited(
+    parts: CommandParts, limit: float, rate: float
+) -> tuple[CommandParts, NDArray[np.bool_]]:
+    """Parts of a command at its limit, and where it is free (n_samples,).
+
+    Rows at the limit do not count, but filters carry what a command is beyond it for half a second.
+    """
+    free = np.abs(parts.command) < limit
+    if free.all():
+        return parts, free
+    command = np.clip(parts.command, -limit, limit)
+    groups = {name: torque * free for name, torque in parts.groups.items()}
+    slope = np.gradient(command, 1.0 / rate)
+    acceleration = parts.acceleration * free
+    return replace(
+        parts, command=command, rate=slope, acceleration=acceleration, groups=groups
+    ), free
 
 
 def comparable_rows(motion: Motion, law: ControlLaw, joint: int) -> NDArray[np.bool_]:

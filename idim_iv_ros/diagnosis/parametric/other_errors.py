@@ -37,12 +37,14 @@ _AROUND = np.linspace(-1.4, 1.4, 9)
 class _RandomEffects:
     """Whitened columns of causes (e, m), target (e,), and the covariance of a unit of each error.
 
-    `covariances`: (e, e) of links and of drives.
+    `covariances`: (e, e) of links and of drives. `difference`: of one robot between recordings,
+    where errors of the nominal model cancel; nothing is then known beforehand of what is left.
     """
 
     causes: FloatArray
     target: FloatArray
     covariances: tuple[FloatArray, ...]
+    difference: bool = False
 
     def solved(self, errors: FloatArray) -> "_Solved":
         """Numbers of the causes by generalised least squares, with these relative errors."""
@@ -67,8 +69,9 @@ class _RandomEffects:
             - float(np.sum(np.log(norms[norms > 0.0])))
         )
         unusual = np.log(errors / settings.USUAL_RELATIVE_ERROR) / settings.USUAL_ERROR_SPREAD
+        known = 0.0 if self.difference else -0.5 * float(unusual @ unusual)
         return _Solved(
-            logarithm - 0.5 * float(unusual @ unusual),
+            logarithm + known,
             inverse @ coordinates,
             np.asarray(inverse @ inverse.T),
         )
@@ -150,7 +153,10 @@ def _random_effects(changes: ChangeRegression, named: Sequence[Change]) -> _Rand
     base = changes.factor[:, : len(changes.space.given)] @ model.base.grouping
     parts = [base @ errors for errors in (errors_of_links(model), errors_of_drives(model))]
     return _RandomEffects(
-        changes.factor @ directions, changes.right, tuple(part @ part.T for part in parts)
+        changes.factor @ directions,
+        changes.right,
+        tuple(part @ part.T for part in parts),
+        changes.space.difference,
     )
 
 

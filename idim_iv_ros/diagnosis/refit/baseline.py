@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.controller.simulated_speed import with_law_speed
 from idim_iv_ros.diagnosis.refit.processing import (
     may_count,
     reason_for_margin,
@@ -135,7 +136,9 @@ def refit_of(prepared: PreparedRegression) -> Baseline:
     configuration = prepared.configuration
     rows = observation_rows(prepared.model, prepared.motions)
     require_excitation(prepared, rows)
-    sources = instrument_sources(configuration, prepared.model, prepared.motions, prepared.cutoffs)
+    sources = with_law_speed(
+        instrument_sources(configuration, prepared.model, prepared.motions, prepared.cutoffs)
+    )
     estimate = idim_iv(
         rows,
         sources.sources,

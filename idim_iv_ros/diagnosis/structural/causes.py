@@ -33,7 +33,8 @@ class NamedModel:
     found : tuple of Found
         In the order in which they were accepted.
     nonparametric : tuple of Found
-        Functions outside the catalogue that explain more than any effect does.
+        Functions outside the catalogue that explain more than any effect does, and effects with
+        numbers that no hardware has (`possible`).
     regression : Regression
         With one block for each of `found`.
     fits : tuple of Fit

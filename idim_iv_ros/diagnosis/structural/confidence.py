@@ -21,6 +21,7 @@ from idim_iv_ros.diagnosis.structural.fold_search import FoldCandidate, FoldSear
 from idim_iv_ros.diagnosis.structural.likelihood import Columns
 from idim_iv_ros.diagnosis.structural.menu import Menu
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
+from idim_iv_ros.effects.time_delay import TimeDelay
 from idim_iv_ros.statistics.model_confidence_set import model_confidence_set
 from idim_iv_ros.types import FloatArray, IntArray
 
@@ -79,6 +80,8 @@ def alternatives_to(search: FoldSearch, this: Found, found: Sequence[Found]) -> 
     """What would be accepted in the place of an effect, the best supported first.
 
     Of nonparametric functions those of other families: one of its own describes the same torque.
+    Except where a delay is taken for the effect: the free dynamics of the torque hold delays and
+    lags of a drive, beside what the common shift of the recording has taken out.
     """
     model = search.model(EVERY_FOLD)
     taken = {each.candidate.key for each in found}
@@ -89,13 +92,18 @@ def alternatives_to(search: FoldSearch, this: Found, found: Sequence[Found]) -> 
         each
         for each in search.candidates(model, taken, refined=int(settings.REFINED_ALTERNATIVES))
         if each.gain >= settings.ALTERNATIVE_GAIN * this.candidate.gain
-        and not (
-            isinstance(each.effect, Nonparametric)
-            and each.effect.family == this.candidate.effect.family
-        )
+        and not _same_torque(this, each)
     ]
     able.sort(key=lambda each: -each.support)
     return able[: settings.MOST_ALTERNATIVES]
+
+
+def _same_torque(this: Found, other: FoldCandidate) -> bool:
+    """Whether a nonparametric function only describes the torque of an effect."""
+    effect = this.candidate.effect
+    if not isinstance(other.effect, Nonparametric) or other.effect.family != effect.family:
+        return False
+    return TimeDelay.name not in effect.confounders or effect.family != TimeDelay.family
 
 
 def blocks_of(data: Baseline) -> list[IntArray]:

@@ -11,10 +11,12 @@ from idim_iv_ros.diagnosis.identifiability.testability import floor_noise_models
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
 from idim_iv_ros.diagnosis.structural.attribution import Attribution, Found
+from idim_iv_ros.diagnosis.structural.candidate import operating_range
 from idim_iv_ros.diagnosis.structural.causes import NamedModel, built_model, label, named_model
 from idim_iv_ros.diagnosis.structural.cross_fitting import Chosen, CrossFitting
 from idim_iv_ros.diagnosis.structural.deviations import differs_from_nothing
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
+from idim_iv_ros.diagnosis.structural.possible import why_impossible
 from idim_iv_ros.signals import AutoregressiveModel
 
 
@@ -44,11 +46,14 @@ class Doubtful:
     chosen : Chosen
     reason : str
         Why it is only a hint.
+    nameless : bool
+        Whether it holds, and only its numbers are impossible: something outside of the catalogue.
     """
 
     found: Found
     chosen: Chosen
     reason: str
+    nameless: bool = False
 
 
 @dataclass(frozen=True)
@@ -130,12 +135,13 @@ def confirmed(
     doubtful: list[Doubtful] = []
     while True:
         result = tested(data, model, floors, folds)
-        weak = judged(model.found, result)
+        weak = judged(model.found, result, impossible(data, model, folds))
         if weak:
             doubtful += weak
             fallen = [each.found for each in weak]
             kept = [each for each in model.found if not _among(each, fallen)]
-            model = built_model(attribution, kept, model.nonparametric)
+            nameless = [each.found for each in weak if each.nameless]
+            model = built_model(attribution, kept, [*model.nonparametric, *nameless])
             result = tested(data, model, floors, folds)
         unknown = [each for each in model.found if not _among(each, sized(data, model))]
         if not unknown:
@@ -158,19 +164,44 @@ def _among(one: Found, others: Sequence[Found]) -> bool:
     return any(one is other for other in others)
 
 
-def judged(found: Sequence[Found], result: FoldTest) -> list[Doubtful]:
-    """Effects that do not hold without the data that chose them, each with the reason."""
+def impossible(data: Baseline, model: NamedModel, folds: CrossFitting) -> list[str]:
+    """Why each effect cannot be what it is named; see `possible`."""
+    if not model.found:
+        return []
+    drifts = any(each.candidate.effect.family == "time" for each in model.found)
+    divided = folds.choices(interleaved=drifts).folds
+    covered = operating_range(data)
+    ends = np.cumsum(model.regression.widths)
+    return [
+        why_impossible(
+            each, model.fit.coefficients[end - each.candidate.width : end], covered, divided
+        )
+        for each, end in zip(model.found, ends, strict=True)
+    ]
+
+
+def judged(found: Sequence[Found], result: FoldTest, impossible: Sequence[str]) -> list[Doubtful]:
+    """Effects that do not hold without the data that chose them, each with the reason.
+
+    Parameters
+    ----------
+    impossible
+        Why each cannot be what it is named; empty where it may be.
+    """
     weak: list[Doubtful] = []
     joints: dict[int, Found] = {}  # where what came later may correct what does not hold
-    for number, (each, chosen) in enumerate(zip(found, result.chosen, strict=True)):
+    for number, (each, chosen, no_such) in enumerate(
+        zip(found, result.chosen, impossible, strict=True)
+    ):
         joint = each.candidate.place.joint
-        reason = _why_not(result.held_out, number, each, chosen)
+        doubt = _why_not(result.held_out, number, each, chosen)
+        reason = no_such or doubt
         if joint in joints:
             first = joints[joint].candidate.effect.name.replace("_", " ")
             reason = f"it was found beside {first}, which does not hold there"
         if reason:
             joints.setdefault(joint, each)
-            weak.append(Doubtful(each, chosen, reason))
+            weak.append(Doubtful(each, chosen, reason, nameless=not doubt and reason == no_such))
     return weak
 
 

@@ -316,7 +316,9 @@ class FoldModel:
             shared = np.vstack([shared, each.turn.T @ (crossed - each.shared.T @ shared)])
         right = (whole[-1] - self.coordinates @ shared).reshape(-1, stack.width)
         energy = np.einsum("mii->mi", left.reshape(-1, stack.width, stack.width)).copy()
-        by_shape = shared.reshape(len(shared), -1, stack.width).transpose(1, 0, 2)
+        by_shape = shared.reshape(
+            len(shared), shared.shape[1] // stack.width, stack.width
+        ).transpose(1, 0, 2)
         remaining = left.reshape(-1, stack.width, stack.width) - np.matmul(
             by_shape.transpose(0, 2, 1), by_shape
         )

@@ -22,6 +22,7 @@ from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray, IntArray
 
 EVERY_FOLD = -1  # instead of a fold that is left out: none
+_LARGEST = 1e30  # whitened
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +175,10 @@ class FoldProducts:
                     self.inner[joint][k][:, part] = self.white[joint][inside].T @ own
                     self.own[joint][k][part, : entry.width] = _own(own, entry.width)
                 if len(self.draws):
-                    self.drawn[joint][part] = white.T.astype(np.float32) @ self.draws[joint]
+                    # A shape that overshoots all bounds is no candidate: single precision has none.
+                    usable = np.abs(white).max(axis=0, initial=0.0) < _LARGEST
+                    lines = np.where(usable, white, 0.0).T.astype(np.float32)
+                    self.drawn[joint][part] = lines @ self.draws[joint]
 
     def _whitened(self, joint: int, rows: FloatArray) -> FloatArray:
         return self.noise_models[joint].standardized(rows, self.joints[joint].segments)
@@ -261,5 +265,5 @@ def _contiguous(rows: IntArray) -> slice | IntArray:
 
 def _own(rows: FloatArray, width: int) -> FloatArray:
     """Products of each column with those of its own shape: (columns, width)."""
-    shapes = rows.reshape(len(rows), -1, width).transpose(1, 0, 2)
+    shapes = rows.reshape(len(rows), rows.shape[1] // width, width).transpose(1, 0, 2)
     return np.asarray(np.matmul(shapes.transpose(0, 2, 1), shapes)).reshape(-1, width)

@@ -135,5 +135,5 @@ class Scan:
 def _own_products(columns: FloatArray, width: int) -> FloatArray:
     """Products of the columns (r, m · width) of each of m candidates: (m, width, width)."""
     lines = np.ascontiguousarray(columns.T)
-    lines = lines.reshape(-1, width, len(columns))
+    lines = lines.reshape(columns.shape[1] // width, width, len(columns))
     return np.asarray(np.matmul(lines, lines.transpose(0, 2, 1)))

@@ -1,0 +1,92 @@
+"""Effects and results for `replay` and `export`: one thing in a good file is wrong."""
+
+import copy
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from tests.fuzz.case import Case, Good, random_of, write_configuration
+from tests.gap_files import gap_content
+
+_WRONG = (None, 0, -1, 1e300, -1e300, 1e-300, "x", "", [], {}, True, 0.5)
+_EFFECTS: dict[str, Any] = {
+    "format": "idim_iv_ros/effects/1",
+    "base_parameters": {"Fv1": 1.4},
+    "effects": [
+        {"effect": effect, "joint": joint, "other_joint": other, "parameters": numbers}
+        for effect, joint, other, numbers in (
+            ("stribeck", "joint_1", None, {"excess": 0.5, "speed": 0.1}),
+            ("elasticity", "joint_2", None, {"stiffness": 500.0, "damping": 0.8}),
+            ("joint_coupling", "joint_1", "joint_2", {"coulomb": 0.2, "viscous": 0.1}),
+            ("time_delay", None, None, {"delay": 0.003}),
+            ("spring", "joint_1", None, {"linear": 2.0}),
+        )
+    ],
+}
+_MJCF = {
+    "empty": "",
+    "not-text": "\udcff\udcfe",
+    "no-xml": "mujoco",
+    "another-root": "<robot/>",
+    "not-closed": "<mujoco><worldbody>",
+    "no-joints": "<mujoco/>",
+    "itself": '<mujoco><include file="arm.xml"/></mujoco>',
+    "no-mass": '<mujoco><worldbody><body><joint name="joint_1"/></body></worldbody></mujoco>',
+}
+
+
+def cases(seed: int) -> Iterator[Case]:
+    """Replays with changed effects and with other files; exports of changed results."""
+    for number in range(12):
+        name = f"replay-effects-{number}"
+        yield _replay(name, "--effects", "effects.json", _changed(_EFFECTS, seed, name))
+    for name, text in _MJCF.items():
+        yield _replay(f"replay-mjcf-{name}", "--model", "arm.xml", lambda text=text: text)
+        yield _replay(f"replay-as-effects-{name}", "--effects", "arm.xml", lambda text=text: text)
+    for number in range(8):
+        name = f"export-gap-{number}"
+        yield _export(name, _changed(gap_content(), seed, name))
+
+
+def _changed(whole: dict[str, Any], seed: int, name: str) -> Callable[[], str]:
+    def text() -> str:
+        random, content = random_of(seed, name), copy.deepcopy(whole)
+        places = list(_places(content))
+        *above, last = places[int(random.integers(len(places)))]
+        inside = content
+        for key in above:
+            inside = inside[key]
+        inside[last] = _WRONG[int(random.integers(len(_WRONG)))]
+        return json.dumps(content)
+
+    return text
+
+
+def _places(content: Any, above: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    keys = content.keys() if isinstance(content, dict) else range(len(content))
+    for key in keys:
+        yield (*above, key)
+        if isinstance(content[key], dict | list):
+            yield from _places(content[key], (*above, key))
+
+
+def _replay(name: str, option: str, file: str, text: Callable[[], str]) -> Case:
+    def build(folder: Path, good: Good) -> list[str]:
+        path = folder / file
+        path.write_bytes(text().encode("utf-8", "surrogateescape"))
+        config, out = write_configuration(folder), folder / "out"
+        arguments = ["replay", str(good.bag), "--config", str(config), "--out", str(out)]
+        return [*arguments, option, str(path)]
+
+    return Case(name, build)
+
+
+def _export(name: str, text: Callable[[], str]) -> Case:
+    def build(folder: Path, good: Good) -> list[str]:
+        path = folder / "gap.json"
+        path.write_text(text(), encoding="utf-8")
+        config, out = write_configuration(folder), folder / "out"
+        return ["export", str(path), "--config", str(config), "--out", str(out)]
+
+    return Case(name, build)
