@@ -135,7 +135,11 @@ def concluded(
     tracked = tracked_stages(data, model, data.prepared.given)
     simulated = simulation_gaps(model, tracked)
 
-    parametric = parametric_causes(data, *model.for_parameters(data), parameters)
+    agreed = agreement(data, attribution, parameters)
+    # Numbers of recordings that differ are a mean of none: what base parameters cannot hold, a gain
+    # or a tilt, may be the difference itself.
+    able = [each for each in parameters if each.in_base_parameters or not agreed.differences]
+    parametric = parametric_causes(data, *model.for_parameters(data), able)
     law = check_law(data, without, shift=refit.shift.shift)
     causes = [
         *structural_causes(data, model, held.tested, simulated, selections_of(held)),
@@ -160,7 +164,7 @@ def concluded(
         excluded=shafts.notes,
         parametric=parametric,
         law=law,
-        agreement=agreement(data, attribution, parameters),
+        agreement=agreed,
         where=where(data, regression, attribution.refit, held.floors),
         confusability=shown,
         not_testable=not_testable,

@@ -4,12 +4,14 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from idim_iv_ros.errors import ReportWarning, UsageError
 from idim_iv_ros.files import GAP, REPORT
 from idim_iv_ros.report import page, require_writable, write_gap_report, write_report
+from idim_iv_ros.report.section import Section
 from tests.report.sample_gap import sample_gap
 from tests.report.sample_result import sample_result
 
@@ -81,6 +83,11 @@ def test_a_disk_that_is_full_after_the_numbers_costs_the_page_alone(
     assert str(numbers) in line
 
 
+def _anchors(text: str, sections: tuple[Section[Any], ...]) -> set[str]:
+    """Sections that are on a page."""
+    return {each.anchor for each in sections if f'<section id="{each.anchor}"' in text}
+
+
 @pytest.mark.parametrize("command", ["identify", "diagnose"])
 def test_no_section_of_a_report_costs_a_result_nor_the_other_sections(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
@@ -89,7 +96,14 @@ def test_no_section_of_a_report_costs_a_result_nor_the_other_sections(
     sections = getattr(page, which)
     _, (_, whole) = _written(command, tmp_path / "whole", 2)
     assert whole is not None
+<<<<<<< HEAD
     usual = _shown(sections, whole.read_text(encoding="utf-8"))
+=======
+    there = _anchors(whole.read_text(encoding="utf-8"), sections)
+    assert (
+        len(there) > len(sections) / 2
+    )  # transmissions, a contrast and notes are not of every recording
+>>>>>>> m-sim
     for number, section in enumerate(sections):
         broken = replace(section, context=_fails)
         monkeypatch.setattr(page, which, (*sections[:number], broken, *sections[number + 1 :]))
@@ -99,7 +113,11 @@ def test_no_section_of_a_report_costs_a_result_nor_the_other_sections(
         text = written.read_text(encoding="utf-8")
         assert text.count("negative elements") == 1
         assert f"All numbers are in {numbers.name}." in text
+<<<<<<< HEAD
         assert _shown(sections, text) == usual | {section.anchor}
+=======
+        assert _anchors(text, sections) == there | {section.anchor}
+>>>>>>> m-sim
         (line,) = lines
         assert section.title in line
         monkeypatch.undo()
