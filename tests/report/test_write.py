@@ -1,7 +1,6 @@
 import json
 import os
 import warnings
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -96,14 +95,10 @@ def test_no_section_of_a_report_costs_a_result_nor_the_other_sections(
     sections = getattr(page, which)
     _, (_, whole) = _written(command, tmp_path / "whole", 2)
     assert whole is not None
-<<<<<<< HEAD
-    usual = _shown(sections, whole.read_text(encoding="utf-8"))
-=======
     there = _anchors(whole.read_text(encoding="utf-8"), sections)
     assert (
         len(there) > len(sections) / 2
     )  # transmissions, a contrast and notes are not of every recording
->>>>>>> m-sim
     for number, section in enumerate(sections):
         broken = replace(section, context=_fails)
         monkeypatch.setattr(page, which, (*sections[:number], broken, *sections[number + 1 :]))
@@ -113,18 +108,10 @@ def test_no_section_of_a_report_costs_a_result_nor_the_other_sections(
         text = written.read_text(encoding="utf-8")
         assert text.count("negative elements") == 1
         assert f"All numbers are in {numbers.name}." in text
-<<<<<<< HEAD
-        assert _shown(sections, text) == usual | {section.anchor}
-=======
         assert _anchors(text, sections) == there | {section.anchor}
->>>>>>> m-sim
         (line,) = lines
         assert section.title in line
         monkeypatch.undo()
-
-
-def _shown(sections: Sequence[page.Section], text: str) -> set[str]:
-    return {each.anchor for each in sections if f'<section id="{each.anchor}"' in text}
 
 
 def _fails(_: object) -> None:
