@@ -155,7 +155,8 @@ def _evidence(cause: Cause) -> list[tuple[str, str]]:
     if known(evidence.p_value):
         facts.append(("p-value of the choice among all candidates", p_value(evidence.p_value)))
     if evidence.p_value_from:
-        facts.append(("Origin of the p-value", evidence.p_value_from))
+        what = "Origin of the p-value" if known(evidence.p_value) else "p-value"
+        facts.append((what, evidence.p_value_from))
     if evidence.held_out_gain is not None:  # parameter errors and control laws need no blocks
         gain = percent(100.0 * evidence.held_out_gain)
         facts.append(("Residual energy that it removes on held-out blocks", gain))
