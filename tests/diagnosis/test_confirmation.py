@@ -82,6 +82,14 @@ def test_what_few_folds_choose_is_a_hint(
     assert kept or f"only {times} of {folds} folds" in found.hints[0][1]
 
 
+def test_what_surely_takes_half_of_the_gap_may_act_in_some_folds_only(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for low, kept in ((0.55, [0]), (0.45, [])):
+        assert names([(0.5, 4, 6, 1.0, 0.4, (low, 0.8))], [0], monkeypatch) == kept
+    assert names([(0.5, 3, 6, 1.0, 0.4, (0.55, 0.8))], [0], monkeypatch) == []
+
+
 def test_what_is_indistinguishable_stands_in(monkeypatch: pytest.MonkeyPatch) -> None:
     chosen = [Chosen(own=1, standing_in=5, folds=5)]
     assert judged([GOOD], [0], monkeypatch, chosen=chosen).kept == [0]

@@ -228,6 +228,8 @@ def _why_not(tested: HeldOut, number: int, found: Found, chosen: Chosen) -> str:
     sure = gap.after < gap.before if gap.ci95 is None else gap.ci95[0] > 0.0
     drifts = found.candidate.effect.family == "time"
     least = settings.HELD_OUT_LEAST_FOLDS_OF_DRIFT if drifts else settings.HELD_OUT_LEAST_FOLDS
+    if gap.ci95 is not None and gap.ci95[0] >= settings.HELD_OUT_SURELY_LARGE:
+        least = min(least, settings.LEAST_FOLDS_CHOSEN)  # play acts at reversals, not in every fold
     if gain < settings.HELD_OUT_LEAST_GAIN:
         return f"it takes only {100.0 * gain:.2g} % of the residual on data that did not choose it"
     if helped < least * chosen.standing_in:
