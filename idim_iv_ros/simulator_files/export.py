@@ -10,7 +10,8 @@ import numpy as np
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import EFFECTS, FilePath, complete_files
-from idim_iv_ros.model import load_robot, read_urdf_file, read_urdf_text
+from idim_iv_ros.model import kinematics_digest, load_robot, read_urdf_file, read_urdf_text
+from idim_iv_ros.model.mjcf import mjcf_as_urdf
 from idim_iv_ros.model.parameters import REGRESSOR_ORDER
 from idim_iv_ros.model.urdf import Urdf
 from idim_iv_ros.model.urdf_reader import decoded_urdf
@@ -21,6 +22,7 @@ from idim_iv_ros.simulator_files.law import DriveLaw, drive_law
 from idim_iv_ros.simulator_files.links import LinkBody, body_of_joint, link_bodies
 from idim_iv_ros.simulator_files.mjcf import JointValues, mjcf_text
 from idim_iv_ros.simulator_files.mjcf_effects import Coupled, native_effects
+from idim_iv_ros.simulator_files.mjcf_values import with_mjcf_values
 from idim_iv_ros.simulator_files.shared_friction import below_zero
 from idim_iv_ros.simulator_files.urdf_text import MOMENTS, with_values
 from idim_iv_ros.simulators.effects_file import EffectsFile, PlantedEffect
@@ -37,6 +39,7 @@ class Exported:
     Attributes
     ----------
     urdf, mjcf, values, effects, isaac_lab, changes : Path
+        Where the nominal model is an MJCF, `urdf`, `values` and `isaac_lab` are None.
     not_native : tuple of str
         Effects that MuJoCo has no element for.
     notes : tuple of str
@@ -44,11 +47,11 @@ class Exported:
         Names of the recordings that the result is from.
     """
 
-    urdf: Path
+    urdf: Path | None
     mjcf: Path
-    values: Path
+    values: Path | None
     effects: Path
-    isaac_lab: Path
+    isaac_lab: Path | None
     changes: Path
     not_native: tuple[str, ...]
     notes: tuple[str, ...]
@@ -57,7 +60,8 @@ class Exported:
     @property
     def files(self) -> tuple[Path, ...]:
         """All of them."""
-        return (self.urdf, self.mjcf, self.values, self.effects, self.isaac_lab, self.changes)
+        files = (self.urdf, self.mjcf, self.values, self.effects, self.isaac_lab, self.changes)
+        return tuple(file for file in files if file is not None)
 
 
 def export(
@@ -65,14 +69,15 @@ def export(
 ) -> Exported:
     """Write a result as URDF, MJCF, effects, actuators of Isaac Lab and a table of changes.
 
-    All files appear together, or none does; none takes the place of the URDF that was read.
+    All files appear together, or none does; none takes the place of the file that was read. Where
+    the nominal model is an MJCF, that file is kept, with other values in it.
 
     Parameters
     ----------
     result
         A result.json or gap.json.
     configuration
-        That of the robot, with the URDF that the result was made with.
+        That of the robot, with the URDF or MJCF that the result was made with.
     out
         Folder; created if it does not exist.
     force
@@ -89,13 +94,7 @@ def export(
         or the files cannot be written.
     """
     path, out = Path(result), Path(out)
-    source = configuration.robot.urdf
-    if configuration.robot.mjcf is not None:
-        raise UsageError(
-            f"{configuration.source or 'configuration'}: robot.mjcf is the nominal model, and an "
-            "export changes values of a URDF: diagnose with the same robot as robot.urdf, or "
-            "replay this result as it is: `idim-iv replay BAG --effects gap.json`"
-        )
+    source = configuration.robot.description
     if source is None:
         raise UsageError(
             f"{configuration.source or 'configuration'}: robot.urdf is not given: there is no file "
@@ -105,17 +104,7 @@ def export(
     content = source.read_bytes()
     answer = read_answer(path, configuration, text, str(source))
     urdf = read_urdf_text(text, str(source))
-    made = Exported(
-        urdf=out / f"{source.stem}.urdf",
-        mjcf=out / f"{source.stem}.xml",
-        values=out / f"{source.stem}.values.yaml",
-        effects=out / EFFECTS,
-        isaac_lab=out / ISAAC_LAB,
-        changes=out / CHANGES,
-        not_native=(),
-        notes=(),
-        bags=answer.bags,
-    )
+    made = _files(source, out, answer, kept=urdf.from_mjcf)
     _require_other_files(made, source, path, configuration, force)
     robot = answer.robot
     bodies = {
@@ -128,7 +117,7 @@ def export(
     negative = below_zero(answer.physical, robot.joints)
     notes += tuple(
         f"friction of {each.joint} below zero, which another effect there makes up for, is the "
-        f"{each.effect} with parameters {each.parameters}: a URDF holds zero in its place"
+        f"{each.effect} with parameters {each.parameters}: the file holds zero in its place"
         for each in negative
     )
     constant = tuple(
@@ -137,29 +126,11 @@ def export(
         if offset
     )
     planted = (*answer.effects, *negative, *constant)
-    native, effects = native_effects(planted, robot, law)
-    dynamics = {
-        name: {"damping": float(drives.damping[joint]), "friction": float(drives.friction[joint])}
-        for joint, name in enumerate(robot.joints)
-    }
-    written = with_values(content, links, dynamics, str(source))
-    _require_read_back(written, configuration, drives, bodies, str(source))
-    origin = f"{path.name} ({'diagnosis' if answer.diagnosed else 'identification'})"
-    comments = _comments(origin, law, effects)
-    changed = [ChangedLink(name, _given(urdf, name), body) for name, body in links.items()]
-    names = [file.name for file in made.files]
-    if couplings := _base_of_couplings(answer):
-        notes = (*notes, f"{', '.join(couplings)}: in {EFFECTS} and the MJCF; a URDF has no place")
-    texts = {
-        made.urdf: written,
-        made.mjcf: mjcf_text(robot, urdf, drives, law, native, comments).encode(),
-        made.values: _overlay(answer, links, dynamics, origin).encode(),
-        made.effects: EffectsFile(base_parameters=couplings, effects=effects).to_json().encode(),
-        made.isaac_lab: isaac_lab_text(
-            robot, made.urdf.name, drives, law, effects, origin
-        ).encode(),
-        made.changes: changes_text(answer, changed, effects, law, names, notes).encode(),
-    }
+    what = _Findings(answer, source, content, urdf, bodies, links, drives, law, planted, notes)
+    if urdf.from_mjcf:
+        texts, effects, notes = _kept_mjcf(made, what, configuration)
+    else:
+        texts, effects, notes = _from_urdf(made, what, configuration)
     _write(texts, out)
     missing = tuple(
         f"{each.effect} at {each.joint}" if each.joint else each.effect
@@ -167,6 +138,112 @@ def export(
         if not each.native
     )
     return replace(made, not_native=missing, notes=(*answer.notes, *notes))
+
+
+@dataclass(frozen=True)
+class _Findings:
+    """What is to be written."""
+
+    answer: Answer
+    source: Path
+    content: bytes
+    urdf: Urdf
+    bodies: Mapping[str, FloatArray]
+    links: Mapping[str, LinkBody]
+    drives: JointValues
+    law: DriveLaw
+    planted: tuple[PlantedEffect, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def origin(self) -> str:
+        kind = "diagnosis" if self.answer.diagnosed else "identification"
+        return f"{self.answer.path.name} ({kind})"
+
+    @property
+    def changed(self) -> list[ChangedLink]:
+        return [
+            ChangedLink(name, _given(self.urdf, name), body) for name, body in self.links.items()
+        ]
+
+
+_Texts = tuple[dict[Path, bytes], tuple[PlantedEffect, ...], tuple[str, ...]]
+
+
+def _files(source: Path, out: Path, answer: Answer, *, kept: bool) -> Exported:
+    return Exported(
+        urdf=None if kept else out / f"{source.stem}.urdf",
+        mjcf=out / f"{source.stem}.xml",
+        values=None if kept else out / f"{source.stem}.values.yaml",
+        effects=out / EFFECTS,
+        isaac_lab=None if kept else out / ISAAC_LAB,
+        changes=out / CHANGES,
+        not_native=(),
+        notes=(),
+        bags=answer.bags,
+    )
+
+
+def _from_urdf(made: Exported, what: _Findings, configuration: Configuration) -> _Texts:
+    """Contents of all files; the MJCF is new, and holds what effects it can."""
+    answer, drives, law, source = what.answer, what.drives, what.law, str(what.source)
+    robot, notes = answer.robot, what.notes
+    assert made.urdf is not None and made.values is not None and made.isaac_lab is not None
+    native, effects = native_effects(what.planted, robot, law)
+    dynamics = {
+        name: {"damping": float(drives.damping[joint]), "friction": float(drives.friction[joint])}
+        for joint, name in enumerate(robot.joints)
+    }
+    written = with_values(what.content, what.links, dynamics, source)
+    _require_read_back(decoded_urdf(written), configuration, what)
+    comments = _comments(what.origin, law, effects)
+    names = [file.name for file in made.files]
+    if couplings := _base_of_couplings(answer):
+        notes = (*notes, f"{', '.join(couplings)}: in {EFFECTS} and the MJCF; a URDF has no place")
+    texts = {
+        made.urdf: written,
+        made.mjcf: mjcf_text(robot, what.urdf, drives, law, native, comments).encode(),
+        made.values: _overlay(answer, what.links, dynamics, what.origin).encode(),
+        made.effects: EffectsFile(base_parameters=couplings, effects=effects).to_json().encode(),
+        made.isaac_lab: isaac_lab_text(
+            robot, made.urdf.name, drives, law, effects, what.origin
+        ).encode(),
+        made.changes: changes_text(answer, what.changed, effects, law, names, notes).encode(),
+    }
+    return texts, effects, notes
+
+
+def _kept_mjcf(made: Exported, what: _Findings, configuration: Configuration) -> _Texts:
+    """Contents of all files; the MJCF is the user's, so that effects stay with the callbacks."""
+    answer, source = what.answer, what.source
+    if configuration.robot.couplings:
+        raise UsageError(
+            f"{configuration.source or 'configuration'}: robot.couplings: the coupled transmission "
+            f"would be a tendon that {source} does not have: diagnose with the same robot as "
+            "robot.urdf, whose export makes an MJCF with it"
+        )
+    written, more = with_mjcf_values(
+        what.content, source, what.urdf, what.links, answer.robot.joints, what.drives
+    )
+    _require_read_back(mjcf_as_urdf(source, decoded_urdf(written)), configuration, what)
+    notes = (
+        *what.notes,
+        *more,
+        "actuators, time step and everything else of the MJCF are as they were: the law is below",
+        f"there is no {ISAAC_LAB}: it needs a URDF",
+    )
+    if configuration.simulator.armature is not None:
+        notes += ("the MJCF holds the armature now: leave out simulator.armature beside it",)
+    effects = what.planted
+    names = [file.name for file in made.files]
+    texts = {
+        made.mjcf: written,
+        made.effects: EffectsFile(effects=effects).to_json().encode(),
+        made.changes: changes_text(
+            answer, what.changed, effects, what.law, names, notes, file="MJCF"
+        ).encode(),
+    }
+    return texts, effects, notes
 
 
 def _require_other_files(
@@ -229,20 +306,18 @@ def _given(urdf: Urdf, link: str) -> LinkBody | None:
     return LinkBody(inertial.mass, inertial.centre, inertial.inertia)
 
 
-def _require_read_back(
-    written: bytes,
-    configuration: Configuration,
-    drives: JointValues,
-    bodies: Mapping[str, FloatArray],
-    source: str,
-) -> None:
-    """Read the new URDF as this program reads any, and find the parameters that were meant."""
-    robot = load_robot(decoded_urdf(written), configuration.robot.joints, source=source)
-    meant = np.array(list(bodies.values()))
+def _require_read_back(text: str, configuration: Configuration, what: _Findings) -> None:
+    """Read the new file as this program reads any, and find the parameters that were meant."""
+    source, drives = str(what.source), what.drives
+    robot = load_robot(text, configuration.robot.joints, source=source)
+    meant = np.array(list(what.bodies.values()))
     found = robot.given.inertial[:, list(REGRESSOR_ORDER)]
     same = np.allclose(found, meant, rtol=0.0, atol=_READ_BACK * np.abs(meant).max())
     same &= np.allclose(robot.given.viscous, drives.damping, rtol=_READ_BACK)
     same &= np.allclose(robot.given.coulomb, drives.friction, rtol=_READ_BACK)
+    if what.urdf.from_mjcf:
+        same &= np.allclose(robot.given.drive_inertia, drives.armature, rtol=_READ_BACK)
+    same &= kinematics_digest(robot) == kinematics_digest(what.answer.robot)
     if not same:
         raise UsageError(
             f"{source}: values were put in, and others are read back: elements are written in a "
