@@ -80,7 +80,8 @@ def changes_text(
         "|---|---|---|---|---|---|---|",
         *(_row(each, file) for each in physical.parameters if not _is_drive(each)),
         "",
-        f"Elements of the {file}, centre and moments in the axes of the link's frame:",
+        f"Elements of the {file}, centre and moments in the axes of the "
+        + ("link's frame:" if file == "URDF" else "body, centre from the anchor of its joint:"),
         "",
         "| link | mass, kg | centre, m | moments ixx iyy izz, kg m² |",
         "|---|---|---|---|",

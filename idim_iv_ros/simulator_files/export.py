@@ -229,7 +229,8 @@ def _kept_mjcf(made: Exported, what: _Findings, configuration: Configuration) ->
     notes = (
         *what.notes,
         *more,
-        "actuators, time step and everything else of the MJCF are as they were: the law is below",
+        "everything else of the MJCF is as it was, actuators and time step too: these are not the "
+        "law of the configuration, which is in changes.md",
         f"there is no {ISAAC_LAB}: it needs a URDF",
     )
     if configuration.simulator.armature is not None:

@@ -97,7 +97,7 @@ def link_bodies(
         found |= spread
         notes.append(
             f"{main} and what is fixed behind it ({names}) changed together: with the inertials "
-            "that the URDF gives these, no body would be left for the link"
+            "that the file gives these, no body would be left for the link"
         )
     return found, tuple(notes)
 

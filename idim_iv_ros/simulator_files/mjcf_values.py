@@ -24,6 +24,7 @@ from idim_iv_ros.simulator_files.xml_edits import Edits, Element, number_text, n
 from idim_iv_ros.types import FloatArray
 
 _TURNS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
+_CHANGES_INERTIALS = ("balanceinertia", "fusestatic", "boundmass", "boundinertia", "settotalmass")
 # Of a sum that was taken apart again: what differs by less is rounding.
 _ROUNDING = 1e-14
 
@@ -75,17 +76,10 @@ def with_mjcf_values(
 
 def _require_own_inertials(mujoco: Any, spec: Any, model: Any, source: str) -> None:
     """Refuse a file in which an `<inertial>` is not what MuJoCo takes."""
-    compiler = spec.compiler
-    always = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
-    settings = {
-        'inertiafromgeom="true"': compiler.inertiafromgeom == always,
-        'balanceinertia="true"': bool(compiler.balanceinertia),
-        'fusestatic="true"': bool(compiler.fusestatic),
-        "boundmass": compiler.boundmass > 0.0,
-        "boundinertia": compiler.boundinertia > 0.0,
-        "settotalmass": compiler.settotalmass > 0.0,
-    }
-    found = [name for name, is_set in settings.items() if is_set]
+    always = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
+    found = ['inertiafromgeom="true"'] if int(spec.compiler.inertiafromgeom) == always else []
+    # A version of MuJoCo need not have all of them.
+    found += [name for name in _CHANGES_INERTIALS if getattr(spec.compiler, name, 0) > 0]
     if found:
         raise UsageError(
             f"{source}: <compiler> has {', '.join(found)}, so that the <inertial> of a body is not "
@@ -200,7 +194,7 @@ class _File:
         if body.jntnum[0] == 0:
             return np.zeros(3)
         last = int(body.jntadr[0] + body.jntnum[0]) - 1
-        if self.model.jnt_type[last] not in (types.mjJNT_HINGE, types.mjJNT_SLIDE):
+        if int(self.model.jnt_type[last]) not in (int(types.mjJNT_HINGE), int(types.mjJNT_SLIDE)):
             return np.zeros(3)
         return np.array(self.model.jnt_pos[last])
 
