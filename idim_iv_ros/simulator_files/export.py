@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,58 +10,29 @@ import numpy as np
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import EFFECTS, FilePath, complete_files
-from idim_iv_ros.model import kinematics_digest, load_robot, read_urdf_file, read_urdf_text
-from idim_iv_ros.model.mjcf import mjcf_as_urdf
-from idim_iv_ros.model.parameters import REGRESSOR_ORDER
-from idim_iv_ros.model.urdf import Urdf
-from idim_iv_ros.model.urdf_reader import decoded_urdf
+from idim_iv_ros.model import read_urdf_file, read_urdf_text
+from idim_iv_ros.model.urdf_reader import decoded_urdf, description_key
 from idim_iv_ros.simulator_files.answer import Answer, read_answer
-from idim_iv_ros.simulator_files.changes import ChangedLink, changes_text, simulator_lines
+from idim_iv_ros.simulator_files.changes import changes_text, simulator_lines
+from idim_iv_ros.simulator_files.findings import (
+    ISAAC_LAB,
+    Exported,
+    Findings,
+    Texts,
+    require_read_back,
+)
 from idim_iv_ros.simulator_files.isaac_lab import isaac_lab_text
+from idim_iv_ros.simulator_files.kept_mjcf import kept_mjcf
 from idim_iv_ros.simulator_files.law import DriveLaw, drive_law
 from idim_iv_ros.simulator_files.links import LinkBody, body_of_joint, link_bodies
 from idim_iv_ros.simulator_files.mjcf import JointValues, mjcf_text
 from idim_iv_ros.simulator_files.mjcf_effects import Coupled, native_effects
-from idim_iv_ros.simulator_files.mjcf_values import with_mjcf_values
 from idim_iv_ros.simulator_files.shared_friction import below_zero
 from idim_iv_ros.simulator_files.urdf_text import MOMENTS, with_values
 from idim_iv_ros.simulators.effects_file import EffectsFile, PlantedEffect
 from idim_iv_ros.types import FloatArray
 
-ISAAC_LAB, CHANGES = "isaac_lab.py", "changes.md"
-_READ_BACK = 1e-9  # of the largest parameter of its kind
-
-
-@dataclass(frozen=True)
-class Exported:
-    """Files that were written, and what a user must know of them.
-
-    Attributes
-    ----------
-    urdf, mjcf, values, effects, isaac_lab, changes : Path
-        Where the nominal model is an MJCF, `urdf`, `values` and `isaac_lab` are None.
-    not_native : tuple of str
-        Effects that MuJoCo has no element for.
-    notes : tuple of str
-    bags : tuple of str
-        Names of the recordings that the result is from.
-    """
-
-    urdf: Path | None
-    mjcf: Path
-    values: Path | None
-    effects: Path
-    isaac_lab: Path | None
-    changes: Path
-    not_native: tuple[str, ...]
-    notes: tuple[str, ...]
-    bags: tuple[str, ...]
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """All of them."""
-        files = (self.urdf, self.mjcf, self.values, self.effects, self.isaac_lab, self.changes)
-        return tuple(file for file in files if file is not None)
+CHANGES = "changes.md"
 
 
 def export(
@@ -104,7 +75,8 @@ def export(
     content = source.read_bytes()
     answer = read_answer(path, configuration, text, str(source))
     urdf = read_urdf_text(text, str(source))
-    made = _files(source, out, answer, kept=urdf.from_mjcf)
+    kept = description_key(source) == "mjcf"
+    made = _files(source, out, answer, kept=kept)
     _require_other_files(made, source, path, configuration, force)
     robot = answer.robot
     bodies = {
@@ -126,9 +98,9 @@ def export(
         if offset
     )
     planted = (*answer.effects, *negative, *constant)
-    what = _Findings(answer, source, content, urdf, bodies, links, drives, law, planted, notes)
-    if urdf.from_mjcf:
-        texts, effects, notes = _kept_mjcf(made, what, configuration)
+    what = Findings(answer, source, content, urdf, bodies, links, drives, law, planted, notes, kept)
+    if kept:
+        texts, effects, notes = kept_mjcf(made, what, configuration)
     else:
         texts, effects, notes = _from_urdf(made, what, configuration)
     _write(texts, out)
@@ -138,36 +110,6 @@ def export(
         if not each.native
     )
     return replace(made, not_native=missing, notes=(*answer.notes, *notes))
-
-
-@dataclass(frozen=True)
-class _Findings:
-    """What is to be written."""
-
-    answer: Answer
-    source: Path
-    content: bytes
-    urdf: Urdf
-    bodies: Mapping[str, FloatArray]
-    links: Mapping[str, LinkBody]
-    drives: JointValues
-    law: DriveLaw
-    planted: tuple[PlantedEffect, ...]
-    notes: tuple[str, ...]
-
-    @property
-    def origin(self) -> str:
-        kind = "diagnosis" if self.answer.diagnosed else "identification"
-        return f"{self.answer.path.name} ({kind})"
-
-    @property
-    def changed(self) -> list[ChangedLink]:
-        return [
-            ChangedLink(name, _given(self.urdf, name), body) for name, body in self.links.items()
-        ]
-
-
-_Texts = tuple[dict[Path, bytes], tuple[PlantedEffect, ...], tuple[str, ...]]
 
 
 def _files(source: Path, out: Path, answer: Answer, *, kept: bool) -> Exported:
@@ -184,7 +126,7 @@ def _files(source: Path, out: Path, answer: Answer, *, kept: bool) -> Exported:
     )
 
 
-def _from_urdf(made: Exported, what: _Findings, configuration: Configuration) -> _Texts:
+def _from_urdf(made: Exported, what: Findings, configuration: Configuration) -> Texts:
     """Contents of all files; the MJCF is new, and holds what effects it can."""
     answer, drives, law, source = what.answer, what.drives, what.law, str(what.source)
     robot, notes = answer.robot, what.notes
@@ -195,7 +137,7 @@ def _from_urdf(made: Exported, what: _Findings, configuration: Configuration) ->
         for joint, name in enumerate(robot.joints)
     }
     written = with_values(what.content, what.links, dynamics, source)
-    _require_read_back(decoded_urdf(written), configuration, what)
+    require_read_back(decoded_urdf(written), configuration, what)
     comments = _comments(what.origin, law, effects)
     names = [file.name for file in made.files]
     if couplings := _base_of_couplings(answer):
@@ -209,40 +151,6 @@ def _from_urdf(made: Exported, what: _Findings, configuration: Configuration) ->
             robot, made.urdf.name, drives, law, effects, what.origin
         ).encode(),
         made.changes: changes_text(answer, what.changed, effects, law, names, notes).encode(),
-    }
-    return texts, effects, notes
-
-
-def _kept_mjcf(made: Exported, what: _Findings, configuration: Configuration) -> _Texts:
-    """Contents of all files; the MJCF is the user's, so that effects stay with the callbacks."""
-    answer, source = what.answer, what.source
-    if configuration.robot.couplings:
-        raise UsageError(
-            f"{configuration.source or 'configuration'}: robot.couplings: the coupled transmission "
-            f"would be a tendon that {source} does not have: diagnose with the same robot as "
-            "robot.urdf, whose export makes an MJCF with it"
-        )
-    written, more = with_mjcf_values(
-        what.content, source, what.urdf, what.links, answer.robot.joints, what.drives
-    )
-    _require_read_back(mjcf_as_urdf(source, decoded_urdf(written)), configuration, what)
-    notes = (
-        *what.notes,
-        *more,
-        "everything else of the MJCF is as it was, actuators and time step too: these are not the "
-        "law of the configuration, which is in changes.md",
-        f"there is no {ISAAC_LAB}: it needs a URDF",
-    )
-    if configuration.simulator.armature is not None:
-        notes += ("the MJCF holds the armature now: leave out simulator.armature beside it",)
-    effects = what.planted
-    names = [file.name for file in made.files]
-    texts = {
-        made.mjcf: written,
-        made.effects: EffectsFile(effects=effects).to_json().encode(),
-        made.changes: changes_text(
-            answer, what.changed, effects, what.law, names, notes, file="MJCF"
-        ).encode(),
     }
     return texts, effects, notes
 
@@ -298,32 +206,6 @@ def _base_of_couplings(answer: Answer) -> dict[str, float]:
         for each in answer.physical.parameters
         if each.name.startswith(("Fvm", "Fcm"))
     }
-
-
-def _given(urdf: Urdf, link: str) -> LinkBody | None:
-    inertial = urdf.links[link]
-    if inertial is None:
-        return None
-    return LinkBody(inertial.mass, inertial.centre, inertial.inertia)
-
-
-def _require_read_back(text: str, configuration: Configuration, what: _Findings) -> None:
-    """Read the new file as this program reads any, and find the parameters that were meant."""
-    source, drives = str(what.source), what.drives
-    robot = load_robot(text, configuration.robot.joints, source=source)
-    meant = np.array(list(what.bodies.values()))
-    found = robot.given.inertial[:, list(REGRESSOR_ORDER)]
-    same = np.allclose(found, meant, rtol=0.0, atol=_READ_BACK * np.abs(meant).max())
-    same &= np.allclose(robot.given.viscous, drives.damping, rtol=_READ_BACK)
-    same &= np.allclose(robot.given.coulomb, drives.friction, rtol=_READ_BACK)
-    if what.urdf.from_mjcf:
-        same &= np.allclose(robot.given.drive_inertia, drives.armature, rtol=_READ_BACK)
-    same &= kinematics_digest(robot) == kinematics_digest(what.answer.robot)
-    if not same:
-        raise UsageError(
-            f"{source}: values were put in, and others are read back: elements are written in a "
-            "way that this program does not know; nothing was written"
-        )
 
 
 def _comments(origin: str, law: DriveLaw, effects: tuple[PlantedEffect, ...]) -> list[str]:

@@ -284,3 +284,19 @@ def test_a_coupled_transmission_is_refused(tmp_path: Path) -> None:
     configuration = Configuration.model_validate({"robot": robot})
     coupled = case(tmp_path, configuration, change=0.0)
     refused(replace(arm, configuration=coupled.configuration), tmp_path / "out", "robot.couplings: the coupled")  # fmt: skip
+
+
+def test_bodies_in_frames_and_lines_of_windows(tmp_path: Path) -> None:
+    """A <frame> turns what is in it; values belong to the body, and new lines end as the others."""
+    text = ARM2.replace(
+        '<body name="link_2"', '<frame pos="0.1 0 0" euler="0.3 0 0"><body name="link_2"'
+    )
+    text = text.replace("</body>\n    </body>", "</body></frame>\n    </body>")
+    text = text.replace('<joint name="joint_1"', '<frame euler="0 0 0.2"><joint name="joint_1"')
+    text = text.replace('actuatorfrcrange="-90 90"/>', 'actuatorfrcrange="-90 90"/></frame>')
+    text = re.sub(r'<inertial pos="0.15[^>]*>', '<geom size="0.1"/>', text)
+    text = text.replace("\n", "\r\n")
+    arm = two_joints(tmp_path, text)
+    content = arm.export(tmp_path / "out").mjcf.read_bytes()
+    assert content.count(b"\n") == content.count(b"\r\n") == text.count("\n") + 1
+    assert_same_torques(arm, content.decode(), text)
