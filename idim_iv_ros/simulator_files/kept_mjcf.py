@@ -32,8 +32,8 @@ def kept_mjcf(made: Exported, what: Findings, configuration: Configuration) -> T
     notes = (
         *what.notes,
         *more,
-        "everything else of the MJCF is as it was, actuators and time step too: they need not be the "
-        "law of the configuration, which is in changes.md",
+        "everything else of the MJCF is as it was, actuators and time step too: they need not be "
+        "the law of the configuration, which is in changes.md",
         f"there is no {ISAAC_LAB}: it needs a URDF",
     )
     if configuration.simulator.armature is not None:
