@@ -48,8 +48,8 @@ def elements_of(content: bytes, source: str) -> tuple[dict[str, Body], tuple[str
     if walker.refers:
         notes = (
             f"the MJCF refers to other files ({walker.refers} and so on) as before, relative to "
-            "its own folder: put it beside the file that it was made from, under another name, or copy "
-            "these files to it",
+            "its own folder: put it beside the file that it was made from, under another name, or "
+            "copy these files to it",
         )
     return walker.bodies, notes
 
