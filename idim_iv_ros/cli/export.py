@@ -29,7 +29,7 @@ def export_command(
     """Write a result as URDF, MuJoCo model, effects, Isaac Lab actuators and a table of changes.
 
     The URDF is that of the configuration with other inertials, damping and friction, and nothing
-    else changed. It is never written over.
+    else changed. With robot.mjcf it is that MJCF, with armature too. Neither is written over.
 
     Example: idim-iv export why/gap.json --config ur5.yaml --out simulator
     """
@@ -49,8 +49,9 @@ def export_command(
     for note in made.notes:
         output.line(f"Note: {note}")
     if made.not_native:
+        why = "MuJoCo has no element for" if made.urdf else "Your MJCF was not given elements for"
         output.line(
-            f"MuJoCo has no element for {', '.join(made.not_native)}: {made.effects.name} holds "
+            f"{why} {', '.join(made.not_native)}: {made.effects.name} holds "
             "them for its loop (docs/simulators.md)"
         )
     for file in made.files:

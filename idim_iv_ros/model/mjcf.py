@@ -35,8 +35,14 @@ def is_mjcf(text: str) -> bool:
     return root is not None and root[1] == "mujoco"
 
 
-def mjcf_as_urdf(path: Path) -> str:
+def mjcf_as_urdf(path: Path, text: str | None = None) -> str:
     """Return a URDF of the bodies and joints of an MJCF file, numbers with all their digits.
+
+    Parameters
+    ----------
+    path
+    text
+        In place of that of the file, in whose folder it is read.
 
     Raises
     ------
@@ -44,14 +50,29 @@ def mjcf_as_urdf(path: Path) -> str:
         MuJoCo is not installed or cannot read the file; a mesh that the inertia of a moving body
         needs is missing.
     """
+    mujoco, spec, model = compiled_mjcf(path, text)
+    return _Writer(mujoco, model, spec.modelname or path.stem).text()
+
+
+def compiled_mjcf(path: Path, text: str | None = None) -> tuple[Any, Any, Any]:
+    """Return the module `mujoco`, the specification and the model, without drawings.
+
+    Raises
+    ------
+    UsageError
+        As `mjcf_as_urdf`.
+    """
     mujoco = load_mujoco(f"{path}: an MJCF file")
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
+        if text is None:
+            spec = mujoco.MjSpec.from_file(str(path))
+        else:
+            spec = mujoco.MjSpec.from_string(text)
+            spec.modelfiledir = str(path.parent)
         _without_drawings(mujoco, spec)
-        model = spec.compile()
+        return mujoco, spec, spec.compile()
     except Exception as error:  # MuJoCo raises ValueError and others, with several lines
         raise UsageError(f"{path}: MuJoCo: {' '.join(str(error).split())}") from error
-    return _Writer(mujoco, model, spec.modelname or path.stem).text()
 
 
 def _without_drawings(mujoco: Any, spec: Any) -> None:

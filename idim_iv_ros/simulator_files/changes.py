@@ -14,8 +14,8 @@ from idim_iv_ros.simulators.effects_file import PlantedEffect
 
 _SOURCES = {
     "recording": "recording",
-    "recording and nominal model": "recording; split by the URDF",
-    "nominal model": "URDF, as near as the rest lets it be: no motion shows it",
+    "recording and nominal model": "recording; split by the {file}",
+    "nominal model": "{file}, as near as the rest lets it be: no motion shows it",
 }
 _DRIVES = (
     ("Fv", "damping", "N m s/rad"),
@@ -41,8 +41,13 @@ def changes_text(
     law: DriveLaw,
     files: Sequence[str],
     notes: Sequence[str],
+    *,
+    file: str = "URDF",
 ) -> str:
-    """Return the page: parameters of the model, elements of the URDF, effects, the law, notes."""
+    """Return the page: parameters of the model, elements of the file, effects, the law, notes.
+
+    `file`: what kind of file the nominal model is, URDF or MJCF.
+    """
     physical = answer.physical
     test = physical.test
     lines = [
@@ -59,19 +64,13 @@ def changes_text(
         "## Drives and friction",
         "",
         "± is the half-width of the 95 % interval; z the change over its standard deviation. What "
-        "the URDF has a part in has neither: how it splits a sum has no known error.",
+        f"the {file} has a part in has neither: how it splits a sum has no known error.",
         "",
         "| joint | element | given | new | ± | z | unit | source |",
         "|---|---|---|---|---|---|---|---|",
-        *_drive_rows(answer),
+        *_drive_rows(answer, file),
         "",
-        "`armature` and `torque_offset` have no element in a URDF. The MJCF has the first, "
-        "effects.json the second; for the nominal model of a configuration:",
-        "",
-        "```yaml",
-        *simulator_lines(answer),
-        "```",
-        "",
+        *_without_element(answer, file),
         "## Links",
         "",
         "Parameters of the body that each joint carries, with all that is fixed to it, about the "
@@ -79,9 +78,10 @@ def changes_text(
         "",
         "| parameter | given | new | ± | z | unit | source |",
         "|---|---|---|---|---|---|---|",
-        *(_row(each) for each in physical.parameters if not _is_drive(each)),
+        *(_row(each, file) for each in physical.parameters if not _is_drive(each)),
         "",
-        "Elements of the URDF, centre and moments in the axes of the link's frame:",
+        f"Elements of the {file}, centre and moments in the axes of the "
+        + ("link's frame:" if file == "URDF" else "body, centre from the anchor of its joint:"),
         "",
         "| link | mass, kg | centre, m | moments ixx iyy izz, kg m² |",
         "|---|---|---|---|",
@@ -94,6 +94,24 @@ def changes_text(
     if remarks:
         lines += ["## Notes", "", *(f"- {each}" for each in remarks), ""]
     return "\n".join(lines)
+
+
+def _without_element(answer: Answer, file: str) -> list[str]:
+    """Where the values are that the file has no element for."""
+    if file == "URDF":
+        said = (
+            "`armature` and `torque_offset` have no element in a URDF. The MJCF has the first, "
+            "effects.json the second; for the nominal model of a configuration:"
+        )
+        return [said, "", "```yaml", *simulator_lines(answer), "```", ""]
+    offset = simulator_lines(answer)[2:]
+    if not offset:
+        return []
+    said = (
+        "`torque_offset` has no element in an MJCF. It is in effects.json; for the nominal model "
+        "of a configuration:"
+    )
+    return [said, "", "```yaml", "simulator:", *offset, "```", ""]
 
 
 def simulator_lines(answer: Answer) -> list[str]:
@@ -117,7 +135,7 @@ def _is_drive(each: StandardValue) -> bool:
     return each.name.startswith(("Fv", "Fc", "Ia", "off"))
 
 
-def _drive_rows(answer: Answer) -> list[str]:
+def _drive_rows(answer: Answer, file: str) -> list[str]:
     robot = answer.robot
     values = {each.name: each for each in answer.physical.parameters}
     rows = []
@@ -128,29 +146,29 @@ def _drive_rows(answer: Answer) -> list[str]:
             if each is None:
                 given = float(robot.given.of_drives[kind][joint])
                 rows.append(
-                    f"| {name} | {element} | {given:.6g} | {given:.6g} | – | – | {shown} | URDF "
-                    "or configuration: not part of the model |"
+                    f"| {name} | {element} | {given:.6g} | {given:.6g} | – | – | {shown} | "
+                    f"{file} or configuration: not part of the model |"
                 )
             else:
-                rows.append(f"| {name} | {element} {_cells(each)}")
+                rows.append(f"| {name} | {element} {_cells(each, file)}")
     for each in answer.physical.parameters:
         if each.name.startswith(("Fvm", "Fcm")):
-            rows.append(f"| transmission | {each.name} {_cells(each)}")
+            rows.append(f"| transmission | {each.name} {_cells(each, file)}")
     return rows
 
 
-def _row(each: StandardValue) -> str:
-    return f"| {each.name} {_cells(each)}"
+def _row(each: StandardValue, file: str) -> str:
+    return f"| {each.name} {_cells(each, file)}"
 
 
-def _cells(each: StandardValue) -> str:
+def _cells(each: StandardValue, file: str) -> str:
     spread = score = "–"
     if each.std is not None and each.std > 0.0:
         spread = f"{1.96 * each.std:.2g}"
         score = f"{(each.value - each.given) / each.std:+.1f}"
     return (
         f"| {each.given:.6g} | {each.value:.6g} | {spread} | {score} | {each.unit} | "
-        f"{_SOURCES[each.source]} |"
+        f"{_SOURCES[each.source].format(file=file)} |"
     )
 
 

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +10,19 @@ import numpy as np
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import EFFECTS, FilePath, complete_files
-from idim_iv_ros.model import load_robot, read_urdf_file, read_urdf_text
-from idim_iv_ros.model.parameters import REGRESSOR_ORDER
-from idim_iv_ros.model.urdf import Urdf
-from idim_iv_ros.model.urdf_reader import decoded_urdf
+from idim_iv_ros.model import read_urdf_file, read_urdf_text
+from idim_iv_ros.model.urdf_reader import decoded_urdf, description_key
 from idim_iv_ros.simulator_files.answer import Answer, read_answer
-from idim_iv_ros.simulator_files.changes import ChangedLink, changes_text, simulator_lines
+from idim_iv_ros.simulator_files.changes import changes_text, simulator_lines
+from idim_iv_ros.simulator_files.findings import (
+    ISAAC_LAB,
+    Exported,
+    Findings,
+    Texts,
+    require_read_back,
+)
 from idim_iv_ros.simulator_files.isaac_lab import isaac_lab_text
+from idim_iv_ros.simulator_files.kept_mjcf import kept_mjcf
 from idim_iv_ros.simulator_files.law import DriveLaw, drive_law
 from idim_iv_ros.simulator_files.links import LinkBody, body_of_joint, link_bodies
 from idim_iv_ros.simulator_files.mjcf import JointValues, mjcf_text
@@ -26,38 +32,7 @@ from idim_iv_ros.simulator_files.urdf_text import MOMENTS, with_values
 from idim_iv_ros.simulators.effects_file import EffectsFile, PlantedEffect
 from idim_iv_ros.types import FloatArray
 
-ISAAC_LAB, CHANGES = "isaac_lab.py", "changes.md"
-_READ_BACK = 1e-9  # of the largest parameter of its kind
-
-
-@dataclass(frozen=True)
-class Exported:
-    """Files that were written, and what a user must know of them.
-
-    Attributes
-    ----------
-    urdf, mjcf, values, effects, isaac_lab, changes : Path
-    not_native : tuple of str
-        Effects that MuJoCo has no element for.
-    notes : tuple of str
-    bags : tuple of str
-        Names of the recordings that the result is from.
-    """
-
-    urdf: Path
-    mjcf: Path
-    values: Path
-    effects: Path
-    isaac_lab: Path
-    changes: Path
-    not_native: tuple[str, ...]
-    notes: tuple[str, ...]
-    bags: tuple[str, ...]
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """All of them."""
-        return (self.urdf, self.mjcf, self.values, self.effects, self.isaac_lab, self.changes)
+CHANGES = "changes.md"
 
 
 def export(
@@ -65,14 +40,15 @@ def export(
 ) -> Exported:
     """Write a result as URDF, MJCF, effects, actuators of Isaac Lab and a table of changes.
 
-    All files appear together, or none does; none takes the place of the URDF that was read.
+    All files appear together, or none does; none takes the place of the file that was read. Where
+    the nominal model is an MJCF, that file is kept, with other values in it.
 
     Parameters
     ----------
     result
         A result.json or gap.json.
     configuration
-        That of the robot, with the URDF that the result was made with.
+        That of the robot, with the URDF or MJCF that the result was made with.
     out
         Folder; created if it does not exist.
     force
@@ -89,13 +65,7 @@ def export(
         or the files cannot be written.
     """
     path, out = Path(result), Path(out)
-    source = configuration.robot.urdf
-    if configuration.robot.mjcf is not None:
-        raise UsageError(
-            f"{configuration.source or 'configuration'}: robot.mjcf is the nominal model, and an "
-            "export changes values of a URDF: diagnose with the same robot as robot.urdf, or "
-            "replay this result as it is: `idim-iv replay BAG --effects gap.json`"
-        )
+    source = configuration.robot.description
     if source is None:
         raise UsageError(
             f"{configuration.source or 'configuration'}: robot.urdf is not given: there is no file "
@@ -105,17 +75,8 @@ def export(
     content = source.read_bytes()
     answer = read_answer(path, configuration, text, str(source))
     urdf = read_urdf_text(text, str(source))
-    made = Exported(
-        urdf=out / f"{source.stem}.urdf",
-        mjcf=out / f"{source.stem}.xml",
-        values=out / f"{source.stem}.values.yaml",
-        effects=out / EFFECTS,
-        isaac_lab=out / ISAAC_LAB,
-        changes=out / CHANGES,
-        not_native=(),
-        notes=(),
-        bags=answer.bags,
-    )
+    kept = description_key(source) == "mjcf"
+    made = _files(source, out, answer, kept=kept)
     _require_other_files(made, source, path, configuration, force)
     robot = answer.robot
     bodies = {
@@ -128,7 +89,7 @@ def export(
     negative = below_zero(answer.physical, robot.joints)
     notes += tuple(
         f"friction of {each.joint} below zero, which another effect there makes up for, is the "
-        f"{each.effect} with parameters {each.parameters}: a URDF holds zero in its place"
+        f"{each.effect} with parameters {each.parameters}: the file holds zero in its place"
         for each in negative
     )
     constant = tuple(
@@ -137,29 +98,11 @@ def export(
         if offset
     )
     planted = (*answer.effects, *negative, *constant)
-    native, effects = native_effects(planted, robot, law)
-    dynamics = {
-        name: {"damping": float(drives.damping[joint]), "friction": float(drives.friction[joint])}
-        for joint, name in enumerate(robot.joints)
-    }
-    written = with_values(content, links, dynamics, str(source))
-    _require_read_back(written, configuration, drives, bodies, str(source))
-    origin = f"{path.name} ({'diagnosis' if answer.diagnosed else 'identification'})"
-    comments = _comments(origin, law, effects)
-    changed = [ChangedLink(name, _given(urdf, name), body) for name, body in links.items()]
-    names = [file.name for file in made.files]
-    if couplings := _base_of_couplings(answer):
-        notes = (*notes, f"{', '.join(couplings)}: in {EFFECTS} and the MJCF; a URDF has no place")
-    texts = {
-        made.urdf: written,
-        made.mjcf: mjcf_text(robot, urdf, drives, law, native, comments).encode(),
-        made.values: _overlay(answer, links, dynamics, origin).encode(),
-        made.effects: EffectsFile(base_parameters=couplings, effects=effects).to_json().encode(),
-        made.isaac_lab: isaac_lab_text(
-            robot, made.urdf.name, drives, law, effects, origin
-        ).encode(),
-        made.changes: changes_text(answer, changed, effects, law, names, notes).encode(),
-    }
+    what = Findings(answer, source, content, urdf, bodies, links, drives, law, planted, notes, kept)
+    if kept:
+        texts, effects, notes = kept_mjcf(made, what, configuration)
+    else:
+        texts, effects, notes = _from_urdf(made, what, configuration)
     _write(texts, out)
     missing = tuple(
         f"{each.effect} at {each.joint}" if each.joint else each.effect
@@ -167,6 +110,49 @@ def export(
         if not each.native
     )
     return replace(made, not_native=missing, notes=(*answer.notes, *notes))
+
+
+def _files(source: Path, out: Path, answer: Answer, *, kept: bool) -> Exported:
+    return Exported(
+        urdf=None if kept else out / f"{source.stem}.urdf",
+        mjcf=out / f"{source.stem}.xml",
+        values=None if kept else out / f"{source.stem}.values.yaml",
+        effects=out / EFFECTS,
+        isaac_lab=None if kept else out / ISAAC_LAB,
+        changes=out / CHANGES,
+        not_native=(),
+        notes=(),
+        bags=answer.bags,
+    )
+
+
+def _from_urdf(made: Exported, what: Findings, configuration: Configuration) -> Texts:
+    """Contents of all files; the MJCF is new, and holds what effects it can."""
+    answer, drives, law, source = what.answer, what.drives, what.law, str(what.source)
+    robot, notes = answer.robot, what.notes
+    assert made.urdf is not None and made.values is not None and made.isaac_lab is not None
+    native, effects = native_effects(what.planted, robot, law)
+    dynamics = {
+        name: {"damping": float(drives.damping[joint]), "friction": float(drives.friction[joint])}
+        for joint, name in enumerate(robot.joints)
+    }
+    written = with_values(what.content, what.links, dynamics, source)
+    require_read_back(decoded_urdf(written), configuration, what)
+    comments = _comments(what.origin, law, effects)
+    names = [file.name for file in made.files]
+    if couplings := _base_of_couplings(answer):
+        notes = (*notes, f"{', '.join(couplings)}: in {EFFECTS} and the MJCF; a URDF has no place")
+    texts = {
+        made.urdf: written,
+        made.mjcf: mjcf_text(robot, what.urdf, drives, law, native, comments).encode(),
+        made.values: _overlay(answer, what.links, dynamics, what.origin).encode(),
+        made.effects: EffectsFile(base_parameters=couplings, effects=effects).to_json().encode(),
+        made.isaac_lab: isaac_lab_text(
+            robot, made.urdf.name, drives, law, effects, what.origin
+        ).encode(),
+        made.changes: changes_text(answer, what.changed, effects, law, names, notes).encode(),
+    }
+    return texts, effects, notes
 
 
 def _require_other_files(
@@ -220,34 +206,6 @@ def _base_of_couplings(answer: Answer) -> dict[str, float]:
         for each in answer.physical.parameters
         if each.name.startswith(("Fvm", "Fcm"))
     }
-
-
-def _given(urdf: Urdf, link: str) -> LinkBody | None:
-    inertial = urdf.links[link]
-    if inertial is None:
-        return None
-    return LinkBody(inertial.mass, inertial.centre, inertial.inertia)
-
-
-def _require_read_back(
-    written: bytes,
-    configuration: Configuration,
-    drives: JointValues,
-    bodies: Mapping[str, FloatArray],
-    source: str,
-) -> None:
-    """Read the new URDF as this program reads any, and find the parameters that were meant."""
-    robot = load_robot(decoded_urdf(written), configuration.robot.joints, source=source)
-    meant = np.array(list(bodies.values()))
-    found = robot.given.inertial[:, list(REGRESSOR_ORDER)]
-    same = np.allclose(found, meant, rtol=0.0, atol=_READ_BACK * np.abs(meant).max())
-    same &= np.allclose(robot.given.viscous, drives.damping, rtol=_READ_BACK)
-    same &= np.allclose(robot.given.coulomb, drives.friction, rtol=_READ_BACK)
-    if not same:
-        raise UsageError(
-            f"{source}: values were put in, and others are read back: elements are written in a "
-            "way that this program does not know; nothing was written"
-        )
 
 
 def _comments(origin: str, law: DriveLaw, effects: tuple[PlantedEffect, ...]) -> list[str]:

@@ -13,8 +13,9 @@ import numpy as np
 import pinocchio as pin
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.model.mjcf import joint_motion
 from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER
-from idim_iv_ros.model.urdf import Urdf
+from idim_iv_ros.model.urdf import MOVABLE, Urdf
 from idim_iv_ros.physical.pseudo_inertia import inertial_parameters, pseudo_inertia, upper_root
 from idim_iv_ros.types import FloatArray
 
@@ -96,7 +97,7 @@ def link_bodies(
         found |= spread
         notes.append(
             f"{main} and what is fixed behind it ({names}) changed together: with the inertials "
-            "that the URDF gives these, no body would be left for the link"
+            "that the file gives these, no body would be left for the link"
         )
     return found, tuple(notes)
 
@@ -116,6 +117,8 @@ def _carried(urdf: Urdf, identified: set[str]) -> dict[str, list[_Part]]:
             place = place * joint.placement
             if joint.name in identified:
                 carrier, place = joint.name, pin.SE3.Identity()
+            elif joint.rest != 0.0 and joint.type in MOVABLE:
+                place = place * joint_motion(joint.type, joint.axis, joint.rest)
         places[link] = carrier, place
         if carrier:
             inertial = urdf.links[link]

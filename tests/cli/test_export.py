@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.test_bad_input import refused
+from tests.cli.test_mjcf import as_mjcf
 from tests.simulator_files.cases import CONFIG, Case, case, cause
 
 FILES = ["arm2.urdf", "arm2.values.yaml", "arm2.xml", "changes.md", "effects.json", "isaac_lab.py"]
@@ -85,3 +86,28 @@ def test_without_the_solver_one_line_says_what_to_install(
     refused(
         run("export", out / "result.json", "--config", config(), "--out", exported), 2, "[physical]"
     )
+
+
+def test_an_mjcf_comes_back_as_the_same_file_and_can_be_replayed(
+    run, bag: Path, config, tmp_path: Path
+) -> None:
+    """Identified, exported, and simulated with the recording that it is from."""
+    configuration, found, out = as_mjcf(config, tmp_path), tmp_path / "found", tmp_path / "out"
+    outcome = run("identify", bag, "--config", configuration, "--out", found)
+    assert outcome.status == 0, outcome.error
+    outcome = run("export", found / "result.json", "--config", configuration, "--out", out)
+    assert outcome.status == 0, outcome.error
+    names = ["arm2.xml", "changes.md", "effects.json"]
+    assert sorted(path.name for path in out.iterdir()) == names
+    assert all(str(out / name) in outcome.out for name in names)
+    before = (tmp_path / "arm2.xml").read_text(encoding="utf-8").splitlines()
+    after = (out / "arm2.xml").read_text(encoding="utf-8").splitlines()
+    changed = [new for old, new in zip(before, after, strict=True) if old != new]
+    assert 4 <= len(changed) <= 6 and all(
+        "<inertial" in x or "arm" in x or "damp" in x for x in changed
+    )
+    outcome = run(
+        "replay", bag, "--config", configuration, "--model", out / "arm2.xml",
+        "--effects", out / "effects.json", "--out", tmp_path / "replayed",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.error

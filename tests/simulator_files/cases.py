@@ -11,7 +11,7 @@ import numpy as np
 from idim_iv_ros import export
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.diagnosis.result import GapResult
-from idim_iv_ros.model import InverseModel, build_inverse_model, kinematics_digest
+from idim_iv_ros.model import InverseModel, build_inverse_model, kinematics_digest, read_urdf_file
 from idim_iv_ros.physical import nearest_physical
 from idim_iv_ros.simulator_files import Exported
 from tests.gap_files import gap_content
@@ -55,9 +55,9 @@ def case(
     """
     if isinstance(configuration, str):
         configuration = load_configuration(CONFIG / f"{configuration}.yaml")
-    urdf = configuration.robot.urdf
-    assert urdf is not None
-    model = build_inverse_model(configuration, urdf.read_text(encoding="utf-8"), urdf.name)
+    file = configuration.robot.description
+    assert file is not None
+    model = build_inverse_model(configuration, read_urdf_file(file), file.name)
     random = np.random.default_rng(3)
     values = model.given * (1.0 + change * random.uniform(-1.0, 1.0, len(model.given)))
     values += np.array([0.1 if name.startswith("off") else 0.0 for name in model.base.names])

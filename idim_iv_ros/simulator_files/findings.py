@@ -1,0 +1,114 @@
+"""What an export writes from, and the check of a file before it is written."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.model import kinematics_digest, load_robot
+from idim_iv_ros.model.parameters import REGRESSOR_ORDER
+from idim_iv_ros.model.urdf import Urdf
+from idim_iv_ros.simulator_files.answer import Answer
+from idim_iv_ros.simulator_files.changes import ChangedLink
+from idim_iv_ros.simulator_files.law import DriveLaw
+from idim_iv_ros.simulator_files.links import LinkBody
+from idim_iv_ros.simulator_files.mjcf import JointValues
+from idim_iv_ros.simulators.effects_file import PlantedEffect
+from idim_iv_ros.types import FloatArray
+
+ISAAC_LAB = "isaac_lab.py"
+_READ_BACK = 1e-9  # of the largest parameter of its kind
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Files that were written, and what a user must know of them.
+
+    Attributes
+    ----------
+    urdf, mjcf, values, effects, isaac_lab, changes : Path
+        Where the nominal model is an MJCF, `urdf`, `values` and `isaac_lab` are None.
+    not_native : tuple of str
+        Effects that MuJoCo has no element for.
+    notes : tuple of str
+    bags : tuple of str
+        Names of the recordings that the result is from.
+    """
+
+    urdf: Path | None
+    mjcf: Path
+    values: Path | None
+    effects: Path
+    isaac_lab: Path | None
+    changes: Path
+    not_native: tuple[str, ...]
+    notes: tuple[str, ...]
+    bags: tuple[str, ...]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All of them."""
+        files = (self.urdf, self.mjcf, self.values, self.effects, self.isaac_lab, self.changes)
+        return tuple(file for file in files if file is not None)
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What is to be written."""
+
+    answer: Answer
+    source: Path
+    content: bytes
+    urdf: Urdf
+    bodies: Mapping[str, FloatArray]
+    links: Mapping[str, LinkBody]
+    drives: JointValues
+    law: DriveLaw
+    planted: tuple[PlantedEffect, ...]
+    notes: tuple[str, ...]
+    kept: bool  # the nominal model is an MJCF, which stays
+
+    @property
+    def origin(self) -> str:
+        """What the numbers come from."""
+        kind = "diagnosis" if self.answer.diagnosed else "identification"
+        return f"{self.answer.path.name} ({kind})"
+
+    @property
+    def changed(self) -> list[ChangedLink]:
+        """Links before and after."""
+        return [
+            ChangedLink(name, _given(self.urdf, name), body) for name, body in self.links.items()
+        ]
+
+
+Texts = tuple[dict[Path, bytes], tuple[PlantedEffect, ...], tuple[str, ...]]
+
+
+def _given(urdf: Urdf, link: str) -> LinkBody | None:
+    inertial = urdf.links[link]
+    if inertial is None:
+        return None
+    return LinkBody(inertial.mass, inertial.centre, inertial.inertia)
+
+
+def require_read_back(text: str, configuration: Configuration, what: Findings) -> None:
+    """Read the new file as this program reads any, and find the parameters that were meant."""
+    source, drives = str(what.source), what.drives
+    robot = load_robot(text, configuration.robot.joints, source=source)
+    meant = np.array(list(what.bodies.values()))
+    found = robot.given.inertial[:, list(REGRESSOR_ORDER)]
+    same = np.allclose(found, meant, rtol=0.0, atol=_READ_BACK * np.abs(meant).max())
+    same &= np.allclose(robot.given.viscous, drives.damping, rtol=_READ_BACK)
+    same &= np.allclose(robot.given.coulomb, drives.friction, rtol=_READ_BACK)
+    if what.kept:
+        same &= np.allclose(robot.given.drive_inertia, drives.armature, rtol=_READ_BACK)
+    same &= kinematics_digest(robot) == kinematics_digest(what.answer.robot)
+    if not same:
+        raise UsageError(
+            f"{source}: values were put in, and others are read back: elements are written in a "
+            "way that this program does not know; nothing was written"
+        )

@@ -1,0 +1,302 @@
+"""The user's own MJCF with the values of a result: right in MuJoCo, unchanged everywhere else."""
+
+# ruff: noqa: E501  # lines of MJCF
+
+import difflib
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import pytest
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.model import build_inverse_model, read_urdf_file
+from tests.model.mjcf_robots import ARMS, GEN3, UR5E
+from tests.model.test_mjcf import ARM2, simulator
+from tests.simulator_files.cases import Case, case, cause
+
+# Each with one joint to a body.
+ONE_EACH = ("ur5e", "panda", "iiwa14", "xarm7")
+INERTIAL = ("mass", "pos", "fullinertia", "diaginertia", "quat")
+DRIVE = ("armature", "damping", "frictionloss")
+
+
+def configured(path: Path, joints: tuple[str, ...]) -> Configuration:
+    return Configuration.model_validate({"robot": {"mjcf": path, "joints": list(joints)}})
+
+
+def arm_of(folder: Path, text: str, joints: tuple[str, ...], causes=(), change=0.03) -> Case:
+    path = folder / "arm.xml"
+    path.write_bytes(text.encode())
+    return case(folder, configured(path, joints), causes, change=change)
+
+
+def two_joints(folder: Path, text: str, causes=()) -> Case:
+    return arm_of(folder, text, ("joint_1", "joint_2"), causes)
+
+
+def standard_of(arm: Case, *without: str) -> np.ndarray:
+    names = arm.model.regressor.layout.names
+    return np.array([0.0 if name.startswith(without) else arm.standard[name] for name in names])
+
+
+def assert_same_torques(arm: Case, text: str, start_of: str) -> None:
+    """MuJoCo's inverse dynamics against the regressor; dry friction is a constraint there."""
+    model, before = simulator(text), simulator(start_of)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SPRING
+    data, joints = mujoco.MjData(model), arm.model.robot.joints
+    place = [model.joint(joint).qposadr[0] for joint in joints]
+    dofs = [model.joint(joint).dofadr[0] for joint in joints]
+    random, standard = np.random.default_rng(4), standard_of(arm, "Fc", "off")
+    for _ in range(20):
+        q, dq, ddq = random.uniform(-2.0, 2.0, (3, len(joints)))
+        data.qpos[:] = before.key_qpos[0] if before.nkey else before.qpos0
+        data.qpos[place], data.qvel[:], data.qacc[:] = q, 0.0, 0.0
+        data.qvel[dofs], data.qacc[dofs] = dq, ddq
+        mujoco.mj_inverse(model, data)
+        expected = arm.model.regressor(q[None], dq[None], ddq[None])[0] @ standard
+        np.testing.assert_allclose(data.qfrc_inverse[dofs], expected, rtol=0.0, atol=1e-8)
+    friction = [arm.standard[f"Fc{k + 1}"] for k in range(len(joints))]
+    np.testing.assert_allclose(model.dof_frictionloss[dofs], friction, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ONE_EACH)
+def test_inverse_dynamics_in_mujoco_are_the_regressor_times_the_parameters(
+    name: str, tmp_path: Path
+) -> None:
+    text, joints, _ = ARMS[name]
+    arm = arm_of(tmp_path, text, joints)
+    made = arm.export(tmp_path / "out")
+    written = made.mjcf.read_text(encoding="utf-8")
+    assert_same_torques(arm, written, text)
+    with pytest.raises(AssertionError):  # the file that was there before has other torques
+        assert_same_torques(arm, text, text)
+    names = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert names == ["arm.xml", "changes.md", "effects.json"]
+
+
+@pytest.mark.parametrize("name", ONE_EACH)
+def test_a_diff_shows_values_and_nothing_else(name: str, tmp_path: Path) -> None:
+    """Without the attributes that may change, both files are the same bytes."""
+    text, joints, _ = ARMS[name]
+    text = text.replace("<worldbody>", "<!-- mass='1' > armature -->\r\n\t<worldbody >", 1)
+    arm = arm_of(tmp_path, text, joints)
+    made = arm.export(tmp_path / "out")
+    after = made.mjcf.read_bytes().decode()
+    assert after != text
+
+    def bare(content: str) -> str:
+        content = re.sub(
+            r"<inertial[^>]*>", lambda tag: _without(INERTIAL, tag[0]), content, flags=re.DOTALL
+        )
+        head, worldbody = content.split("<worldbody >")
+        worldbody, *rest = worldbody.split("</worldbody>")
+        worldbody = re.sub(
+            r"<joint[^>]*>", lambda tag: _without(DRIVE, tag[0]), worldbody, flags=re.DOTALL
+        )
+        return "\n".join([head, worldbody, *rest])
+
+    assert bare(after) == bare(text)
+    # And what is fixed, locked or of another body has the values it had, unless a note says why not.
+    if any("changed together" in note for note in made.notes):
+        return
+    kept = [each for each in _inertials(text) if each in _inertials(after)]
+    assert len(kept) == len(_inertials(text)) - len(joints)
+
+
+def _without(attributes: tuple[str, ...], tag: str) -> str:
+    return re.sub(rf'\s+(?:{"|".join(attributes)})="[^"]*"', "", tag)
+
+
+def _inertials(text: str) -> list[str]:
+    return re.findall(r"<inertial[^>]*>", text)
+
+
+def test_what_an_inertial_is_written_as_stays(tmp_path: Path) -> None:
+    text, joints, _ = ARMS["ur5e"]
+    after = arm_of(tmp_path, text, joints).export(tmp_path / "out").mjcf.read_text()
+    bodies = {
+        body.get("name"): body.find("inertial").attrib
+        for body in ElementTree.fromstring(after).iter("body")
+    }
+    assert set(bodies["forearm_link"]) == {"mass", "pos", "fullinertia"}
+    assert set(bodies["upper_arm_link"]) == {"mass", "pos", "quat", "diaginertia"}
+    # Near the axes of the file: neither order nor signs jump.
+    quat = np.array([float(each) for each in bodies["upper_arm_link"]["quat"].split()])
+    given = np.array([0.9, 0.1, 0.2, 0.1]) / np.linalg.norm([0.9, 0.1, 0.2, 0.1])
+    assert abs(quat @ given) > 0.9
+
+
+def test_other_ways_to_turn_an_inertial_become_a_quaternion(tmp_path: Path) -> None:
+    text, joints, _ = ARMS["ur5e"]
+    turned = text.replace('quat="0.9 0.1 0.2 0.1"', 'euler="0.1 0.4 0.2"')
+    assert turned != text
+    arm = arm_of(tmp_path, turned, joints)
+    written = arm.export(tmp_path / "out").mjcf.read_text()
+    assert "euler" not in written
+    assert_same_torques(arm, written, turned)
+
+
+def test_values_of_a_default_class_are_written_at_the_joint(tmp_path: Path) -> None:
+    text, joints, _ = ARMS["ur5e"]
+    arm = arm_of(tmp_path, text, joints)
+    after = arm.export(tmp_path / "out").mjcf.read_text()
+    assert after[: after.index("<worldbody>")] == text[: text.index("<worldbody>")]
+    joint = re.search(r'<joint name="elbow_joint"[^>]*>', after)
+    assert joint is not None
+    assert f'armature="{arm.standard["Ia3"]!r}"' in joint[0]
+    assert f'frictionloss="{arm.standard["Fc3"]!r}"' in joint[0]
+
+
+def test_as_nominal_model_it_has_the_base_parameters_of_the_result(tmp_path: Path) -> None:
+    text, joints, _ = ARMS["panda"]
+    arm = arm_of(tmp_path, text, joints)
+    made = arm.export(tmp_path / "out")
+    again = build_inverse_model(configured(made.mjcf, joints), read_urdf_file(made.mjcf), "again")
+    offsets = [name.startswith("off") for name in arm.model.base.names]
+    expected = arm.model.base.from_standard(standard_of(arm))
+    assert again.base.names == arm.model.base.names
+    np.testing.assert_allclose(again.given[~np.array(offsets)], expected[~np.array(offsets)], rtol=1e-9, atol=1e-10)  # fmt: skip
+
+
+def test_inertia_of_geoms_becomes_an_inertial_and_the_geoms_stay(tmp_path: Path) -> None:
+    inertial = '<inertial pos="0.15 -0.008 0.003" mass="2.3" fullinertia="0.00140875 0.022861 0.022861 0 -0.0005 0"/>'
+    text = ARM2.replace(inertial, '<geom type="capsule" size="0.05 0.1" pos="0.1 0 0.02"/>')
+    arm = two_joints(tmp_path, text)
+    made = arm.export(tmp_path / "out")
+    written = made.mjcf.read_text(encoding="utf-8")
+    assert_same_torques(arm, written, text)
+    added = [line for line in difflib.ndiff(text.splitlines(), written.splitlines()) if line.startswith("+ ") and "<inertial" in line]  # fmt: skip
+    assert len(added) == 2 and '<geom type="capsule"' in written
+    assert any("the inertia of link_2 was that of geoms" in note for note in made.notes)
+
+
+@pytest.mark.skipif(
+    not hasattr(mujoco.MjModel, "actuator_armature"), reason="MuJoCo is older than 3.5"
+)
+def test_what_actuators_have_is_taken_out_of_the_joint(tmp_path: Path) -> None:
+    motor = '<actuator><motor joint="joint_2" gear="3" armature="{}"/></actuator></mujoco>'
+    text = ARM2.replace("</mujoco>", motor.format(0.005))
+    arm = two_joints(tmp_path, text)
+    assert_same_torques(arm, arm.export(tmp_path / "out").mjcf.read_text(), text)
+    heavy = two_joints(tmp_path, ARM2.replace("</mujoco>", motor.format(0.005)))
+    given = replace(
+        heavy.gap.physical,
+        parameters=tuple(
+            replace(each, value=0.01) if each.name == "Ia2" else each
+            for each in heavy.gap.physical.parameters
+        ),
+    )
+    refused(heavy.with_gap(physical=given), tmp_path / "no", r"joint_2: its actuators alone have")
+
+
+def test_effects_are_all_for_the_callbacks(tmp_path: Path) -> None:
+    planted = [
+        cause("nonlinear_viscous", "joint_1", coefficient=0.8, power=2.0),
+        cause("stribeck", "joint_2", excess=1.0, speed=0.2),
+    ]
+    arm = two_joints(tmp_path, ARM2, planted)
+    made = arm.export(tmp_path / "out")
+    effects = json.loads(made.effects.read_text())["effects"]
+    assert [each["effect"] for each in effects[:2]] == ["nonlinear_viscous", "stribeck"]
+    assert {each["effect"] for each in effects[2:]} == {"torque_offset"}
+    assert not any(each["native"] for each in effects)
+    page = made.changes.read_text(encoding="utf-8")
+    assert "URDF" not in page.replace("needs a URDF", "") and "torque_offset: [" in page
+
+
+def test_the_input_is_never_written_over(tmp_path: Path) -> None:
+    arm = two_joints(tmp_path, ARM2)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(UsageError, match=r"arm\.xml: was read for this export"):
+        arm.export(tmp_path, force=True)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def refused(arm: Case, out: Path, match: str) -> None:
+    with pytest.raises(UsageError, match=match) as refusal:
+        arm.export(out)
+    assert "\n" not in str(refusal.value)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    "setting",
+    ['inertiafromgeom="true"', 'balanceinertia="true"', 'boundmass="0.1"', 'settotalmass="7"',
+     'boundinertia="0.0001"', 'fusestatic="true"'],
+)  # fmt: skip
+@pytest.mark.filterwarnings("ignore:compiler attribute 'settotalmass'")
+def test_settings_that_change_inertials_are_refused_by_name(setting: str, tmp_path: Path) -> None:
+    text = ARM2.replace("<compiler ", f"<compiler {setting} ")
+    for link in ("link_1", "link_2"):
+        text = re.sub(rf'(<body name="{link}"[^>]*>)', r'\1<geom size="0.1"/>', text)
+    refused(two_joints(tmp_path, text), tmp_path / "out", re.escape(setting.split("=")[0]))
+
+
+def test_a_file_of_several_files_is_refused_and_the_one_to_name_is_named(tmp_path: Path) -> None:
+    (tmp_path / "ur5e.xml").write_text(UR5E, encoding="utf-8")
+    scene = '<mujoco>\n<include file="ur5e.xml"/></mujoco>'
+    arm = arm_of(tmp_path, scene, ARMS["ur5e"][1])
+    refused(arm, tmp_path / "out", r"line 2: <include> \(ur5e\.xml\) names another file")
+
+
+def test_two_joints_of_one_body_are_refused(tmp_path: Path) -> None:
+    arm = arm_of(tmp_path, GEN3, ARMS["gen3"][1])
+    refused(arm, tmp_path / "out", "body tool has 2 joints.*a body of its own")
+
+
+def test_a_body_without_a_name_is_refused(tmp_path: Path) -> None:
+    text = ARM2.replace('<body name="link_2"', "<body")
+    refused(two_joints(tmp_path, text), tmp_path / "out", "body_2 is no named <body>")
+
+
+def test_bodies_that_are_made_by_an_element_are_refused(tmp_path: Path) -> None:
+    more = '<replicate count="2" offset="1 0 0"><body><geom size="0.1"/></body></replicate>'
+    text = ARM2.replace("</worldbody>", f"{more}</worldbody>")
+    refused(two_joints(tmp_path, text), tmp_path / "out", "<replicate>.*write them out")
+
+
+def test_an_mjcf_that_holds_effects_of_an_export_is_refused(tmp_path: Path) -> None:
+    """Its own damping would be counted again by the effects of the new result."""
+    text = ARM2.replace('damping="0.5"', 'damping="0.5 0.3 0"').replace(
+        "<worldbody>",
+        '<custom><tuple name="nonlinear_viscous"><element objtype="joint" objname="joint_2"/></tuple></custom><worldbody>',
+    )
+    refused(two_joints(tmp_path, text), tmp_path / "out", "nonlinear_viscous of an earlier export")
+
+
+def test_joints_that_were_moved_since_are_refused(tmp_path: Path) -> None:
+    arm = two_joints(tmp_path, ARM2)
+    (tmp_path / "arm.xml").write_text(ARM2.replace('pos="0.42 0 0"', 'pos="0.43 0 0"'))
+    refused(arm, tmp_path / "out", "joints are placed or turned differently")
+
+
+def test_a_coupled_transmission_is_refused(tmp_path: Path) -> None:
+    arm = two_joints(tmp_path, ARM2)
+    robot = {"mjcf": tmp_path / "arm.xml", "joints": ["joint_1", "joint_2"]}
+    robot["couplings"] = [{"joints": ["joint_1", "joint_2"]}]
+    configuration = Configuration.model_validate({"robot": robot})
+    coupled = case(tmp_path, configuration, change=0.0)
+    refused(replace(arm, configuration=coupled.configuration), tmp_path / "out", "robot.couplings: the coupled")  # fmt: skip
+
+
+def test_bodies_in_frames_and_lines_of_windows(tmp_path: Path) -> None:
+    """A <frame> turns what is in it; values belong to the body, and new lines end as the others."""
+    text = ARM2.replace(
+        '<body name="link_2"', '<frame pos="0.1 0 0" euler="0.3 0 0"><body name="link_2"'
+    )
+    text = text.replace("</body>\n    </body>", "</body></frame>\n    </body>")
+    text = text.replace('<joint name="joint_1"', '<frame euler="0 0 0.2"><joint name="joint_1"')
+    text = text.replace('actuatorfrcrange="-90 90"/>', 'actuatorfrcrange="-90 90"/></frame>')
+    text = re.sub(r'<inertial pos="0.15[^>]*>', '<geom size="0.1"/>', text)
+    text = text.replace("\n", "\r\n")
+    arm = two_joints(tmp_path, text)
+    content = arm.export(tmp_path / "out").mjcf.read_bytes()
+    assert content.count(b"\n") == content.count(b"\r\n") == text.count("\n") + 1
+    assert_same_torques(arm, content.decode(), text)
