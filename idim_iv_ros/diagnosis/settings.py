@@ -232,8 +232,8 @@ LEAST_FOLDS_CHOSEN = Setting(0.6, "folds",
 HELD_OUT_LEAST_FOLDS = Setting(0.75, "folds that choose it",
     "folds on which an effect must help, at least", CHOSEN)
 HELD_OUT_SURELY_LARGE = Setting(0.5, "gap above the noise floor",
-    "what an effect must take at 95 % on held-out data to need LEAST_FOLDS_CHOSEN alone: it may act "
-    "in some folds only", "chosen on one cell of the hostile benchmark")
+    "what an effect must surely (95 %) take on held-out data to need LEAST_FOLDS_CHOSEN alone: it "
+    "may act in some folds only", "chosen on one cell of the hostile benchmark")
 HELD_OUT_LEAST_FOLDS_OF_DRIFT = Setting(0.5, "folds",
     "the same for what changes with time: much of it may lie in a part of the session", CHOSEN)
 LEAST_FOLD = Setting(5.0, "s", "length of a fold where recordings are divided", CHOSEN)
