@@ -279,7 +279,9 @@ def test_two_effects_at_two_joints_are_found_one_after_the_other(data: Baseline)
     assert np.all(gains > 8.0)
 
 
-def test_a_name_that_patches_a_nameless_function_at_its_joint_is_dropped(data: Baseline) -> None:
+def test_a_name_that_patches_a_nonparametric_function_at_its_joint_is_dropped(
+    data: Baseline,
+) -> None:
     found = attribute(data, world(data, 6, SINGLE[1][1], SINGLE[1][3]), [PositionRipple()])
     (named,) = found.found
     generic: Nonparametric = NONPARAMETRIC[0]
@@ -295,6 +297,6 @@ def test_a_name_that_patches_a_nameless_function_at_its_joint_is_dropped(data: B
     assert len(patched.fits) == 1
     kept = named_model(replace(found, found=(elsewhere, named)))
     assert (kept.found, kept.nonparametric) == ((named,), (elsewhere,))
-    # What was found before the nameless function stands by itself.
+    # What was found before the nonparametric function stands by itself.
     before = named_model(replace(found, found=(named, here)))
     assert before.found == (named,)

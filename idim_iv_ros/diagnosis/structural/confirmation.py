@@ -46,14 +46,14 @@ class Doubtful:
     chosen : Chosen
     reason : str
         Why it is only a hint.
-    nameless : bool
+    nonparametric : bool
         Whether it holds, and only its numbers are impossible: something outside of the catalogue.
     """
 
     found: Found
     chosen: Chosen
     reason: str
-    nameless: bool = False
+    nonparametric: bool = False
 
 
 @dataclass(frozen=True)
@@ -140,8 +140,8 @@ def confirmed(
             doubtful += weak
             fallen = [each.found for each in weak]
             kept = [each for each in model.found if not _among(each, fallen)]
-            nameless = [each.found for each in weak if each.nameless]
-            model = built_model(attribution, kept, [*model.nonparametric, *nameless])
+            nonparametric = [each.found for each in weak if each.nonparametric]
+            model = built_model(attribution, kept, [*model.nonparametric, *nonparametric])
             result = tested(data, model, floors, folds)
         unknown = [each for each in model.found if not _among(each, sized(data, model))]
         if not unknown:
@@ -201,7 +201,9 @@ def judged(found: Sequence[Found], result: FoldTest, impossible: Sequence[str]) 
             reason = f"it was found beside {first}, which does not hold there"
         if reason:
             joints.setdefault(joint, each)
-            weak.append(Doubtful(each, chosen, reason, nameless=not doubt and reason == no_such))
+            weak.append(
+                Doubtful(each, chosen, reason, nonparametric=not doubt and reason == no_such)
+            )
     return weak
 
 
