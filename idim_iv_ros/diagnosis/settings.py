@@ -230,10 +230,8 @@ LEAST_FOLDS_CHOSEN = Setting(0.6, "folds",
     "folds without which a search must choose an effect again, at least, or what is "
     "indistinguishable from it: 3 of 5; one that is chosen less often is a hint", CONVENTION)
 HELD_OUT_LEAST_FOLDS = Setting(0.75, "folds that choose it",
-    "folds on which an effect must help, at least", CHOSEN)
-HELD_OUT_SURELY_LARGE = Setting(0.5, "gap above the noise floor",
-    "what an effect must surely (95 %) take on held-out data to need LEAST_FOLDS_CHOSEN alone: it "
-    "may act in some folds only", "chosen on one cell of the hostile benchmark")
+    "folds on which an effect must help, at least, each counted by what the effect does there: "
+    "one may act in some folds only; of blocks that have a vote in a contrast", CHOSEN)
 HELD_OUT_LEAST_FOLDS_OF_DRIFT = Setting(0.5, "folds",
     "the same for what changes with time: much of it may lie in a part of the session", CHOSEN)
 LEAST_FOLD = Setting(5.0, "s", "length of a fold where recordings are divided", CHOSEN)

@@ -224,16 +224,20 @@ def _why_not(tested: HeldOut, number: int, found: Found, chosen: Chosen) -> str:
         )
     stage = tested.refit + number
     gap = tested.gap(stage, stage + 1, found.candidate.place.joint)
-    gain, helped, _ = tested.gain(number)
+    gain, folds, _ = tested.gain(number)
+    share, beside_best = tested.helped(number)
     sure = gap.after < gap.before if gap.ci95 is None else gap.ci95[0] > 0.0
     drifts = found.candidate.effect.family == "time"
     least = settings.HELD_OUT_LEAST_FOLDS_OF_DRIFT if drifts else settings.HELD_OUT_LEAST_FOLDS
-    if gap.ci95 is not None and gap.ci95[0] >= settings.HELD_OUT_SURELY_LARGE:
-        least = min(least, settings.LEAST_FOLDS_CHOSEN)  # play acts at reversals, not in every fold
     if gain < settings.HELD_OUT_LEAST_GAIN:
         return f"it takes only {100.0 * gain:.2g} % of the residual on data that did not choose it"
-    if helped < least * chosen.standing_in:
-        return f"it helps on only {helped} of the {chosen.standing_in} folds that choose it"
+    if share < least:
+        return (
+            f"it helps on only {folds} of the {chosen.standing_in} folds that choose it, in which "
+            f"{100.0 * share:.0f} % of what it does lies"
+        )
+    if not beside_best:
+        return "it helps on one fold alone: it rests on one stretch of time"
     if not sure:
         return "on data that did not choose it the torque gap may have shrunk by chance"
     return ""
