@@ -132,7 +132,9 @@ class HeldOut:
         before, after, change = self._of_effect(effect)
         gains = before - after
         share = float(change[gains > 0.0].sum() / max(float(change.sum()), 1e-300))
-        return share, bool(gains.sum() - gains.max() > 0.0)
+        others = np.arange(len(gains)) != np.argmax(gains)
+        beyond_noise = float(change[others].sum()) >= settings.NORMAL_95**2
+        return share, beyond_noise and bool(gains[others].sum() > 0.0)
 
     def _of_effect(self, effect: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Energies of each fold, over an effect's joints: without it, with it, of the change."""

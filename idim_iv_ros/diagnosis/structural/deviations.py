@@ -82,7 +82,9 @@ def differs_from_nothing(
         return True
     shapes = _of_equal_width(data, candidate)
     for column in range(candidate.width):
-        fewer = [{j: np.delete(rows, column, axis=1) for j, rows in each.items()} for each in shapes]
+        fewer = [
+            {j: np.delete(rows, column, axis=1) for j, rows in each.items()} for each in shapes
+        ]
         most = max(score for score, _ in scan.scores(fewer))
         if whole - most >= settings.NORMAL_95**2:
             return True
