@@ -183,31 +183,6 @@ def test_predictions_are_those_of_fits_without_the_fold(data: Baseline, found: A
             np.testing.assert_allclose(one[used], two[used], atol=1e-7)
 
 
-def test_a_free_function_of_the_same_family_at_the_joint_stands_in(
-    data: Baseline, found: Attribution
-) -> None:
-    """A fold that describes the friction finds what the search over all data names."""
-    crossed = CrossFitting(data, found).choices(interleaved=False)
-    (only,) = found.found
-    joint = only.candidate.place.joint
-    same, elsewhere, other = (
-        tuple((replace(fold[0], effect=effect, place=Place(at)),) for fold in crossed.chosen)
-        for effect, at in (
-            (_nonparametric("velocity"), joint),
-            (_nonparametric("velocity"), 1 - joint),
-            (_nonparametric("position"), joint),
-        )
-    )
-    folds = len(crossed.chosen)
-    for chosen, times in ((same, folds), (elsewhere, 0), (other, 0)):
-        counted = replace(crossed, chosen=chosen).times(only, found.found)
-        assert (counted.own, counted.standing_in) == (0, times)
-
-
-def _nonparametric(family: str) -> Nonparametric:
-    return next(each for each in NONPARAMETRIC if each.family == family)
-
-
 class Elsewhere(Stribeck):
     """The torque of joint_2 as an effect of joint_1 on it."""
 

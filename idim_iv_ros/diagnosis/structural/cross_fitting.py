@@ -45,8 +45,7 @@ class Chosen:
     own : int
         The cause itself.
     standing_in : int
-        The cause, or what is indistinguishable from it, or a nonparametric function of its family
-        at its joint.
+        The cause, or what is indistinguishable from it.
     folds : int
     """
 
@@ -95,29 +94,13 @@ class CrossFit:
     def _standing_in(
         self, found: Found, others: Sequence[Found], chosen: Sequence[FoldCandidate]
     ) -> FoldCandidate | None:
-        """The fold's own version of an effect, or what describes the same finding there."""
+        """The fold's own version of an effect, or what is indistinguishable from it."""
         for each in chosen:
             if each.key == found.candidate.key:
                 return each
         alike = {other.key for other, _ in found.indistinguishable_from}
         alike -= {other.candidate.key for other in others}
-        same = next((each for each in chosen if each.key in alike), None)
-        if same is not None:
-            return same
-        # A free function of the same family at the joint is the same finding, described.
-        taken = {other.candidate.key for other in others}
-        effect, place = found.candidate.effect, found.candidate.place
-        return next(
-            (
-                each
-                for each in chosen
-                if isinstance(each.effect, Nonparametric)
-                and each.effect.family == effect.family
-                and each.place.joint == place.joint
-                and each.key not in taken
-            ),
-            None,
-        )
+        return next((each for each in chosen if each.key in alike), None)
 
     def held_out(
         self,
