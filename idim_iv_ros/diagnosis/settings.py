@@ -261,7 +261,8 @@ LEAST_ROOM = Setting(1e-3, "gap",
 NORMAL_95 = Setting(1.96, "standard deviations",
     "half-width of a 95 % interval: a number beyond differs from zero", CONVENTION)
 SIGNIFICANCE_LEVEL = Setting(0.05, "",
-    "level of the test of all numbers of a cause: Wald's, of an effect a likelihood ratio", CONVENTION)
+    "level of the test of all numbers of a cause: Wald's, of an effect a likelihood ratio",
+    CONVENTION)
 
 # Parametric causes.
 REFIT_LEAST_SHARE = Setting(0.01, "energy of the nominal model's gap",

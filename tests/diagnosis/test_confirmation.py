@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from idim_iv_ros.diagnosis import sentences
 from idim_iv_ros.diagnosis.result import Gap
 from idim_iv_ros.diagnosis.structural import confirmation
 from idim_iv_ros.diagnosis.structural.confirmation import FoldTest
@@ -191,3 +192,14 @@ def judged(
         [effects.index(each) for each in kept],
         [(effects.index(each.found), each.reason) for each in hints],
     )
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_numbers_that_are_known_together_only_are_said_to_be(together: bool) -> None:
+    data: Any = SimpleNamespace(joints=("elbow",), unit_at=lambda joint, unit: unit)
+    effect: Any = SimpleNamespace(
+        place=SimpleNamespace(joint=0, other=None), effect=SimpleNamespace(name="spring")
+    )
+    gap = Gap(1.0, 0.5, None, 0.5, (0.4, 0.6))
+    text = sentences.structural_cause(data, effect, [], gap, 0.4, together=together)
+    assert ("each of its numbers by itself is not" in text) == together
