@@ -174,6 +174,7 @@ def judged(
         confirmation, "impossible", lambda _, model, __: [impossible] * len(model.found)
     )
     monkeypatch.setattr(confirmation, "sized", lambda _, model: list(model.found))
+    monkeypatch.setattr(confirmation, "blurred_names", lambda _, __, ___: [])
     monkeypatch.setattr(
         confirmation,
         "built_model",
@@ -192,6 +193,29 @@ def judged(
         [effects.index(each) for each in kept],
         [(effects.index(each.found), each.reason) for each in hints],
     )
+
+
+@pytest.mark.parametrize(
+    ("known", "families", "hints"),
+    [
+        (True, ["frequency"], 0),
+        (False, [], 0),
+        (False, ["velocity"], 0),  # of its own family: one finding, two names
+        (False, ["velocity", "frequency"], 1),
+    ],
+)
+def test_an_effect_without_numbers_is_named_if_nothing_of_another_kind_predicts_as_well(
+    known: bool, families: list[str], hints: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    others = tuple((found(0, family).candidate, 0.9) for family in families)
+    only = found(0)
+    only.indistinguishable_from = others
+    monkeypatch.setattr(confirmation, "numbers_differ_from_nothing", lambda *_: known)
+    model: Any = SimpleNamespace(found=(only,), regression=SimpleNamespace(widths=(1,)), fit=None)
+    data: Any = SimpleNamespace(joints=("elbow",))
+    made = confirmation.blurred_names(data, model, [Chosen(5, 5, 5)])
+    assert len(made) == hints
+    assert all("each of its numbers may be zero, and x at elbow" in each.reason for each in made)
 
 
 @pytest.mark.parametrize("together", [False, True])

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.parametric.significance import any_differs
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.diagnosis.structural.candidate import Candidate, operating_range, rows_of
@@ -99,6 +100,29 @@ def _of_equal_width(data: Baseline, candidate: Candidate) -> list[Columns]:
     made = rows_of(data, effect, place, same) if same else []
     equal = [rows for rows in made if width_of(rows) == candidate.width]
     return [candidate.columns, *equal]
+
+
+def numbers_differ_from_nothing(
+    data: Baseline, regression: Regression, fit: Fit, candidate: Candidate, start: int
+) -> bool:
+    """Whether one number at least that gives the size of an effect differs from zero at 95 %.
+
+    See `significance.any_differs`, with the shape free; of its coefficients, which scale its
+    torque. Where a coefficient only scales a shape, of the numbers that an engineer reads: both
+    together are one number.
+    """
+    free = _with_free_shape(data, regression, fit, candidate, start)
+    width = candidate.width
+    values = fit.coefficients[start : start + width]
+    covariance = free.covariance[:width, :width] + np.diag(free.further[:width] ** 2)
+    if candidate.effect.size_in == "scale":
+        effect, shape = candidate.effect, candidate.shape
+        slopes = _slopes(effect, shape, values, free.held, free.near)
+        read = [each.value for each in effect.parameters(shape, values, free.held).values()]
+        sizes = np.any(slopes[:, :width] != 0.0, axis=1)
+        values, slopes = np.array(read)[sizes], slopes[sizes]
+        covariance = slopes @ free.covariance @ slopes.T + np.diag((slopes @ free.further) ** 2)
+    return any_differs(values, covariance)
 
 
 @dataclass(frozen=True)
