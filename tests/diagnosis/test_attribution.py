@@ -139,6 +139,16 @@ def test_nothing_is_found_in_noise(data: Baseline, pole: float) -> None:
         assert names_of(attribute(data, world(data, 100 + seed, pole=pole), EVERYTHING)) == []
 
 
+def test_rows_of_grids_are_kept_only_for_folds_that_judge_what_was_found(data: Baseline) -> None:
+    nothing = attribute(data, world(data, 100), [Stribeck()])
+    name, joint, _, torque = SINGLE[0]
+    something = attribute(data, world(data, 1, joint, torque), [Stribeck()])
+    assert names_of(nothing) == []
+    assert nothing.grids == {}
+    assert names_of(something) == [(name, joint)]
+    assert {key[1].joint for key in something.grids} == {0, 1}
+
+
 def pulses(motion: SmoothMotion) -> np.ndarray:
     """Six contacts of 60 ms with nothing in common."""
     starts, sizes = [2.3, 4.9, 7.1, 9.2, 11.8, 14.1], [9.0, -7.0, 8.0, -9.0, 6.0, -8.0]
