@@ -6,6 +6,8 @@ import pytest
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.nodes.identifier.own_folder import OwnFolder
 from tests.ros.conftest import ARM2, start_identifier
 from tests.ros.identifier_client import IdentifierClient
 from tests.ros.processes import start_node
@@ -77,6 +79,19 @@ def test_requests_are_accepted_between_activation_and_deactivation(
     )
     assert client.process.finish() == 0
     assert "Traceback" not in log(client)
+
+
+def test_a_folder_of_results_belongs_to_one_identifier(tmp_path: Path) -> None:
+    first, second = OwnFolder(tmp_path / "results"), OwnFolder(tmp_path / "results")
+    first.take()
+    first.take()
+    with pytest.raises(UsageError, match="output_directory: another identifier writes into"):
+        second.take()
+    OwnFolder(tmp_path / "others").take()
+    first.release()
+    second.take()
+    with pytest.raises(UsageError):
+        first.take()
 
 
 def test_a_node_that_starts_by_itself_ends_with_what_is_wrong(tmp_path: Path, arm: Path) -> None:

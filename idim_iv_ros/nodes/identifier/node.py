@@ -30,6 +30,7 @@ from idim_iv_ros.nodes.identifier.job import (
 )
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue
 from idim_iv_ros.nodes.identifier.managed_node import ACTIVE, FINALIZED, INACTIVE, ManagedNode
+from idim_iv_ros.nodes.identifier.own_folder import OwnFolder
 from idim_iv_ros.nodes.identifier.report import work_diagnosis
 from idim_iv_ros.nodes.identifier.request_server import RequestServer
 from idim_iv_ros.nodes.identifier.result_publisher import ResultPublisher
@@ -80,6 +81,7 @@ class Identifier:
         self._settings = declare(node, IdentifierSettings)
         self._configuration: Configuration | None = None
         self._failure = ""
+        self._folder = OwnFolder(Path(self._settings.output_directory))
         self._publisher = ResultPublisher(
             node,
             Path(self._settings.output_directory),
@@ -126,6 +128,7 @@ class Identifier:
             self._configuration = self._loaded()
         except UsageError as error:
             raise UsageError(f"parameter configuration: {error}") from error
+        self._folder.take()
         self._publisher.load()
         self._publisher.publish_last()
         self._gaps.publish_last()
@@ -147,6 +150,7 @@ class Identifier:
     def _cleanup(self) -> None:
         self._configuration, self._failure = None, ""
         self._publisher.forget()
+        self._folder.release()
 
     def _shutdown(self) -> None:
         self._jobs.end_all("the identifier was shut down")
