@@ -35,8 +35,8 @@ from idim_iv_ros.nodes.identifier.report import work_diagnosis
 from idim_iv_ros.nodes.identifier.request_server import RequestServer
 from idim_iv_ros.nodes.identifier.result_publisher import ResultPublisher
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
+from idim_iv_ros.nodes.own_topics import with_own_topics
 from idim_iv_ros.nodes.parameters import changed, checked, declare
-from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
 
 _LOOK = 0.1  # s between two looks whether a job takes too long
 _TURNS = 10  # of the executor, in which the last results are sent
@@ -179,12 +179,6 @@ class Identifier:
         path = self._settings.configuration
         return load_configuration(Path(path)) if path else None
 
-    def _with_own_topics(self, configuration: Configuration) -> Configuration:
-        """Relative topics as this node resolves them: in its namespace, with its remappings."""
-        names = (*configuration.signals.relative_topics, ROBOT_DESCRIPTION)
-        own = {name: self.node.resolve_topic_name(name) for name in names}
-        return configuration.with_own_topics(own)
-
     def _bag_closed(self, message: BagClosed) -> None:
         if self._settings.auto and self._managed.state == ACTIVE:
 
@@ -202,7 +196,7 @@ class Identifier:
             if self._managed.state != ACTIVE:
                 raise UsageError(f"the identifier is {self._managed.state}: {self._next_step()}")
             job = requested(request, self._settings, self._configuration, listener)
-            job.configuration = self._with_own_topics(job.configuration)
+            job.configuration = with_own_topics(self.node, job.configuration)
             self._jobs.submit(job)
             return job
         except IdimError as error:
