@@ -85,7 +85,11 @@ SECTIONS: dict[str, dict[str, Key]] = {
         "delay": Key("s, from the command to the torque", "0", 0.0),
     },
     "signals": {
-        "joint_states": Key("sensor_msgs/JointState", "/joint_states", "/joint_states"),
+        "joint_states": Key(
+            "sensor_msgs/JointState; without a leading slash: in the namespace of the robot",
+            "joint_states",
+            "joint_states",
+        ),
         "effort": Key("JointState or Float64MultiArray", "joint_states", "/joint_states"),
         "reference": Key(
             "sensor_msgs/JointState with what the controller was asked for",

@@ -31,6 +31,15 @@ class Settings:
             One line that names the parameter.
         """
 
+    def check_files(self) -> None:
+        """Check what is read when the node is configured, where that is not at the start.
+
+        Raises
+        ------
+        IdimError
+            One line that names the file.
+        """
+
 
 Kind = TypeVar("Kind", bound=Settings)
 
@@ -113,6 +122,7 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
     new = type(settings)(**values)
     try:
         new.check()
+        new.check_files()
     except IdimError as error:
         names = ", ".join(each.name for each in parameters)
         text = str(error)

@@ -1,7 +1,7 @@
 """From bags to recordings: the door through which everything enters."""
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ from idim_iv_ros.files import FilePaths, as_paths
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording.bags.folder import Bag, loss_notes, loss_sentence
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages, readable
+from idim_iv_ros.recording.bags.topics import bag_topics
 from idim_iv_ros.recording.clock import StampedMessages, stamp_messages
 from idim_iv_ros.recording.grid import Grid, make_grid, on_grid, without_pauses
 from idim_iv_ros.recording.held_samples import without_frozen
@@ -22,6 +23,7 @@ from idim_iv_ros.recording.other_topics import (
 )
 from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import Note, Recording, Signal
+from idim_iv_ros.recording.topic_names import descriptions_of, topics_in_bag
 from idim_iv_ros.recording.wraps import without_wraps
 
 DESCRIPTION = "/robot_description"
@@ -40,6 +42,13 @@ class Request:
     reference: str | None
     prismatic: Collection[str] = ()
     link_states: str | None = None
+    own_topics: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def named(self) -> dict[str, str]:
+        """Topic of each key of a configuration that names one."""
+        keys = ("joint_states", "effort", "reference", "link_states")
+        return {key: name for key in keys if (name := getattr(self, key)) is not None}
 
     @property
     def fields(self) -> dict[str, set[str]]:
@@ -62,6 +71,7 @@ def read_recordings(
     reference: str | None = None,
     prismatic: Collection[str] = (),
     link_states: str | None = None,
+    own_topics: Mapping[str, str] | None = None,
     progress: Progress | None = None,
 ) -> tuple[Recording, ...]:
     """Read one recording from each bag.
@@ -73,12 +83,15 @@ def read_recordings(
     joints
         Joints to read, in the order of the columns of every signal; one name for one joint.
     joint_states, effort, reference
-        Topics; `effort` is that of `joint_states` if it is None.
+        Topics; `effort` is that of `joint_states` if it is None. A name without a leading slash
+        is looked for in the namespace of the robot (`topics_in_bag`).
     prismatic
         Joints that slide, besides those of a bag's own /robot_description: their positions have
         no turns that could wrap.
     link_states
         Topic of encoders behind the gears; joints may be missing there.
+    own_topics
+        What names without a leading slash are for the node that asks; they are looked for first.
 
     Raises
     ------
@@ -89,7 +102,13 @@ def read_recordings(
     """
     names = [joints] if isinstance(joints, str) else list(joints)
     request = Request(
-        names, joint_states, effort or joint_states, reference, prismatic, link_states
+        names,
+        joint_states,
+        effort or joint_states,
+        reference,
+        prismatic,
+        link_states,
+        own_topics or {},
     )
     recordings: list[Recording] = []
     paths = as_paths(bags)
@@ -115,10 +134,27 @@ def _require_new(recording: Recording, before: Sequence[Recording]) -> None:
             )
 
 
+def _in_bag(path: Path, request: Request) -> Request:
+    """Return the request with the full names of its topics in this bag."""
+    if all(name.startswith("/") for name in request.named.values()):
+        return request
+    topics = [name for name, kind in bag_topics(path).items() if readable(kind)]
+    found = topics_in_bag(path, request.named, topics, request.own_topics)
+    reference, link_states = request.reference, request.link_states
+    return replace(
+        request,
+        joint_states=found[request.joint_states],
+        effort=found[request.effort],
+        reference=None if reference is None else found[reference],
+        link_states=None if link_states is None else found[link_states],
+    )
+
+
 def _read(path: Path, request: Request) -> Recording:
     bag = Bag(path)
     try:
         try:
+            request = _in_bag(path, request)
             readers, description = _messages(bag, request)
         except OSError as error:
             raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
@@ -144,10 +180,12 @@ def _messages(bag: Bag, request: Request) -> tuple[dict[str, JointMessageReader]
     """Messages of each topic, and the robot's description."""
     fields = request.fields
     readers: dict[str, JointMessageReader] = {}
-    description: str | None = None
-    for topic, batch in bag.batches({*fields, DESCRIPTION}):
-        if topic == DESCRIPTION:
-            description = robot_description(batch) or description
+    descriptions: dict[str, str] = {}
+    likely = descriptions_of(request.joint_states, request.own_topics)
+    for topic, batch in bag.batches({*fields, *likely}):
+        if topic in likely:
+            text = robot_description(batch)
+            descriptions.update({} if text is None else {topic: text})
             continue
         if topic not in readers:
             _require_type(bag.path, topic, bag.topics[topic])
@@ -155,7 +193,7 @@ def _messages(bag: Bag, request: Request) -> tuple[dict[str, JointMessageReader]
                 topic, bag.topics[topic], request.joints, sorted(fields[topic])
             )
         readers[topic].add(batch)
-    return readers, description
+    return readers, next((descriptions[name] for name in likely if name in descriptions), None)
 
 
 def _checked(

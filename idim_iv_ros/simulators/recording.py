@@ -203,7 +203,7 @@ def recorded_topics(
             effort=None if separate else effort,
         ),
         JointTopic(
-            signals.reference or "/joint_reference",
+            signals.reference or "joint_reference",
             joints,
             np.arange(len(record.time)) / record.rate,
             (record.position_reference - offset) @ to_motor.T,

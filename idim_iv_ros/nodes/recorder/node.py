@@ -163,7 +163,7 @@ class Recorder:
             topic.look()
 
     def _report(self) -> None:
-        name = self.node.get_name()
+        name = self.node.get_fully_qualified_name()
         now = time.monotonic()
         seconds, self._counted_at = now - self._counted_at, now
         statuses = []

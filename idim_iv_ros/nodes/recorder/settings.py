@@ -16,8 +16,8 @@ class RecorderSettings(Settings):
 
     configuration: str = parameter(
         "",
-        "the robot's YAML file, whose topics are recorded; empty: /joint_states and "
-        "/robot_description",
+        "the robot's YAML file, whose topics are recorded; empty: joint_states and "
+        "robot_description",
     )
     bag_directory: str = parameter(".", "folder in which the bags are made")
     bag_prefix: str = parameter("recording", "bags are named PREFIX_YYYY_MM_DD-HH_MM_SS")
