@@ -39,8 +39,10 @@ from idim_iv_ros.recording.bags.mcap_records import (
 )
 from idim_iv_ros.types import IntArray
 
+_READ = (CHUNK, INDEX, MESSAGE, SCHEMA, CHANNEL)
 _LARGEST_CHUNK = 1 << 30
-_LOOSE_TOGETHER = 10_000  # messages
+_LARGEST_DESCRIPTION = 1 << 24
+_LOOSE_TOGETHER, _LOOSE_BYTES = 10_000, 1 << 26  # messages, and what they span
 
 
 @dataclass
@@ -91,17 +93,19 @@ class McapFile:
             summary = read_summary(content)
             self._description = summary or McapDescription()
             self.topics = self._description.topics
-            yield from self._walk(content, wanted)
+            yield from self._walk(content, wanted, file.fileno())
             if summary is not None and summary.counts is not None:
                 self._compare(summary.counts, wanted)
 
-    def _walk(self, content: mmap.mmap, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
+    def _walk(
+        self, content: mmap.mmap, wanted: set[str], file: int
+    ) -> Iterator[tuple[str, MessageBatch]]:
         # A chunk is followed by its indices.
         chunk: bytes | None = None
         indices: dict[int, IntArray] = {}
         loose: list[Record] = []
         self.truncated = True
-        for record in records(content, len(MAGIC)):
+        for record in records(content, len(MAGIC), file):
             opcode, start, end = record
             if opcode != INDEX:
                 yield from self._chunk(chunk, indices, wanted)
@@ -109,7 +113,8 @@ class McapFile:
             if opcode in (FOOTER, DATA_END):
                 self.truncated = False
                 break
-            if opcode == DAMAGED:
+            largest = _LARGEST_DESCRIPTION if opcode in (SCHEMA, CHANNEL) else _LARGEST_CHUNK
+            if opcode == DAMAGED or (opcode in _READ and end - start > largest):
                 self._lose()
             elif opcode == CHUNK:
                 chunk = self._decompress(content[start:end], torn=end > len(content))
@@ -121,7 +126,7 @@ class McapFile:
                 self._index(content[start:end], indices)
             elif opcode == MESSAGE:
                 loose.append(record)
-                if len(loose) >= _LOOSE_TOGETHER:
+                if len(loose) >= _LOOSE_TOGETHER or end - loose[0].start > _LOOSE_BYTES:
                     yield from self._loose(content, loose, wanted)
                     loose = []
         yield from self._chunk(chunk, indices, wanted)
