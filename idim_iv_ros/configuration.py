@@ -3,11 +3,20 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
 
 from idim_iv_ros.configuration_file import first_problem, read_mapping, shortened
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
+from idim_iv_ros.signal_source import source_text
 
 # Steps of the simulated plant in one control period.
 _MOST_STEPS = 100
@@ -39,6 +48,8 @@ Delay = Annotated[float, Field(ge=0.0, le=1.0)]
 Acceleration = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 Fraction = Annotated[float, Field(gt=0.0, lt=1.0)]
 Name = Annotated[str, Field(min_length=1, max_length=255), AfterValidator(_printable)]
+# `topic`, `topic#field` or a mapping with both; kept as text.
+Source = Annotated[Name, BeforeValidator(source_text)]
 # Read from YAML as text, in any mode of pydantic.
 YamlPath = Annotated[Path, Field(strict=False)]
 Vector = list[Number]
@@ -171,13 +182,15 @@ class ControllerSection(Section):
 class SignalsSection(Section):
     """Topics, and what arrives on the effort topic.
 
+    A topic whose messages hold several sets of numbers may be given with a field, as
+    ``{topic: /arm_controller/controller_state, field: output}`` or ``topic#field``.
     `link_states` holds positions of encoders behind the gears, on the joint side.
     """
 
-    joint_states: Name = "/joint_states"
-    effort: Name | None = None
-    reference: Name | None = None
-    link_states: Name | None = None
+    joint_states: Source = "/joint_states"
+    effort: Source | None = None
+    reference: Source | None = None
+    link_states: Source | None = None
     effort_scale: list[NotZero] | None = None
     effort_unit: Literal["N m", "A", "V"] = "N m"
 

@@ -9,8 +9,10 @@ import numpy as np
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import FilePaths, as_paths
 from idim_iv_ros.progress import Progress
+from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
 from idim_iv_ros.recording.bags.folder import Bag, loss_notes, loss_sentence
-from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages, readable
+from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
+from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
 from idim_iv_ros.recording.clock import StampedMessages, stamp_messages
 from idim_iv_ros.recording.grid import Grid, make_grid, on_grid, without_pauses
 from idim_iv_ros.recording.held_samples import without_frozen
@@ -23,6 +25,7 @@ from idim_iv_ros.recording.other_topics import (
 from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import Note, Recording, Signal
 from idim_iv_ros.recording.wraps import without_wraps
+from idim_iv_ros.signal_source import field_of, topic_of, with_field
 
 DESCRIPTION = "/robot_description"
 LEAST_SAMPLES = 20
@@ -32,7 +35,10 @@ _SAMPLES_A_MESSAGE, _SAMPLES_MORE = 20, 100_000
 
 @dataclass(frozen=True)
 class Request:
-    """What to read of a bag: joints, topics, and which joints are known to be prismatic."""
+    """What to read of a bag: joints, topics, and which joints are known to be prismatic.
+
+    A topic may be named with a field, ``topic#field``.
+    """
 
     joints: Sequence[str]
     joint_states: str
@@ -51,6 +57,22 @@ class Request:
         if self.link_states is not None:
             fields.setdefault(self.link_states, set()).add("position")
         return fields
+
+    @property
+    def own(self) -> "Request":
+        """The same with a source of its own for the reference.
+
+        One controller_state may hold what was asked for and what was measured.
+        """
+        reference = self.reference
+        measured = (self.joint_states, self.effort, self.link_states)
+        if reference is None or reference not in measured or field_of(reference) is not None:
+            return self
+        return replace(self, reference=with_field(reference, "reference"))
+
+    def sources(self, topic: str) -> list[str]:
+        """Sources that are read from a topic."""
+        return [source for source in self.fields if topic_of(source) == topic]
 
 
 def read_recordings(
@@ -73,7 +95,9 @@ def read_recordings(
     joints
         Joints to read, in the order of the columns of every signal; one name for one joint.
     joint_states, effort, reference
-        Topics; `effort` is that of `joint_states` if it is None.
+        Topics; `effort` is that of `joint_states` if it is None. Of a message that holds more than
+        one set of numbers the one that suits is taken (what the controller was asked for is the
+        reference), or the one that is named: ``topic#field``.
     prismatic
         Joints that slide, besides those of a bag's own /robot_description: their positions have
         no turns that could wrap.
@@ -90,7 +114,7 @@ def read_recordings(
     names = [joints] if isinstance(joints, str) else list(joints)
     request = Request(
         names, joint_states, effort or joint_states, reference, prismatic, link_states
-    )
+    ).own
     recordings: list[Recording] = []
     paths = as_paths(bags)
     for number, bag in enumerate(paths):
@@ -129,10 +153,11 @@ def _read(path: Path, request: Request) -> Recording:
             messages, notes = _checked(path, readers[topic], optional=topic == request.link_states)
             ordered = stamp_messages(messages, str(path))
             stamped[topic] = replace(ordered, notes=(*notes, *ordered.notes))
-        recording = _assemble(path, request, stamped, description, loss_notes(bag, request.fields))
+        topics = list(dict.fromkeys(map(topic_of, request.fields)))
+        recording = _assemble(path, request, stamped, description, loss_notes(bag, topics))
     except DataError as error:
         # What is missing from a damaged bag is damaged, as far as anybody can know.
-        loss = loss_sentence(bag, request.fields)
+        loss = loss_sentence(bag, dict.fromkeys(map(topic_of, request.fields)))
         raise DataError(f"{error} ({loss})" if loss else str(error)) from error
     if request.reference is not None:
         return recording
@@ -145,17 +170,32 @@ def _messages(bag: Bag, request: Request) -> tuple[dict[str, JointMessageReader]
     fields = request.fields
     readers: dict[str, JointMessageReader] = {}
     description: str | None = None
-    for topic, batch in bag.batches({*fields, DESCRIPTION}):
+    for topic, batch in bag.batches({*map(topic_of, fields), DESCRIPTION}):
         if topic == DESCRIPTION:
             description = robot_description(batch) or description
             continue
-        if topic not in readers:
-            _require_type(bag.path, topic, bag.topics[topic])
-            readers[topic] = JointMessageReader(
-                topic, bag.topics[topic], request.joints, sorted(fields[topic])
-            )
-        readers[topic].add(batch)
+        for source in request.sources(topic):
+            if source not in readers:
+                kind = _kind(bag, source, reference=source == request.reference)
+                readers[source] = JointMessageReader(
+                    source, kind, request.joints, sorted(fields[source])
+                )
+            readers[source].add(batch)
     return readers, description
+
+
+def _kind(bag: Bag, source: str, *, reference: bool) -> JointMessageType:
+    """How the messages of a source are read.
+
+    Raises
+    ------
+    UsageError, DataError
+        They hold no quantities of joints, or not in the field that is named.
+    """
+    name = bag.topics[topic_of(source)]
+    kind = JointMessageType(name, bag.definitions.get(name), field_of(source), reference)
+    kind.require_readable(bag.path, topic_of(source))
+    return kind
 
 
 def _checked(
@@ -196,8 +236,19 @@ def _checked(
             if not np.isfinite(values[name][:, column]).any():
                 raise DataError(
                     f"{path}: {name} of {joint} on {topic} is empty or NaN in every message"
+                    f"{_where_else(reader, name)}"
                 )
     return replace(messages, values=values), notes
+
+
+def _where_else(reader: JointMessageReader, name: str) -> str:
+    """What to write where a controller does not publish a quantity."""
+    topic = topic_of(reader.topic)
+    if reader.kind.name not in ROS2_CONTROL:
+        return ""
+    if name == "effort":
+        return f"; if /joint_states has it, write `effort: /joint_states`, not {topic}"
+    return f"; was the controller of {topic} active while this was recorded?"
 
 
 def _assemble(
@@ -301,7 +352,8 @@ def _common_grid(path: Path, request: Request, stamped: dict[str, StampedMessage
 
 def _signal(grid: Grid, stamped: StampedMessages, name: str) -> Signal:
     values = stamped.messages.values[name]
-    origin = f"{stamped.messages.topic} {name}"
+    messages = stamped.messages
+    origin = f"{messages.topic} {messages.origins.get(name, name)}"
     return on_grid(grid, stamped.time, values, origin, smooth=name == "position")
 
 
@@ -312,14 +364,6 @@ def _optional(grid: Grid, stamped: StampedMessages, name: str) -> Signal | None:
     return _signal(grid, stamped, name)
 
 
-def _require_type(path: Path, topic: str, message_type: str) -> None:
-    if not readable(message_type):
-        raise DataError(
-            f"{path}: {topic} is {message_type}; sensor_msgs/msg/JointState or "
-            "std_msgs/msg/Float64MultiArray is needed"
-        )
-
-
 def _missing(bag: Bag, topic: str, request: Request) -> str:
     path = bag.path
     if not bag.topics:
@@ -327,8 +371,8 @@ def _missing(bag: Bag, topic: str, request: Request) -> str:
     advice = ""
     if topic == request.reference and not bag.damages:
         advice = reference_advice(bag, list(request.fields), request.joints)
-    usable = [name for name, kind in bag.topics.items() if readable(kind)]
-    if topic in bag.topics:
+    usable = [name for name, kind in bag.topics.items() if may_hold_joints(kind)]
+    if topic_of(topic) in bag.topics:
         return f"{path}: no message on {topic}{advice}"
     if not usable:
         return f"{path}: no topic {topic}, nor any other topic with joint states{advice}"

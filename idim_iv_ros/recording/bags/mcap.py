@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.cdr import MessageBatch
+from idim_iv_ros.recording.bags.definitions import SchemaText
 from idim_iv_ros.recording.bags.mcap_records import (
     CHANNEL,
     CHUNK,
@@ -54,6 +55,8 @@ class McapFile:
     path : Path
     topics : dict
         Type of each topic that was met so far.
+    definitions : dict
+        Definition of each type that was met so far.
     truncated : bool
         Whether the file ended before its end record; known once it was read.
     damaged : int
@@ -67,6 +70,7 @@ class McapFile:
 
     path: Path
     topics: dict[str, str] = field(default_factory=dict)
+    definitions: dict[str, SchemaText] = field(default_factory=dict)
     truncated: bool = False
     damaged: int = 0
     missing: Counter[str] = field(default_factory=Counter)
@@ -92,7 +96,7 @@ class McapFile:
                 raise DataError(f"{self.path}: not an MCAP file")
             summary = read_summary(content)
             self._description = summary or McapDescription()
-            self.topics = self._description.topics
+            self.topics, self.definitions = self._description.topics, self._description.definitions
             yield from self._walk(content, wanted, file.fileno())
             if summary is not None and summary.counts is not None:
                 self._compare(summary.counts, wanted)

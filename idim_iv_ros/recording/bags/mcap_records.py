@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from mmap import mmap
 from typing import NamedTuple
 
+from idim_iv_ros.recording.bags.definitions import SchemaText
+
 DAMAGED = 0  # no opcode of the format: bytes that are no record
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, STATISTICS, DATA_END = 2, 3, 4, 5, 6, 7, 11, 15
 HEAD = 9  # opcode and length
@@ -181,6 +183,8 @@ class McapDescription:
     ----------
     schemas : dict
         Name of each schema.
+    definitions : dict
+        Definition of each type.
     channels : dict
         Topic of each channel of CDR messages.
     topics : dict
@@ -190,6 +194,7 @@ class McapDescription:
     """
 
     schemas: dict[int, str] = field(default_factory=dict)
+    definitions: dict[str, SchemaText] = field(default_factory=dict)
     channels: dict[int, str] = field(default_factory=dict)
     topics: dict[str, str] = field(default_factory=dict)
     counts: dict[int, int] | None = None
@@ -204,7 +209,12 @@ class McapDescription:
         """
         if opcode == SCHEMA:
             (number,) = struct.unpack_from("<H", record)
-            self.schemas[number], _ = text(record, 2)
+            name, place = text(record, 2)
+            self.schemas[number] = name
+            encoding, place = text(record, place)
+            # Other encodings than those of ROS need not be text.
+            written = record[place + 4 :].decode("utf-8", errors="replace")
+            self.definitions[name] = SchemaText(encoding, written)
             return
         number, schema = struct.unpack_from("<HH", record)
         topic, place = text(record, 4)
