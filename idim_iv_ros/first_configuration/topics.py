@@ -203,8 +203,12 @@ class TopicChoice:
         return self.effort or self.states
 
 
-def choose_states(bags: Sequence[BagContents]) -> tuple[TopicContents, TopicContents | None]:
-    """Choose the topic of the joint states, and that of the efforts where it is another.
+def choose_states(
+    bags: Sequence[BagContents], wanted: str | None = None
+) -> tuple[TopicContents, TopicContents | None]:
+    """Choose the topic of the joint states, `wanted` if it holds any, and that of the efforts.
+
+    The latter is None where it is the same.
 
     Raises
     ------
@@ -219,7 +223,7 @@ def choose_states(bags: Sequence[BagContents]) -> tuple[TopicContents, TopicCont
             f"{first.path}: no sensor_msgs/msg/JointState with positions; "
             f"it holds {held or 'nothing else'}; record /joint_states"
         )
-    chosen = max(states, key=_likeness)
+    chosen = max([each for each in states if each.name == wanted] or states, key=_likeness)
     if chosen.with_effort():
         return chosen, None
     others = [topic for topic in first.topics if topic.name != chosen.name and not topic.asked]
@@ -247,9 +251,11 @@ def _likeness(topic: TopicContents) -> tuple[bool, int, int, bool, bool, int]:
     )
 
 
-def choose_topics(bags: Sequence[BagContents], joints: Sequence[str]) -> TopicChoice:
-    """Choose all topics for these joints."""
-    states, effort = choose_states(bags)
+def choose_topics(
+    bags: Sequence[BagContents], joints: Sequence[str], wanted: str | None = None
+) -> TopicChoice:
+    """Choose all topics for these joints; `wanted` as in `choose_states`."""
+    states, effort = choose_states(bags, wanted)
     used = {states.name, effort.name if effort else ""}
     common = [topic for topic in bags[0].topics if _in_all(topic, bags, joints)]
     asked = [topic for topic in common if topic.asked]

@@ -30,6 +30,7 @@ from idim_iv_ros.signal_source import field_of, topic_of, with_field
 DESCRIPTION = "/robot_description"
 LEAST_SAMPLES = 20
 # A grid may be longer than its messages by so much: more is holes.
+_NOTED = 0.1  # s that are cut off without a word
 _SAMPLES_A_MESSAGE, _SAMPLES_MORE = 20, 100_000
 
 
@@ -266,6 +267,7 @@ def _assemble(
     if request.link_states is not None:
         stamped = without_wraps(stamped, joint_states, request.link_states, joints, prismatic)
     grid = _common_grid(path, request, stamped)
+    notes += _inactive_notes(request, stamped, grid)
     for topic in stamped.values():
         notes += topic.notes
         notes += _with_encoder(topic.messages, request).notes()
@@ -298,6 +300,24 @@ def _assemble(
         robot_description=description,
         frozen=frozen,
     )
+
+
+def _inactive_notes(
+    request: Request, stamped: dict[str, StampedMessages], grid: Grid
+) -> list[Note]:
+    """Say what was cut off because the controller was not active."""
+    if request.reference is None or not stamped[request.reference].messages.origins:
+        return []
+    states = stamped[request.joint_states].time
+    end = grid.start + round((grid.samples - 1) * 1e9 / grid.rate)
+    before, after = (grid.start - int(states[0])) * 1e-9, (int(states[-1]) - end) * 1e-9
+    if max(before, after) < _NOTED:
+        return []
+    what = (
+        f"the controller is not active in the first {max(before, 0.0):.3g} s and the last "
+        f"{max(after, 0.0):.3g} s, which are left out"
+    )
+    return [Note(topic_of(request.reference), what, 1)]
 
 
 def _with_encoder(messages: JointMessages, request: Request) -> JointMessages:
@@ -335,6 +355,8 @@ def _common_grid(path: Path, request: Request, stamped: dict[str, StampedMessage
             raise DataError(
                 f"{path}: {other} and {request.joint_states} do not overlap in time{because}"
             )
+    if request.reference is not None:
+        first, last = _while_active(stamped[request.reference], first, last)
     grid = make_grid(states, first, last)
     if grid.samples > _SAMPLES_A_MESSAGE * len(states) + _SAMPLES_MORE:
         raise DataError(
@@ -348,6 +370,19 @@ def _common_grid(path: Path, request: Request, stamped: dict[str, StampedMessage
             f"{because}"
         )
     return grid
+
+
+def _while_active(reference: StampedMessages, first: int, last: int) -> tuple[int, int]:
+    """Time in which a controller was active: before and after it moves the robot by no law.
+
+    A topic that holds nothing but references ends with the motion; the robot then stands still.
+    """
+    if not reference.messages.origins:
+        return first, last
+    known = reference.time[np.isfinite(reference.messages.values["position"]).all(axis=1)]
+    if len(known) == 0:
+        return first, last
+    return max(first, int(known[0])), min(last, int(known[-1]))
 
 
 def _signal(grid: Grid, stamped: StampedMessages, name: str) -> Signal:

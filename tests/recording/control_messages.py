@@ -100,7 +100,9 @@ class ControlBag:
         none = types["builtin_interfaces/msg/Duration"](sec=0, nanosec=0)
         return types["trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"]([], [], [], none)
 
-    def state(self, stamp: float, joints, **points) -> None:
+    def state(
+        self, stamp: float, joints, topic="/arm_controller/controller_state", **points
+    ) -> None:
         """A controller_state; points that are not given are empty."""
         kind = self.store.types[STATE]
         values = {}
@@ -114,7 +116,7 @@ class ControlBag:
         values.update(header=self.header(stamp), joint_names=list(joints))
         if "speed_scaling_factor" in values:
             values["speed_scaling_factor"] = 1.0
-        self.add("/arm_controller/controller_state", stamp, kind(**values))
+        self.add(topic, stamp, kind(**values))
 
     def dynamic(self, stamp: float, joints, interfaces, rows) -> None:
         """A dynamic_joint_states; `rows` holds one list of values for each joint."""

@@ -133,18 +133,32 @@ def test_a_controller_of_other_joints_is_refused_with_their_names(tmp_path: Path
         read(bag, reference=STATE)
 
 
-def test_what_comes_before_the_controller_is_active_is_invented(tmp_path: Path) -> None:
+def test_what_comes_before_and_after_the_controller_is_active_is_left_out(tmp_path: Path) -> None:
     bag = on_states(ControlBag())
     for stamp in STAMPS[:50]:
         bag.state(stamp, JOINTS)
     for stamp in STAMPS[50:60]:
         bag.state(stamp, JOINTS, reference=bag.point(stamp, [np.nan, np.nan]))
-    on_controller(bag, STAMPS[60:])
+    on_controller(bag, STAMPS[60:180])
     recording = read(bag.write(tmp_path / "bag"), reference=STATE)
-    reference = recording.position_reference
-    assert reference.invented[:55].all()
-    assert not reference.invented[60:].any()
-    assert reference.values[60:] == pytest.approx(column(asked)[60:], abs=1e-12)  # by a spline
+    assert not recording.position_reference.invented.any()
+    assert np.array_equal(recording.position.values, column(measured)[60:180])
+    # By a spline between the same stamps.
+    assert recording.position_reference.values == pytest.approx(column(asked)[60:180], abs=1e-12)
+    assert any(
+        "not active in the first 0.6 s and the last 0.2 s" in n.what for n in recording.notes
+    )
+
+
+def test_a_controller_that_rests_in_between_is_no_reference_there(tmp_path: Path) -> None:
+    bag = on_controller(on_states(ControlBag()), STAMPS[:80])
+    for stamp in STAMPS[80:120]:
+        bag.state(stamp, JOINTS)
+    on_controller(bag, STAMPS[120:])
+    invented = read(bag.write(tmp_path / "bag"), reference=STATE).position_reference.invented
+    assert invented[81:119].all()
+    assert not invented[:80].any()
+    assert not invented[121:].any()
 
 
 def test_a_controller_that_was_never_active_is_refused(tmp_path: Path) -> None:
@@ -161,7 +175,8 @@ def test_a_slower_reference_is_interpolated(tmp_path: Path) -> None:
     inside = slice(4, 190)
     assert not reference.invented[inside].any()
     # A cubic spline through points 40 ms apart: error below 5/384 h⁴ max|f⁗| (de Boor).
-    assert np.abs(reference.values - column(asked))[inside].max() < 5.0 / 384.0 * 0.04**4 * 1.1
+    difference = reference.values - column(asked)[: len(reference.values)]
+    assert np.abs(difference[inside]).max() < 5.0 / 384.0 * 0.04**4 * 1.1
 
 
 def test_every_message_has_another_time_and_all_are_one_layout(tmp_path: Path) -> None:
