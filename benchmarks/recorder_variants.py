@@ -1,5 +1,6 @@
 """What snapshots, extra topics and storage presets cost the recorder at 10 kHz."""
 
+import itertools
 import os
 import tempfile
 from pathlib import Path
@@ -14,7 +15,7 @@ from benchmarks.recorder_rate import JOINTS, TOPIC, wait_settled
 from idim_iv_ros.recording.bags.folder import Bag
 from tests.ros.processes import Observer, Robot, start_recorder
 
-SECONDS, RATE, RUNS = 5.0, 10_000, 2
+SECONDS, RATE, RUNS, TRIES = 5.0, 10_000, 2, 5
 EXTRA = {"name": "/joint_extra", "joints": JOINTS, "depth": 20_000}
 VARIANTS: dict[str, tuple[dict[str, object], bool, bool]] = {
     # Parameters, whether an extra topic of the same rate is recorded, whether a snapshot is taken.
@@ -25,23 +26,34 @@ VARIANTS: dict[str, tuple[dict[str, object], bool, bool]] = {
         False,
         True,
     ),
-    "an extra topic at the same rate": ({"extra_topics": "['/joint_extra']"}, True, False),
+    "half of them on an extra topic": ({"extra_topics": "['/joint_extra']"}, True, False),
     "storage_preset none": ({"storage_preset": "none"}, False, False),
     "storage_preset fast": ({"storage_preset": "fast"}, False, False),
     "storage_preset small": ({"storage_preset": "small"}, False, False),
 }
 
 
-def run(name: str, number: int, robot: Robot, folder: Path, observer: Observer) -> str:
-    """One run as a row of the table."""
+def offered_run(name: str, robot: Robot, folder: Path, observer: Observer) -> str:
+    """One run as a row of the table; another try where the publisher did not keep the rate."""
+    for number in itertools.count():
+        kept, row = run(name, robot, folder / f"{len(list(folder.iterdir()))}", observer)
+        if kept or number == TRIES - 1:
+            break
+    return row
+
+
+def run(name: str, robot: Robot, folder: Path, observer: Observer) -> tuple[bool, str]:
+    """One run: whether the publisher kept the rate, and its row."""
+    folder.mkdir()
     parameters, extra, snapshot = VARIANTS[name]
-    bags = folder / f"{name.replace(' ', '_')}_{number}"
+    bags = folder / "bags"
     process = start_recorder(folder, bag_directory=str(bags), autostart=True, **parameters)
     observer.follow(process)
-    count = int(SECONDS * RATE)
     topics = [TOPIC, EXTRA] if extra else [TOPIC]
+    rate = RATE / len(topics)
+    count = int(SECONDS * rate)
     total = len(topics) * count
-    robot.begin(count=count, rate=float(RATE), topics=topics)
+    robot.begin(count=count, rate=rate, topics=topics)
     before = process.cpu()
     robot.say("go")
     if snapshot:
@@ -57,7 +69,8 @@ def run(name: str, number: int, robot: Robot, folder: Path, observer: Observer) 
     written = sum(len(batch) for file in files for _, batch in Bag(file).batches(names))
     size = sum(file.stat().st_size for file in files) / written
     offered = count / robot.seconds
-    return f"| {name} | {offered:.0f} | {total - written} | {100 * share:.0f} % | {size:.0f} |"
+    row = f"| {name} | {offered:.0f} | {total - written} | {100 * share:.0f} % | {size:.0f} |"
+    return offered > 0.95 * rate, row
 
 
 def main() -> None:
@@ -73,8 +86,8 @@ def main() -> None:
         folder = Path(name)
         robot, observer = Robot(folder, "robot"), Observer()
         for variant in VARIANTS:
-            for number in range(RUNS):
-                lines.append(run(variant, number, robot, folder, observer))
+            for _ in range(RUNS):
+                lines.append(offered_run(variant, robot, folder, observer))
                 print(lines[-1], flush=True)
         robot.kill()
     rclpy.try_shutdown()
