@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     PrivateAttr,
@@ -17,6 +18,7 @@ from pydantic import (
 from idim_iv_ros.configuration_file import first_problem, read_mapping, shortened
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
+from idim_iv_ros.signal_source import source_text, topic_of
 
 # Steps of the simulated plant in one control period.
 _MOST_STEPS = 100
@@ -31,7 +33,7 @@ def _printable(text: str) -> str:
 def _topic(text: str) -> str:
     if text.startswith("~"):
         raise ValueError("~ is the name of a node: write the topic without it, or in full")
-    if text.endswith("/"):
+    if topic_of(text).endswith("/"):
         raise ValueError("ends with a slash: no topic does")
     return text
 
@@ -56,7 +58,8 @@ Delay = Annotated[float, Field(ge=0.0, le=1.0)]
 Acceleration = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 Fraction = Annotated[float, Field(gt=0.0, lt=1.0)]
 Name = Annotated[str, Field(min_length=1, max_length=255), AfterValidator(_printable)]
-Topic = Annotated[Name, AfterValidator(_topic)]
+# `topic`, `topic#field` or a mapping with both; kept as text.
+Source = Annotated[Name, BeforeValidator(source_text), AfterValidator(_topic)]
 # Read from YAML as text, in any mode of pydantic.
 YamlPath = Annotated[Path, Field(strict=False)]
 Vector = list[Number]
@@ -189,14 +192,16 @@ class ControllerSection(Section):
 class SignalsSection(Section):
     """Topics, and what arrives on the effort topic.
 
-    A topic without a leading slash lies in the namespace of the robot.
+    A topic without a leading slash lies in the namespace of the robot. One whose messages hold
+    several sets of numbers may be given with a field, as
+    ``{topic: /arm_controller/controller_state, field: output}`` or ``topic#field``.
     `link_states` holds positions of encoders behind the gears, on the joint side.
     """
 
-    joint_states: Topic = "joint_states"
-    effort: Topic | None = None
-    reference: Topic | None = None
-    link_states: Topic | None = None
+    joint_states: Source = "joint_states"
+    effort: Source | None = None
+    reference: Source | None = None
+    link_states: Source | None = None
     effort_scale: list[NotZero] | None = None
     effort_unit: Literal["N m", "A", "V"] = "N m"
 
@@ -204,7 +209,8 @@ class SignalsSection(Section):
     def relative_topics(self) -> tuple[str, ...]:
         """Topics in the namespace of the robot."""
         named = (self.joint_states, self.effort, self.reference, self.link_states)
-        return tuple(dict.fromkeys(name for name in named if name and not name.startswith("/")))
+        topics = (topic_of(source) for source in named if source)
+        return tuple(dict.fromkeys(name for name in topics if not name.startswith("/")))
 
     @model_validator(mode="after")
     def _other_encoders(self) -> "SignalsSection":

@@ -86,15 +86,15 @@ SECTIONS: dict[str, dict[str, Key]] = {
     },
     "signals": {
         "joint_states": Key(
-            "sensor_msgs/JointState; without a leading slash: in the namespace of the robot",
+            "JointState, or of ros2_control; without a leading slash: in the robot's namespace",
             "joint_states",
             "joint_states",
         ),
-        "effort": Key("JointState or Float64MultiArray", "joint_states", "/joint_states"),
+        "effort": Key("also std_msgs/Float64MultiArray", "joint_states", "/joint_states"),
         "reference": Key(
-            "sensor_msgs/JointState with what the controller was asked for",
+            "what the controller was asked for: a JointState or a controller_state",
             "no reference",
-            "/joint_reference",
+            "/joint_trajectory_controller/controller_state",
         ),
         "link_states": Key(
             "sensor_msgs/JointState of encoders behind the gears: shows stiffness and play",

@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter
 
 from idim_iv_ros.errors import IdimError, UsageError
 
-Value = TypeVar("Value", bool, int, float, str)
+Value = TypeVar("Value", bool, int, float, str, tuple[str, ...])
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def declare(node: Node, kind: type[Kind]) -> Kind:
                     each.name, _given_number(node, each), _descriptor(each), ignore_override=True
                 )
             else:
-                node.declare_parameter(each.name, each.default, _descriptor(each))
+                node.declare_parameter(each.name, _default(each), _descriptor(each))
         except Exception as error:  # rclpy has one class for each thing that can be wrong
             reason = " ".join(str(error).split())
             raise UsageError(f"parameter {each.name}: {reason}") from error
@@ -93,6 +93,12 @@ def declare(node: Node, kind: type[Kind]) -> Kind:
         lambda given: [_as_double(each, doubles) for each in given]
     )
     return settings
+
+
+def _default(described: "Field[Any]") -> Any:
+    if isinstance(described.default, tuple):
+        return list(described.default) or [""]  # an empty list would have no type
+    return described.default
 
 
 def _given_number(node: Node, described: "Field[Any]") -> Any:
