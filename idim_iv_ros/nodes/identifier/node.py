@@ -177,7 +177,7 @@ class Identifier:
 
     def _loaded(self) -> Configuration | None:
         path = self._settings.configuration
-        return load_configuration(Path(path)) if path else None
+        return with_own_topics(self.node, load_configuration(Path(path))) if path else None
 
     def _bag_closed(self, message: BagClosed) -> None:
         if self._settings.auto and self._managed.state == ACTIVE:
@@ -241,7 +241,14 @@ class Identifier:
         self._diagnostics.publish(message)
 
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        return checked(self._settings, parameters)
+        result = checked(self._settings, parameters)
+        path = changed(self._settings, parameters).configuration if result.successful else ""
+        if path and any(each.name == "configuration" for each in parameters):
+            try:
+                with_own_topics(self.node, load_configuration(Path(path)))
+            except IdimError as error:
+                return SetParametersResult(successful=False, reason=f"configuration: {error}")
+        return result
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         names = {parameter.name for parameter in parameters}
