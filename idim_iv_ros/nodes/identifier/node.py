@@ -102,6 +102,7 @@ class Identifier:
         node.add_post_set_parameters_callback(self._apply)
         self._publisher.publish_last()
         self._gaps.publish_last()
+        self._jobs.warm()
         robot = (
             "no robot configured" if self._configuration is None else self._settings.configuration
         )
