@@ -74,3 +74,12 @@ def test_before_the_robot_moves_it_is_held_where_the_motion_begins(motion) -> No
     position, velocity = watch.planned(2.0)
     assert np.array_equal(position, motion.position[0])
     assert not velocity.any()
+
+
+def test_end_of_a_motion_that_is_too_small_to_be_seen_is_not_waited_for(motion) -> None:
+    small = Trajectory(motion.joints, RATE, *(0.05 * each for each in (
+        motion.position, motion.velocity, motion.acceleration)))  # fmt: skip
+    watch = Supervision(small, np.zeros(2), LIMIT, 60.0)
+    assert not watch.ended(SECONDS + 0.9)
+    assert watch.ended(SECONDS + 1.1)
+    assert not Supervision(motion, np.zeros(2), LIMIT, 60.0).ended(SECONDS + 59.0)

@@ -14,6 +14,7 @@ from idim_iv_ros.types import FloatArray
 _SLACK = 0.1  # s around the delay that was found
 _MOVED = 0.5  # of the allowed error: the robot has begun
 _STEP = 0.01  # s between two delays that are tried
+_UNSEEN = 1.0  # s that a motion is waited for which is too small to be seen
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,8 @@ class Supervision:
     def ended(self, elapsed: float) -> bool:
         """Whether the robot should rest at the end by now."""
         delay = self._longest if self.delay is None else self.delay + _SLACK
+        if self._motion_is_small():
+            delay = min(delay, _UNSEEN)
         return elapsed > self._motion.duration + delay
 
     def planned(self, elapsed: float) -> tuple[FloatArray, FloatArray]:
@@ -94,6 +97,11 @@ class Supervision:
         sample = round((elapsed - self.delay) * self._motion.rate)
         sample = min(max(sample, 0), len(self._motion.position) - 1)
         return self._motion.position[sample], self._motion.velocity[sample]
+
+    def _motion_is_small(self) -> bool:
+        """Whether the robot could go through all of it without having moved, as seen here."""
+        way = np.abs(self._motion.position - self._motion.position[0]).max()
+        return bool(way <= _MOVED * self._allowed)
 
     def _nearest(
         self, elapsed: float, position: FloatArray, low: float, high: float

@@ -4,6 +4,7 @@ import contextlib
 import json
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +27,13 @@ from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.nodes.entry import run_node
 from idim_iv_ros.nodes.parameters import Settings, changed, checked, declare, parameter
-from idim_iv_ros.nodes.simulator.playback import REST, Playback, commanded, published
+from idim_iv_ros.nodes.simulator.playback import (
+    REST,
+    Playback,
+    commanded,
+    continued,
+    published,
+)
 from idim_iv_ros.recording.read import DESCRIPTION
 from idim_iv_ros.simulators.robot import simulated_robot
 
@@ -43,6 +50,7 @@ _FASTEST = 1000.0  # Hz
 _QUEUE = 1000
 
 _LARGEST_SEED = 2**31
+_LEAD = 0.3  # s in which the change to another motion is simulated; longer if that is not enough
 
 
 @dataclass(frozen=True)
@@ -87,11 +95,11 @@ class RobotSimulator:
         self._robot = simulated_robot(configuration, text, urdf.name)
         limits = self._robot.robot.limits
         middle = 0.5 * (limits.lower + limits.upper)
-        self._reference = np.where(np.isfinite(middle), middle, 0.0)
+        rest = np.where(np.isfinite(middle), middle, 0.0)
         node.get_logger().info("starting; on a new machine it compiles for a minute or two first")
         self._compile()
-        topics, _ = published(
-            configuration, self._robot, self._rate, self._reference, None, self._settings.seed
+        topics, self._references = published(
+            configuration, self._robot, self._rate, rest, None, self._settings.seed
         )
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_publisher(String, DESCRIPTION, latched).publish(String(data=text))
@@ -157,9 +165,7 @@ class RobotSimulator:
                 self._rate,
             )
 
-        refusal = self._plan(trajectory)
-        if refusal:
-            self.node.get_logger().error(refusal)
+        self._in_thread(lambda: self._replace(trajectory()))
 
     def _move(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         def trajectory() -> Trajectory:
@@ -184,24 +190,54 @@ class RobotSimulator:
 
         def plan() -> None:
             try:
-                topics, self._reference = published(
-                    self._configuration,
-                    self._robot,
-                    self._rate,
-                    self._reference,
-                    trajectory(),
-                    self._settings.seed,
-                )
-                self._playback.play(topics)
+                self._begin_from_rest(trajectory())
+            finally:
+                self._planning.release()
+
+        self._in_thread(plan)
+        return ""
+
+    def _in_thread(self, plan: Callable[[], None]) -> None:
+        def work() -> None:
+            try:
+                plan()
             except IdimError as error:
                 self._problem = str(error)
             except Exception as error:  # the next motion may be one that can be planned
                 self._problem = f"defect in idim_iv_ros ({one_line(error)})"
-            finally:
-                self._planning.release()
 
-        threading.Thread(target=plan, name="planning", daemon=True).start()
-        return ""
+        threading.Thread(target=work, name="planning", daemon=True).start()
+
+    def _begin_from_rest(self, trajectory: Trajectory) -> None:
+        topics, self._references = published(
+            self._configuration,
+            self._robot,
+            self._rate,
+            self._references[-1],
+            trajectory,
+            self._settings.seed,
+        )
+        self._playback.play(topics)
+
+    def _replace(self, trajectory: Trajectory) -> None:
+        """Drop the motion under way for another, as a trajectory controller does."""
+        begun, lead = time.monotonic(), _LEAD
+        with self._planning:
+            while (sample := self._playback.change(lead)) is not None:
+                topics, references = continued(
+                    self._configuration,
+                    self._robot,
+                    self._rate,
+                    self._references[: sample + 1],
+                    time.monotonic() - begun + lead,
+                    trajectory,
+                    self._settings.seed,
+                )
+                if self._playback.replace(topics, sample):
+                    self._references = references
+                    return
+                lead *= 2.0
+            self._begin_from_rest(trajectory)
 
     def _report(self) -> None:
         moving = self._playback.moving or self._planning.locked()
