@@ -34,7 +34,7 @@ def collect(tmp_path: Path, stack, observer) -> ActionClient:
             "motion": "random",
             "speed_scale": 1.0,
             "approach_speed": 0.5,
-            "slow_speed": 0.8,
+            "slow_speed": 1.0,
             "start_delay": 60.0,  # it simulates a motion before it begins
             "stale_after": 2.0,
         },
@@ -64,7 +64,7 @@ def test_one_goal_moves_records_checks_and_identifies_the_true_parameters(
     def keep(message) -> None:
         feedback.append((clock.now().nanoseconds * 1e-9, message.feedback))
 
-    goal = Collect.Goal(duration=6.0, identify=True)
+    goal = Collect.Goal(duration=5.0, identify=True)
     sent = collect.send_goal_async(goal, keep)
     observer.until(sent.done, "an answer")
     future = sent.result().get_result_async()

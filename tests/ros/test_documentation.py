@@ -12,7 +12,9 @@ from idim_iv_ros.nodes.simulator.node import SimulatorSettings
 from tests.ros.processes import ROOT
 
 
-@pytest.mark.parametrize("kind", [RecorderSettings, IdentifierSettings, CollectorSettings, SimulatorSettings])
+@pytest.mark.parametrize(
+    "kind", [RecorderSettings, IdentifierSettings, CollectorSettings, SimulatorSettings]
+)
 def test_every_parameter_is_explained(kind: type) -> None:
     node = kind.__name__.replace("Settings", "").lower()
     (section,) = re.findall(
