@@ -36,7 +36,7 @@ class KinematicRobot:
         self._states = node.create_publisher(JointState, "/joint_states", 10)
         self._closed = node.create_publisher(BagClosed, "/recorder/bag_closed", 10)
         self._heard = node.create_subscription(
-            JointTrajectory, f"/{name}/joint_trajectory", self._trajectory, 10
+            JointTrajectory, f"/{name}/joint_trajectory", self.follow, 10
         )
         self._services = [
             node.create_service(Trigger, "/recorder/start", self._start),
@@ -69,7 +69,12 @@ class KinematicRobot:
     def moving(self) -> bool:
         return self.motion is not None and time.monotonic() - self._begun < self.motion.x[-1]
 
-    def _trajectory(self, message: JointTrajectory) -> None:
+    def hold(self) -> None:
+        """Stay where it is."""
+        self.motion = None
+
+    def follow(self, message: JointTrajectory) -> None:
+        """Drop what it does for a trajectory."""
         times = np.array(
             [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points]
         )
