@@ -159,7 +159,7 @@ def test_cancelled_goal_cancels_that_of_the_controller(
     places.clear()
     observer.until(lambda: len(places) > 50, "joint states")
     observer.node.destroy_subscription(heard)
-    assert np.ptp(places, axis=0).max() == 0.0
+    assert np.ptp(places[-30:], axis=0).max() == 0.0
 
 
 @pytest.mark.parametrize(

@@ -94,7 +94,6 @@ class Collection:
         self._stage, self._worst, self._joint = "", 0.0, ""
         self._done, self._whole = 0.0, 1.0
         self._said = 0.0
-        self._moving = False
         self.collected = Collected()
 
     def cancel(self, why: str) -> None:
@@ -197,41 +196,59 @@ class Collection:
             The robot was stopped: one line says why.
         """
         self._begin(stage)
-        settings, controller = self._parts.settings(), self._parts.controller
+        settings = self._parts.settings()
         watch = Supervision(motion, self._position(), settings.tracking_error, settings.start_delay)
-        before, done = self._parts.positions.last, self._done
-        begun = time.monotonic()
-        controller.follow(motion, settings.point_rate * motion.rate / passes.full.rate)
+        done, begun = self._done, time.monotonic()
+        self._parts.controller.follow(motion, settings.point_rate * motion.rate / passes.full.rate)
+        try:
+            problem, moving = self._watch(watch, begun, motion.duration)
+        except Exception:  # a defect must not leave a robot to itself
+            self._halt(motion, passes, watch.planned(time.monotonic() - begun))
+            raise
+        if problem:
+            self._halt(motion, passes, moving)
+            raise DataError(f"stopped in {stage}: {problem}")
+        self._done = done + motion.duration
+
+    def _watch(
+        self, watch: Supervision, begun: float, duration: float
+    ) -> tuple[str, tuple[FloatArray, FloatArray]]:
+        """Look at the robot until it rests at the end, or there is a problem.
+
+        Returns
+        -------
+        str
+            The problem; empty at the end.
+        tuple of (n_joints,)
+            Position and velocity from which the robot can be stopped smoothly.
+        """
+        settings, positions = self._parts.settings(), self._parts.positions
+        before, done = positions.last, self._done
         while not watch.ended(time.monotonic() - begun):
             time.sleep(_LOOK)
-            place, elapsed = self._parts.positions.last, time.monotonic() - begun
+            place, elapsed = positions.last, time.monotonic() - begun
             assert place is not None
-            problem = self._reason_to_end() or controller.failure()
-            planned = watch.planned(elapsed)
-            if not problem and self._parts.positions.age() > settings.stale_after:
-                problem = (
-                    f"no joint states on {self._parts.positions.topic} for "
-                    f"{self._parts.positions.age():.2g} s"
-                )
+            problem = self._reason_to_end() or self._parts.controller.failure()
+            if not problem and positions.age() > settings.stale_after:
+                problem = f"no joint states on {positions.topic} for {positions.age():.2g} s"
             deviation = watch.look(max(place.heard - begun, 0.0), place.position)
             if deviation.size > self._worst:
                 self._worst, self._joint = deviation.size, deviation.joint
-            if not problem and deviation.size > settings.tracking_error:
+            if problem:
+                return problem, watch.planned(elapsed)
+            if deviation.size > settings.tracking_error:
                 problem = (
                     f"{deviation.joint} is {deviation.size:.3g} from where it should be, more than "
                     f"tracking_error {settings.tracking_error:g}"
                 )
                 if watch.delay is None:
                     problem += "; the robot does not move: does its controller run?"
-                planned = place.position, _speed(before, place)
-            if problem:
-                self._halt(motion, passes, planned)
-                raise DataError(f"stopped in {stage}: {problem}")
+                return problem, (place.position, _speed(before, place))
             if before is None or place.heard > before.heard + 2.0 * _LOOK:
                 before = place
-            self._done = done + min(elapsed, motion.duration)
+            self._done = done + min(elapsed, duration)
             self._speak()
-        self._done = done + motion.duration
+        return "", (self._position(), np.zeros_like(self._position()))
 
     def _halt(
         self, motion: Trajectory, passes: Passes, moving: tuple[FloatArray, FloatArray]

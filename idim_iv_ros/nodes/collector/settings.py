@@ -39,7 +39,7 @@ class CollectorSettings(Settings):
         0.5, "share of the limits of speed and acceleration that the motion may use", (0.01, 1.0)
     )
     approach_speed: float = parameter(
-        0.1, "share of these limits on the way to the start of the motion", (0.01, 1.0)
+        0.1, "share of the robot's limits on the way to the start of the motion", (0.01, 1.0)
     )
     slow_speed: float = parameter(
         0.2, "speed of the slow pass before the recorded one, share of its speed", (0.05, 1.0)
