@@ -83,3 +83,14 @@ def test_end_of_a_motion_that_is_too_small_to_be_seen_is_not_waited_for(motion) 
     assert not watch.ended(SECONDS + 0.9)
     assert watch.ended(SECONDS + 1.1)
     assert not Supervision(motion, np.zeros(2), LIMIT, 60.0).ended(SECONDS + 59.0)
+
+
+def test_joint_that_is_held_up_is_the_one_that_is_named(motion) -> None:
+    """Another delay would make the errors of both joints equal."""
+
+    def at(time: float) -> np.ndarray:
+        place = places(np.array([time]))[0]
+        return np.array([min(place[0], 0.1), place[1]])
+
+    _, joint = first_beyond(watched(motion, at))
+    assert joint == "a"

@@ -108,7 +108,9 @@ class IdentifierNeighbour:
         wait(sent.done, _ANSWER, f"an answer of {self._name}")
         result = sent.result().get_result_async()
         try:
-            wait(result.done, float("inf"), "the identification")
+            wait(lambda: result.done() or bool(self.missing()), float("inf"), "an end")
+            if not result.done():
+                raise UsageError(f"{bag.name} is recorded and usable, but the identifier is gone")
         except Exception:
             sent.result().cancel_goal_async()
             raise

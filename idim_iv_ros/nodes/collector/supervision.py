@@ -76,9 +76,10 @@ class Supervision:
         else:
             low, high = max(self.delay - _SLACK, 0.0), self.delay + _SLACK
         place, _ = self._nearest(elapsed, position, low, high)
-        errors = np.abs(position - place)
-        joint = int(np.argmax(errors))
-        return Deviation(float(errors[joint]), self._motion.joints[joint])
+        size = float(np.abs(position - place).max())
+        # Which joint it is shows at the delay itself: the one that fits best makes them equal.
+        due, _ = self._nearest(elapsed, position, self.delay or 0.0, self.delay or 0.0)
+        return Deviation(size, self._motion.joints[int(np.argmax(np.abs(position - due)))])
 
     def ended(self, elapsed: float) -> bool:
         """Whether the robot should rest at the end by now."""
@@ -107,7 +108,7 @@ class Supervision:
         self, elapsed: float, position: FloatArray, low: float, high: float
     ) -> tuple[FloatArray, float]:
         """Place of the motion that fits best among the delays, and that delay."""
-        delays = np.arange(low, high + _STEP, _STEP)
+        delays = low + _STEP * np.arange(round((high - low) / _STEP) + 1)
         samples = np.round((elapsed - delays) * self._motion.rate).astype(int)
         samples = np.clip(samples, 0, len(self._motion.position) - 1)
         places = self._motion.position[samples]
