@@ -32,6 +32,6 @@ setup(
         ("share/idim_iv_ros/params", files("params/*.yaml")),
         ("share/idim_iv_ros/config/drivers", files("config/drivers/*.yaml")),
         ("share/idim_iv_ros/security", ["security/policy.xml"]),
-        ("lib/idim_iv_ros", ["scripts/recorder", "scripts/identifier", "scripts/robot_simulator"]),
+        ("lib/idim_iv_ros", files("scripts/*")),
     ],
 )

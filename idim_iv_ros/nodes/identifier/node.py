@@ -135,6 +135,7 @@ class Identifier:
 
     def _activate(self) -> None:
         """Accept requests."""
+        self._jobs.warm()
         robot = (
             "no robot configured" if self._configuration is None else self._settings.configuration
         )

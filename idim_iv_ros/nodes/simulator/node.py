@@ -28,7 +28,13 @@ from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.nodes.entry import CannotGoOnError, run_node
 from idim_iv_ros.nodes.parameters import Settings, changed, checked, declare, parameter
-from idim_iv_ros.nodes.simulator.playback import REST, Playback, commanded, published
+from idim_iv_ros.nodes.simulator.playback import (
+    REST,
+    Playback,
+    commanded,
+    continued,
+    published,
+)
 from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
 from idim_iv_ros.simulators.robot import simulated_robot
@@ -49,6 +55,7 @@ _PATIENCE = 2.0  # s; what was compiled before is there by then
 _COMPILING = "the simulation is compiled, once on a new machine: a minute or two"
 
 _LARGEST_SEED = 2**31
+_LEAD = 0.3  # s in which the change to another motion is simulated; longer if that is not enough
 
 
 @dataclass(frozen=True)
@@ -93,7 +100,7 @@ class RobotSimulator:
         self._robot = simulated_robot(configuration, text, urdf.name)
         limits = self._robot.robot.limits
         middle = 0.5 * (limits.lower + limits.upper)
-        self._reference = np.where(np.isfinite(middle), middle, 0.0)
+        self._references = np.where(np.isfinite(middle), middle, 0.0)[None]
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_publisher(String, ROBOT_DESCRIPTION, latched).publish(String(data=text))
         truth = json.dumps(self._robot.truth)
@@ -123,11 +130,11 @@ class RobotSimulator:
         try:
             with contextlib.suppress(IdimError):  # without joint limits there are no random motions
                 random_motion(self._configuration, duration=1.0, rate=self._rate, seed=1)
-            topics, _ = published(
+            topics, self._references = published(
                 self._configuration,
                 self._robot,
                 self._rate,
-                self._reference,
+                self._references[-1],
                 None,
                 self._settings.seed,
             )
@@ -195,9 +202,11 @@ class RobotSimulator:
                 self._rate,
             )
 
-        refusal = self._plan(trajectory)
-        if refusal:
-            self.node.get_logger().error(refusal)
+        playback = self._playback
+        if playback is None:
+            self.node.get_logger().error(f"joint_trajectory: {self._not_ready()}")
+            return
+        self._in_thread(lambda: self._replace(playback, trajectory()))
 
     def _move(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         def trajectory() -> Trajectory:
@@ -219,30 +228,63 @@ class RobotSimulator:
         """Plan in a thread; return why not, or nothing."""
         playback = self._playback
         if playback is None:
-            return f"not ready for {time.monotonic() - self._begun:.0f} s: {_COMPILING}"
+            return self._not_ready()
         if playback.moving or not self._planning.acquire(blocking=False):
             return "busy: the robot is moving; wait until it rests"
 
         def plan() -> None:
             try:
-                topics, self._reference = published(
-                    self._configuration,
-                    self._robot,
-                    self._rate,
-                    self._reference,
-                    trajectory(),
-                    self._settings.seed,
-                )
-                playback.play(topics)
+                self._begin_from_rest(playback, trajectory())
+            finally:
+                self._planning.release()
+
+        self._in_thread(plan)
+        return ""
+
+    def _not_ready(self) -> str:
+        return f"not ready for {time.monotonic() - self._begun:.0f} s: {_COMPILING}"
+
+    def _in_thread(self, plan: Callable[[], None]) -> None:
+        def work() -> None:
+            try:
+                plan()
             except IdimError as error:
                 self._problem = str(error)
             except Exception as error:  # the next motion may be one that can be planned
                 self._problem = f"defect in idim_iv_ros ({one_line(error)})"
-            finally:
-                self._planning.release()
 
-        threading.Thread(target=plan, name="planning", daemon=True).start()
-        return ""
+        threading.Thread(target=work, name="planning", daemon=True).start()
+
+    def _begin_from_rest(self, playback: Playback, trajectory: Trajectory) -> None:
+        topics, self._references = published(
+            self._configuration,
+            self._robot,
+            self._rate,
+            self._references[-1],
+            trajectory,
+            self._settings.seed,
+        )
+        playback.play(topics)
+
+    def _replace(self, playback: Playback, trajectory: Trajectory) -> None:
+        """Drop the motion under way for another, as a trajectory controller does."""
+        begun, lead = time.monotonic(), _LEAD
+        with self._planning:
+            while (sample := playback.change(lead)) is not None:
+                topics, references = continued(
+                    self._configuration,
+                    self._robot,
+                    self._rate,
+                    self._references[: sample + 1],
+                    time.monotonic() - begun + lead,
+                    trajectory,
+                    self._settings.seed,
+                )
+                if playback.replace(topics, sample):
+                    self._references = references
+                    return
+                lead *= 2.0
+            self._begin_from_rest(playback, trajectory)
 
     def _report(self) -> None:
         if not self._begin():
