@@ -15,6 +15,7 @@ from idim_iv_ros.diagnosis.structural.candidate import operating_range
 from idim_iv_ros.diagnosis.structural.causes import NamedModel, built_model, label, named_model
 from idim_iv_ros.diagnosis.structural.cross_fitting import Chosen, CrossFitting
 from idim_iv_ros.diagnosis.structural.deviations import differs_from_nothing
+from idim_iv_ros.diagnosis.structural.knee import with_knees_refitted
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
 from idim_iv_ros.diagnosis.structural.possible import why_impossible
 from idim_iv_ros.signals import AutoregressiveModel
@@ -157,6 +158,7 @@ def confirmed(
         if not _among(each.found, [*model.found, *left_out])
         and not _among(each.found, [other.found for other in doubtful[number + 1 :]])
     ]
+    model = with_knees_refitted(data, attribution, model)
     return Confirmed(model, result.held_out, tuple(floors), result.chosen, tuple(hints), folds)
 
 
