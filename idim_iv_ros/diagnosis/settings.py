@@ -284,6 +284,9 @@ ENOUGH_OF_CHANGE = Setting(0.9, "change that the refit explains",
     "what the causes must explain together, at least", CHOSEN)
 CHANGE_DEVIATIONS = Setting(2.0, "standard deviations",
     "what may be missing to that by chance", CONVENTION)
+PARAMETRIC_LEVEL = Setting(0.01, "",
+    "level of Wald's test of a parameter error beside errors of all other numbers: their sizes are "
+    "estimated, and the surest of a dozen causes is looked at", CHOSEN)
 LEAST_CONFIRMED = Setting(0.5, "size of the estimate",
     "what must remain of a wrong gain or gravity beside errors of all base parameters, or these "
     "imitate it", CHOSEN)

@@ -18,6 +18,7 @@ from idim_iv_ros.diagnosis.structural.deviations import (
     differs_from_nothing,
     numbers_differ_from_nothing,
 )
+from idim_iv_ros.diagnosis.structural.knee import with_knees_refitted
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
 from idim_iv_ros.diagnosis.structural.possible import why_impossible
 from idim_iv_ros.signals import AutoregressiveModel
@@ -167,6 +168,7 @@ def confirmed(
         and not _among(each.found, [other.found for other in doubtful[number + 1 :]])
     ]
     hints += unsure
+    model = with_knees_refitted(data, attribution, model)
     return Confirmed(model, result.held_out, tuple(floors), result.chosen, tuple(hints), folds)
 
 

@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.significance import any_differs
-from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, with_parameters
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.diagnosis.structural.candidate import Candidate, operating_range, rows_of
 from idim_iv_ros.diagnosis.structural.likelihood import Columns, Fit, Regression, width_of
@@ -157,7 +157,9 @@ def _with_free_shape(
     near = _near(effect, shape, candidate.place, operating_range(data)) if effect.free_shape else []
     if not near:
         return _FreeShape([], held, inner, np.zeros(len(own)))
-    here, *moved = rows_of(data, effect, candidate.place, [shape, *near])
+    # Of the torque that the fit leaves to the model, as `knee` has it.
+    own_torque = with_parameters(data, fit.values) if effect.beyond_knee else data
+    here, *moved = rows_of(own_torque, effect, candidate.place, [shape, *near])
     changes = {
         joint: np.column_stack([(rows[joint] - here[joint]) @ coefficients for rows in moved])
         for joint in here
