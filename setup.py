@@ -30,6 +30,14 @@ setup(
         ("share/idim_iv_ros/launch", files("launch/*.launch.py")),
         ("share/idim_iv_ros/config", files("config/*.yaml", "config/*.urdf")),
         ("share/idim_iv_ros/security", ["security/policy.xml"]),
-        ("lib/idim_iv_ros", ["scripts/recorder", "scripts/identifier", "scripts/robot_simulator"]),
+        (
+            "lib/idim_iv_ros",
+            [
+                "scripts/recorder",
+                "scripts/identifier",
+                "scripts/predictor",
+                "scripts/robot_simulator",
+            ],
+        ),
     ],
 )

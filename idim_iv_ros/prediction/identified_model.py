@@ -9,7 +9,7 @@ import numpy as np
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.model import InverseModel, build_inverse_model, kinematics_digest
+from idim_iv_ros.model import InverseModel, kinematics_digest
 from idim_iv_ros.model.units import unit_at
 from idim_iv_ros.signals import JointTransform, joint_transform
 from idim_iv_ros.types import FloatArray
@@ -84,13 +84,20 @@ class IdentifiedModel:
         plain = np.array_equal(self.transform.to_joint, np.eye(len(self.joints)))
         return tuple(plain and each == "revolute" for each in self.result.joint_types)
 
-    def efforts(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-        """Predicted efforts (n_samples, n_joints) at states of the same shape, N m (N)."""
-        return np.asarray(self.model.matrix(q, dq, ddq) @ self.values)
+    def variance(self, matrix: FloatArray) -> FloatArray:
+        """Variance of predicted efforts by that of the parameters, (n_samples, n_joints) (N m)².
+
+        Parameters
+        ----------
+        matrix : (n_samples, n_joints, b)
+            Base regressor.
+        """
+        covariance = self.result.covariance
+        return np.asarray(np.einsum("sjb,sjb->sj", matrix @ covariance, matrix))
 
 
 def identified_model(
-    path: Path, configuration: Configuration, urdf: str, source: str
+    path: Path, configuration: Configuration, model: InverseModel, source: str
 ) -> IdentifiedModel:
     """Read a result.json and make sure that it is of this robot and configuration.
 
@@ -99,8 +106,8 @@ def identified_model(
     path
         Of the result.
     configuration
-    urdf, source
-        Text of the URDF, and its name in messages.
+    model, source
+        Of the configuration (`build_inverse_model`), and the name of its URDF in messages.
 
     Raises
     ------
@@ -115,7 +122,6 @@ def identified_model(
             f"{configuration.source or 'the configuration'} {', '.join(joints)}: another robot"
         )
     _require_same(path, result, configuration)
-    model = build_inverse_model(configuration, urdf, source)
     if result.kinematics and result.kinematics != kinematics_digest(model.robot):
         raise UsageError(
             f"{path}: its robot is another than {source}: joints are placed or turned differently; "

@@ -23,6 +23,8 @@ class ResidualRows:
     residual : (r, n_joints) N m (N)
     counts : (r, n_joints) bool
         Whether the identification would use the row: measured, and not near a reversal.
+    variance : (r, n_joints) (N m)² (N²)
+        That the uncertainty of the parameters gives the prediction.
     """
 
     def __init__(self, joints: int, rate: float) -> None:
@@ -30,18 +32,22 @@ class ResidualRows:
         self.places: IntArray = np.zeros(0, np.int64)
         self.residual: FloatArray = np.zeros((0, joints))
         self.counts: BoolArray = np.zeros((0, joints), dtype=bool)
+        self.variance: FloatArray = np.zeros((0, joints))
 
-    def add(self, places: IntArray, residual: FloatArray, counts: BoolArray) -> None:
+    def add(
+        self, places: IntArray, residual: FloatArray, counts: BoolArray, variance: FloatArray
+    ) -> None:
         """Append rows."""
         self.places = np.concatenate([self.places, places])
         self.residual = np.concatenate([self.residual, residual])
         self.counts = np.concatenate([self.counts, counts])
+        self.variance = np.concatenate([self.variance, variance])
 
     def forget(self, row_rate: float) -> None:
         """Give up rows that nothing asks for any more."""
         kept = slice(-round(_KEPT * row_rate), None)
         self.places, self.residual = self.places[kept], self.residual[kept]
-        self.counts = self.counts[kept]
+        self.counts, self.variance = self.counts[kept], self.variance[kept]
 
     def share(self, newest: float, least: int) -> FloatArray:
         """RMS (n_joints,) over the newest rows that count; NaN where these are fewer than `least`.
@@ -55,10 +61,22 @@ class ResidualRows:
         last = slice(-max(1, round(newest)), None)
         return _rms(self.residual[last], self.counts[last], least)
 
-    def level(self, joint: int) -> tuple[float, int]:
-        """RMS of a joint over the newest ten seconds of rows that count, and how many these are."""
-        own = self.residual[self.counts[:, joint], joint][-round(LEVEL_SECONDS * self.rate) :]
-        return (float(np.sqrt(np.mean(own**2))) if len(own) else float("nan")), len(own)
+    def level(self, joint: int) -> tuple[float, int, float]:
+        """Size of a joint's residual over the newest ten seconds of rows that count.
+
+        Returns
+        -------
+        rms : float
+        rows : int
+        variance : float
+            Mean of that of the predictions.
+        """
+        newest = np.flatnonzero(self.counts[:, joint])[-round(LEVEL_SECONDS * self.rate) :]
+        if len(newest) == 0:
+            return float("nan"), 0, 0.0
+        own = self.residual[newest, joint]
+        variance = float(self.variance[newest, joint].mean())
+        return float(np.sqrt(np.mean(own**2))), len(newest), variance
 
 
 def _rms(residual: FloatArray, counts: BoolArray, least: int) -> FloatArray:
@@ -117,10 +135,13 @@ class JointLevel:
             return f"{much}; {self.why_no_limit}"
         if self.beyond:
             return (
-                f"{much}; its scatter there explains up to {self.limit:.2f}: the model does not "
-                "fit any more, or it was not identified on such motion; record and identify anew"
+                f"{much}; its scatter there and the uncertainty of the parameters explain up to "
+                f"{self.limit:.2f}: the model does not fit any more, or not in this motion; record "
+                "it and identify anew"
             )
-        return f"{much}; up to {self.limit:.2f} is scatter"
+        return (
+            f"{much}; scatter and the uncertainty of the parameters explain up to {self.limit:.2f}"
+        )
 
 
 def joint_levels(
@@ -141,7 +162,7 @@ def joint_levels(
     for place, (joint, residual) in enumerate(
         zip(identified.joints, identified.result.residuals, strict=True)
     ):
-        rms, count = rows.level(place)
+        rms, count, variance = rows.level(place)
         freedom, limit, why = residual.mean_square_freedom, None, ""
         if freedom is None or residual.rows is None:
             why = (
@@ -149,7 +170,8 @@ def joint_levels(
                 "seconds of motion are needed"
             )
         else:
-            limit = largest_share(freedom, residual.rows, count, probability)
+            errors = variance / residual.rms**2 if residual.rms > 0.0 else 0.0
+            limit = largest_share(freedom, residual.rows, count, probability, errors)
         levels.append(
             JointLevel(
                 joint=joint,

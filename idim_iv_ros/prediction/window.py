@@ -72,6 +72,7 @@ class PredictionWindow:
         self._grid = LiveGrid(rate, start, joints)
         self._predicted = np.zeros((0, joints))
         self._fast: BoolArray = np.zeros((0, joints), dtype=bool)
+        self._variance: dict[int, FloatArray] = {}  # of the predictions at the next rows
         self._end = 0  # number behind the last prediction
         self._done = 0  # samples whose prediction will not change
         self._first_row = -(-(settled + self._row_wait) // factor) * factor
@@ -143,7 +144,8 @@ class PredictionWindow:
             order=difference_order(self._cutoff, self.rate),
         )
         identified = self._identified
-        predicted = identified.efforts(filtered[place:], velocity, acceleration)
+        matrix = identified.model.matrix(filtered[place:], velocity, acceleration)
+        predicted = matrix @ identified.values
         fast = fast_samples(filtered, self.rate, identified.minimum_speed, identified.couplings)[
             place:
         ]
@@ -151,7 +153,12 @@ class PredictionWindow:
         self._predicted = np.concatenate([self._predicted[:kept], predicted])
         self._fast = np.concatenate([self._fast[:kept], fast])
         self._end = grid.end
-        self._done = max(self._done, grid.end - self._settled)
+        done = max(self._done, grid.end - self._settled)
+        factor = self._decimation.factor
+        settled = np.arange(-(-fresh // factor) * factor, done, factor)
+        variance = identified.variance(matrix[settled - fresh])
+        self._variance.update(zip(settled.tolist(), variance, strict=True))
+        self._done = done
         self._trim()
 
     def _trim(self) -> None:
@@ -190,11 +197,14 @@ class PredictionWindow:
         """Add the rows that both filters reach by now, a few at a time."""
         factor, wait = self._decimation.factor, self._row_wait
         last = ((self._done - 1 - wait) // factor) * factor
-        if last - self._next_row < _EVERY * self.rate:
-            return False
         first, grid = self._grid.first, self._grid
-        places = np.arange(self._next_row, last + 1, factor)
-        begin = max(int(places[0]) - wait, first)
+        # Where much arrives at once, rows are left out whose past is not there any more.
+        reached = -(-(first + min(wait, self._first_row)) // factor) * factor
+        begin_row = max(self._next_row, reached if first else 0)
+        if last - begin_row < _EVERY * self.rate:
+            return False
+        places = np.arange(begin_row, last + 1, factor)
+        begin = max(begin_row - wait, first)
         stop = min(last + wait + 1, grid.end)
         inside = slice(begin - first, stop - first)
         residual = grid.torque[inside] - self._predicted[inside]
@@ -203,6 +213,10 @@ class PredictionWindow:
         every = ParallelDecimation(1, len(residual), 1.0)
         counts = all_around(self._fast[inside], every, self._around)
         counts &= all_around(grid.valid[inside], every, factor)
-        rows.add(places, filtered, counts[places - begin])
+        variance = np.array([self._variance[place] for place in places.tolist()])
+        rows.add(places, filtered, counts[places - begin], variance)
         self._next_row = last + factor
+        self._variance = {
+            place: each for place, each in self._variance.items() if place >= self._next_row
+        }
         return True

@@ -51,11 +51,19 @@ def mean_square_freedom(time: FloatArray, residual: FloatArray) -> float | None:
 
 
 def largest_share(
-    freedom: float, identified_rows: int, rows: int, false_alarms: float
+    freedom: float,
+    identified_rows: int,
+    rows: int,
+    false_alarms: float,
+    errors_of_parameters: float = 0.0,
 ) -> float | None:
     """RMS over that of the identification which `rows` rows pass with probability `false_alarms`.
 
-    The ratio of two mean squares is distributed as F; both are of residuals that scatter alike.
+    The mean square of the new rows is the sum of that of a residual which scatters as in the
+    identification and of what errors of the parameters add in this motion. These are the same
+    in all rows, so that their part has one degree of freedom at worst. The sum is taken for a χ²
+    with its mean and variance (Satterthwaite), its ratio to the mean square of the identification
+    for F.
 
     Parameters
     ----------
@@ -65,6 +73,9 @@ def largest_share(
         Of the identification, and those that are compared with it.
     false_alarms
         Probability, 0 to 1.
+    errors_of_parameters
+        Mean variance of the predictions by that of the parameters, over the mean square of the
+        identification's residual.
 
     Returns
     -------
@@ -73,5 +84,8 @@ def largest_share(
     """
     if rows < 1 or identified_rows < 1:
         return None
-    quantile = scipy.stats.f.isf(false_alarms, freedom * rows, freedom * identified_rows)
-    return float(np.sqrt(quantile))
+    mean = 1.0 + errors_of_parameters
+    variance = 2.0 / (freedom * rows) + 2.0 * errors_of_parameters**2
+    own_freedom = 2.0 * mean**2 / variance
+    quantile = scipy.stats.f.isf(false_alarms, own_freedom, freedom * identified_rows)
+    return float(np.sqrt(mean * quantile))
