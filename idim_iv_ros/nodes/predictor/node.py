@@ -4,6 +4,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import fields
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,7 @@ class Predictor:
     """
 
     def __init__(self) -> None:
+        import_module("scipy.signal")  # the first samples would wait a second for it
         self.node = node = Node("predictor")
         self._settings = declare(node, PredictorSettings)
         path = Path(self._settings.configuration)

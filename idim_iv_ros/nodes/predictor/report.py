@@ -55,10 +55,11 @@ def prediction_diagnosis(name: str, reason: str, values: dict[str, object]) -> D
 def joint_diagnosis(name: str, level: JointLevel) -> DiagnosticStatus:
     """Whether the residual of a joint is larger than its scatter explains."""
     values: dict[str, object] = {
+        "unit": level.unit,
         f"residual, RMS ({level.unit})": f"{level.rms:.4g}",
         f"noise floor, RMS ({level.unit})": f"{level.noise_floor:.4g}",
         "residual over noise floor": f"{level.share:.3f}",
-        "explained by scatter up to": "unknown" if level.limit is None else f"{level.limit:.3f}",
+        "explained up to": "unknown" if level.limit is None else f"{level.limit:.3f}",
         "motion behind it (s)": f"{level.seconds:.1f}",
     }
     severity = DiagnosticStatus.WARN if level.beyond else DiagnosticStatus.OK
