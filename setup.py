@@ -30,6 +30,7 @@ setup(
         ("share/idim_iv_ros/launch", files("launch/*.launch.py")),
         ("share/idim_iv_ros/config", files("config/*.yaml", "config/*.urdf")),
         ("share/idim_iv_ros/security", ["security/policy.xml"]),
+        ("share/idim_iv_ros/layouts", files("layouts/*")),
         (
             "lib/idim_iv_ros",
             [

@@ -129,19 +129,17 @@ class JointLevel:
             return "no motion to judge by: at rest, or nothing measured"
         much = (
             f"residual {self.rms:.3g} {self.unit} RMS over {self.seconds:.1f} s of motion, "
-            f"{self.share:.2f} times that of the identification"
+            f"{self.share:.2f} times the identification's"
         )
         if self.limit is None:
             return f"{much}; {self.why_no_limit}"
+        explained = f"scatter and uncertain parameters explain up to {self.limit:.2f}"
         if self.beyond:
             return (
-                f"{much}; its scatter there and the uncertainty of the parameters explain up to "
-                f"{self.limit:.2f}: the model does not fit any more, or not in this motion; record "
-                "it and identify anew"
+                f"{much}; {explained}: the model does not fit any more, or not in this motion; "
+                "record it and identify anew"
             )
-        return (
-            f"{much}; scatter and the uncertainty of the parameters explain up to {self.limit:.2f}"
-        )
+        return f"{much}; {explained}"
 
 
 def joint_levels(

@@ -7,6 +7,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from idim_iv_interfaces import msg
 from idim_iv_ros.nodes.entry import diagnostic_status
+from idim_iv_ros.nodes.watch.state import LIMIT, SHARE
 from idim_iv_ros.prediction import IdentifiedModel, Prediction
 from idim_iv_ros.prediction.rows import JointLevel
 
@@ -58,8 +59,8 @@ def joint_diagnosis(name: str, level: JointLevel) -> DiagnosticStatus:
         "unit": level.unit,
         f"residual, RMS ({level.unit})": f"{level.rms:.4g}",
         f"noise floor, RMS ({level.unit})": f"{level.noise_floor:.4g}",
-        "residual over noise floor": f"{level.share:.3f}",
-        "explained up to": "unknown" if level.limit is None else f"{level.limit:.3f}",
+        SHARE: f"{level.share:.3f}",
+        LIMIT: "unknown" if level.limit is None else f"{level.limit:.3f}",
         "motion behind it (s)": f"{level.seconds:.1f}",
     }
     severity = DiagnosticStatus.WARN if level.beyond else DiagnosticStatus.OK
