@@ -9,7 +9,9 @@ from idim_iv_ros.statistics.level import largest_share
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 LEVEL_SECONDS = 10.0  # of rows that count, by which the residual is compared with its floor
+SHARE, LIMIT = "residual over noise floor", "explained up to"  # keys of its diagnostics
 _KEPT = 60.0  # s in which they are looked for
+_SAME_RATE = 1.1  # ratio of two rates that have the same noise floor
 _DAY = 86_400.0  # s
 
 
@@ -143,7 +145,7 @@ class JointLevel:
 
 
 def joint_levels(
-    identified: IdentifiedModel, rows: ResidualRows, false_warnings: float
+    identified: IdentifiedModel, rows: ResidualRows, rate: float, false_warnings: float
 ) -> tuple[JointLevel, ...]:
     """Compare every joint's residual with that of the identification.
 
@@ -151,18 +153,24 @@ def joint_levels(
     ----------
     identified
     rows
+    rate
+        Of the samples, Hz: noise of efforts that are sampled more slowly folds into the band of the
+        motion, so that the noise floor is that of its rate.
     false_warnings
         How many of them a day of motion are accepted while the model fits, all joints together.
     """
     joints = len(identified.joints)
     probability = min(0.5, false_warnings * LEVEL_SECONDS / _DAY / joints)
+    other_rate = _other_rate(identified, rate)
     levels = []
     for place, (joint, residual) in enumerate(
         zip(identified.joints, identified.result.residuals, strict=True)
     ):
         rms, count, variance = rows.level(place)
         freedom, limit, why = residual.mean_square_freedom, None, ""
-        if freedom is None or residual.rows is None:
+        if other_rate:
+            why = f"no limit: {other_rate}"
+        elif freedom is None or residual.rows is None:
             why = (
                 "no limit: the result does not hold how its residual scatters, for which ten "
                 "seconds of motion are needed"
@@ -183,3 +191,15 @@ def joint_levels(
             )
         )
     return tuple(levels)
+
+
+def _other_rate(identified: IdentifiedModel, rate: float) -> str:
+    """Say so where the samples come at another rate than those of the identification."""
+    rates = {bag.rate for bag in identified.result.bags}
+    if not rates or any(1.0 / _SAME_RATE < rate / each < _SAME_RATE for each in rates):
+        return ""
+    listed = ", ".join(f"{each:.4g}" for each in sorted(rates))
+    return (
+        f"samples come at {rate:.4g} Hz and those of the identification at {listed} Hz, whose "
+        "noise floor is another one"
+    )

@@ -184,8 +184,9 @@ class Predictor:
         message = DiagnosticArray()
         message.header.stamp = self.node.get_clock().now().to_msg()
         message.status = [prediction_diagnosis(name, self._newest.reason, values)]
-        if live is not None and identified is not None:
-            levels = joint_levels(identified, live.rows, self._settings.false_warnings)
+        if live is not None and live.rate is not None and identified is not None:
+            accepted = self._settings.false_warnings
+            levels = joint_levels(identified, live.rows, live.rate, accepted)
             message.status += [joint_diagnosis(name, level) for level in levels]
         self._diagnostics.publish(message)
 

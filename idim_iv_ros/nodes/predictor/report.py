@@ -7,9 +7,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from idim_iv_interfaces import msg
 from idim_iv_ros.nodes.entry import diagnostic_status
-from idim_iv_ros.nodes.watch.state import LIMIT, SHARE
 from idim_iv_ros.prediction import IdentifiedModel, Prediction
-from idim_iv_ros.prediction.rows import JointLevel
+from idim_iv_ros.prediction.rows import LIMIT, SHARE, JointLevel
 
 _SECOND = 1_000_000_000
 

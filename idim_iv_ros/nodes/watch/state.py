@@ -4,8 +4,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from idim_iv_ros.prediction.rows import LIMIT, SHARE
+
 GOOD, BEYOND, UNKNOWN = "good", "beyond", "unknown"
-SHARE, LIMIT = "residual over noise floor", "explained up to"  # keys of the diagnostics
 
 
 @dataclass(frozen=True)
