@@ -33,9 +33,9 @@ def view(warns: bool = False) -> LiveView:
 
 
 def shown(what: LiveView) -> str:
-    console = Console(width=80, record=True, file=io.StringIO())
-    console.print(live_table(what))
-    return console.export_text()
+    written = io.StringIO()
+    Console(width=80, file=written).print(live_table(what))
+    return written.getvalue()
 
 
 def test_the_table_fits_eighty_columns_and_holds_every_number() -> None:

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from idim_iv_ros.nodes.watch.state import BEYOND, GOOD, JointView, LiveView
 
-_WIDTH = 16  # of the bar
+_WIDTH = 14  # of the bar
 _LARGEST = 4.0  # share of the noise floor at its end
 _STYLES = {GOOD: "green", BEYOND: "bold red"}
 
