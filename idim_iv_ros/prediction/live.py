@@ -148,6 +148,7 @@ class LivePrediction:
             return self._nothing(f"{why}the filters fill: {window.missing:.1f} s to go")
         self._why = ""
         stamp, measured, predicted = window.curve()
+        floor = self.identified.noise_floor
         share = self.rows.share(window.row_rate * SHARE_SECONDS, _LEAST_ROWS)
         return Prediction(
             stamp,
@@ -155,7 +156,7 @@ class LivePrediction:
             measured,
             predicted,
             measured - predicted,
-            share / self.identified.noise_floor,
+            share / np.where(floor > 0.0, floor, np.nan),
         )
 
     def _not_usable(self, now: int) -> str:
