@@ -104,6 +104,13 @@ def test_a_port_that_is_taken_is_refused_in_one_line(page: LivePage) -> None:
         LivePage(port)
 
 
+def events(url: str) -> http.client.HTTPResponse:
+    """The stream of a page; it ends with its process."""
+    connection = http.client.HTTPConnection(url.split("/")[2], timeout=10)
+    connection.request("GET", "/events")
+    return connection.getresponse()
+
+
 @pytest.fixture
 def watch(tmp_path: Path, observer: Observer) -> Iterator[tuple[Process, str]]:
     """`idim-iv watch --web` in a namespace of its own, and its page."""
@@ -138,14 +145,10 @@ def test_watch_shows_what_nodes_say_and_ends_with_one_line(
         return seconds > 20
 
     observer.until(publish, "some predictions")
-    port = int(url.rstrip("/").rpartition(":")[2])
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
-    connection.request("GET", "/events")
-    stream = connection.getresponse()
+    stream = events(url)
     event = json.loads(stream.readline().removeprefix(b"data: "))
     assert [each["name"] for each in event["joints"]] == list(JOINTS)
     assert event["joints"][0]["predicted"] == 1.25
-    connection.close()
     if CHROMIUM is not None:
         browser = Browser(tmp_path / "chromium")
         try:
@@ -159,7 +162,17 @@ def test_watch_shows_what_nodes_say_and_ends_with_one_line(
             assert "recording bags/run, 3 s" in words.replace("\n", " ")
         finally:
             browser.close()
-    for publisher in (predictions, recorder):
+    second = node.create_publisher(Prediction, "/watched/predictor/prediction", 10)
+    stream = events(url)
+
+    def refused() -> bool:
+        publish()
+        event = json.loads(stream.readline().removeprefix(b"data: ") or b"{}")
+        stream.readline()
+        return "2 predictors publish /watched/predictor/prediction" in event["reason"]
+
+    observer.until(refused, "word of the second predictor")
+    for publisher in (predictions, recorder, second):
         node.destroy_publisher(publisher)
     assert process.finish() == 0
     assert process.hear() == "watch: ended"

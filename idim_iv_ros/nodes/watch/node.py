@@ -19,6 +19,7 @@ from idim_iv_ros.nodes.watch.state import JointJudgement, LiveView, joint_views
 from idim_iv_ros.nodes.watch.terminal import live_table
 from idim_iv_ros.nodes.watch.web import LivePage
 
+_TOPIC = "predictor/prediction"
 _DRAWN = 0.25  # s between two tables on a terminal
 _PRINTED = 5.0  # s between two tables elsewhere
 _SILENT = 2.0  # s without a prediction
@@ -60,8 +61,9 @@ class Watcher:
         self._heard = self._printed = time.monotonic()
         self._judgements: dict[str, JointJudgement] = {}
         self._nodes: dict[str, str] = {}
+        self._predictors = 0
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node.create_subscription(Prediction, "predictor/prediction", self._predicted, 50)
+        node.create_subscription(Prediction, _TOPIC, self._predicted, 50)
         node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 50)
         node.create_subscription(RecorderStatus, "recorder/status", self._recorded, 10)
         node.create_subscription(DriftReport, "identifier/drift", self._drifted, latched)
@@ -114,13 +116,19 @@ class Watcher:
     def _view(self) -> LiveView:
         message, nodes = self._prediction, dict(self._nodes)
         if message is None:
-            topic = self.node.resolve_topic_name("predictor/prediction")
+            topic = self.node.resolve_topic_name(_TOPIC)
             silent = f"nothing on {topic}: start `idim-iv predict`, or name --config here"
             return LiveView("", 0.0, float("nan"), silent, (), nodes)
+        topic = self.node.resolve_topic_name(_TOPIC)
         numbers = (message.measured, message.predicted, message.residual, message.noise_share)
         silent_for = time.monotonic() - self._heard
         reason = message.reason
-        if silent_for > _SILENT:
+        if self._predictors > 1:
+            reason = (
+                f"{self._predictors} predictors publish {topic}: end all but one, or give "
+                "each robot a namespace"
+            )
+        elif silent_for > _SILENT:
             reason = f"the predictor has been silent for {silent_for:.0f} s"
         stamp = message.header.stamp
         return LiveView(
@@ -136,6 +144,7 @@ class Watcher:
         executor = self.node.executor
         if self._predictor is not None and executor is not None:
             executor.add_node(self._predictor.node)  # does nothing for one that is there
+        self._predictors = self.node.count_publishers(self.node.resolve_topic_name(_TOPIC))
         now = time.monotonic()
         if self._live is not None:
             self._live.update(live_table(self._view()), refresh=True)
