@@ -32,6 +32,7 @@ setup(
         ("share/idim_iv_ros/params", files("params/*.yaml")),
         ("share/idim_iv_ros/config/drivers", files("config/drivers/*.yaml")),
         ("share/idim_iv_ros/security", ["security/policy.xml"]),
+        ("share/idim_iv_ros/layouts", files("layouts/*")),
         ("lib/idim_iv_ros", files("scripts/*")),
     ],
 )

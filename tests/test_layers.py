@@ -8,7 +8,7 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "idim_iv_ros"
 ORDER = (
     *("recording", "signals", "model", "effects", "simulation", "estimation", "statistics"),
-    *("physical", "identification", "diagnosis", "excitation", "first_configuration"),
+    *("physical", "identification", "prediction", "diagnosis", "excitation", "first_configuration"),
     *("simulators", "simulator_files", "report", "nodes", "cli"),
 )
 

@@ -11,7 +11,13 @@ from idim_iv_ros.cli.export import export_command
 from idim_iv_ros.cli.identify import identify_command
 from idim_iv_ros.cli.import_table import import_command
 from idim_iv_ros.cli.init import init_command
-from idim_iv_ros.cli.nodes import ROS_ARGUMENTS, record_command, serve_command
+from idim_iv_ros.cli.nodes import (
+    ROS_ARGUMENTS,
+    predict_command,
+    record_command,
+    serve_command,
+    watch_command,
+)
 from idim_iv_ros.cli.replay import replay_command
 from idim_iv_ros.cli.simulate import simulate_command
 
@@ -31,6 +37,8 @@ application.command("export")(export_command)
 application.command("import")(import_command)
 application.command("record", context_settings=ROS_ARGUMENTS)(record_command)
 application.command("serve", context_settings=ROS_ARGUMENTS)(serve_command)
+application.command("predict", context_settings=ROS_ARGUMENTS)(predict_command)
+application.command("watch", context_settings=ROS_ARGUMENTS)(watch_command)
 application.command("excite")(excite_command)
 application.command("simulate")(simulate_command)
 application.command("replay")(replay_command)

@@ -1,10 +1,10 @@
-"""`idim-iv record` and `idim-iv serve`: ROS 2 nodes in the process of the command line."""
+"""`idim-iv record`, `serve`, `predict`, `watch`: ROS 2 nodes in the process of the command line."""
 
 import importlib
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -71,6 +71,95 @@ def serve_command(
     _start_node("identifier", namespace, parameters, context.args)
 
 
+Result = Annotated[
+    Path | None,
+    typer.Option(
+        "--result", help="A result.json; left out: the newest of --results.", show_default=False
+    ),
+]
+Results = Annotated[
+    Path, typer.Option("--results", help="Folder in which `idim-iv serve` writes its results.")
+]
+
+
+def predict_command(
+    context: typer.Context,
+    config: Config,
+    result: Result = None,
+    results: Results = Path("results"),
+    namespace: Namespace = "",
+) -> None:
+    """Predict the efforts of a running robot from the last identification until Ctrl-C.
+
+    The node `predictor`; its topics are there as with ros2 run. `idim-iv watch` shows them.
+
+    Example: idim-iv predict --config ur5.yaml --result results/result.json
+    """
+    from idim_iv_ros.configuration import load_configuration
+
+    load_configuration(config)
+    _start_node("predictor", namespace, _of_predictor(config, result, results), context.args)
+
+
+def watch_command(
+    context: typer.Context,
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            "--config",
+            help="The robot's YAML file: predict here, too; left out: show what `predict` says.",
+            show_default=False,
+        ),
+    ] = None,
+    result: Result = None,
+    results: Results = Path("results"),
+    web: Annotated[
+        int | None,
+        typer.Option(
+            "--web",
+            metavar="PORT",
+            min=0,
+            max=65535,
+            help="Show a page on this port of this machine, and no table; 0: any free port.",
+            show_default=False,
+        ),
+    ] = None,
+    namespace: Namespace = "",
+) -> None:
+    """Show measured and predicted efforts of a running robot until Ctrl-C.
+
+    A table on the terminal, or with --web a page with live plots that only this machine can open.
+    What recorder and identifier do is shown with it.
+
+    Example: idim-iv watch --config ur5.yaml --result results/result.json --web 8080
+    """
+    if config is None and result is not None:
+        raise UsageError("--result needs --config: the result is used where efforts are predicted")
+    parameters: dict[str, object] = {}
+    predictor = None
+    if config is not None:
+        from idim_iv_ros.configuration import load_configuration
+
+        load_configuration(config)
+        parameters = _of_predictor(config, result, results)
+        predictor = _module("predictor").Predictor
+    watch = _module("watch")
+    arguments = _arguments(namespace, parameters, context.args)
+    raise typer.Exit(watch.run(arguments, watch.WatchSettings(web=web, predictor=predictor)))
+
+
+def _of_predictor(config: Path, result: Path | None, results: Path) -> dict[str, object]:
+    parameters: dict[str, object] = {
+        "configuration": config.resolve(),
+        "output_directory": results.resolve(),
+    }
+    if result is not None:
+        if not result.is_file():
+            raise UsageError(f"{result}: no such file; `idim-iv identify` writes one")
+        parameters["result"] = result.resolve()
+    return parameters
+
+
 def _start_node(
     name: str, namespace: str, parameters: Mapping[str, object], others: Sequence[str]
 ) -> None:
@@ -83,15 +172,27 @@ def _start_node(
     typer.Exit
         With the exit status of the node.
     """
-    if others and others[0] != "--ros-args":
-        raise UsageError(f"no such option: {others[0]} (arguments of ROS go behind --ros-args)")
+    arguments = _arguments(namespace, parameters, others)
+    raise typer.Exit(_module(name).run(arguments))
+
+
+def _module(name: str) -> Any:
+    """Import a node, or say what is missing."""
     try:
-        run = importlib.import_module(f"idim_iv_ros.nodes.{name}.node").run
+        return importlib.import_module(f"idim_iv_ros.nodes.{name}.node")
     except ModuleNotFoundError as error:
         raise UsageError(
             f"the Python package {error.name} is not installed: source a ROS 2 workspace with "
             "idim_iv_interfaces, or pip install '.[ros]' ./idim_iv_interfaces"
         ) from error
+
+
+def _arguments(
+    namespace: str, parameters: Mapping[str, object], others: Sequence[str]
+) -> list[str]:
+    """Arguments of ROS that set the namespace and the parameters, and those of the user."""
+    if others and others[0] != "--ros-args":
+        raise UsageError(f"no such option: {others[0]} (arguments of ROS go behind --ros-args)")
     arguments = ["idim-iv", "--ros-args"]
     for parameter, value in parameters.items():
         text = str(value).lower() if isinstance(value, bool) else str(value)
@@ -103,4 +204,4 @@ def _start_node(
                 "first, parts separated by /"
             )
         arguments += ["-r", f"__ns:=/{namespace.strip('/')}"]
-    raise typer.Exit(run([*arguments, *others]))
+    return [*arguments, *others]

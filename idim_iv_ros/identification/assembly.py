@@ -43,6 +43,7 @@ from idim_iv_ros.model import kinematics_digest
 from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.statistics import OverallVerdict, judge_all, judge_joint
 from idim_iv_ros.statistics.drift import in_deviations
+from idim_iv_ros.statistics.level import mean_square_freedom
 from idim_iv_ros.types import FloatArray
 
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
@@ -105,6 +106,7 @@ def assemble_result(
     )
     alpha = configuration.identification.significance
     autocorrelated = any(residual.white is False for residual in validation.residuals)
+    series = _series(prepared, rows, linear)
     return IdentificationResult(
         robot=prepared.model.robot.name,
         joints=tuple(configuration.robot.joints),
@@ -124,7 +126,15 @@ def assemble_result(
             alpha=alpha, tests=tuple(chain.from_iterable(validation.specification))
         ),
         exogeneity=JointTests(alpha=alpha, tests=validation.exogeneity),
-        residuals=tuple(map(JointResidual.of, validation.residuals, verdicts)),
+        residuals=tuple(
+            JointResidual.of(
+                residual,
+                verdict,
+                len(own.time),
+                mean_square_freedom(own.time, own.measured - own.predicted),
+            )
+            for residual, verdict, own in zip(validation.residuals, verdicts, series, strict=True)
+        ),
         verdict=_overall(judge_all(verdicts, validation.tests[0]), estimate),
         fit=Fit(
             relative_error_percent=_relative_error(rows, linear),
@@ -154,7 +164,7 @@ def assemble_result(
         controller=() if sources is None else sources.controller,
         fitted_gains=() if sources is None else _fitted_gains(sources, configuration),
         refined=refined_result(refined, parameters) if autocorrelated else None,
-        series=_series(prepared, rows, linear),
+        series=series,
         doubts=prepared.doubts,
         physical=physical[0],
         why_no_physical=physical[1],

@@ -173,6 +173,11 @@ class JointResidual:
     ----------
     verdict, sentence : str
         For programs, and in words.
+    rows : int or None
+        Over which `rms` is taken; None in an older document.
+    mean_square_freedom : float or None
+        Degrees of freedom that one row adds to the mean square of the residual (1: independent
+        and Gaussian), by its scatter from second to second; None where that is not known.
     autoregression, acf, acf_whitened, acf_bound
         For the report and not in the document.
     """
@@ -194,6 +199,8 @@ class JointResidual:
     whiteness: HypothesisTest
     whiteness_after: HypothesisTest
     normality: HypothesisTest
+    rows: int | None = None
+    mean_square_freedom: float | None = None
     autoregression: Unsaved[AutoregressiveModel | None] = field(default=None, compare=False)
     acf: Unsaved[FloatArray] = field(default_factory=lambda: np.zeros(0), compare=False)
     acf_whitened: Unsaved[FloatArray] = field(default_factory=lambda: np.zeros(0), compare=False)
@@ -204,11 +211,23 @@ class JointResidual:
         object.__setattr__(self, "normality_p_value", self.normality.p_value)
 
     @classmethod
-    def of(cls, diagnosis: ResidualDiagnosis, verdict: JointVerdict) -> "JointResidual":
-        """Join what two steps found of one joint."""
+    def of(
+        cls,
+        diagnosis: ResidualDiagnosis,
+        verdict: JointVerdict,
+        rows: int | None = None,
+        mean_square_freedom: float | None = None,
+    ) -> "JointResidual":
+        """Join what several steps found of one joint."""
         names = (each.name for each in fields(cls))
         known = {name: getattr(diagnosis, name) for name in names if hasattr(diagnosis, name)}
-        return cls(**known, verdict=verdict.verdict, sentence=verdict.sentence)
+        return cls(
+            **known,
+            verdict=verdict.verdict,
+            sentence=verdict.sentence,
+            rows=rows,
+            mean_square_freedom=mean_square_freedom,
+        )
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from idim_iv_ros.signals.settling import settling_samples
 from idim_iv_ros.signals.zero_phase_kernel import LANES, TILE, forward_backward
 from idim_iv_ros.types import FloatArray, IntArray
 
@@ -133,6 +134,14 @@ class ParallelDecimation:
             filtered = scipy.signal.sosfilt(self._sections, padded, zi=np.moveaxis(start, 1, -1))[0]
             padded = filtered[:, ::-1]
         return np.asarray(padded[:, kept + count])
+
+    def at(self, signal: FloatArray, places: IntArray) -> FloatArray:
+        """Filter a whole record (n_samples, …) and keep the samples at `places`, any of them."""
+        return self.apply(signal, Chunk(0, self.samples, np.asarray(places, dtype=np.int64)))
+
+    def settling(self, tolerance: float) -> int:
+        """Samples that one waits for; see `settling_samples`."""
+        return settling_samples(self._sections, tolerance) if self.factor > 1 else 0
 
     def whole(self, signal: FloatArray) -> FloatArray:
         """Decimate a whole record (n_samples, …) at once."""

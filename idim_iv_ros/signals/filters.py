@@ -3,12 +3,17 @@
 Source: paper, section II.C.
 """
 
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 import scipy
 
 from idim_iv_ros.types import FloatArray
+
+_AT_ONCE = (
+    100_000  # numbers that are filtered together: for few the calls take longer than the work
+)
 
 
 def zero_phase_butterworth(
@@ -34,14 +39,21 @@ def zero_phase_butterworth(
     ValueError
         The signal is shorter than the start-up of the filter.
     """
-    sections = scipy.signal.butter(order, cutoff, fs=rate, output="sos")
+    sections = _sections(order, cutoff, rate)
     padding = 3 * order
     if len(signal) <= padding:
         raise ValueError(f"{len(signal)} samples are too few for a filter of order {order}")
+    if signal.size <= _AT_ONCE:
+        return np.asarray(scipy.signal.sosfiltfilt(sections, signal, axis=0, padlen=padding))
     filtered = np.empty(signal.shape)
     for joint in range(signal.shape[1]):  # one at a time: an hour of all would fill the memory
         filtered[:, joint] = scipy.signal.sosfiltfilt(sections, signal[:, joint], padlen=padding)
     return filtered
+
+
+@lru_cache(maxsize=16)
+def _sections(order: int, cutoff: float, rate: float) -> FloatArray:
+    return np.asarray(scipy.signal.butter(order, cutoff, fs=rate, output="sos"))
 
 
 def central_differences(

@@ -53,6 +53,49 @@ class JointSignals:
     link_valid: BoolArray | None = None
 
 
+@dataclass(frozen=True)
+class JointTransform:
+    """From the side of what is recorded to the joints.
+
+    Attributes
+    ----------
+    to_joint, to_torque : (n_joints, n_joints)
+        q = to_joint · q_recorded + offset, τ = to_torque · effort, with the scale of the efforts.
+    offset : (n_joints,) rad or m
+    """
+
+    to_joint: FloatArray
+    to_torque: FloatArray
+    offset: FloatArray
+
+    def position(self, recorded: FloatArray) -> FloatArray:
+        """Positions (n_samples, n_joints) of the joints, rad or m."""
+        return _transformed(recorded, self.to_joint, self.offset)
+
+    def torque(self, recorded: FloatArray) -> FloatArray:
+        """Torques (n_samples, n_joints) on the joints, N m or N."""
+        return _transformed(recorded, self.to_torque, np.zeros(len(self.offset)))
+
+    def touched(self, position: BoolArray, effort: BoolArray) -> BoolArray:
+        """Joints (n_samples, n_joints) whose values depend on marked ones of what is recorded."""
+        return _touched(position, self.to_joint) | _touched(effort, self.to_torque)
+
+
+def joint_transform(configuration: Configuration) -> JointTransform:
+    """Return the transform of a configuration; see `joint_side`."""
+    robot = configuration.robot
+    joints = len(robot.joints)
+    to_joint, to_torque = np.eye(joints), np.eye(joints)
+    if robot.motor_to_joint is not None:
+        matrix = np.array(robot.motor_to_joint)
+        to_joint, to_torque = np.linalg.inv(matrix), matrix.T
+    if robot.motor_to_joint_torque is not None:
+        to_torque = np.array(robot.motor_to_joint_torque)
+    offset = np.array(robot.position_offset or [0.0] * joints)
+    scale = np.array(configuration.signals.effort_scale or [1.0] * joints)
+    return JointTransform(to_joint, to_torque * scale, offset)
+
+
 def joint_side(recording: Recording, configuration: Configuration) -> JointSignals:
     """Apply effort scale, transmission and position offsets.
 
@@ -66,23 +109,15 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
         Positions or torques that no robot has, before or after the scaling.
     """
     robot = configuration.robot
-    joints = len(robot.joints)
-    to_joint, to_torque = np.eye(joints), np.eye(joints)
-    if robot.motor_to_joint is not None:
-        matrix = np.array(robot.motor_to_joint)
-        to_joint, to_torque = np.linalg.inv(matrix), matrix.T
-    if robot.motor_to_joint_torque is not None:
-        to_torque = np.array(robot.motor_to_joint_torque)
-    offset = np.array(robot.position_offset or [0.0] * joints)
-    scale = np.array(configuration.signals.effort_scale or [1.0] * joints)
-    position = _transformed(recording.position.values, to_joint, offset)
-    torque = _transformed(recording.effort.values, to_torque * scale, np.zeros(joints))
+    transform = joint_transform(configuration)
+    to_joint, joints, offset = transform.to_joint, len(robot.joints), transform.offset
+    position = transform.position(recording.position.values)
+    torque = transform.torque(recording.effort.values)
     name = recording.path.name
     _require_possible(name, robot.joints, "position", "rad (m)", position, (0.0, _LARGEST_POSITION))
     unit = configuration.signals.effort_unit
     _require_possible(name, robot.joints, "torque", unit, torque, _TORQUES)
-    invented = _touched(recording.position.invented, to_joint)
-    invented |= _touched(recording.effort.invented, to_torque)
+    invented = transform.touched(recording.position.invented, recording.effort.invented)
     measured = reference = velocity = None
     if recording.velocity is not None:
         measured = _transformed(recording.velocity.values, to_joint, np.zeros(joints))

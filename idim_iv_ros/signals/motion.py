@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -73,7 +74,7 @@ class Motion:
             rate=rate,
             start=start + first,
             stop=start + last,
-            order=2 if self.cutoff <= _THREE_SAMPLES * rate else 4,
+            order=difference_order(self.cutoff, rate),
         )
         return position[start + first : start + last], velocity, acceleration
 
@@ -92,6 +93,11 @@ class Motion:
     def time(self) -> FloatArray:
         """Time of the decimated samples from the start of the recording, (n_kept,) s."""
         return np.asarray((self.span.start + self.decimation.kept) / self.signals.rate)
+
+
+def difference_order(cutoff: float, rate: float) -> Literal[2, 4]:
+    """Order of the differences of positions that were filtered at `cutoff` (Hz)."""
+    return 2 if cutoff <= _THREE_SAMPLES * rate else 4
 
 
 def filter_motion(
@@ -272,7 +278,7 @@ def _motion(
     decimation = ParallelDecimation(
         factor, samples, processing.decimation_edge, processing.decimation_phase
     )
-    fast = _fast_samples(position[span], record.rate, minimum_speed, couplings)
+    fast = fast_samples(position[span], record.rate, minimum_speed, couplings)
     margin = processing.reversal_margin
     distance = round((REVERSAL_MARGIN if margin is None else margin) * factor)
     fast = all_around(fast, decimation, distance)
@@ -290,7 +296,7 @@ def _motion(
     return Motion(record, cutoff, order, position, span, decimation, kept, dropped)
 
 
-def _fast_samples(
+def fast_samples(
     position: FloatArray,
     rate: float,
     minimum_speed: FloatArray,

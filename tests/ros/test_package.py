@@ -38,7 +38,7 @@ def test_index_lists_package_and_executables_start(
     for file in ("launch/robots.launch.py", "params/nodes.yaml"):
         assert (share / file).is_file()
     found = executables(prefix, "idim_iv_ros")
-    assert set(found) == {"recorder", "identifier", "collector", "robot_simulator"}
+    assert set(found) == {"recorder", "identifier", "collector", "predictor", "robot_simulator"}
     (site,) = prefix.glob("lib/python*/site-packages")
     monkeypatch.setenv("PYTHONPATH", str(site))
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:{os.environ['PATH']}")

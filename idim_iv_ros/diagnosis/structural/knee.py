@@ -1,9 +1,9 @@
 """Knees of the torque beside the torque that the accepted effects leave to the model.
 
-The search computes its columns from the torque of the refit, and a refit to a saturated torque is bent
-by it: fitted to commands of 30 N m where 27 act, it crosses the knee late. With the saturation in the
-model its parameters are those of the robot, and the torque that follows from them, with the other
-effects, crosses the knee where the robot does. So the knee is fitted again there, and once more.
+The search computes its columns from the torque of the refit, and a refit to a saturated torque is
+bent by it: fitted to commands of 30 N m where 27 act, it crosses the knee late. With the saturation
+in the model its parameters are those of the robot, and the torque that follows from them, with the
+other effects, crosses the knee where the robot does. So the knee is fitted again there, and so on.
 """
 
 from dataclasses import replace

@@ -1,0 +1,167 @@
+"""`idim-iv watch`: what predictor, recorder and identifier say, until Ctrl-C."""
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rich.console import Console
+from rich.live import Live
+
+from idim_iv_interfaces.msg import DriftReport, Prediction, RecorderStatus
+from idim_iv_ros.nodes.entry import Closable, run_node
+from idim_iv_ros.nodes.watch.state import JointJudgement, LiveView, joint_views
+from idim_iv_ros.nodes.watch.terminal import live_table
+from idim_iv_ros.nodes.watch.web import LivePage
+
+_TOPIC = "predictor/prediction"
+_DRAWN = 0.25  # s between two tables on a terminal
+_PRINTED = 5.0  # s between two tables elsewhere
+_SILENT = 2.0  # s without a prediction
+_STATES = ("idle", "recording", "paused", "stopped by a fault")
+
+ABOUT = """watch: measured and predicted efforts of a running robot, with what the nodes do."""
+
+
+@dataclass(frozen=True)
+class WatchSettings:
+    """What `watch` shows, and where.
+
+    Attributes
+    ----------
+    web : int or None
+        Port of the page; None: a table on the terminal.
+    predictor : callable or None
+        Makes a predictor that runs in this process.
+    """
+
+    web: int | None = None
+    predictor: Callable[[], Closable] | None = None
+
+
+class Watcher:
+    """Subscriptions to what the nodes of a robot say, in the namespace of this node.
+
+    Raises
+    ------
+    UsageError
+        The port of the page is taken, or the predictor cannot be made.
+    """
+
+    def __init__(self, settings: WatchSettings) -> None:
+        self._page = None if settings.web is None else LivePage(settings.web)
+        self._predictor = None if settings.predictor is None else settings.predictor()
+        self.node = node = Node("watch")
+        self._prediction: Prediction | None = None
+        self._heard = self._printed = time.monotonic()
+        self._judgements: dict[str, JointJudgement] = {}
+        self._nodes: dict[str, str] = {}
+        self._predictors = 0
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        node.create_subscription(Prediction, _TOPIC, self._predicted, 50)
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 50)
+        node.create_subscription(RecorderStatus, "recorder/status", self._recorded, 10)
+        node.create_subscription(DriftReport, "identifier/drift", self._drifted, latched)
+        node.create_timer(_DRAWN, self._draw, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._console = Console()
+        self._live: Live | None = None
+        if self._page is not None:
+            self._console.print(f"{self._page.url}  (this machine only; Ctrl-C ends)")
+        elif self._console.is_terminal:
+            self._live = Live(console=self._console, auto_refresh=False, screen=True)
+            self._live.start()
+
+    def close(self) -> None:
+        """Give the terminal back, with one line."""
+        if self._live is not None:
+            self._live.stop()
+        if self._page is not None:
+            self._page.close()
+        if self._predictor is not None:
+            self._predictor.close()
+        self.node.destroy_node()
+        self._console.print("watch: ended")
+
+    def _predicted(self, message: Prediction) -> None:
+        self._prediction, self._heard = message, time.monotonic()
+        if self._page is not None:
+            self._page.publish(self._view().to_document())
+
+    def _diagnosed(self, message: DiagnosticArray) -> None:
+        namespace = self.node.get_namespace().rstrip("/")
+        for status in message.status:
+            source, _, what = status.name.partition(": ")
+            node = source if source.startswith("/") else f"/{source}"
+            if node == f"{namespace}/predictor" and what != "prediction":
+                values = {pair.key: pair.value for pair in status.values}
+                warns = status.level != DiagnosticStatus.OK
+                self._judgements[what] = JointJudgement.of(values, warns, status.message)
+            elif node == f"{namespace}/identifier" and what == "identification":
+                self._nodes["identifier"] = status.message
+
+    def _recorded(self, message: RecorderStatus) -> None:
+        words = _STATES[message.state] if message.state < len(_STATES) else "unknown"
+        if message.bag and message.state:
+            words = f"{words} {message.bag}, {message.duration:.0f} s"
+        self._nodes["recorder"] = f"{words}: {message.fault}" if message.fault else words
+
+    def _drifted(self, message: DriftReport) -> None:
+        self._nodes["drift of parameters"] = message.message
+
+    def _view(self) -> LiveView:
+        message, nodes = self._prediction, dict(self._nodes)
+        if message is None:
+            topic = self.node.resolve_topic_name(_TOPIC)
+            silent = f"nothing on {topic}: start `idim-iv predict`, or name --config here"
+            return LiveView("", 0.0, float("nan"), silent, (), nodes)
+        topic = self.node.resolve_topic_name(_TOPIC)
+        numbers = (message.measured, message.predicted, message.residual, message.noise_share)
+        silent_for = time.monotonic() - self._heard
+        reason = message.reason
+        if self._predictors > 1:
+            reason = (
+                f"{self._predictors} predictors publish {topic}: end all but one, or give "
+                "each robot a namespace"
+            )
+        elif silent_for > _SILENT:
+            reason = f"the predictor has been silent for {silent_for:.0f} s"
+        stamp = message.header.stamp
+        return LiveView(
+            robot=message.robot,
+            stamp=stamp.sec + 1e-9 * stamp.nanosec,
+            delay=message.delay,
+            reason=reason,
+            joints=joint_views(message.name, numbers, self._judgements),
+            nodes=nodes,
+        )
+
+    def _draw(self) -> None:
+        executor = self.node.executor
+        if self._predictor is not None and executor is not None:
+            executor.add_node(self._predictor.node)  # does nothing for one that is there
+        self._predictors = self.node.count_publishers(self.node.resolve_topic_name(_TOPIC))
+        now = time.monotonic()
+        if self._live is not None:
+            self._live.update(live_table(self._view()), refresh=True)
+        elif self._page is None and now - self._printed > _PRINTED:
+            self._printed = now
+            self._console.print(live_table(self._view()))
+        elif self._page is not None and now - self._heard > _SILENT and now - self._printed > 1.0:
+            self._printed = now
+            self._page.publish(self._view().to_document())
+
+
+def run(arguments: Sequence[str], settings: WatchSettings | None = None) -> int:
+    """Watch until a signal and return the exit status; `arguments` begin with a name."""
+    chosen = settings or WatchSettings()
+    return run_node("watch", lambda: Watcher(chosen), ABOUT, arguments)
+
+
+def main() -> None:
+    """Watch with the arguments of the command line."""
+    sys.exit(run(sys.argv))

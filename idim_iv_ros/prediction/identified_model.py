@@ -1,0 +1,159 @@
+"""A result.json as a model that predicts, if it is of the configured robot."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.model import InverseModel, kinematics_digest
+from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.signals import JointTransform, joint_transform
+from idim_iv_ros.types import FloatArray
+
+# What must be as it was when the result was made: its numbers mean something else otherwise.
+_SAME = {
+    "robot": (
+        "gravity",
+        "position_offset",
+        "motor_to_joint",
+        "motor_to_joint_torque",
+        "couplings",
+    ),
+    "signals": ("effort_scale", "effort_unit"),
+    "identification": ("friction", "drive_inertia", "exclude"),
+}
+
+
+@dataclass(frozen=True)
+class IdentifiedModel:
+    """Model, parameters and filters of one identification.
+
+    Attributes
+    ----------
+    path : Path
+        Of the result.
+    result : IdentificationResult
+    model : InverseModel
+    transform : JointTransform
+        From what the topics hold to the joints.
+    values : (b,)
+        Base parameters.
+    couplings : tuple of (int, int)
+    """
+
+    path: Path
+    result: IdentificationResult
+    model: InverseModel
+    transform: JointTransform
+    values: FloatArray
+    couplings: tuple[tuple[int, int], ...]
+
+    @property
+    def robot(self) -> str:
+        """Name of the robot."""
+        return self.result.robot
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """In the order of all arrays."""
+        return self.result.joints
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each joint's effort."""
+        types, unit = self.result.joint_types, self.result.effort_unit
+        return tuple(unit_at("N m", each, unit) for each in types)
+
+    @cached_property
+    def noise_floor(self) -> FloatArray:
+        """RMS of the residual that the identification left, (n_joints,) N m (N)."""
+        return np.array([each.rms for each in self.result.residuals])
+
+    @cached_property
+    def minimum_speed(self) -> FloatArray:
+        """Speed below which a sample is left out, (n_joints,) rad/s (m/s)."""
+        return np.array(self.result.processing.minimum_speed)
+
+    @property
+    def turning(self) -> tuple[bool, ...]:
+        """Which recorded positions may wrap after one turn: those of joints that turn."""
+        plain = np.array_equal(self.transform.to_joint, np.eye(len(self.joints)))
+        return tuple(plain and each == "revolute" for each in self.result.joint_types)
+
+    def variance(self, matrix: FloatArray) -> FloatArray:
+        """Variance of predicted efforts by that of the parameters, (n_samples, n_joints) (N m)².
+
+        Parameters
+        ----------
+        matrix : (n_samples, n_joints, b)
+            Base regressor.
+        """
+        covariance = self.result.covariance
+        return np.asarray(np.einsum("sjb,sjb->sj", matrix @ covariance, matrix))
+
+
+def identified_model(
+    path: Path, configuration: Configuration, model: InverseModel, source: str
+) -> IdentifiedModel:
+    """Read a result.json and make sure that it is of this robot and configuration.
+
+    Parameters
+    ----------
+    path
+        Of the result.
+    configuration
+    model, source
+        Of the configuration (`build_inverse_model`), and the name of its URDF in messages.
+
+    Raises
+    ------
+    UsageError
+        One line: it cannot be read, or is of another robot, URDF or configuration.
+    """
+    result = IdentificationResult.read(path)
+    joints = configuration.robot.joints
+    if list(result.joints) != joints:
+        raise UsageError(
+            f"{path}: its joints are {', '.join(result.joints)}, those of "
+            f"{configuration.source or 'the configuration'} {', '.join(joints)}: another robot"
+        )
+    _require_same(path, result, configuration)
+    if result.kinematics and result.kinematics != kinematics_digest(model.robot):
+        raise UsageError(
+            f"{path}: its robot is another than {source}: joints are placed or turned differently; "
+            "run `idim-iv identify` again with this URDF"
+        )
+    names = tuple(each.name for each in result.parameters)
+    if names != model.base.names:
+        raise UsageError(
+            f"{path}: its base parameters are not those of {source}; run `idim-iv identify` again"
+        )
+    values = np.array([each.value for each in result.parameters])
+    if not np.isfinite(values).all():
+        raise UsageError(f"{path}: a parameter has no value; run `idim-iv identify` again")
+    return IdentifiedModel(
+        path=path,
+        result=result,
+        model=model,
+        transform=joint_transform(configuration),
+        values=values,
+        couplings=model.regressor.layout.coupling_joints,
+    )
+
+
+def _require_same(path: Path, result: IdentificationResult, configuration: Configuration) -> None:
+    now = configuration.model_dump(mode="json", exclude_none=True)
+    for section, keys in _SAME.items():
+        then = result.configuration.get(section)
+        for key in keys:
+            before = then.get(key) if isinstance(then, dict) else None
+            if before != now[section].get(key):
+                raise UsageError(
+                    f"{path}: it was identified with another {section}.{key} than "
+                    f"{configuration.source or 'the configuration'} has; run `idim-iv identify` "
+                    "again"
+                )

@@ -1,0 +1,164 @@
+"""Samples as they arrive: in the order of time, without wraps; faults of the clock are found."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from idim_iv_ros.recording.grid import make_grid
+from idim_iv_ros.recording.wraps import TURN
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
+
+_SECOND = 1e9
+# A stamp further back than so many intervals, s at least: the clock was set back.
+_SET_BACK, _SET_BACK_INTERVALS = 0.1, 20.0
+# A step that is nearly a whole turn: what remains without it is at most a quarter of one.
+_NEARLY = TURN / 4.0
+# Time and samples at least, from which a rate is measured.
+_LEAST, _LEAST_SAMPLES = 0.5, 20
+# Steps whose median tells whether the rate has changed, and by how much, as a ratio.
+_RECENT, _OTHER_RATE = 60, 1.3
+
+
+@dataclass(frozen=True)
+class JointSamples:
+    """Stamped numbers of all joints.
+
+    Attributes
+    ----------
+    time : (n,) int
+        ns.
+    values : (n, n_joints)
+        NaN where a joint has none.
+    """
+
+    time: IntArray
+    values: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+class SampleStream:
+    """The newest samples of one topic.
+
+    Parameters
+    ----------
+    turning : (n_joints,)
+        Whose values are positions that may wrap after one turn.
+    longest_pause : float
+        s; after a longer one, or a clock that was set, everything begins anew.
+
+    Attributes
+    ----------
+    samples : JointSamples
+    restarted : str
+        Why everything older was given up with the last samples that were added; else empty.
+    late : int
+        Samples that were left out since their stamp is not after the one before.
+    """
+
+    def __init__(self, turning: tuple[bool, ...], longest_pause: float) -> None:
+        self._turning = np.array(turning, dtype=bool)
+        self._longest_pause = longest_pause
+        self._empty = JointSamples(np.zeros(0, np.int64), np.zeros((0, len(turning))))
+        self.samples = self._empty
+        self.restarted = ""
+        self.late = 0
+
+    def add(self, new: JointSamples) -> None:
+        """Append samples in the order of their arrival."""
+        self.restarted = ""
+        if len(new) == 0:
+            return
+        time, first = new.time, 0
+        if len(self.samples):
+            time = np.concatenate([self.samples.time[-1:], time])
+        steps = np.diff(time) / _SECOND
+        interval = self.interval or 0.0
+        back = -max(_SET_BACK, _SET_BACK_INTERVALS * interval)
+        breaks = np.flatnonzero((steps < back) | (steps > self._longest_pause))
+        if len(breaks):
+            # The last of them counts: what comes after it is one stretch.
+            step = float(steps[breaks[-1]])
+            self.restarted = (
+                f"the stamps jump back by {-step:.3g} s"
+                if step < 0.0
+                else f"no sample for {step:.3g} s"
+            )
+            first = len(new) - (len(time) - 1 - int(breaks[-1]))
+            self.samples = self._empty
+        self._append(new.time[first:], new.values[first:])
+
+    def _append(self, time: IntArray, values: FloatArray) -> None:
+        last = self.samples.time[-1:] if len(self.samples) else time[:1] - 1
+        newest = np.maximum.accumulate(np.concatenate([last, time]))
+        fresh = time > newest[:-1]
+        self.late += int(np.count_nonzero(~fresh))
+        time, values = time[fresh], values[fresh]
+        if self._turning.any():
+            values = self._without_wraps(values)
+        self.samples = JointSamples(
+            np.concatenate([self.samples.time, time]),
+            np.concatenate([self.samples.values, values]),
+        )
+
+    def _without_wraps(self, values: FloatArray) -> FloatArray:
+        """Add the turns that make each position follow the one before."""
+        known = np.concatenate([_last_known(self.samples.values), values])
+        unwrapped = values.copy()
+        for joint in np.flatnonzero(self._turning):
+            places = np.flatnonzero(np.isfinite(known[:, joint]))
+            steps = np.diff(known[places, joint])
+            turns = np.round(steps / TURN)
+            whole = np.abs(steps - TURN * turns) < _NEARLY
+            added = np.zeros(len(known))
+            if len(places) > 1:
+                # Known samples before are unwrapped already, so that the first step may hold
+                # turns that were undone earlier.
+                added[places[1:]] = np.cumsum(np.where(whole, turns, 0.0))
+            unwrapped[:, joint] -= TURN * added[1:]
+        return unwrapped
+
+    def forget(self, before: int) -> None:
+        """Give up samples stamped before a time, ns, but the last one."""
+        kept = min(int(np.searchsorted(self.samples.time, before)), max(len(self.samples) - 1, 0))
+        if kept:
+            self.samples = JointSamples(self.samples.time[kept:], self.samples.values[kept:])
+
+    def clear(self) -> None:
+        """Give up all samples."""
+        self.samples = self._empty
+
+    @property
+    def interval(self) -> float | None:
+        """Median of the recent sampling intervals, s; None for fewer than two samples."""
+        recent = self.samples.time[-_RECENT:]
+        return float(np.median(np.diff(recent))) / _SECOND if len(recent) > 1 else None
+
+    def rate(self) -> float | None:
+        """Rate of all samples, Hz, as a recording's; None while they are too few."""
+        time = self.samples.time
+        if len(time) < _LEAST_SAMPLES or time[-1] - time[0] < _LEAST * _SECOND:
+            return None
+        return make_grid(time, int(time[0]), int(time[-1])).rate
+
+    def has_other_rate(self, rate: float) -> bool:
+        """Whether the recent samples came at another rate, Hz."""
+        recent = self.samples.time[-_RECENT:]
+        if len(recent) < _RECENT or self.interval is None:
+            return False
+        ratio = self.interval * rate
+        return not 1.0 / _OTHER_RATE < ratio < _OTHER_RATE
+
+    def missing(self) -> BoolArray:
+        """Joints (n_joints,) without any number in all samples that are kept."""
+        return np.asarray(~np.isfinite(self.samples.values).any(axis=0))
+
+
+def _last_known(values: FloatArray) -> FloatArray:
+    """Last finite value of each joint, (1, n_joints); NaN without one."""
+    finite = np.isfinite(values)
+    last = len(values) - 1 - np.argmax(finite[::-1], axis=0) if len(values) else 0
+    if not len(values):
+        return np.full((1, values.shape[1]), np.nan)
+    return np.asarray(values[last, np.arange(values.shape[1])])[None, :]

@@ -1,0 +1,105 @@
+"""A page in headless Chromium while time goes on, spoken to over a pipe."""
+
+import base64
+import json
+import os
+import shutil
+import subprocess
+import time
+from pathlib import Path
+from typing import Any
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+_OPTIONS = (
+    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+    *("--hide-scrollbars", "--remote-debugging-pipe"),
+)
+_TIMEOUT = 30.0
+
+
+class Browser:
+    """One page of a Chromium process."""
+
+    def __init__(self, folder: Path, *, size: tuple[int, int] = (1200, 900), dark: bool = False):
+        assert CHROMIUM is not None
+        commands, self._commands = os.pipe()
+        self._answers, answers = os.pipe()
+        # Chromium reads commands from descriptor 3 and answers on 4; bash puts them there.
+        width, height = size
+        call = [CHROMIUM, *_OPTIONS, f"--user-data-dir={folder}", f"--window-size={width},{height}"]
+        redirect = f'exec "$@" 3<&{commands} 4>&{answers}'
+        self._process = subprocess.Popen(
+            ["bash", "-c", redirect, "chromium", *call, "about:blank"],
+            pass_fds=(commands, answers),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        os.close(commands)
+        os.close(answers)
+        self._read, self._number, self._session = b"", 0, ""
+        (page,) = [
+            each
+            for each in self._call("Target.getTargets")["targetInfos"]
+            if each["type"] == "page"
+        ]
+        attached = self._call("Target.attachToTarget", targetId=page["targetId"], flatten=True)
+        self._session = attached["sessionId"]
+        if dark:
+            feature = [{"name": "prefers-color-scheme", "value": "dark"}]
+            self._call("Emulation.setEmulatedMedia", features=feature)
+
+    def open(self, url: str) -> None:
+        """Go to a page."""
+        self._call("Page.navigate", url=url)
+
+    def evaluate(self, script: str) -> Any:
+        """Value of an expression on the page."""
+        answer = self._call("Runtime.evaluate", expression=script, returnByValue=True)
+        assert "exceptionDetails" not in answer, answer
+        return answer["result"].get("value")
+
+    def until(self, script: str) -> Any:
+        """Wait until an expression is true and return it."""
+        deadline = time.monotonic() + _TIMEOUT
+        while not (value := self.evaluate(script)):
+            assert time.monotonic() < deadline, f"never: {script}"
+            time.sleep(0.05)
+        return value
+
+    def picture(self, path: Path, height: int | None = None) -> None:
+        """Write what is seen."""
+        area = {}
+        if height is not None:
+            width = self.evaluate("innerWidth")
+            clip = {"x": 0, "y": 0, "width": width, "height": height, "scale": 1}
+            area = {"clip": clip, "captureBeyondViewport": True}
+        data = self._call("Page.captureScreenshot", **area)["data"]
+        path.write_bytes(base64.b64decode(data))
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.terminate()
+        self._process.wait(10)
+        os.close(self._commands)
+        os.close(self._answers)
+
+    def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
+        self._number += 1
+        command = {"id": self._number, "method": method, "params": parameters}
+        if self._session:
+            command["sessionId"] = self._session
+        os.write(self._commands, json.dumps(command).encode() + b"\0")
+        while True:
+            answer = self._message()
+            if answer.get("id") == self._number:
+                assert "error" not in answer, answer
+                return answer["result"]
+
+    def _message(self) -> dict[str, Any]:
+        while b"\0" not in self._read:
+            part = os.read(self._answers, 1 << 20)
+            assert part, "Chromium has ended"
+            self._read += part
+        message, _, self._read = self._read.partition(b"\0")
+        return json.loads(message)

@@ -1,0 +1,83 @@
+"""A result is used for the robot and configuration that it was made with, and for no other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.model import build_inverse_model
+from idim_iv_ros.prediction import LivePrediction, identified_model
+from tests.prediction.arm6 import play, samples, urdf_of
+
+
+def changed(configuration, section: str, **values):
+    part = getattr(configuration, section).model_copy(update=values)
+    return configuration.model_copy(update={section: part})
+
+
+@pytest.mark.parametrize(
+    ("section", "values", "words"),
+    [
+        ("robot", {"gravity": [0.0, 0.0, 9.81]}, "another robot.gravity"),
+        ("robot", {"joints": [f"joint_{k}" for k in (2, 1, 3, 4, 5, 6)]}, "another robot"),
+        ("signals", {"effort_scale": [2.0] * 6}, "another signals.effort_scale"),
+        ("signals", {"effort_unit": "A"}, "another signals.effort_unit"),
+        ("robot", {"motor_to_joint": np.eye(6).tolist()}, "another robot.motor_to_joint"),
+        ("identification", {"friction": ["viscous"]}, "another identification.friction"),
+    ],
+)
+def test_a_result_of_another_configuration_is_refused_in_one_line(
+    result, configuration, identified, section, values, words
+) -> None:
+    other = changed(configuration, section, **values)
+    with pytest.raises(UsageError, match=words) as refusal:
+        identified_model(result, other, identified.model, "arm6.urdf")
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_result_of_another_urdf_is_refused(result, configuration) -> None:
+    text, source = urdf_of(configuration)
+    longer = text.replace('xyz="0', 'xyz="0.01 0', 1) if 'xyz="0' in text else text
+    place = text.index("<origin", text.index('<joint name="joint_2"'))
+    end = text.index("/>", place)
+    longer = text[:place] + '<origin xyz="0.1 0.2 0.3" rpy="0 0 0"' + text[end:]
+    model = build_inverse_model(configuration, longer, source)
+    with pytest.raises(UsageError, match="joints are placed or turned differently"):
+        identified_model(result, configuration, model, source)
+
+
+def test_a_file_that_is_no_result_is_refused(tmp_path, configuration, identified) -> None:
+    path = tmp_path / "result.json"
+    path.write_text("{}")
+    with pytest.raises(UsageError, match="not an identification"):
+        identified_model(path, configuration, identified.model, "arm6.urdf")
+
+
+def test_units_follow_the_joint_and_the_effort(identified) -> None:
+    types = ("prismatic", *identified.result.joint_types[1:])
+    sliding = replace(identified, result=replace(identified.result, joint_types=types))
+    assert sliding.units == ("N", *["N m"] * 5)
+    assert sliding.turning == (False, *[True] * 5)
+    current = replace(identified, result=replace(identified.result, effort_unit="A"))
+    assert set(current.units) == {"A"}
+
+
+def test_signals_of_motors_are_brought_to_the_joints(identified, recording) -> None:
+    """Gears of a hundred and efforts in quarters: the same robot, the same predictions."""
+    ratio, scale = 100.0, 0.25
+    transform = replace(
+        identified.transform,
+        to_joint=np.eye(6) / ratio,
+        to_torque=np.eye(6) * ratio * scale,
+    )
+    motors = replace(identified, transform=transform)
+    positions, efforts = samples(recording, slice(0, 2))
+    expected = play(LivePrediction(identified), positions, efforts)[-1]
+    found = play(
+        LivePrediction(motors),
+        replace(positions, values=positions.values * ratio),
+        replace(efforts, values=efforts.values / ratio / scale),
+    )[-1]
+    assert found.measured == pytest.approx(expected.measured, abs=1e-6)
+    assert found.predicted == pytest.approx(expected.predicted, abs=1e-6, nan_ok=True)

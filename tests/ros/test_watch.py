@@ -1,0 +1,179 @@
+"""The live view as its users have it: a table, a page, one line at the end."""
+
+import http.client
+import io
+import json
+import math
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from idim_iv_interfaces.msg import Prediction, RecorderStatus
+from idim_iv_ros.nodes.watch.state import JointJudgement, LiveView, joint_views
+from idim_iv_ros.nodes.watch.terminal import live_table
+from idim_iv_ros.nodes.watch.web import LivePage
+from tests.browser import CHROMIUM, Browser
+from tests.ros.processes import Observer, Process
+
+NAN = math.nan
+JOINTS = tuple(f"joint_{k}" for k in range(1, 8))
+
+
+def view(warns: bool = False) -> LiveView:
+    judgements = {
+        "joint_1": JointJudgement("N m", 3.1 if warns else 1.1, 1.4, warns, "residual 0.1 N m"),
+        "joint_2": JointJudgement("N", NAN, NAN, False, "no motion to judge by"),
+    }
+    numbers = ([-123.456, 1.0], [-123.0, NAN], [-0.456, NAN], [1.2, NAN])
+    joints = joint_views(("joint_1", "joint_2"), numbers, judgements)
+    return LiveView("arm", 12.0, 0.15, "", joints, {"recorder": "idle"})
+
+
+def shown(what: LiveView) -> str:
+    written = io.StringIO()
+    Console(width=80, file=written).print(live_table(what))
+    return written.getvalue()
+
+
+def test_the_table_fits_eighty_columns_and_holds_every_number() -> None:
+    text = shown(view())
+    assert "…" not in text
+    assert max(map(len, text.splitlines())) <= 80
+    for words in ("joint_1 (N m)", "-123.456", "-123.000", "-0.456", "1.10", "1.20", "(N)"):
+        assert words in text
+    assert "0.15 s behind the robot" in text
+    assert "recorder: idle" in text
+
+
+def test_what_is_beyond_its_limit_is_said_in_words() -> None:
+    assert "residual 0.1 N m" not in shown(view())
+    assert "joint_1: residual 0.1 N m" in shown(view(warns=True))
+
+
+def test_why_nothing_is_predicted_is_said() -> None:
+    text = shown(LiveView("", 0.0, NAN, "nobody publishes /joint_states", ()))
+    assert "nothing is predicted: nobody publishes /joint_states" in text
+
+
+@pytest.fixture
+def page() -> Iterator[LivePage]:
+    page = LivePage(0)
+    yield page
+    page.close()
+
+
+def get(page: LivePage, path: str, host: str | None = None) -> http.client.HTTPResponse:
+    port = int(page.url.rstrip("/").rpartition(":")[2])
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    headers = {} if host is None else {"Host": host}
+    connection.request("GET", path, headers=headers)
+    return connection.getresponse()
+
+
+def test_the_page_and_all_it_needs_come_from_here(page: LivePage) -> None:
+    text = get(page, "/").read().decode()
+    for part in ("live.css", "live.js", "plotly.js"):
+        assert part in text
+        assert get(page, f"/{part}").status == 200
+    assert "http" not in text.replace("http-equiv", "")
+    assert get(page, "/../../etc/passwd").status == 404
+    assert get(page, "/", host="evil.example:80").status == 403
+
+
+def test_events_hold_the_newest_state_and_the_last_ones(page: LivePage) -> None:
+    page.publish(view().to_document())
+    stream = get(page, "/events")
+    assert stream.getheader("Content-Type") == "text/event-stream"
+    before = json.loads(stream.readline().removeprefix(b"data: "))
+    assert before["joints"][0]["measured"] == -123.456
+    assert before["joints"][1]["predicted"] is None
+    assert stream.readline() == b"\n"
+    page.publish(LiveView("arm", 13.0, NAN, "no position for 2 s", ()).to_document())
+    after = json.loads(stream.readline().removeprefix(b"data: "))
+    assert (after["stamp"], after["reason"], after["delay"]) == (13.0, "no position for 2 s", None)
+
+
+def test_a_port_that_is_taken_is_refused_in_one_line(page: LivePage) -> None:
+    from idim_iv_ros.errors import UsageError
+
+    port = int(page.url.rstrip("/").rpartition(":")[2])
+    with pytest.raises(UsageError, match=f"--web {port}: Address already in use; name another"):
+        LivePage(port)
+
+
+def events(url: str) -> http.client.HTTPResponse:
+    """The stream of a page; it ends with its process."""
+    connection = http.client.HTTPConnection(url.split("/")[2], timeout=10)
+    connection.request("GET", "/events")
+    return connection.getresponse()
+
+
+@pytest.fixture
+def watch(tmp_path: Path, observer: Observer) -> Iterator[tuple[Process, str]]:
+    """`idim-iv watch --web` in a namespace of its own, and its page."""
+    call = "from idim_iv_ros.cli.main import main; main()"
+    options = ["watch", "--web", "0", "--namespace", "watched"]
+    process = Process([sys.executable, "-c", call, *options], tmp_path, "watch")
+    yield process, process.hear().split()[0]
+    process.end()
+
+
+def test_watch_shows_what_nodes_say_and_ends_with_one_line(
+    watch: tuple[Process, str], observer: Observer, tmp_path: Path
+) -> None:
+    process, url = watch
+    node = observer.node
+    predictions = node.create_publisher(Prediction, "/watched/predictor/prediction", 10)
+    recorder = node.create_publisher(RecorderStatus, "/watched/recorder/status", 10)
+    observer.until(lambda: predictions.get_subscription_count(), "watch")
+    recorder.publish(RecorderStatus(state=RecorderStatus.RECORDING, bag="bags/run", duration=3.0))
+    seconds = 0
+
+    def publish() -> bool:
+        nonlocal seconds
+        seconds += 1
+        message = Prediction(robot="arm7", valid=True, name=list(JOINTS), delay=0.16)
+        message.header.stamp.sec = seconds
+        message.measured, message.predicted = [1.5] * 7, [1.25] * 7
+        message.residual, message.noise_share = [0.25] * 7, [0.9] * 6 + [NAN]
+        message.noise_floor = [0.3] * 7
+        predictions.publish(message)
+        observer.executor.spin_once(timeout_sec=0.02)
+        return seconds > 20
+
+    observer.until(publish, "some predictions")
+    stream = events(url)
+    event = json.loads(stream.readline().removeprefix(b"data: "))
+    assert [each["name"] for each in event["joints"]] == list(JOINTS)
+    assert event["joints"][0]["predicted"] == 1.25
+    if CHROMIUM is not None:
+        browser = Browser(tmp_path / "chromium")
+        try:
+            browser.open(url)
+            browser.until(
+                "document.querySelectorAll('.joint .plot .scatterlayer path').length >= 7"
+            )
+            assert browser.evaluate("document.querySelectorAll('.joint').length") == 7
+            assert browser.evaluate("document.getElementById('robot').textContent") == "arm7"
+            words = browser.evaluate("document.getElementById('nodes').innerText")
+            assert "recording bags/run, 3 s" in words.replace("\n", " ")
+        finally:
+            browser.close()
+    second = node.create_publisher(Prediction, "/watched/predictor/prediction", 10)
+    stream = events(url)
+
+    def refused() -> bool:
+        publish()
+        event = json.loads(stream.readline().removeprefix(b"data: ") or b"{}")
+        stream.readline()
+        return "2 predictors publish /watched/predictor/prediction" in event["reason"]
+
+    observer.until(refused, "word of the second predictor")
+    for publisher in (predictions, recorder, second):
+        node.destroy_publisher(publisher)
+    assert process.finish() == 0
+    assert process.hear() == "watch: ended"
+    assert process.errors.read_text() == ""
