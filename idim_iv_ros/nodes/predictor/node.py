@@ -20,6 +20,7 @@ from visualization_msgs.msg import MarkerArray
 
 from idim_iv_interfaces import msg
 from idim_iv_ros.configuration import load_configuration
+from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.entry import run_node
 from idim_iv_ros.nodes.parameters import changed, checked, declare
 from idim_iv_ros.nodes.predictor.joint_topic import JointTopic
