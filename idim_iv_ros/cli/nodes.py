@@ -1,7 +1,7 @@
 """`idim-iv record` and `idim-iv serve`: ROS 2 nodes in the process of the command line."""
 
 import importlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -10,22 +10,36 @@ import typer
 from idim_iv_ros.cli.arguments import Config, Out
 from idim_iv_ros.errors import UsageError
 
+# What follows --ros-args is the node's.
+ROS_ARGUMENTS = {"allow_extra_args": True, "ignore_unknown_options": True}
+Namespace = Annotated[
+    str,
+    typer.Option(
+        help="ROS namespace of the node, and of the relative topics of the configuration.",
+        show_default=False,
+    ),
+]
 
-def record_command(config: Config, out: Out) -> None:
+
+def record_command(
+    context: typer.Context, config: Config, out: Out, namespace: Namespace = ""
+) -> None:
     """Record the topics of a robot into a new bag under --out until Ctrl-C.
 
     The node `recorder`, started at once; its services and topics are there as with ros2 run.
+    Arguments of ROS go last, behind --ros-args.
 
-    Example: idim-iv record --config ur5.yaml --out bags
+    Example: idim-iv record --config ur5.yaml --out bags --namespace left
     """
     from idim_iv_ros.configuration import load_configuration
 
     load_configuration(config)
     parameters = {"configuration": config.resolve(), "bag_directory": out, "autostart": True}
-    _start_node("recorder", parameters)
+    _start_node("recorder", namespace, parameters, context.args)
 
 
 def serve_command(
+    context: typer.Context,
     config: Config,
     out: Out,
     bags: Annotated[
@@ -34,10 +48,12 @@ def serve_command(
     auto: Annotated[
         bool, typer.Option("--auto", help="Identify every bag that the recorder closes.")
     ] = False,
+    namespace: Namespace = "",
 ) -> None:
     """Answer ROS 2 requests to identify bags until Ctrl-C.
 
-    The node `identifier`; its services, actions and topics are there as with ros2 run.
+    The node `identifier`; its services, actions and topics are there as with ros2 run. Arguments
+    of ROS go last, behind --ros-args.
 
     Example: idim-iv serve --config ur5.yaml --bags bags --out results
     """
@@ -50,19 +66,23 @@ def serve_command(
         "output_directory": out,
         "auto": auto,
     }
-    _start_node("identifier", parameters)
+    _start_node("identifier", namespace, parameters, context.args)
 
 
-def _start_node(name: str, parameters: Mapping[str, object]) -> None:
-    """Run a node of `idim_iv_ros.nodes` with parameters until a signal.
+def _start_node(
+    name: str, namespace: str, parameters: Mapping[str, object], others: Sequence[str]
+) -> None:
+    """Run a node of `idim_iv_ros.nodes` with parameters, and arguments of ROS, until a signal.
 
     Raises
     ------
     UsageError
-        rclpy or the messages are not installed.
+        rclpy or the messages are not installed, or an argument is neither the command's nor ROS's.
     typer.Exit
         With the exit status of the node.
     """
+    if others and others[0] != "--ros-args":
+        raise UsageError(f"no such option: {others[0]} (arguments of ROS go behind --ros-args)")
     try:
         run = importlib.import_module(f"idim_iv_ros.nodes.{name}.node").run
     except ModuleNotFoundError as error:
@@ -74,4 +94,6 @@ def _start_node(name: str, parameters: Mapping[str, object]) -> None:
     for parameter, value in parameters.items():
         text = str(value).lower() if isinstance(value, bool) else str(value)
         arguments += ["-p", f"{parameter}:={text}"]
-    raise typer.Exit(run(arguments))
+    if namespace:
+        arguments += ["-r", f"__ns:=/{namespace.strip('/')}"]
+    raise typer.Exit(run([*arguments, *others]))

@@ -1,6 +1,6 @@
 """What the topics of a bag hold, and which are the joint states, the efforts and the reference."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from idim_iv_ros.recording.bags.definitions import CONTROLLER_STATE, MANY_STATES
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
+from idim_iv_ros.recording.bags.topics import bag_topics
 from idim_iv_ros.recording.other_topics import robot_description, sounds_like_reference
 from idim_iv_ros.recording.read import DESCRIPTION
 
@@ -87,7 +88,7 @@ class BagContents:
     unreadable : dict of str to str
         Types of the other topics, by name.
     description : str or None
-        URDF on /robot_description.
+        URDF on /robot_description, or on that of the only namespace that has one.
     """
 
     path: Path
@@ -104,9 +105,12 @@ def read_contents(path: Path) -> BagContents:
     UsageError, DataError
         No such bag, or not one.
     """
-    bag, description = Bag(path), None
-    for _, batch in bag.batches({DESCRIPTION}):
-        description = robot_description(batch) or description
+    bag = Bag(path)
+    described = {name for name in bag_topics(path) if name.endswith(DESCRIPTION)}
+    descriptions: dict[str, str] = {}
+    for topic, batch in bag.batches(described):
+        text = robot_description(batch)
+        descriptions.update({} if text is None else {topic: text})
     kinds = {name: kind for name, kind in bag.topics.items() if may_hold_joints(kind)}
     names: dict[str, JointMessageReader] = {}
     numbers: dict[str, int] = {}
@@ -135,9 +139,15 @@ def read_contents(path: Path) -> BagContents:
         for topic, (count, first, last) in counts.items()
         for asked in ((False, True) if (topic, True) in joints else (False,))
     )
-    unreadable = {name: kind for name, kind in bag.topics.items() if name not in kinds}
-    unreadable.pop(DESCRIPTION, None)
-    return BagContents(path, topics, unreadable, description)
+    known = {*kinds, *described}
+    unreadable = {name: kind for name, kind in bag.topics.items() if name not in known}
+    return BagContents(path, topics, unreadable, _of_one_robot(descriptions))
+
+
+def _of_one_robot(descriptions: Mapping[str, str]) -> str | None:
+    """The global description, or that of the one namespace that has any."""
+    texts = set(descriptions.values())
+    return descriptions.get(DESCRIPTION, texts.pop() if len(texts) == 1 else None)
 
 
 def _kind(bag: Bag, topic: str, *, asked: bool = False) -> JointMessageType:

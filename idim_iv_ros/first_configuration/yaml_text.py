@@ -86,9 +86,10 @@ SECTIONS: dict[str, dict[str, Key]] = {
     },
     "signals": {
         "joint_states": Key(
-            "sensor_msgs/JointState, or what ros2_control publishes; so for the next three",
-            "/joint_states",
-            "/joint_states",
+            "sensor_msgs/JointState, or what ros2_control publishes; without a leading slash: in "
+            "the namespace of the robot",
+            "joint_states",
+            "joint_states",
         ),
         "effort": Key("also std_msgs/Float64MultiArray", "joint_states", "/joint_states"),
         "reference": Key(

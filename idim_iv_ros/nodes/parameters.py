@@ -31,6 +31,15 @@ class Settings:
             One line that names the parameter.
         """
 
+    def check_files(self) -> None:
+        """Check what is read when the node is configured, where that is not at the start.
+
+        Raises
+        ------
+        IdimError
+            One line that names the file.
+        """
+
 
 Kind = TypeVar("Kind", bound=Settings)
 
@@ -88,7 +97,7 @@ def declare(node: Node, kind: type[Kind]) -> Kind:
 
 def _default(described: "Field[Any]") -> Any:
     if isinstance(described.default, tuple):
-        return list(described.default) or [""]  # an empty list would have no type
+        return list(described.default)  # not empty: then it would have no type
     return described.default
 
 
@@ -119,6 +128,7 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
     new = type(settings)(**values)
     try:
         new.check()
+        new.check_files()
     except IdimError as error:
         names = ", ".join(each.name for each in parameters)
         text = str(error)

@@ -1,7 +1,7 @@
 """From bags to recordings: the door through which everything enters."""
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
 from idim_iv_ros.recording.bags.folder import Bag, loss_notes, loss_sentence
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
+from idim_iv_ros.recording.bags.topics import bag_topics
 from idim_iv_ros.recording.clock import StampedMessages, stamp_messages
 from idim_iv_ros.recording.grid import Grid, make_grid, on_grid, without_pauses
 from idim_iv_ros.recording.held_samples import without_frozen
@@ -24,6 +25,7 @@ from idim_iv_ros.recording.other_topics import (
 )
 from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import Note, Recording, Signal
+from idim_iv_ros.recording.topic_names import descriptions_of, topics_in_bag
 from idim_iv_ros.recording.wraps import without_wraps
 from idim_iv_ros.signal_source import field_of, topic_of, with_field
 
@@ -47,6 +49,13 @@ class Request:
     reference: str | None
     prismatic: Collection[str] = ()
     link_states: str | None = None
+    own_topics: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def named(self) -> dict[str, str]:
+        """Topic of each key of a configuration that names one."""
+        keys = ("joint_states", "effort", "reference", "link_states")
+        return {key: name for key in keys if (name := getattr(self, key)) is not None}
 
     @property
     def fields(self) -> dict[str, set[str]]:
@@ -85,6 +94,7 @@ def read_recordings(
     reference: str | None = None,
     prismatic: Collection[str] = (),
     link_states: str | None = None,
+    own_topics: Mapping[str, str] | None = None,
     progress: Progress | None = None,
 ) -> tuple[Recording, ...]:
     """Read one recording from each bag.
@@ -96,14 +106,17 @@ def read_recordings(
     joints
         Joints to read, in the order of the columns of every signal; one name for one joint.
     joint_states, effort, reference
-        Topics; `effort` is that of `joint_states` if it is None. Of a message that holds more than
-        one set of numbers the one that suits is taken (what the controller was asked for is the
-        reference), or the one that is named: ``topic#field``.
+        Topics; `effort` is that of `joint_states` if it is None. A name without a leading slash
+        is looked for in the namespace of the robot (`topics_in_bag`). Of a message that holds more
+        than one set of numbers the one that suits is taken (what the controller was asked for is
+        the reference), or the one that is named: ``topic#field``.
     prismatic
         Joints that slide, besides those of a bag's own /robot_description: their positions have
         no turns that could wrap.
     link_states
         Topic of encoders behind the gears; joints may be missing there.
+    own_topics
+        What names without a leading slash are for the node that asks; they are looked for first.
 
     Raises
     ------
@@ -114,8 +127,14 @@ def read_recordings(
     """
     names = [joints] if isinstance(joints, str) else list(joints)
     request = Request(
-        names, joint_states, effort or joint_states, reference, prismatic, link_states
-    ).own
+        names,
+        joint_states,
+        effort or joint_states,
+        reference,
+        prismatic,
+        link_states,
+        own_topics or {},
+    )
     recordings: list[Recording] = []
     paths = as_paths(bags)
     for number, bag in enumerate(paths):
@@ -140,10 +159,36 @@ def _require_new(recording: Recording, before: Sequence[Recording]) -> None:
             )
 
 
+def _in_bag(path: Path, request: Request) -> Request:
+    """Return the request with the full names of its topics in this bag."""
+    if all(name.startswith("/") for name in request.named.values()):
+        return request
+    # A field that is named may belong to any type.
+    any_type = any(field_of(name) for name in request.named.values())
+    kinds = bag_topics(path).items()
+    topics = [name for name, kind in kinds if any_type or may_hold_joints(kind)]
+    named = {key: topic_of(name) for key, name in request.named.items()}
+    found = topics_in_bag(path, named, topics, request.own_topics)
+
+    def full(source: str) -> str:
+        field_, topic = field_of(source), found[topic_of(source)]
+        return topic if field_ is None else with_field(topic, field_)
+
+    reference, link_states = request.reference, request.link_states
+    return replace(
+        request,
+        joint_states=full(request.joint_states),
+        effort=full(request.effort),
+        reference=None if reference is None else full(reference),
+        link_states=None if link_states is None else full(link_states),
+    )
+
+
 def _read(path: Path, request: Request) -> Recording:
     bag = Bag(path)
     try:
         try:
+            request = _in_bag(path, request).own
             readers, description = _messages(bag, request)
         except OSError as error:
             raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
@@ -170,10 +215,12 @@ def _messages(bag: Bag, request: Request) -> tuple[dict[str, JointMessageReader]
     """Messages of each topic, and the robot's description."""
     fields = request.fields
     readers: dict[str, JointMessageReader] = {}
-    description: str | None = None
-    for topic, batch in bag.batches({*map(topic_of, fields), DESCRIPTION}):
-        if topic == DESCRIPTION:
-            description = robot_description(batch) or description
+    descriptions: dict[str, str] = {}
+    likely = descriptions_of(topic_of(request.joint_states), request.own_topics)
+    for topic, batch in bag.batches({*map(topic_of, fields), *likely}):
+        if topic in likely:
+            text = robot_description(batch)
+            descriptions.update({} if text is None else {topic: text})
             continue
         for source in request.sources(topic):
             if source not in readers:
@@ -182,7 +229,7 @@ def _messages(bag: Bag, request: Request) -> tuple[dict[str, JointMessageReader]
                     source, kind, request.joints, sorted(fields[source])
                 )
             readers[source].add(batch)
-    return readers, description
+    return readers, next((descriptions[name] for name in likely if name in descriptions), None)
 
 
 def _kind(bag: Bag, source: str, *, reference: bool) -> JointMessageType:

@@ -194,7 +194,7 @@ def recorded_topics(
     if reference_velocity is not None:
         reference_velocity = reference_velocity @ to_motor.T
     states = topic_of(signals.joint_states)
-    reference = topic_of(signals.reference or "/joint_reference")
+    reference = topic_of(signals.reference or "joint_reference")
     separate = signals.effort is not None and topic_of(signals.effort) != states
     if reference in (states, topic_of(signals.effort or "")):
         raise UsageError(

@@ -44,7 +44,7 @@ class IdentifierClient:
     def _diagnosis(self, message: DiagnosticArray) -> None:
         for each in message.status:
             node, _, what = each.name.partition(": ")
-            if node == self.name:
+            if node == f"/{self.name}":
                 values = {pair.key: pair.value for pair in each.values}
                 self.diagnostics[what] = (each.level[0], each.message, values)
 

@@ -167,10 +167,14 @@ class JobQueue:
         while self._over:
             self._ended(self._over.popleft())
 
+    def end_all(self, why: str) -> None:
+        """End all jobs; the next `poll` says so."""
+        for job in (*self._waiting, *([self.running] if self.running else [])):
+            self._abandon(job, why)
+
     def close(self) -> None:
         """End all jobs."""
-        for job in (*self._waiting, *([self.running] if self.running else [])):
-            self._abandon(job, "the identifier was shut down")
+        self.end_all("the identifier was shut down")
         if self._worker is not None:
             self._worker.join()
         self.poll()
@@ -209,6 +213,7 @@ class JobQueue:
                 "bags": [str(bag) for bag in job.bags],
                 "configuration": job.configuration.model_dump(mode="json", exclude_unset=True),
                 "source": None if source is None else str(source),
+                "topics": job.configuration.own_topics,
                 "estimator": job.estimator,
                 "without": job.without,
                 "out": str(folder),

@@ -169,7 +169,7 @@ class Recorder:
         self._intake.topics = self._topics.topics
 
     def _report(self) -> None:
-        name = self.node.get_name()
+        name = self.node.get_fully_qualified_name()
         now = time.monotonic()
         seconds, self._counted_at = now - self._counted_at, now
         statuses = []

@@ -161,7 +161,8 @@ def _errors(topic: WatchedTopic) -> list[str]:
 
 def _warnings(topic: WatchedTopic, recent: TopicStatus) -> list[str]:
     warnings = []
-    if not topic.had_publishers and not topic.problem:
+    substituted = any(other.had_publishers for other in topic.substitutes)
+    if not topic.had_publishers and not topic.problem and not substituted:
         warnings.append("nobody publishes it")
     if topic.note:
         warnings.append(topic.note)

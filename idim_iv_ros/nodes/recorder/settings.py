@@ -19,14 +19,14 @@ class RecorderSettings(Settings):
 
     configuration: str = parameter(
         "",
-        "the robot's YAML file, whose topics are recorded; empty: /joint_states and "
-        "/robot_description",
+        "the robot's YAML file, whose topics are recorded; empty: joint_states and "
+        "robot_description",
     )
     bag_directory: str = parameter(".", "folder in which the bags are made")
     bag_prefix: str = parameter("recording", "bags are named PREFIX_YYYY_MM_DD-HH_MM_SS")
     autostart: bool = parameter(False, "start recording at once", read_only=True)
     extra_topics: tuple[str, ...] = parameter(
-        (), "topics that are recorded as well, of any type whose package is installed"
+        ("",), "topics that are recorded as well, of any type whose package is installed"
     )
     extra_topics_regex: str = parameter(
         "", "topics that are recorded as well: those in whose name this expression is found"

@@ -18,6 +18,7 @@ from idim_iv_ros.nodes.recorder.topic_monitor import JointContent, Taken, TopicM
 from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE
 from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
 from idim_iv_ros.recording.read import DESCRIPTION
+from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
 from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
 from idim_iv_ros.signal_source import field_of, topic_of
 
@@ -66,6 +67,8 @@ class WatchedTopic:
         Whether there ever was one.
     too_large : int
         Messages left out for their size.
+    substitutes : sequence of WatchedTopic
+        Each does as well where nobody publishes this one.
     """
 
     def __init__(
@@ -82,6 +85,7 @@ class WatchedTopic:
         self.problem = self.note = ""
         self.publishers = self.too_large = 0
         self.had_publishers = False
+        self.substitutes: Sequence[WatchedTopic] = ()
         self.monitor = TopicMonitor(None, has_header=False)
         self.channel: TopicChannel | None = None
         self._node, self._types, self._depth = node, types, depth
@@ -227,6 +231,9 @@ def _request(channel: TopicChannel) -> tuple[bool, bool]:
 def recorder_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
     """Return joint states, effort, reference, link states and robot description, remapped.
 
+    Relative names are in the namespace of the node; the description of the robot is the global one
+    where its namespace has none.
+
     Raises
     ------
     UsageError
@@ -252,5 +259,10 @@ def recorder_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic
         resolved = node.resolve_topic_name(name)
         depth = settings.queue_depth
         topics.append(WatchedTopic(node, resolved, types, joints, sorted(set(fields)), depth))
-    description = node.resolve_topic_name(DESCRIPTION)
-    return [*topics, WatchedTopic(node, description, [_STRING], (), (), _FEW)]
+    names_of_it = [node.resolve_topic_name(name) for name in (ROBOT_DESCRIPTION, DESCRIPTION)]
+    descriptions = [
+        WatchedTopic(node, name, [_STRING], (), (), _FEW) for name in dict.fromkeys(names_of_it)
+    ]
+    for topic in descriptions:
+        topic.substitutes = [other for other in descriptions if other is not topic]
+    return [*topics, *descriptions]

@@ -72,7 +72,7 @@ class Bag:
         files = bag_files(self.path)
         with ExitStack() as stack:
             for path in files:
-                whole = _decompressed(path, stack) if path.suffix == ".zstd" else path
+                whole = decompressed(path, stack) if path.suffix == ".zstd" else path
                 file = McapFile(whole) if whole.suffix == ".mcap" else SqliteFile(whole)
                 for topic, batch in file.batches(wanted):
                     self.topics[topic] = file.topics[topic]
@@ -191,7 +191,14 @@ def _information(folder: Path) -> dict[str, Any]:
     return information if isinstance(information, dict) else {}
 
 
-def _decompressed(path: Path, stack: ExitStack) -> Path:
+def decompressed(path: Path, stack: ExitStack) -> Path:
+    """Return a temporary file with what a .zstd file holds; it goes with the stack.
+
+    Raises
+    ------
+    DataError
+        It cannot be decompressed.
+    """
     folder = tempfile.TemporaryDirectory(prefix="idim_iv_")
     stack.enter_context(folder)
     stack.enter_context(undone_if_interrupted(folder.cleanup))

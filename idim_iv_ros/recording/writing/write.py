@@ -15,6 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import PROGRAM, FilePath, complete_files, require_replaceable
 from idim_iv_ros.recording.bags.cdr import JOINT_STATE, read_layout
+from idim_iv_ros.recording.topic_names import in_root
 from idim_iv_ros.recording.writing.storage import Storage
 from idim_iv_ros.types import FloatArray, IntArray
 
@@ -173,6 +174,7 @@ class JointTopic:
     Attributes
     ----------
     name : str
+        Without a leading slash it is in a bag as of a node without a namespace.
     joints : sequence of str
     time : (n,) s
     position, velocity, effort : (n, n_joints) or None
@@ -236,7 +238,7 @@ def _write(stream: IO[bytes], topics: Sequence[JointTopic], robot_description: s
 
 def _write_topics(writer: Writer, topics: Sequence[JointTopic]) -> None:
     """Messages of all topics in the order of their stamps."""
-    channels = [TopicChannel(topic.name, JOINT_STATE).register(writer) for topic in topics]
+    channels = [TopicChannel(in_root(topic.name), JOINT_STATE).register(writer) for topic in topics]
     stamps = [_nanoseconds(topic.time) for topic in topics]
     payloads = [serialised(topic, stamp) for topic, stamp in zip(topics, stamps, strict=True)]
     owner = np.concatenate([np.full(len(s), k) for k, s in enumerate(stamps)])
