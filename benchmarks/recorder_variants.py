@@ -76,9 +76,9 @@ def run(name: str, robot: Robot, folder: Path, observer: Observer) -> tuple[bool
 def main() -> None:
     rclpy.init()
     lines = [
-        f"JointState of 7 joints at {RATE} Hz for {SECONDS:.0f} s. The rate is that of each topic; a "
-        "run in which the publisher does not keep it is repeated. One position changes from message "
-        "to message, so that all compress better than those of a robot.",
+        f"JointState of 7 joints at {RATE} Hz for {SECONDS:.0f} s. The rate is that of each topic; "
+        "a run in which the publisher does not keep it is repeated. One position changes from "
+        "message to message, so that all compress better than those of a robot.",
         "",
         "| recorder | offered (Hz) | lost | processor | bytes a message on disk |",
         "|---|---|---|---|---|",
