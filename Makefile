@@ -59,6 +59,7 @@ bench: $(VENV)/ready-bench $(VENV)/ready-test
 	$(BIN)/python -m benchmarks.figaroh
 	$(BIN)/python -m benchmarks.long_recording
 	$(BIN)/python -m benchmarks.recorder_rate
+	$(BIN)/python -m benchmarks.recorder_variants
 	$(BIN)/pytest -m bench
 
 $(VENV)/bin/python:

@@ -59,7 +59,7 @@ Acceleration = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 Fraction = Annotated[float, Field(gt=0.0, lt=1.0)]
 Name = Annotated[str, Field(min_length=1, max_length=255), AfterValidator(_printable)]
 # `topic`, `topic#field` or a mapping with both; kept as text.
-Source = Annotated[Name, BeforeValidator(source_text), AfterValidator(_topic)]
+Topic = Annotated[Name, BeforeValidator(source_text), AfterValidator(_topic)]
 # Read from YAML as text, in any mode of pydantic.
 YamlPath = Annotated[Path, Field(strict=False)]
 Vector = list[Number]
@@ -194,14 +194,14 @@ class SignalsSection(Section):
 
     A topic without a leading slash lies in the namespace of the robot. One whose messages hold
     several sets of numbers may be given with a field, as
-    ``{topic: /arm_controller/controller_state, field: output}`` or ``topic#field``.
+    ``{topic: arm_controller/controller_state, field: output}`` or ``topic#field``.
     `link_states` holds positions of encoders behind the gears, on the joint side.
     """
 
-    joint_states: Source = "joint_states"
-    effort: Source | None = None
-    reference: Source | None = None
-    link_states: Source | None = None
+    joint_states: Topic = "joint_states"
+    effort: Topic | None = None
+    reference: Topic | None = None
+    link_states: Topic | None = None
     effort_scale: list[NotZero] | None = None
     effort_unit: Literal["N m", "A", "V"] = "N m"
 
@@ -209,8 +209,8 @@ class SignalsSection(Section):
     def relative_topics(self) -> tuple[str, ...]:
         """Topics in the namespace of the robot."""
         named = (self.joint_states, self.effort, self.reference, self.link_states)
-        topics = (topic_of(source) for source in named if source)
-        return tuple(dict.fromkeys(name for name in topics if not name.startswith("/")))
+        topics = (topic_of(name) for name in named if name and not name.startswith("/"))
+        return tuple(dict.fromkeys(topics))
 
     @model_validator(mode="after")
     def _other_encoders(self) -> "SignalsSection":

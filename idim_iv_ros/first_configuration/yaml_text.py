@@ -86,7 +86,8 @@ SECTIONS: dict[str, dict[str, Key]] = {
     },
     "signals": {
         "joint_states": Key(
-            "JointState, or of ros2_control; without a leading slash: in the robot's namespace",
+            "sensor_msgs/JointState, or what ros2_control publishes; without a leading slash: in "
+            "the namespace of the robot",
             "joint_states",
             "joint_states",
         ),

@@ -97,7 +97,7 @@ def declare(node: Node, kind: type[Kind]) -> Kind:
 
 def _default(described: "Field[Any]") -> Any:
     if isinstance(described.default, tuple):
-        return list(described.default) or [""]  # an empty list would have no type
+        return list(described.default)  # not empty: then it would have no type
     return described.default
 
 

@@ -161,16 +161,18 @@ def _require_new(recording: Recording, before: Sequence[Recording]) -> None:
 
 def _in_bag(path: Path, request: Request) -> Request:
     """Return the request with the full names of its topics in this bag."""
-    named = {key: topic_of(source) for key, source in request.named.items()}
-    if all(name.startswith("/") for name in named.values()):
-        return request.own
-    topics = [name for name, kind in bag_topics(path).items() if may_hold_joints(kind)]
+    if all(name.startswith("/") for name in request.named.values()):
+        return request
+    # A field that is named may belong to any type.
+    any_type = any(field_of(name) for name in request.named.values())
+    kinds = bag_topics(path).items()
+    topics = [name for name, kind in kinds if any_type or may_hold_joints(kind)]
+    named = {key: topic_of(name) for key, name in request.named.items()}
     found = topics_in_bag(path, named, topics, request.own_topics)
 
     def full(source: str) -> str:
-        field = field_of(source)
-        topic = found[topic_of(source)]
-        return topic if field is None else with_field(topic, field)
+        field_, topic = field_of(source), found[topic_of(source)]
+        return topic if field_ is None else with_field(topic, field_)
 
     reference, link_states = request.reference, request.link_states
     return replace(
@@ -179,14 +181,14 @@ def _in_bag(path: Path, request: Request) -> Request:
         effort=full(request.effort),
         reference=None if reference is None else full(reference),
         link_states=None if link_states is None else full(link_states),
-    ).own
+    )
 
 
 def _read(path: Path, request: Request) -> Recording:
     bag = Bag(path)
     try:
         try:
-            request = _in_bag(path, request)
+            request = _in_bag(path, request).own
             readers, description = _messages(bag, request)
         except OSError as error:
             raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error

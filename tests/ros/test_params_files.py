@@ -28,7 +28,10 @@ def section(node: str) -> dict[str, object]:
 
 @pytest.mark.parametrize("node", SETTINGS)
 def test_file_lists_every_parameter_with_its_default(node: str) -> None:
-    defaults = {each.name: each.default for each in fields(SETTINGS[node])}
+    defaults = {
+        each.name: list(each.default) if isinstance(each.default, tuple) else each.default
+        for each in fields(SETTINGS[node])
+    }
     if node == "robot_simulator":
         assert defaults.pop("configuration") == ""  # must be given
     assert MISSING not in defaults.values()

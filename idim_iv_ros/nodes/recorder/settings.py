@@ -26,7 +26,7 @@ class RecorderSettings(Settings):
     bag_prefix: str = parameter("recording", "bags are named PREFIX_YYYY_MM_DD-HH_MM_SS")
     autostart: bool = parameter(False, "start recording at once", read_only=True)
     extra_topics: tuple[str, ...] = parameter(
-        (), "topics that are recorded as well, of any type whose package is installed"
+        ("",), "topics that are recorded as well, of any type whose package is installed"
     )
     extra_topics_regex: str = parameter(
         "", "topics that are recorded as well: those in whose name this expression is found"
