@@ -19,6 +19,7 @@ from tests.ros.processes import Observer, Process, start_node
 
 STOPPED = 1.0  # s within which a robot rests; a hundredth of that is the controller's
 LIMIT = 0.1  # rad
+STALE = 1.5  # s; long, for the test publishes the joint states and may be held up
 
 
 class Collector:
@@ -84,8 +85,8 @@ def shared(
             approach_speed=0.5,
             speed_scale=0.5,
             tracking_error=LIMIT,
-            start_delay=0.5,
-            stale_after=0.5,
+            start_delay=1.0,
+            stale_after=STALE,
         )
         stack.callback(process.end)
         yield Collector(observer, process)
@@ -212,14 +213,12 @@ def test_robot_whose_joint_states_end_is_stopped(collector, robot, observer) -> 
     before = len(robot.received)
     robot.publishes = False
     begin = time.monotonic()
-    observer.until(lambda: len(robot.received) > before, "the stop", 2.0)
-    assert time.monotonic() - begin < 1.5
+    observer.until(lambda: len(robot.received) > before, "the stop", 2.0 * STALE)
+    assert STALE - 0.1 < time.monotonic() - begin < STALE + STOPPED
     require_rest(robot, observer)
     robot.publishes = True
     answer = collector.result(goal).result
-    assert answer.message.startswith(
-        "stopped in slow pass: no joint states on /joint_states for 0."
-    )
+    assert answer.message.startswith("stopped in slow pass: no joint states on /joint_states for")
     assert robot.recorder == []
 
 
@@ -258,7 +257,7 @@ def test_robot_is_stopped_when_who_asked_is_gone(collector, robot, observer) -> 
 def test_robot_is_stopped_when_the_node_is_interrupted(robot, observer, tmp_path, stack) -> None:
     robot.reset()
     given = {"controller": "arm", "motion": "random", "approach_speed": 0.5, "allow_motion": True}
-    process = start_node("collector", tmp_path, configuration=ARM2, stale_after=1.0, **given)
+    process = start_node("collector", tmp_path, configuration=ARM2, stale_after=STALE, **given)
     stack.callback(process.end)
     collector = Collector(observer, process)
     goal = collector.send(duration=4.0)

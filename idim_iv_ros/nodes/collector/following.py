@@ -82,7 +82,7 @@ class Follower:
             problem = self._course.reason_to_end() or self._controller.failure()
             if not problem and positions.age() > settings.stale_after:
                 problem = f"no joint states on {positions.topic} for {positions.age():.2g} s"
-            deviation = watch.look(max(place.heard - begun, 0.0), place.position)
+            deviation = watch.look(max(place.measured - begun, 0.0), place.position)
             self._course.deviates(deviation.size, deviation.joint)
             if problem:
                 return problem, watch.planned(elapsed)
@@ -94,7 +94,7 @@ class Follower:
                 if watch.delay is None:
                     problem += "; the robot does not move: does its controller run?"
                 return problem, (place.position, _speed(before, place))
-            if before is None or place.heard > before.heard + 2.0 * LOOK:
+            if before is None or place.measured > before.measured + 2.0 * LOOK:
                 before = place
             self._course.proceed(done + min(elapsed, duration))
         return "", (self.position(), np.zeros_like(self.position()))
@@ -114,6 +114,6 @@ class Follower:
 
 def _speed(before: Any, now: Any) -> FloatArray:
     """Of two places, rad/s (m/s); zero where they are one."""
-    if before is None or now.heard <= before.heard:
+    if before is None or now.measured <= before.measured:
         return np.zeros_like(now.position)
-    return np.asarray((now.position - before.position) / (now.heard - before.heard))
+    return np.asarray((now.position - before.position) / (now.measured - before.measured))

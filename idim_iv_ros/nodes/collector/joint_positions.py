@@ -14,6 +14,7 @@ from idim_iv_ros.types import FloatArray
 
 # The newest message is enough, and a publisher of either reliability is heard.
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+_OLDEST = 1.0  # s that a message is under way; with more the clocks differ
 
 
 @dataclass(frozen=True)
@@ -26,10 +27,13 @@ class Place:
         rad (m), in the order of the configuration.
     heard : float
         Monotonic time of receipt, s.
+    measured : float
+        Monotonic time of its stamp, s; that of receipt where the stamp is of another clock.
     """
 
     position: FloatArray
     heard: float
+    measured: float
 
 
 class JointPositions:
@@ -73,4 +77,6 @@ class JointPositions:
             return
         if np.isfinite(position).all():
             self._stamp = stamp
-            self.last = Place(position, time.monotonic())
+            now = time.monotonic()
+            ago = self._node.get_clock().now().nanoseconds * 1e-9 - (stamp[0] + 1e-9 * stamp[1])
+            self.last = Place(position, now, now - ago if 0.0 <= ago < _OLDEST else now)
