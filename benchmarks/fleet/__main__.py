@@ -1,6 +1,6 @@
 """The simulated fleet.
 
-    python -m benchmarks.fleet make DIR [--robots 50] [--bags 20] [--seconds 20]
+python -m benchmarks.fleet make DIR [--robots 50] [--bags 20] [--seconds 20]
 """
 
 import argparse

@@ -103,12 +103,44 @@ def change_of(values: FloatArray, variances: FloatArray, times: FloatArray) -> C
     energy = float(target @ target)
     if energy <= 1e-28 * float(np.sum((roots * values) ** 2)) + 1e-300:
         return None
-    gains = (directions @ target) ** 2
+    along = directions @ target
+    gains = along**2
     best = int(np.argmax(gains))
-    p_value = _p_value(float(gains[best]) / energy, directions, mean)
-    return _change(
-        values, roots, kinds, places, shapes, gains, best, max(energy - gains[best], 0.0), p_value
+    kind, dof = kinds[best], count - 2
+    rests = np.maximum(energy - gains, 0.0)
+    possible = np.flatnonzero(
+        (np.array(kinds) == kind)
+        & (rests - rests[best] <= _LARGEST_RATIO[kind] * rests[best] / dof + 1e-12 * energy)
     )
+    sizes = along / norms
+    half = float(scipy.stats.t.isf(0.5 * (1.0 - _LEVEL), dof)) * np.sqrt(rests / dof) / norms
+    before, before_std = _level_before(values - sizes[best] * shapes[best], roots, shapes[best])
+    return Change(
+        kind=kind,
+        p_value=_p_value(float(gains[best]) / energy, directions, mean),
+        place=int(places[best]),
+        place_low=int(places[possible].min()),
+        place_high=int(places[possible].max()),
+        before=before,
+        before_std=before_std,
+        size=float(sizes[best]),
+        size_low=float(np.min(sizes[possible] - half[possible])),
+        size_high=float(np.max(sizes[possible] + half[possible])),
+        fitted=before + sizes[best] * shapes[best],
+    )
+
+
+def _level_before(
+    unchanged: FloatArray, roots: FloatArray, shape: FloatArray
+) -> tuple[float, float]:
+    """Level of the series without its change, and its deviation with the change free."""
+    weights = roots**2 / np.sum(roots**2)
+    level = float(weights @ unchanged)
+    squares = float(np.sum((roots * (unchanged - level)) ** 2))
+    variance = squares / (len(unchanged) - 2) / np.sum(roots**2)
+    # The level and the change are estimated together: variance of the first of the two.
+    mean, second = float(weights @ shape), float(weights @ shape**2)
+    return level, float(np.sqrt(variance * second / (second - mean**2)))
 
 
 def _candidates(times: FloatArray) -> tuple[list[Kind], IntArray, FloatArray]:
@@ -155,58 +187,3 @@ def _exceeding(drawn: FloatArray, ratio: float, directions: FloatArray, mean: Fl
     energy = np.sum(drawn**2, axis=1) - (drawn @ mean) ** 2
     largest = np.max((drawn @ directions.T) ** 2, axis=1)
     return int(np.sum(largest >= ratio * energy))
-
-
-def _change(
-    values: FloatArray,
-    roots: FloatArray,
-    kinds: list[Kind],
-    places: IntArray,
-    shapes: FloatArray,
-    gains: FloatArray,
-    best: int,
-    rest: float,
-    p_value: float,
-) -> Change:
-    kind, dof = kinds[best], len(values) - 2
-    variance = rest / dof
-    possible = [
-        place
-        for place in range(len(kinds))
-        if kinds[place] == kind
-        and gains[best] - gains[place] <= _LARGEST_RATIO[kind] * variance + 1e-12 * gains[best]
-    ]
-    quantile = float(scipy.stats.t.isf(0.5 * (1.0 - _LEVEL), dof))
-    ends = []
-    for place in possible:
-        coefficients, deviations = _fit(values, roots, shapes[place])
-        half = quantile * deviations[1]
-        ends += [coefficients[1] - half, coefficients[1] + half]
-    coefficients, deviations = _fit(values, roots, shapes[best])
-    return Change(
-        kind=kind,
-        p_value=p_value,
-        place=int(places[best]),
-        place_low=int(places[possible].min()),
-        place_high=int(places[possible].max()),
-        before=float(coefficients[0]),
-        before_std=float(deviations[0]),
-        size=float(coefficients[1]),
-        size_low=float(min(ends)),
-        size_high=float(max(ends)),
-        fitted=coefficients[0] + coefficients[1] * shapes[best],
-    )
-
-
-def _fit(
-    values: FloatArray, roots: FloatArray, shape: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Level and change, and their deviations with the factor of the variances estimated."""
-    columns = roots[:, None] * np.column_stack([np.ones(len(values)), shape])
-    orthogonal, upper = np.linalg.qr(columns)
-    target = roots * values
-    coefficients = scipy.linalg.solve_triangular(upper, orthogonal.T @ target)
-    rest = target - columns @ coefficients
-    inverse = scipy.linalg.solve_triangular(upper, np.eye(2))
-    variance = float(rest @ rest) / (len(values) - 2)
-    return coefficients, np.sqrt(variance * np.sum(inverse**2, axis=1))

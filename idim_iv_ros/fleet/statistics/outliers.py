@@ -62,9 +62,7 @@ class Outlying:
     entries: NDArray[np.bool_]
 
 
-def outlying(
-    populations: Sequence[Population], level: float = FALSE_DISCOVERIES
-) -> list[Outlying]:
+def outlying(populations: Sequence[Population], level: float = FALSE_DISCOVERIES) -> list[Outlying]:
     """Judge the robots of all types together at one false discovery rate.
 
     Where rounds do not settle, what was called in the last two of them counts.
@@ -117,14 +115,26 @@ def _far(population: Population) -> NDArray[np.bool_]:
     if len(values) < LEAST:
         return np.zeros(values.shape, dtype=bool)
     known = np.isfinite(values) & np.isfinite(variances)
-    centre = np.array([np.median(v[k]) if k.any() else np.nan for v, k in zip(values.T, known.T, strict=True)])
+    centre = np.array(
+        [np.median(v[k]) if k.any() else np.nan for v, k in zip(values.T, known.T, strict=True)]
+    )
     squares = (values - centre) ** 2
-    low, high = np.zeros(values.shape[1]), np.nan_to_num(np.nanmax(np.where(known, squares, 0.0), axis=0)) / _MEDIAN
+    low, high = (
+        np.zeros(values.shape[1]),
+        np.nan_to_num(np.nanmax(np.where(known, squares, 0.0), axis=0)) / _MEDIAN,
+    )
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        ratios = np.where(known, squares / (np.where(known, variances, 1.0) + middle + 1e-300), np.nan)
-        medians = np.array([np.median(r[k]) if k.any() else 0.0 for r, k in zip(ratios.T, known.T, strict=True)])
-        low, high = np.where(medians > _MEDIAN, middle, low), np.where(medians > _MEDIAN, high, middle)
+        ratios = np.where(
+            known, squares / (np.where(known, variances, 1.0) + middle + 1e-300), np.nan
+        )
+        medians = np.array(
+            [np.median(r[k]) if k.any() else 0.0 for r, k in zip(ratios.T, known.T, strict=True)]
+        )
+        low, high = (
+            np.where(medians > _MEDIAN, middle, low),
+            np.where(medians > _MEDIAN, high, middle),
+        )
     scatter = np.where(known, variances, np.nan) + high
     return np.asarray(known & (np.where(known, squares, 0.0) > _FAR**2 * scatter))
 

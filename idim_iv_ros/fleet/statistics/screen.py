@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from idim_iv_ros.fleet.bag_result import BagResult, CauseSummary
-from idim_iv_ros.fleet.result import CommonCause
+from idim_iv_ros.fleet.result import CommonCause, Screened, WhyDiagnose
+from idim_iv_ros.fleet.statistics.judged import Judged
 from idim_iv_ros.types import FloatArray
 
 TYPICAL = 3  # ordinary robots that stand for their type
@@ -38,7 +39,9 @@ def typical_robots(distances: Mapping[str, FloatArray]) -> list[str]:
         Of robots that need no attention: (m,) studentised distances from the others, NaN where
         there is none.
     """
-    nearest = sorted((float(np.nanmax(np.abs(np.append(d, 0.0)))), name) for name, d in distances.items())
+    nearest = sorted(
+        (float(np.nanmax(np.abs(np.append(d, 0.0)))), name) for name, d in distances.items()
+    )
     return [name for _, name in nearest[:TYPICAL]]
 
 
@@ -79,9 +82,10 @@ def common_causes(
     for (effect, joint), names in robots.items():
         among = len(set(names) & set(ordinary))
         of_type = among >= _OF_TYPE_LEAST and among >= _OF_TYPE * len(set(ordinary))
-        cause = CommonCause(effect, kinds[effect, joint], joint, tuple(names), of_type)
-        result.append(cause)
-    return tuple(sorted(result, key=lambda c: (not c.of_type, -len(c.robots), c.effect, c.joint or "")))
+        result.append(CommonCause(effect, kinds[effect, joint], joint, tuple(names), of_type))
+    return tuple(
+        sorted(result, key=lambda c: (not c.of_type, -len(c.robots), c.effect, c.joint or ""))
+    )
 
 
 def sentences(
@@ -121,3 +125,41 @@ def _words(cause: CommonCause) -> str:
     for first in ("load", "position"):
         name = name.replace(f"{first} dependent", f"{first}-dependent")
     return f"{name} at {cause.joint}" if cause.joint else name
+
+
+def screened(judged: Judged) -> list[Screened]:
+    """Robots of a type that deserve a diagnosis, and those that stand for the type."""
+    group, found = judged.bags, judged.outlying
+    chosen: list[Screened] = []
+    quiet: dict[str, FloatArray] = {}
+    for place, robot in enumerate(group.robots):
+        names = [quantity.name for quantity in group.quantities]
+        differs = [name for name, out in zip(names, found.entries[place], strict=True) if out]
+        changed = [
+            name for name, out in zip(names, judged.changes[place].changed, strict=True) if out
+        ]
+        unsteady = [
+            name for name, out in zip(names, judged.estimates[place].unsteady, strict=True) if out
+        ]
+        why: WhyDiagnose
+        if differs:
+            why, reason = "differs", f"differs from its type in {', '.join(differs)}"
+        elif changed:
+            why, reason = "changed", f"{', '.join(changed)} changed over time"
+        elif unsteady:
+            why, reason = "unsteady", f"{', '.join(unsteady)}: its bags disagree"
+        else:
+            quiet[robot.robot] = found.statistics[place]
+            continue
+        chosen.append(Screened(robot.robot, group.type, why, reason, newest(robot.bags)))
+    bags = {robot.robot: robot.bags for robot in group.robots}
+    return chosen + [
+        Screened(
+            name,
+            group.type,
+            "typical",
+            f"stands for {group.type}: nothing about it is unusual",
+            newest(bags[name]),
+        )
+        for name in typical_robots(quiet)
+    ]
