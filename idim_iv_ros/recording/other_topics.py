@@ -48,7 +48,7 @@ def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> t
     other = {name for name, kind in bag.topics.items() if kind == JOINT_STATE} - set(used)
     found: set[str] = set()
     waiting = set(other)
-    for topic, batch in Bag(bag.path).batches(other) if other else ():
+    for topic, batch in bag.unread().batches(other) if other else ():
         if topic in waiting and len(batch):
             waiting.discard(topic)
             if _holds(batch.message(0), joints):

@@ -1,6 +1,6 @@
 """From bags to recordings: the door through which everything enters."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -96,7 +96,7 @@ def read_recordings(
     for number, bag in enumerate(paths):
         if progress is not None:
             progress(f"reading {bag.name}", 0.3 * number / len(paths))
-        recording = _read(bag, request)
+        recording = read_bag(Bag(bag), request)
         _require_new(recording, recordings)
         recordings.append(recording)
     return tuple(recordings)
@@ -115,21 +115,15 @@ def _require_new(recording: Recording, before: Sequence[Recording]) -> None:
             )
 
 
-def _read(path: Path, request: Request) -> Recording:
-    bag = Bag(path)
+def read_bag(bag: Bag, request: Request) -> Recording:
+    """Read the recording of one bag; see `read_recordings`."""
+    path = bag.path
     try:
         try:
             readers, description = _messages(bag, request)
         except OSError as error:
             raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
-        stamped = {}
-        for topic in request.fields:
-            if topic not in readers:
-                raise DataError(_missing(bag, topic, request))
-            messages, notes = _checked(path, readers[topic], optional=topic == request.link_states)
-            ordered = stamp_messages(messages, str(path))
-            stamped[topic] = replace(ordered, notes=(*notes, *ordered.notes))
-        recording = _assemble(path, request, stamped, description, loss_notes(bag, request.fields))
+        recording = recording_of(bag, request, readers, description)
     except DataError as error:
         # What is missing from a damaged bag is damaged, as far as anybody can know.
         loss = loss_sentence(bag, request.fields)
@@ -140,22 +134,54 @@ def _read(path: Path, request: Request) -> Recording:
     return replace(recording, unused_references=unused)
 
 
+def recording_of(
+    bag: Bag,
+    request: Request,
+    readers: Mapping[str, JointMessageReader],
+    description: str | None,
+) -> Recording:
+    """Put the messages of all topics on one grid.
+
+    Raises
+    ------
+    DataError
+        A topic, a joint or a field is missing, or the messages make no recording.
+    """
+    stamped = {}
+    for topic in request.fields:
+        if topic not in readers:
+            raise DataError(_missing(bag, topic, request))
+        messages, notes = _checked(bag.path, readers[topic], optional=topic == request.link_states)
+        ordered = stamp_messages(messages, str(bag.path))
+        stamped[topic] = replace(ordered, notes=(*notes, *ordered.notes))
+    return _assemble(bag.path, request, stamped, description, loss_notes(bag, request.fields))
+
+
 def _messages(bag: Bag, request: Request) -> tuple[dict[str, JointMessageReader], str | None]:
     """Messages of each topic, and the robot's description."""
-    fields = request.fields
     readers: dict[str, JointMessageReader] = {}
     description: str | None = None
-    for topic, batch in bag.batches({*fields, DESCRIPTION}):
+    for topic, batch in bag.batches({*request.fields, DESCRIPTION}):
         if topic == DESCRIPTION:
             description = robot_description(batch) or description
             continue
         if topic not in readers:
-            _require_type(bag.path, topic, bag.topics[topic])
-            readers[topic] = JointMessageReader(
-                topic, bag.topics[topic], request.joints, sorted(fields[topic])
-            )
+            readers[topic] = reader_of(bag, topic, request)
         readers[topic].add(batch)
     return readers, description
+
+
+def reader_of(bag: Bag, topic: str, request: Request) -> JointMessageReader:
+    """Return an empty reader for a topic that was just met.
+
+    Raises
+    ------
+    DataError
+        Its messages hold no joint quantities.
+    """
+    message_type = bag.topics[topic]
+    _require_type(bag.path, topic, message_type)
+    return JointMessageReader(topic, message_type, request.joints, sorted(request.fields[topic]))
 
 
 def _checked(

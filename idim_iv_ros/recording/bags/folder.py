@@ -1,8 +1,9 @@
 """A bag is an MCAP file, a lone .db3 or a rosbag2 folder with any number of either."""
 
+import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +16,7 @@ from ruamel.yaml.error import YAMLError
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import is_file, is_there
 from idim_iv_ros.interruption import undone_if_interrupted
+from idim_iv_ros.recording.bags.byte_source import ByteSource, copied
 from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.mcap import McapFile
 from idim_iv_ros.recording.bags.sqlite import SqliteFile
@@ -25,12 +27,14 @@ _LONGEST_METADATA = 1 << 24  # bytes
 
 @dataclass
 class Bag:
-    """One recording on disk.
+    """One recording on disk, or somewhere else.
 
     Attributes
     ----------
     path : Path
-        As the user named it.
+        As the user named it; of a bag somewhere else its name, for messages.
+    sources : mapping of Path to ByteSource, optional
+        Files of a bag somewhere else by their names, in the order in which they were recorded.
     topics : dict
         Type of each topic; complete once the bag was read.
     damages : list of str
@@ -42,6 +46,7 @@ class Bag:
     """
 
     path: Path
+    sources: Mapping[Path, ByteSource] = field(default_factory=dict)
     topics: dict[str, str] = field(default_factory=dict)
     damages: list[str] = field(default_factory=list)
     found: Counter[str] = field(default_factory=Counter)
@@ -55,6 +60,10 @@ class Bag:
         """Mean time between two messages of each wanted topic, s; zero for a single one."""
         return {t: 1e-9 * self._passed[t] / max(steps, 1) for t, steps in self._steps.items()}
 
+    def unread(self) -> "Bag":
+        """Return the same bag, to be read from its beginning."""
+        return Bag(self.path, self.sources)
+
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Raw messages of the wanted topics, file by file.
 
@@ -65,11 +74,10 @@ class Bag:
         DataError
             Not a bag.
         """
-        files = bag_files(self.path)
+        files = list(self.sources) or bag_files(self.path)
         with ExitStack() as stack:
             for path in files:
-                whole = _decompressed(path, stack) if path.suffix == ".zstd" else path
-                file = McapFile(whole) if whole.suffix == ".mcap" else SqliteFile(whole)
+                file = self._file(path, stack)
                 for topic, batch in file.batches(wanted):
                     self.topics[topic] = file.topics[topic]
                     self._meet(topic, batch)
@@ -81,6 +89,14 @@ class Bag:
                 self.damages += _damages(named, file)
         if not self.counted:
             self._compare(wanted)
+
+    def _file(self, path: Path, stack: ExitStack) -> McapFile | SqliteFile:
+        source = self.sources.get(path)
+        if source is not None and path.suffix == ".mcap":
+            return McapFile(path, source)
+        local = path if source is None else _copy(path, source, stack)
+        whole = _decompressed(local, stack) if local.suffix == ".zstd" else local
+        return McapFile(whole) if whole.suffix == ".mcap" else SqliteFile(whole)
 
     def _meet(self, topic: str, batch: MessageBatch) -> None:
         self.found[topic] += len(batch)
@@ -181,11 +197,24 @@ def _information(folder: Path) -> dict[str, Any]:
     return information if isinstance(information, dict) else {}
 
 
-def _decompressed(path: Path, stack: ExitStack) -> Path:
+def _temporary(stack: ExitStack) -> Path:
     folder = tempfile.TemporaryDirectory(prefix="idim_iv_")
     stack.enter_context(folder)
     stack.enter_context(undone_if_interrupted(folder.cleanup))
-    out = Path(folder.name) / path.with_suffix("").name
+    return Path(folder.name)
+
+
+def _copy(path: Path, source: ByteSource, stack: ExitStack) -> Path:
+    """Copy a file that cannot be read in parts: a database, or one that is compressed whole."""
+    out = _temporary(stack) / path.name
+    with copied(source) as content, out.open("wb") as target:
+        content.seek(0)
+        shutil.copyfileobj(content, target)
+    return out
+
+
+def _decompressed(path: Path, stack: ExitStack) -> Path:
+    out = _temporary(stack) / path.with_suffix("").name
     try:
         with path.open("rb") as source, out.open("wb") as target:
             zstandard.ZstdDecompressor().copy_stream(source, target)

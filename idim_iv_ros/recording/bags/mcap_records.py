@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 DAMAGED = 0  # no opcode of the format: bytes that are no record
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, STATISTICS, DATA_END = 2, 3, 4, 5, 6, 7, 11, 15
+CHUNK_INDEX = 8
 HEAD = 9  # opcode and length
 MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
 _LAST_OPCODE, _FIRST_PRIVATE = 15, 0x80
@@ -21,7 +22,7 @@ _BEGINNINGS = re.compile(
 _IN_A_ROW = 3  # records that must follow each other where reading begins again
 
 MAGIC = b"\x89MCAP0\r\n"
-_FOOTER_SIZE = 20
+FOOTER_SIZE = 20
 
 
 class Record(NamedTuple):
@@ -32,7 +33,7 @@ class Record(NamedTuple):
     end: int
 
 
-def records(content: mmap, place: int) -> Iterator[Record]:
+def records(content: mmap | bytes, place: int) -> Iterator[Record]:
     """Records from `place` on.
 
     What is no record, because a byte of its head or of the one before is wrong, is given as
@@ -71,7 +72,7 @@ def text(record: bytes, place: int) -> tuple[str, int]:
     return record[place + 4 : place + 4 + size].decode("utf-8"), place + 4 + size
 
 
-def _record(content: mmap, place: int) -> Record | None:
+def _record(content: mmap | bytes, place: int) -> Record | None:
     """Record at `place`, None where its head contradicts itself."""
     opcode, size = struct.unpack_from("<BQ", content, place)
     record = Record(opcode, place + HEAD, place + HEAD + size)
@@ -90,7 +91,7 @@ def _record(content: mmap, place: int) -> Record | None:
     return record if whole else None
 
 
-def _is_chunk(content: mmap, record: Record) -> bool:
+def _is_chunk(content: mmap | bytes, record: Record) -> bool:
     """Whether the length of a chunk is that of its parts."""
     if record.start + 40 > len(content):
         return False
@@ -101,7 +102,7 @@ def _is_chunk(content: mmap, record: Record) -> bool:
     return bool(record.end - record.start == 40 + name + size)
 
 
-def _next_beginning(content: mmap, place: int) -> int | None:
+def _next_beginning(content: mmap | bytes, place: int) -> int | None:
     """Where the next record begins that others follow; None if none does."""
     for match in _BEGINNINGS.finditer(content, place):
         if _leads_on(content, match.start()):
@@ -109,7 +110,7 @@ def _next_beginning(content: mmap, place: int) -> int | None:
     return None
 
 
-def _leads_on(content: mmap, place: int) -> bool:
+def _leads_on(content: mmap | bytes, place: int) -> bool:
     for _ in range(_IN_A_ROW):
         if place + HEAD > len(content):
             break
@@ -163,14 +164,17 @@ class McapDescription:
             self.topics[topic] = self.schemas.get(schema, "")
 
 
-def read_summary(content: mmap) -> McapDescription | None:
-    """Description at the end of a file, None where there is none or its checksum is wrong."""
-    footer = len(content) - len(MAGIC) - _FOOTER_SIZE
-    if footer < HEAD or content[-len(MAGIC) :] != MAGIC or content[footer - HEAD] != FOOTER:
+def read_summary(content: mmap | bytes, offset: int = 0) -> McapDescription | None:
+    """Description at the end of a file, None where there is none or its checksum is wrong.
+
+    `content` is the end of the file from byte `offset` on; it must hold the whole summary.
+    """
+    footer = len(content) - len(MAGIC) - FOOTER_SIZE
+    start = summary_start(content, offset)
+    if start is None or start < offset:
         return None
-    start, _, checksum = struct.unpack_from("<QQI", content, footer)
-    if not len(MAGIC) <= start < footer - HEAD:
-        return None
+    start -= offset
+    (checksum,) = struct.unpack_from("<I", content, footer + 16)
     # A writer that computes no checksum leaves it zero.
     if checksum not in (0, zlib.crc32(content[start : footer + 16])):
         return None
@@ -186,6 +190,15 @@ def read_summary(content: mmap) -> McapDescription | None:
     except (struct.error, UnicodeDecodeError):
         return None
     return description
+
+
+def summary_start(content: mmap | bytes, offset: int = 0) -> int | None:
+    """Where in the file the summary begins, None where there is none; see `read_summary`."""
+    footer = len(content) - len(MAGIC) - FOOTER_SIZE
+    if footer < HEAD or content[-len(MAGIC) :] != MAGIC or content[footer - HEAD] != FOOTER:
+        return None
+    (start,) = struct.unpack_from("<Q", content, footer)
+    return start if len(MAGIC) <= start < offset + footer - HEAD else None
 
 
 def _counts(record: bytes) -> dict[int, int]:

@@ -1,0 +1,111 @@
+"""Long bags in segments: hours at a kilohertz are read once, and never held whole."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.recording.bags.cdr import MessageBatch
+from idim_iv_ros.recording.bags.folder import Bag, loss_sentence
+from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
+from idim_iv_ros.recording.other_topics import robot_description
+from idim_iv_ros.recording.read import DESCRIPTION, Request, reader_of, recording_of
+from idim_iv_ros.recording.recording import Recording
+from idim_iv_ros.types import BoolArray
+
+# s; at 1 kHz and seven joints an identification of so much takes a third of a gigabyte. Filters
+# lose about a tenth of a second at each edge.
+SEGMENT = 600.0
+# A topic that is this far behind the others, in segments, has ended: nobody waits for it.
+_BEHIND = 2
+
+
+def read_segments(bag: Bag, request: Request, seconds: float = SEGMENT) -> Iterator[Recording]:
+    """Read a bag segment by segment; one of up to one and a half segments is read as a whole.
+
+    Segments end at the same arrival time in all topics. The last one takes what remains, from half
+    a segment to one and a half.
+
+    Raises
+    ------
+    UsageError
+        No such bag.
+    DataError
+        The bag cannot be read, or a segment does not hold what is asked for.
+    OSError
+        The files cannot be read.
+    """
+    parts = _Parts(bag, request, round(1e9 * seconds))
+    try:
+        for topic, batch in bag.batches({*request.fields, DESCRIPTION}):
+            if topic == DESCRIPTION:
+                parts.description = robot_description(batch) or parts.description
+            else:
+                yield from parts.add(topic, batch)
+        yield parts.rest()
+    except DataError as error:
+        loss = loss_sentence(bag, request.fields)
+        raise DataError(f"{error} ({loss})" if loss else str(error)) from error
+
+
+@dataclass
+class _Parts:
+    """Messages of the running segment, and those that arrived after its end."""
+
+    bag: Bag
+    request: Request
+    length: int  # ns
+    description: str | None = None
+    end: int | None = None
+    later: list[tuple[str, MessageBatch]] = field(default_factory=list)
+    latest: dict[str, int] = field(default_factory=dict)
+    readers: dict[str, JointMessageReader] = field(default_factory=dict)
+
+    def add(self, topic: str, batch: MessageBatch) -> Iterator[Recording]:
+        """Take a batch; a segment comes out when another half has arrived behind its end."""
+        if not len(batch):
+            return
+        if self.end is None:
+            self.end = int(batch.arrival.min()) + self.length
+        inside = batch.arrival < self.end
+        self._read(topic, _part(batch, inside) if not inside.all() else batch)
+        if not inside.all():
+            self.later.append((topic, _part(batch, ~inside)))
+        self.latest[topic] = max(self.latest.get(topic, 0), int(batch.arrival.max()))
+        slowest = min(self.latest.get(name, 0) for name in self.request.fields)
+        fastest = max(self.latest.values())
+        if slowest >= self.end + self.length // 2 or fastest >= self.end + _BEHIND * self.length:
+            yield self._finish()
+            self.end += self.length
+            waiting, self.later = self.later, []
+            for name, part in waiting:
+                yield from self.add(name, part)
+
+    def rest(self) -> Recording:
+        """Return everything that was not given yet, as the last segment."""
+        for topic, batch in self.later:
+            self._read(topic, batch)
+        self.later = []
+        return self._finish()
+
+    def _read(self, topic: str, batch: MessageBatch) -> None:
+        if not len(batch):
+            return
+        if topic not in self.readers:
+            self.readers[topic] = reader_of(self.bag, topic, self.request)
+        self.readers[topic].add(batch)
+
+    def _finish(self) -> Recording:
+        readers, self.readers = self.readers, {}
+        return recording_of(self.bag, self.request, readers, self.description)
+
+
+def _part(batch: MessageBatch, chosen: BoolArray) -> MessageBatch:
+    """Some messages in a buffer of their own: the chunk, with all its other topics, is let go."""
+    numbers = np.flatnonzero(chosen)
+    messages = [batch.message(int(number)) for number in numbers]
+    sizes = batch.sizes[numbers]
+    ends = np.cumsum(sizes)
+    buffer = np.frombuffer(b"".join(messages), dtype=np.uint8)
+    return MessageBatch(buffer, ends - sizes, sizes, batch.arrival[numbers])
