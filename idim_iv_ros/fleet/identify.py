@@ -199,7 +199,16 @@ class Counted:
         What is counted.
     """
 
-    def __init__(self, what: str, total: int, progress: Progress | None, begin: float, end: float):
+    def __init__(
+        self,
+        what: str,
+        total: int,
+        progress: Progress | None,
+        begin: float,
+        end: float,
+        of: str = "bags",
+    ):
+        self.of = of
         self.what, self.total, self.progress = what, total, progress
         self.begin, self.end = begin, end
         self.done, self._since = 0, time.monotonic()

@@ -128,8 +128,9 @@ def bags_of(bags: FilePaths) -> tuple[Bag, ...]:
         There is none.
     """
     given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
-    opened = [each if isinstance(each, Bag) else Bag(*as_paths(each)) for each in given]
-    return tuple(opened) or tuple(map(Bag, as_paths(())))
+    if not given:
+        as_paths(given)
+    return tuple(each if isinstance(each, Bag) else Bag(Path(each)) for each in given)
 
 
 def _damages(name: str, file: McapFile | SqliteFile) -> list[str]:
