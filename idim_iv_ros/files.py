@@ -44,6 +44,7 @@ TRUTH_FORMAT = f"{PROGRAM}/truth/1"  # of BAG.truth.json
 
 RESULT, GAP, REPORT = "result.json", "gap.json", "report.html"
 REPLAY, EFFECTS = "replay.json", "effects.json"
+FLEET, FLEET_PAGE = "fleet.json", "fleet.html"
 
 GENERATOR = f'<meta name="generator" content="{PROGRAM}">'
 PNG_SOFTWARE = b"Software\0" + PROGRAM.encode()  # content of the text chunk of a picture
