@@ -128,22 +128,26 @@ def _run(
     verbose: bool,
 ) -> None:
     from idim_iv_ros.cli.output import Output, report_warnings
+    from idim_iv_ros.files import FLEET, FLEET_PAGE
     from idim_iv_ros.fleet.table import FILE, write_table
     from idim_iv_ros.report import require_writable
+    from idim_iv_ros.report.write import write_fleet_report
 
     output = Output(quiet=quiet)
-    with (
-        require_writable(out, (FILE, "fleet.json", "fleet.html"), force=force),
-        output.progress() as progress,
-    ):
-        found = function(
-            source, config, out, scheduler=scheduler, workers=workers, progress=progress
-        )
-        write_table(found.bags, out / FILE)
-        found.result.write(out / "fleet.json")
+    with output.progress() as progress:
+        with require_writable(out, (FILE, FLEET, FLEET_PAGE), force=force):
+            found = function(
+                source, config, out, scheduler=scheduler, workers=workers, progress=progress
+            )
+            write_table(found.bags, out / FILE)
         with report_warnings():
             pages = _write_robots(found, out, config, force)
-    _print(output, found, out, pages, verbose)
+            reports = {robot: page.relative_to(out).as_posix() for robot, page in pages.items()}
+            _, page = write_fleet_report(found.result, out, reports=reports, force=force)
+    _print(output, found, pages, verbose)
+    output.line(f"Numbers: {out / FLEET}; a row for each bag and parameter: {out / FILE}")
+    if page is not None:
+        output.line(f"Report: {page}")
 
 
 def _write_robots(found: Fleet, out: Path, config: Path, force: bool) -> dict[str, Path]:
@@ -161,7 +165,7 @@ def _write_robots(found: Fleet, out: Path, config: Path, force: bool) -> dict[st
     return pages
 
 
-def _print(output: Output, found: Fleet, out: Path, pages: dict[str, Path], verbose: bool) -> None:
+def _print(output: Output, found: Fleet, pages: dict[str, Path], verbose: bool) -> None:
     from idim_iv_ros.cli.table import Column, print_table
 
     used = [bag for bag in found.result.bags if bag.used]
@@ -196,6 +200,3 @@ def _print(output: Output, found: Fleet, out: Path, pages: dict[str, Path], verb
             output.line(f"Not diagnosed: {each.screened.robot}: {each.reason}")
         elif each.screened.robot in pages:
             output.line(f"{each.screened.robot}: {pages[each.screened.robot]}")
-    output.line(
-        f"Numbers: {out / 'fleet.json'}, a row for each bag and parameter: {out / 'fleet.parquet'}"
-    )
