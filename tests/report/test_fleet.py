@@ -30,7 +30,8 @@ def test_the_page_names_robots_that_differ_or_changed_and_bags_that_were_not_use
     result: FleetResult,
 ) -> None:
     page = fleet_html(result, {"arm2-001": "robots/arm2-001/report.html"})
-    assert headline(result).startswith("1 robot differs from the type (arm2-001); 1 robot changed")
+    assert headline(result).startswith("1 robot differs from the type (arm2-001); ")
+    assert "changed over time (arm2-002" in headline(result)
     assert '<a href="robots/arm2-001/report.html">arm2-001</a>' in page
     assert "arm2-003/10.mcap" in page and "The file is cut off." in page
     assert page.count("data-figure=") == 1 + sum(len(robot.changes) for robot in result.robots)
