@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,11 +15,12 @@ from idim_iv_ros.fleet.content import code_version, key_of
 from idim_iv_ros.fleet.robots import robots_of
 from idim_iv_ros.fleet.scheduling import connected, run_tasks
 from idim_iv_ros.fleet.source import BagEntry, find_bags
-from idim_iv_ros.fleet.store import FOLDER, BagStore
+from idim_iv_ros.fleet.store import Store
 from idim_iv_ros.fleet.task import Robot, content_task, identify_task, without_estimate
 from idim_iv_ros.interruption import said_if_interrupted
 from idim_iv_ros.progress import Progress
 
+BAGS = "bags"  # folder of the results of bags, below those of the fleet
 IDENTIFY = "identify"  # kind of result that a key names
 # Bags whose content is looked at at once: disks and stores answer several.
 _THREADS = 8
@@ -63,13 +64,10 @@ def identify_bags(
     UsageError
         Source, configuration, output or scheduler are wrong.
     """
-    if scheduler is not None and workers is not None:
-        raise UsageError("--workers is for this machine; a running scheduler has its own")
-    if workers is not None and workers < 1:
-        raise UsageError(f"--workers {workers}: at least one is needed")
+    machines = machines_of(scheduler, workers)
     entries, robots = robots_of(find_bags(source), Path(config))
-    store = BagStore(Path(out) / FOLDER)
-    return _Fleet(entries, robots, store, Machines(scheduler, workers), progress).results()
+    store = Store(Path(out) / BAGS, BagResult)
+    return _Fleet(entries, robots, store, machines, progress).results()
 
 
 @dataclass(frozen=True)
@@ -91,6 +89,21 @@ class Machines:
                 run_tasks(client, function, arguments, done)
 
 
+def machines_of(scheduler: str | None, workers: int | None) -> Machines:
+    """Return where tasks run.
+
+    Raises
+    ------
+    UsageError
+        Both are given, or no worker.
+    """
+    if scheduler is not None and workers is not None:
+        raise UsageError("--workers is for this machine; a running scheduler has its own")
+    if workers is not None and workers < 1:
+        raise UsageError(f"--workers {workers}: at least one is needed")
+    return Machines(scheduler, workers)
+
+
 class _Fleet:
     """One run over all bags."""
 
@@ -98,7 +111,7 @@ class _Fleet:
         self,
         entries: Sequence[BagEntry],
         robots: dict[str, Robot],
-        store: BagStore,
+        store: Store[BagResult],
         machines: Machines,
         progress: Progress | None,
     ):
@@ -157,18 +170,10 @@ class _Fleet:
                 self._fail(place, contents[place], "unusable", why)
             else:
                 self.found[place] = result
-                self.store.put(result)
+                self.store.put(result.key, result)
             count.one_more()
 
-        with ExitStack() as stack:
-            stack.enter_context(
-                said_if_interrupted(
-                    lambda: (
-                        f"{count.done} of {count.total} bags are done and kept; the same "
-                        "command goes on from there"
-                    )
-                )
-            )
+        with count.said():
             self.machines.run(identify_task, tasks, done)
 
     def _key(self, place: int, content: str) -> str:
@@ -190,13 +195,33 @@ class Counted:
         Bags.
     begin, end
         Shares of the whole.
+    of
+        What is counted.
     """
 
-    def __init__(self, what: str, total: int, progress: Progress | None, begin: float, end: float):
+    def __init__(
+        self,
+        what: str,
+        total: int,
+        progress: Progress | None,
+        begin: float,
+        end: float,
+        of: str = "bags",
+    ):
+        self.of = of
         self.what, self.total, self.progress = what, total, progress
         self.begin, self.end = begin, end
         self.done, self._since = 0, time.monotonic()
         self._say()
+
+    def said(self) -> AbstractContextManager[None]:
+        """Within the ``with`` an interruption says how much is done, and that it is kept."""
+        return said_if_interrupted(
+            lambda: (
+                f"{self.done:,} of {self.total:,} {self.of} are done and kept; the same command "
+                "goes on from there"
+            )
+        )
 
     def one_more(self) -> None:
         """Count one bag."""
@@ -210,7 +235,7 @@ class Counted:
         self.progress(self._words(), self.begin + (self.end - self.begin) * share)
 
     def _words(self) -> str:
-        words = f"{self.what} {self.done:,} of {self.total:,} bags"
+        words = f"{self.what} {self.done:,} of {self.total:,} {self.of}"
         spent = time.monotonic() - self._since
         if not self.done or spent <= 0.0:
             return words

@@ -73,7 +73,9 @@ class SegmentEstimate:
     checks: tuple[str, ...]
 
 
-def bag_fields(recordings: Iterable[Recording], configuration: Configuration) -> dict[str, Any]:
+def bag_fields(
+    recordings: Iterable[Recording | DataError], configuration: Configuration
+) -> dict[str, Any]:
     """Identify the segments of one bag, one after the other, and join them.
 
     Returns
@@ -92,10 +94,12 @@ def bag_fields(recordings: Iterable[Recording], configuration: Configuration) ->
     with one_thread():
         for recording in recordings:
             try:
+                if isinstance(recording, DataError):
+                    raise recording
                 segments.append(_segment(recording, configuration))
             except DataError as error:
                 first = first or error
-                left_out.append(f"{recording.duration:.4g} s of the bag are left out: {error}")
+                left_out.append(f"a segment is left out: {error}")
     if not segments:
         raise first or DataError("the bag holds no recording")
     return _joined(segments, left_out)

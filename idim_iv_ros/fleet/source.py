@@ -113,7 +113,7 @@ def _manifest(source: str, rows: list[dict[str, Any]]) -> tuple[BagEntry, ...]:
     for number, row in enumerate(rows, start=2 if source.endswith(".csv") else 1):
         where = f"{source}, row {number}"
         if None in row or (None in row.values() and source.endswith(".csv")):
-            raise UsageError(f"{where}: {len(rows[0])} columns are expected")
+            raise UsageError(f"{where}: its columns are not those of the first line")
         values = {name: value for name, value in row.items() if value not in (None, "")}
         for column in ("uri", "robot"):
             if not isinstance(values.get(column), str):

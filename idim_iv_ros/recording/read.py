@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.files import FilePaths, as_paths
+from idim_iv_ros.files import FilePaths
 from idim_iv_ros.progress import Progress
-from idim_iv_ros.recording.bags.folder import Bag, loss_notes, loss_sentence
+from idim_iv_ros.recording.bags.folder import Bag, bags_of, loss_notes, loss_sentence
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages, readable
 from idim_iv_ros.recording.clock import StampedMessages, stamp_messages
 from idim_iv_ros.recording.grid import Grid, make_grid, on_grid, without_pauses
@@ -92,11 +92,11 @@ def read_recordings(
         names, joint_states, effort or joint_states, reference, prismatic, link_states
     )
     recordings: list[Recording] = []
-    paths = as_paths(bags)
-    for number, bag in enumerate(paths):
+    opened = bags_of(bags)
+    for number, bag in enumerate(opened):
         if progress is not None:
-            progress(f"reading {bag.name}", 0.3 * number / len(paths))
-        recording = read_bag(Bag(bag), request)
+            progress(f"reading {bag.path.name}", 0.3 * number / len(opened))
+        recording = read_bag(bag, request)
         _require_new(recording, recordings)
         recordings.append(recording)
     return tuple(recordings)

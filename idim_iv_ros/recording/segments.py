@@ -21,32 +21,31 @@ SEGMENT = 600.0
 _BEHIND = 2
 
 
-def read_segments(bag: Bag, request: Request, seconds: float = SEGMENT) -> Iterator[Recording]:
+def read_segments(
+    bag: Bag, request: Request, seconds: float = SEGMENT
+) -> Iterator[Recording | DataError]:
     """Read a bag segment by segment; one of up to one and a half segments is read as a whole.
 
     Segments end at the same arrival time in all topics. The last one takes what remains, from half
-    a segment to one and a half.
+    a segment to one and a half. One that does not hold what is asked for is given as its error:
+    others may.
 
     Raises
     ------
     UsageError
         No such bag.
     DataError
-        The bag cannot be read, or a segment does not hold what is asked for.
+        The bag cannot be read.
     OSError
-        The files cannot be read.
+        Its files cannot be read.
     """
     parts = _Parts(bag, request, round(1e9 * seconds))
-    try:
-        for topic, batch in bag.batches({*request.fields, DESCRIPTION}):
-            if topic == DESCRIPTION:
-                parts.description = robot_description(batch) or parts.description
-            else:
-                yield from parts.add(topic, batch)
-        yield parts.rest()
-    except DataError as error:
-        loss = loss_sentence(bag, request.fields)
-        raise DataError(f"{error} ({loss})" if loss else str(error)) from error
+    for topic, batch in bag.batches({*request.fields, DESCRIPTION}):
+        if topic == DESCRIPTION:
+            parts.description = robot_description(batch) or parts.description
+        elif len(batch):
+            yield from parts.add(topic, batch)
+    yield from parts.rest()
 
 
 @dataclass
@@ -62,32 +61,51 @@ class _Parts:
     latest: dict[str, int] = field(default_factory=dict)
     readers: dict[str, JointMessageReader] = field(default_factory=dict)
 
-    def add(self, topic: str, batch: MessageBatch) -> Iterator[Recording]:
+    def add(self, topic: str, batch: MessageBatch) -> Iterator[Recording | DataError]:
         """Take a batch; a segment comes out when another half has arrived behind its end."""
-        if not len(batch):
-            return
+        while self._passed(topic):
+            yield self._close()
+        self._take(topic, batch)
+
+    def rest(self) -> Iterator[Recording | DataError]:
+        """Give everything that was not given yet."""
+        while self.end is not None and max(self.latest.values()) >= self.end + self.length // 2:
+            yield self._close()
+        for topic, batch in self.later:
+            self._read(topic, batch)
+        yield self._finish()
+
+    def _passed(self, topic: str) -> bool:
+        """Whether all topics are half a segment behind the end, as far as they go on.
+
+        Topics of a chunk come one after the other. When one comes again, the chunk before is done:
+        a topic that was not in it for two segments has ended.
+        """
+        if self.end is None:
+            return False
+        slowest = min(self.latest.get(name, 0) for name in self.request.fields)
+        if slowest >= self.end + self.length // 2:
+            return True
+        return self.latest.get(topic, 0) >= self.end + _BEHIND * self.length
+
+    def _take(self, topic: str, batch: MessageBatch) -> None:
         if self.end is None:
             self.end = int(batch.arrival.min()) + self.length
         inside = batch.arrival < self.end
-        self._read(topic, _part(batch, inside) if not inside.all() else batch)
+        self._read(topic, batch if inside.all() else _part(batch, inside))
         if not inside.all():
             self.later.append((topic, _part(batch, ~inside)))
         self.latest[topic] = max(self.latest.get(topic, 0), int(batch.arrival.max()))
-        slowest = min(self.latest.get(name, 0) for name in self.request.fields)
-        fastest = max(self.latest.values())
-        if slowest >= self.end + self.length // 2 or fastest >= self.end + _BEHIND * self.length:
-            yield self._finish()
-            self.end += self.length
-            waiting, self.later = self.later, []
-            for name, part in waiting:
-                yield from self.add(name, part)
 
-    def rest(self) -> Recording:
-        """Return everything that was not given yet, as the last segment."""
-        for topic, batch in self.later:
-            self._read(topic, batch)
-        self.later = []
-        return self._finish()
+    def _close(self) -> Recording | DataError:
+        """Finish the segment, and begin the next one with what arrived after its end."""
+        finished = self._finish()
+        assert self.end is not None
+        self.end += self.length
+        waiting, self.later = self.later, []
+        for topic, batch in waiting:
+            self._take(topic, batch)
+        return finished
 
     def _read(self, topic: str, batch: MessageBatch) -> None:
         if not len(batch):
@@ -96,9 +114,13 @@ class _Parts:
             self.readers[topic] = reader_of(self.bag, topic, self.request)
         self.readers[topic].add(batch)
 
-    def _finish(self) -> Recording:
+    def _finish(self) -> Recording | DataError:
         readers, self.readers = self.readers, {}
-        return recording_of(self.bag, self.request, readers, self.description)
+        try:
+            return recording_of(self.bag, self.request, readers, self.description)
+        except DataError as error:
+            loss = loss_sentence(self.bag, self.request.fields)
+            return DataError(f"{error} ({loss})" if loss else str(error))
 
 
 def _part(batch: MessageBatch, chosen: BoolArray) -> MessageBatch:

@@ -1,5 +1,6 @@
 """A bag is an MCAP file, a lone .db3 or a rosbag2 folder with any number of either."""
 
+import os
 import shutil
 import tempfile
 from collections import Counter
@@ -14,7 +15,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.files import is_file, is_there
+from idim_iv_ros.files import FilePaths, as_paths, is_file, is_there
 from idim_iv_ros.interruption import undone_if_interrupted
 from idim_iv_ros.recording.bags.byte_source import ByteSource, copied
 from idim_iv_ros.recording.bags.cdr import MessageBatch
@@ -27,7 +28,7 @@ _LONGEST_METADATA = 1 << 24  # bytes
 
 @dataclass
 class Bag:
-    """One recording on disk, or somewhere else.
+    """One recording on disk, or somewhere else; stands wherever the path of a bag does.
 
     Attributes
     ----------
@@ -59,6 +60,9 @@ class Bag:
     def intervals(self) -> dict[str, float]:
         """Mean time between two messages of each wanted topic, s; zero for a single one."""
         return {t: 1e-9 * self._passed[t] / max(steps, 1) for t, steps in self._steps.items()}
+
+    def __fspath__(self) -> str:
+        return str(self.path)
 
     def unread(self) -> "Bag":
         """Return the same bag, to be read from its beginning."""
@@ -113,6 +117,20 @@ class Bag:
         if known:
             self.missing = Counter({t: count - self.found[t] for t, count in known.items()})
             self.counted = True
+
+
+def bags_of(bags: FilePaths) -> tuple[Bag, ...]:
+    """Return one or many paths as bags; those that are bags already stay as they are.
+
+    Raises
+    ------
+    UsageError
+        There is none.
+    """
+    given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
+    if not given:
+        as_paths(given)
+    return tuple(each if isinstance(each, Bag) else Bag(Path(each)) for each in given)
 
 
 def _damages(name: str, file: McapFile | SqliteFile) -> list[str]:
