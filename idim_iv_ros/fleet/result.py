@@ -202,7 +202,7 @@ class ParameterChange:
         Of the change at the last bag; for residuals a factor.
     times : tuple of str
     values, stds, fitted : tuple of float
-        Of each bag; the deviations hold what bags differ by.
+        Of each bag; the deviations hold what bags of an unchanged robot differ by.
     """
 
     name: str

@@ -53,7 +53,14 @@ def fleet_robot(
         for column, quantity in enumerate(group.quantities)
     )
     changes = [
-        _change(robot, estimate, column, group.quantities[column], series.change, series.rows)
+        _change(
+            robot,
+            float(np.nan_to_num(judged.common.variance[column])),
+            column,
+            group.quantities[column],
+            series.change,
+            series.rows,
+        )
         for column, series in enumerate(over.series)
         if over.changed[column] and series.change is not None
     ]
@@ -129,7 +136,7 @@ def _robot_quantity(
 
 def _change(
     robot: RobotBags,
-    estimate: RobotEstimate,
+    between: float,
     column: int,
     quantity: Quantity,
     change: Change,
@@ -137,7 +144,7 @@ def _change(
 ) -> ParameterChange:
     times = robot.times[rows]
     values = robot.values[rows, column]
-    stds = np.sqrt(robot.variances[rows, column] + estimate.between[column])
+    stds = np.sqrt(robot.variances[rows, column] + between)
     first, last = change.place_low, change.place_high
     # A ramp begins after the bag before the first that is changed, and so may a step.
     begin_low = times[max(first - 1, 0)]

@@ -128,7 +128,6 @@ def headline(result: FleetResult) -> str:
 
 
 def _row(robot: FleetRobot, reports: Mapping[str, str]) -> dict[str, Any]:
-    span = f"{robot.first[:10]} – {robot.last[:10]}" if robot.first and robot.last else MISSING
     return {
         "robot": robot.robot,
         "href": reports.get(robot.robot, ""),
@@ -136,7 +135,8 @@ def _row(robot: FleetRobot, reports: Mapping[str, str]) -> dict[str, Any]:
         "badge": _BADGES[robot.attention],
         "reasons": [sentence(each, (robot.robot, *_quantities(robot))) for each in robot.reasons],
         "bags": f"{robot.bags} of {robot.bags + robot.not_used}",
-        "span": span,
+        "first": robot.first[:10] if robot.first else MISSING,
+        "last": robot.last[:10] if robot.last else "",
         "p_type": p_value(robot.p_value),
         "p_change": p_value(robot.change_p_value),
     }

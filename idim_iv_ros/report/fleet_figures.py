@@ -51,7 +51,7 @@ def distribution_figure(each: FleetType, robots: Sequence[FleetRobot], place: in
             "x": [round(x, 3) for x, _, _ in dots],
             "y": [round(y, 3) for _, y, _ in dots],
             "text": [words for _, _, words in dots],
-            "marker": {"color": colour, "size": size, "opacity": opacity},
+            "marker": {"color": colour, "size": size, "opacity": opacity, "symbol": "diamond"},
             "hovertemplate": "%{text}<extra></extra>",
         }
         for dots, colour, size, opacity in ((ordinary, BLUE, 5, 0.55), (differing, ORANGE, 8, 1.0))
@@ -134,7 +134,7 @@ def change_figure(change: ParameterChange, anchor: str) -> Figure:
         "x": times,
         "y": list(change.values),
         "error_y": {"type": "data", "array": bars, "color": BLUE, "thickness": 1, "width": 0},
-        "marker": {"color": BLUE, "size": 6},
+        "marker": {"color": BLUE, "size": 7, "symbol": "diamond"},
         "hovertemplate": f"%{{y:.4g}} {change.unit}, %{{x|%Y-%m-%d %H:%M}}<extra></extra>",
     }
     fitted = {
