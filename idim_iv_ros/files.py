@@ -8,6 +8,7 @@ file                    known by
 ``.json``               its key ``format``, which begins with ``idim_iv_ros/``
 ``.html``               ``<meta name="generator" content="idim_iv_ros">``
 ``.mcap``               the library that its header names (a recorded bag is never replaced)
+``.parquet``            the key ``idim_iv_ros`` of the metadata in its footer
 ``.csv``, ``.yaml``     its digest in the JSON file of the same name beside it (a motion), or in
                         its own first line (a configuration): once edited, it is the user's
 ======================  ==========================================================================
@@ -43,6 +44,7 @@ TRUTH_FORMAT = f"{PROGRAM}/truth/1"  # of BAG.truth.json
 
 RESULT, GAP, REPORT = "result.json", "gap.json", "report.html"
 REPLAY, EFFECTS = "replay.json", "effects.json"
+FLEET, FLEET_PAGE = "fleet.json", "fleet.html"
 
 GENERATOR = f'<meta name="generator" content="{PROGRAM}">'
 PNG_SOFTWARE = b"Software\0" + PROGRAM.encode()  # content of the text chunk of a picture
@@ -275,6 +277,7 @@ def is_own(path: Path) -> bool:
         ".svg": _own_html,
         ".png": _own_png,
         ".mcap": _own_mcap,
+        ".parquet": _own_parquet,
     }
     try:
         return known.get(path.suffix, _own_digest)(path)
@@ -326,6 +329,19 @@ def _own_mcap(path: Path) -> bool:
         return False
     library = start[place + 8 + profile :][:size]
     return library == PROGRAM.encode()
+
+
+def _own_parquet(path: Path) -> bool:
+    """Whether the metadata in its footer (content, length, ``PAR1``) names this program."""
+    with path.open("rb") as file:
+        end = file.seek(0, os.SEEK_END)
+        file.seek(max(0, end - 8))
+        tail = file.read(8)
+        if len(tail) < 8 or tail[4:] != b"PAR1":
+            return False
+        (size,) = struct.unpack("<I", tail[:4])
+        file.seek(max(0, end - 8 - size))
+        return PROGRAM.encode() in file.read(size)
 
 
 def _own_digest(path: Path) -> bool:

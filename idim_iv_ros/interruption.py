@@ -16,6 +16,7 @@ from types import FrameType
 STATUS = 130  # of a shell: 128 + SIGINT
 
 _undo: list[Callable[[], object]] = []
+_words: list[Callable[[], str]] = []
 _holding = 0
 _waiting = False
 
@@ -28,6 +29,16 @@ def undone_if_interrupted(undo: Callable[[], object]) -> Iterator[None]:
         yield
     finally:
         _undo.remove(undo)
+
+
+@contextmanager
+def said_if_interrupted(words: Callable[[], str]) -> Iterator[None]:
+    """Say in the line of an interruption within the ``with`` what became of the work."""
+    _words.append(words)
+    try:
+        yield
+    finally:
+        _words.remove(words)
 
 
 @contextmanager
@@ -66,11 +77,12 @@ def _interrupted(number: int, frame: FrameType | None) -> None:
 
 def _leave() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    said = "".join(f": {words()}" for words in _words)
     for undo in reversed(_undo):
         with suppress(Exception):
             undo()
     # On a terminal a progress bar may be there: its line is cleared and the cursor shown again.
     clear = b"\r\x1b[2K\x1b[?25h" if sys.__stderr__ and sys.__stderr__.isatty() else b""
     with suppress(OSError):
-        os.write(2, clear + b"idim-iv: interrupted\n")
+        os.write(2, clear + f"idim-iv: interrupted{said}\n".encode())
     os._exit(STATUS)

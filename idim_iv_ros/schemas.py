@@ -1,4 +1,4 @@
-"""The JSON Schemas of gap.json and result.json: ``python -m idim_iv_ros.schemas docs/schemas``."""
+"""The JSON Schemas of the documents: ``python -m idim_iv_ros.schemas docs/schemas``."""
 
 import json
 import sys
@@ -6,10 +6,14 @@ from pathlib import Path
 
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.documents import Document
+from idim_iv_ros.fleet.bag_result import BagResult
+from idim_iv_ros.fleet.result import FleetResult
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.simulators.replay_result import ReplayResult
 
 SCHEMAS: dict[str, type[Document]] = {
+    "bag.schema.json": BagResult,
+    "fleet.schema.json": FleetResult,
     "gap.schema.json": GapResult,
     "replay.schema.json": ReplayResult,
     "result.schema.json": IdentificationResult,

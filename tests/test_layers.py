@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "idim_iv_ros"
 ORDER = (
     *("recording", "signals", "model", "effects", "simulation", "estimation", "statistics"),
     *("physical", "identification", "prediction", "diagnosis", "excitation", "first_configuration"),
-    *("simulators", "simulator_files", "report", "nodes", "cli"),
+    *("simulators", "simulator_files", "fleet", "report", "nodes", "cli"),
 )
 
 

@@ -8,6 +8,7 @@ from idim_iv_ros.cli.check import check_command
 from idim_iv_ros.cli.diagnose import WithSets, diagnose_command
 from idim_iv_ros.cli.excite import excite_command
 from idim_iv_ros.cli.export import export_command
+from idim_iv_ros.cli.fleet import fleet
 from idim_iv_ros.cli.identify import identify_command
 from idim_iv_ros.cli.import_table import import_command
 from idim_iv_ros.cli.init import init_command
@@ -42,6 +43,7 @@ application.command("watch", context_settings=ROS_ARGUMENTS)(watch_command)
 application.command("excite")(excite_command)
 application.command("simulate")(simulate_command)
 application.command("replay")(replay_command)
+application.add_typer(fleet, name="fleet")
 
 
 def _print_version(wanted: bool) -> None:

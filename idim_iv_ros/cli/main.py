@@ -10,7 +10,7 @@ from idim_iv_ros.interruption import STATUS, interruption_ends_process
 
 WRONG_USE = 2  # exit status
 CONFIGURED = {
-    *("check", "diagnose", "excite", "identify", "predict", "record", "replay", "serve"),
+    *("check", "diagnose", "excite", "fleet", "identify", "predict", "record", "replay", "serve"),
     "simulate",
 }
 

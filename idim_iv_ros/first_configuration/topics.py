@@ -12,7 +12,6 @@ from idim_iv_ros.recording.bags.definitions import CONTROLLER_STATE, MANY_STATES
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
-from idim_iv_ros.recording.bags.topics import bag_topics
 from idim_iv_ros.recording.other_topics import robot_description, sounds_like_reference
 from idim_iv_ros.recording.read import DESCRIPTION
 
@@ -106,7 +105,7 @@ def read_contents(path: Path) -> BagContents:
         No such bag, or not one.
     """
     bag = Bag(path)
-    described = {name for name in bag_topics(path) if name.endswith(DESCRIPTION)}
+    described = {name for name in bag.known_topics() if name.endswith(DESCRIPTION)}
     descriptions: dict[str, str] = {}
     for topic, batch in bag.batches(described):
         text = robot_description(batch)

@@ -1,6 +1,7 @@
 """From recordings to validated parameters: the whole of `idim-iv identify` without its files."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
@@ -13,11 +14,25 @@ from idim_iv_ros.estimation.sources import instrument_sources
 from idim_iv_ros.files import FilePaths
 from idim_iv_ros.identification.assembly import Estimates, assemble_result
 from idim_iv_ros.identification.consistency import consistent_parameters
-from idim_iv_ros.identification.prepare import prepare, read_configured, require_excitation
+from idim_iv_ros.identification.prepare import (
+    PreparedRegression,
+    prepare,
+    read_configured,
+    require_excitation,
+)
 from idim_iv_ros.identification.result import Estimator, IdentificationResult
-from idim_iv_ros.identification.validate import validate
+from idim_iv_ros.identification.validate import Validation, validate
 from idim_iv_ros.progress import Progress, Stopwatch, part_of
 from idim_iv_ros.recording import Recording
+
+
+@dataclass(frozen=True)
+class Identified:
+    """All estimates and tests of an identification, with the rows that they are made of."""
+
+    prepared: PreparedRegression
+    estimates: Estimates
+    validation: Validation
 
 
 def identify(
@@ -76,6 +91,22 @@ def _identify(
     estimator: Estimator,
     watch: Stopwatch,
 ) -> IdentificationResult:
+    found = identified(recordings, configuration, estimator, watch)
+    watch.stage("physical parameters", 0.97)
+    refined, rows = found.estimates.refined, found.estimates.rows
+    physical = consistent_parameters(
+        found.prepared, refined.values, refined.covariance, rows, found.estimates.linear.sigma
+    )
+    return assemble_result(found.prepared, found.estimates, found.validation, physical)
+
+
+def identified(
+    recordings: Sequence[Recording],
+    configuration: Configuration,
+    estimator: Estimator,
+    watch: Stopwatch,
+) -> Identified:
+    """Take all steps of an identification but the search for physical parameters."""
     watch.stage("filtering", 0.3)
     prepared = prepare(recordings, configuration)
     watch.stage("regressor", 0.4)
@@ -104,13 +135,5 @@ def _identify(
     validation = validate(prepared, rows, linear, estimate)
     watch.stage("refinement", 0.95)
     refined = refined_idim_iv(rows, validation.models, parameters)
-    watch.stage("physical parameters", 0.97)
-    physical = consistent_parameters(
-        prepared, refined.values, refined.covariance, rows, linear.sigma
-    )
-    return assemble_result(
-        prepared,
-        Estimates(estimator, rows, linear, weighted, estimate, sources, refined),
-        validation,
-        physical,
-    )
+    estimates = Estimates(estimator, rows, linear, weighted, estimate, sources, refined)
+    return Identified(prepared, estimates, validation)

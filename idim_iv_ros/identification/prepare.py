@@ -16,6 +16,7 @@ from idim_iv_ros.recording import (
     read_recordings,
     session_of,
 )
+from idim_iv_ros.recording.read import Request
 from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
 from idim_iv_ros.types import FloatArray
 
@@ -163,6 +164,22 @@ def read_configured(
     bags: FilePaths, configuration: Configuration, progress: Progress | None = None
 ) -> tuple[Recording, ...]:
     """Read the topics and joints of a configuration; see `read_recordings`."""
+    request = configured_request(configuration)
+    return read_recordings(
+        bags,
+        joints=request.joints,
+        joint_states=request.joint_states,
+        effort=request.effort,
+        reference=request.reference,
+        prismatic=request.prismatic,
+        link_states=request.link_states,
+        own_topics=request.own_topics,
+        progress=progress,
+    )
+
+
+def configured_request(configuration: Configuration) -> Request:
+    """Return what a configuration asks of each bag."""
     signals = configuration.signals
     urdf = configuration.robot.description
     prismatic: frozenset[str] = frozenset()
@@ -170,16 +187,14 @@ def read_configured(
     if urdf is not None and configuration.robot.motor_to_joint is None:
         joints = read_urdf_text(*_urdf(configuration, ())).joints.values()
         prismatic = frozenset(joint.name for joint in joints if joint.type == "prismatic")
-    return read_recordings(
-        bags,
+    return Request(
         joints=configuration.robot.joints,
         joint_states=signals.joint_states,
-        effort=signals.effort,
+        effort=signals.effort or signals.joint_states,
         reference=signals.reference,
         prismatic=prismatic,
         link_states=signals.link_states,
         own_topics=configuration.own_topics,
-        progress=progress,
     )
 
 

@@ -57,7 +57,7 @@ def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> t
     }
     found: set[str] = set()
     waiting = set(kinds)
-    for topic, batch in Bag(bag.path).batches(set(kinds)) if kinds else ():
+    for topic, batch in bag.unread().batches(set(kinds)) if kinds else ():
         if topic in waiting and len(batch):
             # A controller that is not active yet has no joints: the last message may say more.
             if any(_holds(kinds[topic], batch.message(k), joints) for k in {0, len(batch) - 1}):

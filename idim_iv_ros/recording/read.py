@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.files import FilePaths, as_paths
+from idim_iv_ros.files import FilePaths
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
-from idim_iv_ros.recording.bags.folder import Bag, loss_notes, loss_sentence
+from idim_iv_ros.recording.bags.folder import Bag, bags_of, loss_notes, loss_sentence
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
-from idim_iv_ros.recording.bags.topics import bag_topics
 from idim_iv_ros.recording.clock import StampedMessages, stamp_messages
 from idim_iv_ros.recording.grid import Grid, make_grid, on_grid, without_pauses
 from idim_iv_ros.recording.held_samples import without_frozen
@@ -80,6 +79,16 @@ class Request:
             return self
         return replace(self, reference=with_field(reference, "reference"))
 
+    @property
+    def topics(self) -> list[str]:
+        """Topics that are read."""
+        return list(dict.fromkeys(map(topic_of, self.fields)))
+
+    @property
+    def descriptions(self) -> list[str]:
+        """Topics that may hold the robot's description, the likeliest first."""
+        return descriptions_of(topic_of(self.joint_states), self.own_topics)
+
     def sources(self, topic: str) -> list[str]:
         """Sources that are read from a topic."""
         return [source for source in self.fields if topic_of(source) == topic]
@@ -136,11 +145,11 @@ def read_recordings(
         own_topics or {},
     )
     recordings: list[Recording] = []
-    paths = as_paths(bags)
-    for number, bag in enumerate(paths):
+    opened = bags_of(bags)
+    for number, bag in enumerate(opened):
         if progress is not None:
-            progress(f"reading {bag.name}", 0.3 * number / len(paths))
-        recording = _read(bag, request)
+            progress(f"reading {bag.path.name}", 0.3 * number / len(opened))
+        recording = read_bag(bag, request)
         _require_new(recording, recordings)
         recordings.append(recording)
     return tuple(recordings)
@@ -159,16 +168,22 @@ def _require_new(recording: Recording, before: Sequence[Recording]) -> None:
             )
 
 
-def _in_bag(path: Path, request: Request) -> Request:
-    """Return the request with the full names of its topics in this bag."""
+def in_bag(bag: Bag, request: Request) -> Request:
+    """Return the request with the full names of its topics in this bag.
+
+    Raises
+    ------
+    UsageError, DataError
+        No such bag, or several topics may be meant.
+    """
     if all(name.startswith("/") for name in request.named.values()):
-        return request
+        return request.own
     # A field that is named may belong to any type.
     any_type = any(field_of(name) for name in request.named.values())
-    kinds = bag_topics(path).items()
+    kinds = bag.unread().known_topics().items()
     topics = [name for name, kind in kinds if any_type or may_hold_joints(kind)]
     named = {key: topic_of(name) for key, name in request.named.items()}
-    found = topics_in_bag(path, named, topics, request.own_topics)
+    found = topics_in_bag(bag.path, named, topics, request.own_topics)
 
     def full(source: str) -> str:
         field_, topic = field_of(source), found[topic_of(source)]
@@ -181,29 +196,22 @@ def _in_bag(path: Path, request: Request) -> Request:
         effort=full(request.effort),
         reference=None if reference is None else full(reference),
         link_states=None if link_states is None else full(link_states),
-    )
+    ).own
 
 
-def _read(path: Path, request: Request) -> Recording:
-    bag = Bag(path)
+def read_bag(bag: Bag, request: Request) -> Recording:
+    """Read the recording of one bag; see `read_recordings`."""
+    path = bag.path
     try:
         try:
-            request = _in_bag(path, request).own
+            request = in_bag(bag, request)
             readers, description = _messages(bag, request)
         except OSError as error:
             raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
-        stamped = {}
-        for topic in request.fields:
-            if topic not in readers:
-                raise DataError(_missing(bag, topic, request))
-            messages, notes = _checked(path, readers[topic], optional=topic == request.link_states)
-            ordered = stamp_messages(messages, str(path))
-            stamped[topic] = replace(ordered, notes=(*notes, *ordered.notes))
-        topics = list(dict.fromkeys(map(topic_of, request.fields)))
-        recording = _assemble(path, request, stamped, description, loss_notes(bag, topics))
+        recording = recording_of(bag, request, readers, description)
     except DataError as error:
         # What is missing from a damaged bag is damaged, as far as anybody can know.
-        loss = loss_sentence(bag, dict.fromkeys(map(topic_of, request.fields)))
+        loss = loss_sentence(bag, request.topics)
         raise DataError(f"{error} ({loss})" if loss else str(error)) from error
     if request.reference is not None:
         return recording
@@ -211,39 +219,60 @@ def _read(path: Path, request: Request) -> Recording:
     return replace(recording, unused_references=unused)
 
 
+def recording_of(
+    bag: Bag,
+    request: Request,
+    readers: Mapping[str, JointMessageReader],
+    description: str | None,
+) -> Recording:
+    """Put the messages of all sources on one grid.
+
+    Raises
+    ------
+    DataError
+        A topic, a joint or a field is missing, or the messages make no recording.
+    """
+    stamped = {}
+    for source in request.fields:
+        if source not in readers:
+            raise DataError(_missing(bag, source, request))
+        optional = source == request.link_states
+        messages, notes = _checked(bag.path, readers[source], optional=optional)
+        ordered = stamp_messages(messages, str(bag.path))
+        stamped[source] = replace(ordered, notes=(*notes, *ordered.notes))
+    return _assemble(bag.path, request, stamped, description, loss_notes(bag, request.topics))
+
+
 def _messages(bag: Bag, request: Request) -> tuple[dict[str, JointMessageReader], str | None]:
-    """Messages of each topic, and the robot's description."""
-    fields = request.fields
+    """Messages of each source, and the robot's description."""
     readers: dict[str, JointMessageReader] = {}
     descriptions: dict[str, str] = {}
-    likely = descriptions_of(topic_of(request.joint_states), request.own_topics)
-    for topic, batch in bag.batches({*map(topic_of, fields), *likely}):
+    likely = request.descriptions
+    for topic, batch in bag.batches({*request.topics, *likely}):
         if topic in likely:
             text = robot_description(batch)
             descriptions.update({} if text is None else {topic: text})
             continue
         for source in request.sources(topic):
             if source not in readers:
-                kind = _kind(bag, source, reference=source == request.reference)
-                readers[source] = JointMessageReader(
-                    source, kind, request.joints, sorted(fields[source])
-                )
+                readers[source] = reader_of(bag, source, request)
             readers[source].add(batch)
     return readers, next((descriptions[name] for name in likely if name in descriptions), None)
 
 
-def _kind(bag: Bag, source: str, *, reference: bool) -> JointMessageType:
-    """How the messages of a source are read.
+def reader_of(bag: Bag, source: str, request: Request) -> JointMessageReader:
+    """Return an empty reader for a source whose topic was just met.
 
     Raises
     ------
     UsageError, DataError
-        They hold no quantities of joints, or not in the field that is named.
+        Its messages hold no quantities of joints, or not in the field that is named.
     """
     name = bag.topics[topic_of(source)]
-    kind = JointMessageType(name, bag.definitions.get(name), field_of(source), reference)
+    asked = source == request.reference
+    kind = JointMessageType(name, bag.definitions.get(name), field_of(source), asked)
     kind.require_readable(bag.path, topic_of(source))
-    return kind
+    return JointMessageReader(source, kind, request.joints, sorted(request.fields[source]))
 
 
 def _checked(

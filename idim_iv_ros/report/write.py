@@ -2,7 +2,7 @@
 
 import os
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -10,6 +10,8 @@ from pathlib import Path
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import ReportWarning, UsageError, one_line
 from idim_iv_ros.files import (
+    FLEET,
+    FLEET_PAGE,
     GAP,
     REPLAY,
     REPORT,
@@ -19,8 +21,10 @@ from idim_iv_ros.files import (
     require_replaceable,
     write_together,
 )
+from idim_iv_ros.fleet.result import FleetResult
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.interruption import undone_if_interrupted
+from idim_iv_ros.report.fleet import fleet_html
 from idim_iv_ros.report.page import gap_report_html, report_html
 from idim_iv_ros.report.replay import replay_html
 from idim_iv_ros.report.section import CONFIGURATION
@@ -115,6 +119,40 @@ def write_replay_report(
     return _write(Path(out), REPLAY, result.to_json(), partial(replay_html, result), force)
 
 
+def write_fleet_report(
+    result: FleetResult,
+    out: FilePath,
+    *,
+    reports: Mapping[str, str] | None = None,
+    force: bool = False,
+) -> tuple[Path, Path | None]:
+    """Write fleet.json, then fleet.html; otherwise as `write_report`.
+
+    Parameters
+    ----------
+    result : FleetResult
+        What `fleet_result` found.
+    out : str or Path
+        Folder; created if it does not exist.
+    reports : mapping of str to str, optional
+        Address of each robot's own report, relative to `out`, by the name of the robot.
+    force : bool
+        Replace files there that this program did not write.
+
+    Returns
+    -------
+    Path, Path or None
+        fleet.json and fleet.html; None where there is no page, and none of an earlier result.
+
+    Raises
+    ------
+    UsageError
+        The folder cannot be written, or holds a file of somebody else.
+    """
+    draw = partial(fleet_html, result, reports)
+    return _write(Path(out), FLEET, result.to_json(), draw, force, FLEET_PAGE)
+
+
 @contextmanager
 def require_writable(
     out: Path, names: Sequence[str] = (RESULT, REPORT), *, force: bool = False
@@ -167,7 +205,9 @@ def _remove_empty(created: Sequence[Path]) -> None:
 def _keep_other_report(out: Path, names: Sequence[str]) -> None:
     """Refuse a folder whose report.html is that of the other command: both have one."""
     for name, command in _WRITTEN_BY.items():
-        if name not in names and (out / name).exists() and (out / REPORT).exists():
+        if name in names or REPORT not in names:
+            continue
+        if (out / name).exists() and (out / REPORT).exists():
             raise UsageError(
                 f"{out}: holds {name} and {REPORT} of `idim-iv {command}`, and {REPORT} would be "
                 "replaced; give another --out, or --force"
@@ -190,11 +230,11 @@ def _probe(out: Path, names: Sequence[str]) -> None:
 
 
 def _write(
-    out: Path, name: str, text: str, draw: Callable[[], str], force: bool
+    out: Path, name: str, text: str, draw: Callable[[], str], force: bool, report: str = REPORT
 ) -> tuple[Path, Path | None]:
     """Write the numbers, then draw the page and write it."""
-    numbers, page = out / name, out / REPORT
-    with require_writable(out, (name, REPORT), force=force):
+    numbers, page = out / name, out / report
+    with require_writable(out, (name, report), force=force):
         try:
             write_together({numbers: text})
         except OSError as error:

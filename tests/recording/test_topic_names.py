@@ -8,7 +8,7 @@ from rosbags.rosbag2 import StoragePlugin
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.recording import Recording, read_recordings
-from idim_iv_ros.recording.bags.topics import bag_topics
+from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.topic_names import descriptions_of, topics_in_bag
 from tests.recording.bag_writer import STORE, TYPES, joint_state, write
 
@@ -138,12 +138,12 @@ def test_descriptions_are_looked_for_from_the_inside_out() -> None:
 def test_a_file_without_summary_is_looked_through(tmp_path: Path) -> None:
     bag = bag_of(tmp_path, *LEFT)
     (file,) = bag.glob("*.mcap")
-    whole = bag_topics(file)
+    whole = Bag(file).known_topics()
     content = file.read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(content[: len(content) - 200])
     assert (
-        bag_topics(cut)
+        Bag(cut).known_topics()
         == whole
         == dict.fromkeys(LEFT[:2], JOINT_STATE) | {"/left/robot_description": "std_msgs/msg/String"}
     )

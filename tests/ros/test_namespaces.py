@@ -15,7 +15,7 @@ from idim_iv_ros.cli.main import main
 from idim_iv_ros.excitation import random_motion
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.recording import read_recordings
-from idim_iv_ros.recording.bags.topics import bag_topics
+from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.simulators.recording import recorded_topics
 from idim_iv_ros.simulators.robot import simulated_robot
 from tests.ros.conftest import ARM2
@@ -85,7 +85,7 @@ def test_two_recorders_record_each_its_own_robot(
         assert observer.call("stop").success
         closed[side] = only_bag(tmp_path / side)
     observer.node.destroy_subscription(subscription)
-    (left, right) = ({*bag_topics(bag)} for bag in closed.values())
+    (left, right) = ({*Bag(bag).known_topics()} for bag in closed.values())
     assert left == {"/left/joint_states", "/left/joint_reference", "/robot_description"}
     assert right == {"/right/joint_states", "/motion/reference", "/robot_description"}
     configured = load_configuration(relative).signals

@@ -1,8 +1,10 @@
 """A bag is an MCAP file, a lone .db3 or a rosbag2 folder with any number of either."""
 
+import os
+import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,8 +15,9 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.files import is_file, is_there
+from idim_iv_ros.files import FilePaths, as_paths, is_file, is_there
 from idim_iv_ros.interruption import undone_if_interrupted
+from idim_iv_ros.recording.bags.byte_source import ByteSource, copied
 from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.definitions import SchemaText
 from idim_iv_ros.recording.bags.mcap import McapFile
@@ -26,12 +29,14 @@ _LONGEST_METADATA = 1 << 24  # bytes
 
 @dataclass
 class Bag:
-    """One recording on disk.
+    """One recording on disk, or somewhere else; stands wherever the path of a bag does.
 
     Attributes
     ----------
     path : Path
-        As the user named it.
+        As the user named it; of a bag somewhere else its name, for messages.
+    sources : mapping of Path to ByteSource, optional
+        Files of a bag somewhere else by their names, in the order in which they were recorded.
     topics : dict
         Type of each topic; complete once the bag was read.
     definitions : dict
@@ -45,6 +50,7 @@ class Bag:
     """
 
     path: Path
+    sources: Mapping[Path, ByteSource] = field(default_factory=dict)
     topics: dict[str, str] = field(default_factory=dict)
     definitions: dict[str, SchemaText] = field(default_factory=dict)
     damages: list[str] = field(default_factory=list)
@@ -59,6 +65,13 @@ class Bag:
         """Mean time between two messages of each wanted topic, s; zero for a single one."""
         return {t: 1e-9 * self._passed[t] / max(steps, 1) for t, steps in self._steps.items()}
 
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    def unread(self) -> "Bag":
+        """Return the same bag, to be read from its beginning."""
+        return Bag(self.path, self.sources)
+
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Raw messages of the wanted topics, file by file.
 
@@ -69,11 +82,8 @@ class Bag:
         DataError
             Not a bag.
         """
-        files = bag_files(self.path)
         with ExitStack() as stack:
-            for path in files:
-                whole = decompressed(path, stack) if path.suffix == ".zstd" else path
-                file = McapFile(whole) if whole.suffix == ".mcap" else SqliteFile(whole)
+            for path, file in self._files(stack):
                 for topic, batch in file.batches(wanted):
                     self.topics[topic] = file.topics[topic]
                     self._define(file)
@@ -88,9 +98,39 @@ class Bag:
         if not self.counted:
             self._compare(wanted)
 
+    def known_topics(self) -> dict[str, str]:
+        """Return the type of each topic, without the messages where that can be had.
+
+        From the summary of an MCAP file; one without is read as far as it goes.
+
+        Raises
+        ------
+        UsageError
+            No such file or folder.
+        DataError
+            Not a bag.
+        """
+        topics: dict[str, str] = {}
+        with ExitStack() as stack:
+            for _, file in self._files(stack):
+                topics.update(file.summarised_topics() or _met(file))
+        return topics
+
+    def _files(self, stack: ExitStack) -> Iterator[tuple[Path, McapFile | SqliteFile]]:
+        for path in list(self.sources) or bag_files(self.path):
+            yield path, self._file(path, stack)
+
     def _define(self, file: McapFile | SqliteFile) -> None:
         if len(file.definitions) != len(self.definitions):
             self.definitions = {**self.definitions, **file.definitions}
+
+    def _file(self, path: Path, stack: ExitStack) -> McapFile | SqliteFile:
+        source = self.sources.get(path)
+        if source is not None and path.suffix == ".mcap":
+            return McapFile(path, source)
+        local = path if source is None else _copy(path, source, stack)
+        whole = _decompressed(local, stack) if local.suffix == ".zstd" else local
+        return McapFile(whole) if whole.suffix == ".mcap" else SqliteFile(whole)
 
     def _meet(self, topic: str, batch: MessageBatch) -> None:
         self.found[topic] += len(batch)
@@ -107,6 +147,26 @@ class Bag:
         if known:
             self.missing = Counter({t: count - self.found[t] for t, count in known.items()})
             self.counted = True
+
+
+def bags_of(bags: FilePaths) -> tuple[Bag, ...]:
+    """Return one or many paths as bags; those that are bags already stay as they are.
+
+    Raises
+    ------
+    UsageError
+        There is none.
+    """
+    given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
+    if not given:
+        as_paths(given)
+    return tuple(each if isinstance(each, Bag) else Bag(Path(each)) for each in given)
+
+
+def _met(file: McapFile | SqliteFile) -> dict[str, str]:
+    for _ in file.batches(set()):
+        pass
+    return file.topics
 
 
 def _damages(name: str, file: McapFile | SqliteFile) -> list[str]:
@@ -191,18 +251,24 @@ def _information(folder: Path) -> dict[str, Any]:
     return information if isinstance(information, dict) else {}
 
 
-def decompressed(path: Path, stack: ExitStack) -> Path:
-    """Return a temporary file with what a .zstd file holds; it goes with the stack.
-
-    Raises
-    ------
-    DataError
-        It cannot be decompressed.
-    """
+def _temporary(stack: ExitStack) -> Path:
     folder = tempfile.TemporaryDirectory(prefix="idim_iv_")
     stack.enter_context(folder)
     stack.enter_context(undone_if_interrupted(folder.cleanup))
-    out = Path(folder.name) / path.with_suffix("").name
+    return Path(folder.name)
+
+
+def _copy(path: Path, source: ByteSource, stack: ExitStack) -> Path:
+    """Copy a file that cannot be read in parts: a database, or one that is compressed whole."""
+    out = _temporary(stack) / path.name
+    with copied(source) as content, out.open("wb") as target:
+        content.seek(0)
+        shutil.copyfileobj(content, target)
+    return out
+
+
+def _decompressed(path: Path, stack: ExitStack) -> Path:
+    out = _temporary(stack) / path.with_suffix("").name
     try:
         with path.open("rb") as source, out.open("wb") as target:
             zstandard.ZstdDecompressor().copy_stream(source, target)

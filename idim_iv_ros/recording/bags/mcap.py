@@ -1,7 +1,8 @@
 """MCAP files chunk by chunk: raw messages found by their index, no object for each message.
 
 Records are walked from the start of the file, so that a file without summary, with a torn end or
-with damaged records is read as far as it goes.
+with damaged records is read as far as it goes. Of a file that is far away (`ByteSource`) only the
+summary and the chunks that hold wanted topics are fetched, and walked by the same code.
 """
 
 import mmap
@@ -9,6 +10,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,8 +20,10 @@ import zstandard
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.recording.bags.byte_source import ByteSource, copied
 from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.definitions import SchemaText
+from idim_iv_ros.recording.bags.mcap_index import McapIndex, fetched_index
 from idim_iv_ros.recording.bags.mcap_records import (
     CHANNEL,
     CHUNK,
@@ -44,6 +48,7 @@ _READ = (CHUNK, INDEX, MESSAGE, SCHEMA, CHANNEL)
 _LARGEST_CHUNK = 1 << 30
 _LARGEST_DESCRIPTION = 1 << 24
 _LOOSE_TOGETHER, _LOOSE_BYTES = 10_000, 1 << 26  # messages, and what they span
+_FORGOTTEN = 1 << 26  # bytes of a file that stay in memory behind the place of reading
 
 
 @dataclass
@@ -53,6 +58,9 @@ class McapFile:
     Attributes
     ----------
     path : Path
+        Of the file, or the name of `source` for messages.
+    source : ByteSource or None
+        Where the bytes are if not on this machine.
     topics : dict
         Type of each topic that was met so far.
     definitions : dict
@@ -69,6 +77,7 @@ class McapFile:
     """
 
     path: Path
+    source: ByteSource | None = None
     topics: dict[str, str] = field(default_factory=dict)
     definitions: dict[str, SchemaText] = field(default_factory=dict)
     truncated: bool = False
@@ -86,31 +95,73 @@ class McapFile:
         DataError
             Not an MCAP file.
         """
-        if self.path.stat().st_size == 0:
-            raise DataError(f"{self.path}: the file is empty")
-        with (
-            self.path.open("rb") as file,
-            mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
-        ):
+        if self.source is not None:
+            index = fetched_index(self.source)
+            if index is not None:
+                yield from self._fetched(index, self.source, wanted)
+                return
+        with self._mapped() as (content, file):
             if MAGIC not in (content[: len(MAGIC)], content[-len(MAGIC) :]):
                 raise DataError(f"{self.path}: not an MCAP file")
             summary = read_summary(content)
             self._description = summary or McapDescription()
             self.topics, self.definitions = self._description.topics, self._description.definitions
-            yield from self._walk(content, wanted, file.fileno())
+            yield from self._walk(content, wanted, len(MAGIC), file)
             if summary is not None and summary.counts is not None:
                 self._compare(summary.counts, wanted)
 
+    def summarised_topics(self) -> dict[str, str]:
+        """Type of each topic by the summary; empty where the file has none."""
+        if self.source is not None:
+            index = fetched_index(self.source)
+            return {} if index is None else dict(index.description.topics)
+        with self._mapped() as (content, _):
+            summary = read_summary(content)
+        return {} if summary is None else dict(summary.topics)
+
+    @contextmanager
+    def _mapped(self) -> Iterator[tuple[mmap.mmap, int]]:
+        """Content of the file in memory as it is touched, and the descriptor of the file.
+
+        What is far away is copied to a file.
+
+        Only a whole file can be searched for what is left of it when its index is missing.
+        """
+        with copied(self.source) if self.source is not None else self.path.open("rb") as file:
+            if file.seek(0, 2) == 0:
+                raise DataError(f"{self.path}: the file is empty")
+            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+                yield content, file.fileno()
+
+    def _fetched(
+        self, index: McapIndex, source: ByteSource, wanted: set[str]
+    ) -> Iterator[tuple[str, MessageBatch]]:
+        """Messages of the chunks that hold wanted topics, some chunks at a time."""
+        self._description = index.description
+        self.topics, self.definitions = self._description.topics, self._description.definitions
+        for first, last in index.stretches(wanted):
+            yield from self._walk(source.read(first, last), wanted, 0)
+        self.truncated = False
+        self._compare(index.counts, wanted)
+
     def _walk(
-        self, content: mmap.mmap, wanted: set[str], file: int
+        self,
+        content: mmap.mmap | bytes,
+        wanted: set[str],
+        place: int,
+        file: int | None = None,
     ) -> Iterator[tuple[str, MessageBatch]]:
         # A chunk is followed by its indices.
         chunk: bytes | None = None
         indices: dict[int, IntArray] = {}
         loose: list[Record] = []
         self.truncated = True
-        for record in records(content, len(MAGIC), file):
+        read = 0
+        for record in records(content, place, file):
             opcode, start, end = record
+            if start - read > _FORGOTTEN and isinstance(content, mmap.mmap):
+                content.madvise(mmap.MADV_DONTNEED, read, _FORGOTTEN)
+                read += _FORGOTTEN
             if opcode != INDEX:
                 yield from self._chunk(chunk, indices, wanted)
                 chunk, indices = None, {}
@@ -229,7 +280,7 @@ class McapFile:
         return found
 
     def _loose(
-        self, content: mmap.mmap, places: list[Record], wanted: set[str]
+        self, content: mmap.mmap | bytes, places: list[Record], wanted: set[str]
     ) -> Iterator[tuple[str, MessageBatch]]:
         """Messages outside chunks."""
         first = min(record.start for record in places) - HEAD

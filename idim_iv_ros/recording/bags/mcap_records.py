@@ -14,6 +14,7 @@ from idim_iv_ros.recording.bags.definitions import SchemaText
 
 DAMAGED = 0  # no opcode of the format: bytes that are no record
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, STATISTICS, DATA_END = 2, 3, 4, 5, 6, 7, 11, 15
+CHUNK_INDEX = 8
 HEAD = 9  # opcode and length
 MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
 _LAST_OPCODE, _FIRST_PRIVATE = 15, 0x80
@@ -31,7 +32,7 @@ _ZEROS = bytes(_BLOCK)
 _LONGEST_SUMMARY = 1 << 28
 
 MAGIC = b"\x89MCAP0\r\n"
-_FOOTER_SIZE = 20
+FOOTER_SIZE = 20
 
 
 class Record(NamedTuple):
@@ -42,7 +43,7 @@ class Record(NamedTuple):
     end: int
 
 
-def records(content: mmap, place: int, file: int | None = None) -> Iterator[Record]:
+def records(content: mmap | bytes, place: int, file: int | None = None) -> Iterator[Record]:
     """Records from `place` on.
 
     What is no record, because a byte of its head or of the one before is wrong, is given as
@@ -82,7 +83,7 @@ def text(record: bytes, place: int) -> tuple[str, int]:
     return record[place + 4 : place + 4 + size].decode("utf-8"), place + 4 + size
 
 
-def _record(content: mmap, place: int) -> Record | None:
+def _record(content: mmap | bytes, place: int) -> Record | None:
     """Record at `place`, None where its head contradicts itself."""
     opcode, size = struct.unpack_from("<BQ", content, place)
     record = Record(opcode, place + HEAD, place + HEAD + size)
@@ -101,7 +102,7 @@ def _record(content: mmap, place: int) -> Record | None:
     return record if whole else None
 
 
-def _is_chunk(content: mmap, record: Record) -> bool:
+def _is_chunk(content: mmap | bytes, record: Record) -> bool:
     """Whether the length of a chunk is that of its parts."""
     if record.start + 40 > len(content):
         return False
@@ -115,7 +116,7 @@ def _is_chunk(content: mmap, record: Record) -> bool:
 class _Search:
     """Looks for the next record behind bytes that are none."""
 
-    def __init__(self, content: mmap, file: int | None) -> None:
+    def __init__(self, content: mmap | bytes, file: int | None) -> None:
         self._content, self._file = content, file
         self._garbage = 0
 
@@ -162,7 +163,7 @@ class _Search:
             return len(self._content) if error.errno == errno.ENXIO else place
 
 
-def _leads_on(content: mmap, place: int) -> bool:
+def _leads_on(content: mmap | bytes, place: int) -> bool:
     for _ in range(_IN_A_ROW):
         if place + HEAD > len(content):
             break
@@ -224,14 +225,17 @@ class McapDescription:
             self.topics[topic] = self.schemas.get(schema, "")
 
 
-def read_summary(content: mmap) -> McapDescription | None:
-    """Description at the end of a file, None where there is none or its checksum is wrong."""
-    footer = len(content) - len(MAGIC) - _FOOTER_SIZE
-    if footer < HEAD or content[-len(MAGIC) :] != MAGIC or content[footer - HEAD] != FOOTER:
+def read_summary(content: mmap | bytes, offset: int = 0) -> McapDescription | None:
+    """Description at the end of a file, None where there is none or its checksum is wrong.
+
+    `content` is the end of the file from byte `offset` on; it must hold the whole summary.
+    """
+    footer = len(content) - len(MAGIC) - FOOTER_SIZE
+    start = summary_start(content, offset)
+    if start is None or start < offset:
         return None
-    start, _, checksum = struct.unpack_from("<QQI", content, footer)
-    if not len(MAGIC) <= start < footer - HEAD or footer - start > _LONGEST_SUMMARY:
-        return None
+    start -= offset
+    (checksum,) = struct.unpack_from("<I", content, footer + 16)
     # A writer that computes no checksum leaves it zero.
     if checksum not in (0, zlib.crc32(content[start : footer + 16])):
         return None
@@ -247,6 +251,17 @@ def read_summary(content: mmap) -> McapDescription | None:
     except (struct.error, UnicodeDecodeError):
         return None
     return description
+
+
+def summary_start(content: mmap | bytes, offset: int = 0) -> int | None:
+    """Where in the file the summary begins, None where there is none; see `read_summary`."""
+    footer = len(content) - len(MAGIC) - FOOTER_SIZE
+    if footer < HEAD or content[-len(MAGIC) :] != MAGIC or content[footer - HEAD] != FOOTER:
+        return None
+    (start,) = struct.unpack_from("<Q", content, footer)
+    if offset + footer - start > _LONGEST_SUMMARY:
+        return None
+    return start if len(MAGIC) <= start < offset + footer - HEAD else None
 
 
 def _counts(record: bytes) -> dict[int, int]:

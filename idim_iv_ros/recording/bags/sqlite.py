@@ -72,6 +72,10 @@ class SqliteFile:
         """Whether nothing is lost."""
         return not (self.truncated or self.damaged)
 
+    def summarised_topics(self) -> dict[str, str]:
+        """Nothing: a database has no summary beside its tables."""
+        return {}
+
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Raw messages of the wanted topics, block by block, each in the order of arrival.
 

@@ -1,0 +1,210 @@
+"""`idim-iv fleet identify` and `idim-iv fleet diagnose`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Protocol
+
+import typer
+
+from idim_iv_ros.cli.arguments import Force, Out, Quiet, Verbose
+
+if TYPE_CHECKING:
+    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.files import FilePath
+    from idim_iv_ros.fleet.diagnose import Fleet
+    from idim_iv_ros.progress import Progress
+
+fleet = typer.Typer(
+    no_args_is_help=True,
+    help="Many robots, many bags: which robots differ, which have changed, what is known of their "
+    'type. Needs Dask: pip install "idim-iv-ros\\[fleet]".',
+)
+
+Source = Annotated[
+    str,
+    typer.Argument(
+        help="A manifest (.csv or .parquet with the columns uri, robot, and also type, time, "
+        "labels), a folder, or a URL (s3://, gs://, …) that is searched: ROBOT/BAG or "
+        "TYPE/ROBOT/BAG.",
+        show_default=False,
+    ),
+]
+FleetConfig = Annotated[
+    Path,
+    typer.Option(
+        "--config",
+        metavar="FILE.yaml|FOLDER",
+        help="One configuration for all robots, or a folder with ROBOT.yaml or TYPE.yaml.",
+        show_default=False,
+    ),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Of a running Dask scheduler, as in tcp://host:8786; left out, workers are started "
+        "on this machine.",
+        show_default=False,
+    ),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(help="How many on this machine; left out, one for each core.", show_default=False),
+]
+
+
+class FleetFunction(Protocol):
+    """The public functions `identify_fleet` and `diagnose_fleet`."""
+
+    def __call__(
+        self,
+        source: str,
+        config: FilePath,
+        out: FilePath,
+        *,
+        scheduler: str | None = None,
+        workers: int | None = None,
+        progress: Progress | None = None,
+    ) -> Fleet:
+        """Work through a fleet."""
+
+
+@fleet.command("identify")
+def identify_command(
+    source: Source,
+    config: FleetConfig,
+    out: Out,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
+    force: Force = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Identify every bag; compare the robots of each type, and each robot over time.
+
+    Writes fleet.json, fleet.parquet and fleet.html. What was done before is kept, so that the same
+    command goes on after an interruption, or with new bags.
+
+    Example: idim-iv fleet identify manifest.csv --config arm.yaml --out fleet
+    """
+    from idim_iv_ros.fleet.diagnose import identify_fleet
+
+    _run(identify_fleet, source, config, out, scheduler, workers, force, quiet, verbose)
+
+
+@fleet.command("diagnose")
+def diagnose_command(
+    source: Source,
+    config: FleetConfig,
+    out: Out,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
+    force: Force = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Identify every bag, then say why robots differ or have changed, and what their type lacks.
+
+    The full diagnosis is made of robots that differ, changed or scatter, and of a few ordinary
+    ones for their type; each has a report of its own in robots/ROBOT/.
+
+    Example: idim-iv fleet diagnose s3://robots/2026 --config robots --out fleet
+    """
+    from idim_iv_ros.fleet.diagnose import diagnose_fleet
+
+    _run(diagnose_fleet, source, config, out, scheduler, workers, force, quiet, verbose)
+
+
+def _run(
+    function: FleetFunction,
+    source: str,
+    config: Path,
+    out: Path,
+    scheduler: str | None,
+    workers: int | None,
+    force: bool,
+    quiet: bool,
+    verbose: bool,
+) -> None:
+    from idim_iv_ros.cli.output import Output, report_warnings
+    from idim_iv_ros.files import FLEET, FLEET_PAGE
+    from idim_iv_ros.fleet.table import FILE, write_table
+    from idim_iv_ros.report import require_writable
+    from idim_iv_ros.report.write import write_fleet_report
+
+    output = Output(quiet=quiet)
+    with output.progress() as progress:
+        with require_writable(out, (FILE, FLEET, FLEET_PAGE), force=force):
+            found = function(
+                source, config, out, scheduler=scheduler, workers=workers, progress=progress
+            )
+            write_table(found.bags, out / FILE)
+        with report_warnings():
+            pages = _write_robots(found, out, config, force)
+            reports = {robot: page.relative_to(out).as_posix() for robot, page in pages.items()}
+            _, page = write_fleet_report(found.result, out, reports=reports, force=force)
+    _print(output, found, pages, verbose)
+    output.line(f"Numbers: {out / FLEET}; a row for each bag and parameter: {out / FILE}")
+    if page is not None:
+        output.line(f"Report: {page}")
+
+
+def _write_robots(found: Fleet, out: Path, config: Path, force: bool) -> dict[str, Path]:
+    """Reports of the robots that were diagnosed, by robot."""
+    from idim_iv_ros.report import write_gap_report
+
+    pages = {}
+    for each in found.diagnoses:
+        folder = out / "robots" / each.screened.robot
+        page: Path | None = folder / "report.html"
+        if each.gap is not None and each.fresh:
+            _, page = write_gap_report(each.gap, folder, force=force, config=config)
+        if page is not None and page.is_file():
+            pages[each.screened.robot] = page
+    return pages
+
+
+def _print(output: Output, found: Fleet, pages: dict[str, Path], verbose: bool) -> None:
+    from idim_iv_ros.cli.table import Column, print_table
+
+    used = [bag for bag in found.result.bags if bag.used]
+    left_out = [bag for bag in found.result.bags if not bag.used]
+    output.line(
+        f"{len(used):,} of {len(found.bags):,} bags used, {len(found.result.robots)} robots"
+    )
+    noticed = [robot for robot in found.result.robots if robot.attention != "none"]
+    if noticed:
+        print_table(
+            output.console,
+            "Robots that need attention, most urgent first",
+            [Column("robot"), Column("type"), Column("why"), Column("bags", right=True)],
+            [
+                [robot.robot, robot.type, _why(robot.reasons, verbose), str(robot.bags)]
+                for robot in noticed
+            ],
+            whole=verbose,
+            rest="--verbose prints all, and fleet.json has them",
+        )
+    else:
+        output.line("No robot differs from its type, and none has changed.")
+    for kind in found.result.types:
+        for sentence in (*kind.sentences, *kind.notes):
+            output.line(sentence)
+    for bag in left_out if verbose else left_out[:5]:
+        output.line(f"Not used: {bag.uri}: {bag.why_not}")
+    if len(left_out) > 5 and not verbose:
+        output.line(f"… and {len(left_out) - 5} more bags are not used; --verbose prints all")
+    for each in found.diagnoses:
+        if each.gap is None:
+            output.line(f"Not diagnosed: {each.screened.robot}: {each.reason}")
+        elif each.screened.robot in pages:
+            output.line(f"{each.screened.robot}: {pages[each.screened.robot]}")
+
+
+def _why(reasons: Sequence[str], verbose: bool) -> str:
+    """The strongest reason, or all of them."""
+    if verbose or len(reasons) < 2:
+        return "; ".join(reasons)
+    return f"{reasons[0]}; and {len(reasons) - 1} more"

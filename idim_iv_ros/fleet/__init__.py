@@ -1,0 +1,1 @@
+"""A fleet: many bags of many robots, one small result a bag, one answer for all."""

@@ -1,0 +1,191 @@
+"""Screen, then diagnose: the full diagnosis for the robots that the statistics name.
+
+Robots of a type are compared by R factors first. Only those that differ or changed are diagnosed,
+each from its newest bags together, and a few ordinary ones for what all of the type share.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from idim_iv_ros.diagnosis.diagnose import diagnose
+from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.errors import IdimError
+from idim_iv_ros.files import FilePath
+from idim_iv_ros.fleet.bag_result import BagResult, CauseSummary, GapSummary
+from idim_iv_ros.fleet.content import code_version, key_of
+from idim_iv_ros.fleet.fleet_result import fleet_result
+from idim_iv_ros.fleet.identify import Counted, Machines, identify_bags, machines_of
+from idim_iv_ros.fleet.remote import open_bag
+from idim_iv_ros.fleet.result import FleetResult, Screened
+from idim_iv_ros.fleet.robots import robots_of
+from idim_iv_ros.fleet.source import find_bags
+from idim_iv_ros.fleet.store import Store
+from idim_iv_ros.fleet.task import Robot
+from idim_iv_ros.progress import Progress, part_of
+
+DIAGNOSES = "diagnoses"  # folder of the diagnoses of robots, below the results of the fleet
+# Share of the progress that the identification of the bags takes.
+_IDENTIFIED = 0.5
+
+
+@dataclass(frozen=True)
+class RobotDiagnosis:
+    """The diagnosis of one robot of a fleet.
+
+    Attributes
+    ----------
+    screened : Screened
+        Which robot, from which bags, and why it was diagnosed.
+    gap : GapResult or None
+    reason : str
+        Why there is none.
+    fresh : bool
+        Whether it was made in this run: then it holds the series that a report draws.
+    """
+
+    screened: Screened
+    gap: GapResult | None
+    reason: str = ""
+    fresh: bool = False
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """Everything that was found of a fleet.
+
+    Attributes
+    ----------
+    bags : tuple of BagResult
+        In the order of the source.
+    result : FleetResult
+    diagnoses : tuple of RobotDiagnosis
+        In the order of `FleetResult.screen`; empty where none was asked for.
+    """
+
+    bags: tuple[BagResult, ...]
+    result: FleetResult
+    diagnoses: tuple[RobotDiagnosis, ...] = ()
+
+
+def identify_fleet(
+    source: str,
+    config: FilePath,
+    out: FilePath,
+    *,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Fleet:
+    """Identify every bag of a fleet, and say what they say together; see `identify_bags`."""
+    bags = identify_bags(
+        source, config, out, scheduler=scheduler, workers=workers, progress=progress
+    )
+    if progress is not None:
+        progress("comparing the robots", 1.0)
+    return Fleet(bags, fleet_result(bags))
+
+
+def diagnose_fleet(
+    source: str,
+    config: FilePath,
+    out: FilePath,
+    *,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Fleet:
+    """Identify every bag, then diagnose the robots that need it and some that stand for their type.
+
+    Parameters, errors: as `identify_bags`. What was diagnosed before is kept.
+    """
+    machines = machines_of(scheduler, workers)
+    identified = part_of(progress, 0.0, _IDENTIFIED)
+    found = identify_fleet(
+        source, config, out, scheduler=scheduler, workers=workers, progress=identified
+    )
+    _, robots = robots_of(find_bags(source), Path(config))
+    store = Store(Path(out) / DIAGNOSES, GapResult)
+    rest = part_of(progress, _IDENTIFIED, 1.0)
+    diagnoses = _diagnosed(found, robots, store, machines, rest)
+    bags = _with_summaries(found.bags, diagnoses)
+    return Fleet(bags, fleet_result(bags), diagnoses)
+
+
+def _diagnosed(
+    found: Fleet,
+    robots: Mapping[str, Robot],
+    store: Store[GapResult],
+    machines: Machines,
+    progress: Progress | None,
+) -> tuple[RobotDiagnosis, ...]:
+    contents = {bag.uri: bag.content for bag in found.bags}
+    screen = found.result.screen
+    keys = [
+        key_of(
+            "\n".join(contents[uri] for uri in each.bags),
+            robots[each.robot].digest,
+            code_version(),
+            "diagnose",
+        )
+        for each in screen
+    ]
+    diagnoses = [
+        RobotDiagnosis(each, store.get(key)) for each, key in zip(screen, keys, strict=True)
+    ]
+    waiting = [place for place, each in enumerate(diagnoses) if each.gap is None]
+    count = Counted("diagnosing", len(waiting), progress, 0.0, 1.0, of="robots")
+
+    def done(number: int, answer: GapResult | str | None, why: str) -> None:
+        place = waiting[number]
+        if isinstance(answer, GapResult):
+            store.put(keys[place], answer)
+            diagnoses[place] = RobotDiagnosis(screen[place], answer, fresh=True)
+        else:
+            diagnoses[place] = RobotDiagnosis(screen[place], None, answer or why)
+        count.one_more()
+
+    with count.said():
+        tasks = [(screen[place].bags, robots[screen[place].robot]) for place in waiting]
+        machines.run(diagnose_task, tasks, done)
+    return tuple(diagnoses)
+
+
+def diagnose_task(uris: Sequence[str], robot: Robot) -> GapResult | str:
+    """Diagnose bags of one robot together, on a worker; or why they cannot be.
+
+    The bags are read whole, those that are far away by their index.
+
+    Raises
+    ------
+    OSError
+        Their store does not answer: later it may.
+    """
+    try:
+        return diagnose([open_bag(uri) for uri in uris], robot.local())
+    except IdimError as error:
+        return str(error)
+
+
+def gap_summary(gap: GapResult) -> GapSummary:
+    """Return a diagnosis in short."""
+    causes = tuple(
+        CauseSummary(
+            cause.effect, cause.kind, cause.joint, cause.parameters, cause.torque_gap.shrinkage
+        )
+        for cause in gap.causes
+    )
+    return GapSummary(gap.verdict, causes, gap.summary)
+
+
+def _with_summaries(
+    bags: Sequence[BagResult], diagnoses: Sequence[RobotDiagnosis]
+) -> tuple[BagResult, ...]:
+    """Give every diagnosed bag the diagnosis of the bags that it was diagnosed with."""
+    summaries = {
+        uri: gap_summary(each.gap)
+        for each in diagnoses
+        if each.gap is not None
+        for uri in each.screened.bags
+    }
+    return tuple(replace(bag, diagnosis=summaries.get(bag.uri)) for bag in bags)

@@ -1,0 +1,325 @@
+"""What a fleet says: the document fleet.json, and what its page draws."""
+
+from dataclasses import dataclass, field
+from typing import ClassVar, Final, Literal
+
+from idim_iv_ros.documents import Document, Number
+from idim_iv_ros.fleet.bag_result import GapSummary, Status
+
+FLEET_FORMAT: Final = "idim_iv_ros/fleet/1"
+
+Attention = Literal["differs", "changed", "unsteady", "recordings", "none"]
+WhyDiagnose = Literal["differs", "changed", "unsteady", "typical"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetBag:
+    """One bag: whether it was used, and why not.
+
+    Attributes
+    ----------
+    used : bool
+    why_not : str
+        Empty where it was used.
+    """
+
+    uri: str
+    robot: str
+    type: str
+    time: str | None
+    status: Status
+    used: bool
+    why_not: str = ""
+    duration: Number = float("nan")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TypeQuantity:
+    """A base parameter, or the residual of a joint, over the robots of a type.
+
+    Residuals (`kind` residual) scatter by factors: `mean` is their geometric mean, and `sigma` and
+    `between_bags` are relative, 0.1 for a tenth.
+
+    Attributes
+    ----------
+    name, expression, unit : str
+    kind : str
+    robots : int
+        Behind the numbers.
+    left_out : tuple of str
+        Robots that differ in it.
+    mean, mean_low, mean_high : float
+        With its 95 % interval.
+    sigma, sigma_low, sigma_high : float
+        Standard deviation from robot to robot, with its 95 % interval.
+    next_low, next_high : float
+        95 % prediction interval of the next robot's true value.
+    between_bags : float
+        Standard deviation from bag to bag of a robot, beyond the noise of a bag; null where no
+        robot has two bags, and then it is part of `sigma`.
+    given : float
+        In the nominal model; null for residuals.
+    """
+
+    name: str
+    kind: Literal["parameter", "residual"]
+    expression: str
+    unit: str
+    robots: int
+    left_out: tuple[str, ...]
+    mean: Number
+    mean_low: Number
+    mean_high: Number
+    sigma: Number
+    sigma_low: Number
+    sigma_high: Number
+    next_low: Number
+    next_high: Number
+    between_bags: Number
+    given: Number
+
+
+@dataclass(frozen=True)
+class CommonCause:
+    """A cause that diagnoses named.
+
+    Attributes
+    ----------
+    effect, kind : str
+    joint : str or None
+    robots : tuple of str
+        Where it was found.
+    of_type : bool
+        Whether nearly all diagnosed robots that are ordinary for their type have it.
+    """
+
+    effect: str
+    kind: str
+    joint: str | None
+    robots: tuple[str, ...]
+    of_type: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetType:
+    """The robots of one type.
+
+    Attributes
+    ----------
+    robots : int
+        With usable bags.
+    bags : int
+        Used.
+    quantities : tuple of TypeQuantity
+    diagnosed : tuple of str
+        Robots with a diagnosis.
+    causes : tuple of CommonCause
+    notes : tuple of str
+        What could not be judged, and why.
+    sentences : tuple of str
+        What the diagnoses say together.
+    """
+
+    type: str
+    robots: int
+    bags: int
+    quantities: tuple[TypeQuantity, ...]
+    diagnosed: tuple[str, ...] = ()
+    causes: tuple[CommonCause, ...] = ()
+    notes: tuple[str, ...] = ()
+    sentences: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class AgreementTest:
+    """Whether one set of parameters holds for all bags of a robot (F-test from R factors).
+
+    Attributes
+    ----------
+    what : str
+        ``all parameters`` or a group of them.
+    p_value : float
+    beyond_type : bool
+        Whether a parameter of it differs from bag to bag more than in the other robots.
+    """
+
+    what: str
+    p_value: Number
+    beyond_type: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotQuantity:
+    """One quantity of one robot.
+
+    Attributes
+    ----------
+    name : str
+    value, low, high : float
+        All bags in one regression, with a 95 % interval that holds what bags differ by.
+    distance : float
+        From the other robots of the type, in standard deviations of that difference; where the
+        quantity changed over time, of its value before. Null where nothing says what is ordinary.
+    p_value : float
+        Of the null hypothesis that it is one of them.
+    differs : bool
+        At the fleet's false discovery rate.
+    changed : bool
+        Over time.
+    unsteady : bool
+        From bag to bag, more than in other robots.
+    """
+
+    name: str
+    value: Number
+    low: Number
+    high: Number
+    distance: Number
+    p_value: Number
+    differs: bool
+    changed: bool
+    unsteady: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterChange:
+    """A change of one quantity of one robot over time.
+
+    Attributes
+    ----------
+    name, unit : str
+    kind : str
+        ``step``, or ``ramp``: it begins after the bag before `begin` and goes on to the last bag.
+    p_value : float
+        The search over dates included.
+    begin : str
+        Time of the first bag that is changed, ISO 8601.
+    begin_low, begin_high : str
+        Between these bags, 95 %.
+    before, after : float
+        Level before, and at the last bag.
+    size, size_low, size_high : float
+        Of the change at the last bag; for residuals a factor.
+    times : tuple of str
+    values, stds, fitted : tuple of float
+        Of each bag; the deviations hold what bags of an unchanged robot differ by.
+    """
+
+    name: str
+    kind: Literal["step", "ramp"]
+    unit: str
+    p_value: Number
+    begin: str
+    begin_low: str
+    begin_high: str
+    before: Number
+    after: Number
+    size: Number
+    size_low: Number
+    size_high: Number
+    times: tuple[str, ...]
+    values: tuple[Number, ...]
+    stds: tuple[Number, ...]
+    fitted: tuple[Number, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetRobot:
+    """One robot.
+
+    Attributes
+    ----------
+    attention : str
+        The strongest reason to look at it: ``differs`` from its type, ``changed`` over time,
+        ``unsteady`` from bag to bag, ``recordings`` that cannot be used; or ``none``.
+    reasons : tuple of str
+        All of them in sentences.
+    bags : int
+        Used.
+    not_used : int
+    first, last : str or None
+        Times of the bags that were used.
+    p_value : float
+        Of the null hypothesis that it is one of its type.
+    change_p_value : float
+        Of the null hypothesis that nothing changed over time.
+    agreement : tuple of AgreementTest
+    quantities : tuple of RobotQuantity
+        In the order of its type's.
+    changes : tuple of ParameterChange
+    diagnosis : GapSummary or None
+        Of its last bag that was diagnosed.
+    """
+
+    robot: str
+    type: str
+    attention: Attention
+    reasons: tuple[str, ...]
+    bags: int
+    not_used: int
+    first: str | None
+    last: str | None
+    p_value: Number
+    change_p_value: Number
+    agreement: tuple[AgreementTest, ...]
+    quantities: tuple[RobotQuantity, ...]
+    changes: tuple[ParameterChange, ...]
+    diagnosis: GapSummary | None = None
+
+
+@dataclass(frozen=True)
+class Screened:
+    """A robot that deserves a diagnosis.
+
+    Attributes
+    ----------
+    robot, type : str
+    why : str
+        ``typical``: it stands for its type.
+    reason : str
+    bags : tuple of str
+        URIs to diagnose, newest first.
+    """
+
+    robot: str
+    type: str
+    why: WhyDiagnose
+    reason: str
+    bags: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetResult(Document):
+    """What the bags of a fleet say together: fleet.json.
+
+    Attributes
+    ----------
+    false_discoveries : float
+        Largest expected share of false ones among the robots that differ, and among those that
+        changed.
+    level : float
+        Of all intervals.
+    types : tuple of FleetType
+    robots : tuple of FleetRobot
+        What needs attention first.
+    bags : tuple of FleetBag
+        In the order in which they were given.
+    screen : tuple of Screened
+        What to diagnose.
+    limits : tuple of str
+        What R factors cannot show.
+    software : dict
+    """
+
+    what: ClassVar[str] = "the result of a fleet"
+    written_by: ClassVar[str] = "fleet"
+
+    format: Literal["idim_iv_ros/fleet/1"] = FLEET_FORMAT
+    false_discoveries: float
+    level: float
+    types: tuple[FleetType, ...]
+    robots: tuple[FleetRobot, ...]
+    bags: tuple[FleetBag, ...]
+    screen: tuple[Screened, ...]
+    limits: tuple[str, ...]
+    software: dict[str, str] = field(default_factory=dict)

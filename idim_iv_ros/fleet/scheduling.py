@@ -1,0 +1,138 @@
+"""Tasks on Dask: a cluster of this machine or any that runs already, a few tasks ahead."""
+
+import itertools
+import logging
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+from idim_iv_ros.errors import UsageError, one_line
+from idim_iv_ros.fleet.content import code_version
+from idim_iv_ros.fleet.remote import INSTALL
+from idim_iv_ros.interruption import undone_if_interrupted
+
+_WAIT = 60  # s for the first worker of a running scheduler
+# Tasks that wait at each thread: it is never idle, and what travels stays small.
+_AHEAD = 2
+# A task whose store did not answer is tried so often again; one whose worker died, by Dask itself.
+_RETRIES = 2
+# Nothing is said on a user's terminal but by this program, which reads all outcomes.
+_SETTINGS = {
+    "logging.distributed": "critical",
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.terminate": False,
+    "distributed.scheduler.allowed-failures": 3,
+}
+
+
+@contextmanager
+def connected(scheduler: str | None = None, workers: int | None = None) -> Iterator[Any]:
+    """Connect to a running scheduler, or start workers on this machine and end them again.
+
+    Raises
+    ------
+    UsageError
+        Dask is not installed, the scheduler does not answer or has no worker, or its workers run
+        another version of this program.
+    """
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise UsageError(INSTALL) from error
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    with dask.config.set(_SETTINGS), ExitStack() as stack:
+        if scheduler is None:
+            folder = tempfile.TemporaryDirectory(prefix="idim_iv_dask_", ignore_cleanup_errors=True)
+            stack.enter_context(folder)
+            stack.enter_context(undone_if_interrupted(folder.cleanup))
+            cluster = LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                dashboard_address=None,
+                local_directory=folder.name,
+                silence_logs=logging.CRITICAL,
+            )
+            yield stack.enter_context(Client(stack.enter_context(cluster)))
+            return
+        try:
+            client = stack.enter_context(Client(scheduler, timeout=f"{_WAIT} s"))
+        except Exception as error:
+            raise UsageError(f"--scheduler {scheduler}: {one_line(error)}") from error
+        _require_same_version(client, scheduler)
+        yield client
+
+
+def _require_same_version(client: Any, scheduler: str) -> None:
+    try:
+        client.wait_for_workers(1, timeout=_WAIT)
+    except TimeoutError as error:
+        raise UsageError(f"--scheduler {scheduler}: it has no worker after {_WAIT} s") from error
+    try:
+        versions = set(client.run(code_version).values())
+    except Exception as error:
+        raise UsageError(
+            f"--scheduler {scheduler}: its workers cannot run idim_iv_ros ({one_line(error)}); "
+            "install the same version there"
+        ) from error
+    if versions != {code_version()}:
+        listed = ", ".join(sorted(versions))
+        raise UsageError(
+            f"--scheduler {scheduler}: its workers run {listed}, this machine {code_version()}; "
+            "install the same version everywhere"
+        )
+
+
+def run_tasks(
+    client: Any,
+    function: Callable[..., Any],
+    arguments: Sequence[tuple[Any, ...]],
+    done: Callable[[int, Any, str], None],
+) -> None:
+    """Call a function once for each tuple of arguments, in no order.
+
+    Parameters
+    ----------
+    done
+        Called here with the place among the arguments, and what the function returned, or None and
+        why there is nothing.
+    """
+    from distributed import as_completed
+
+    waiting = iter(enumerate(arguments))
+    places: dict[str, int] = {}
+    finished = as_completed()
+
+    def submit(count: int) -> None:
+        for place, values in itertools.islice(waiting, count):
+            future = client.submit(function, *values, pure=False, retries=_RETRIES)
+            places[future.key] = place
+            finished.add(future)
+
+    submit(_ahead(client))
+    for future in finished:
+        place = places.pop(future.key)
+        if future.status == "finished":
+            done(place, future.result(), "")
+        else:
+            done(place, None, _why(future))
+        future.release()
+        # Workers may have come.
+        submit(max(1, _ahead(client) - len(places)))
+
+
+def _ahead(client: Any) -> int:
+    threads = int(sum(client.ncores().values()))
+    return max(1, _AHEAD * threads)
+
+
+def _why(future: Any) -> str:
+    from distributed import KilledWorker
+
+    error = future.exception() if future.status == "error" else None
+    if isinstance(error, KilledWorker):
+        return "its worker died each time (out of memory?)"
+    return "the task was cancelled" if error is None else one_line(error)

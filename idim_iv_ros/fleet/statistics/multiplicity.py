@@ -1,0 +1,66 @@
+"""Many tests at once: which robots, and then which of their quantities.
+
+Each robot has one p-value, that of Simes (Biometrika 73, 1986) over its quantities; robots are
+chosen by Benjamini and Hochberg (J. R. Statist. Soc. B 57, 1995). In a chosen robot, quantities are
+chosen at the level times the share of robots that were chosen, so that the false discovery rate
+averaged over chosen robots keeps its level (Benjamini and Bogomolov, J. R. Statist. Soc. B 76,
+2014).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.types import FloatArray
+
+FALSE_DISCOVERIES = 0.1  # at most, on average, of what is called different
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Which of many tests are called.
+
+    Attributes
+    ----------
+    p_values : (k,)
+        One a unit; NaN where nothing was tested.
+    units : (k,) bool
+    entries : (k, m) bool
+        Only in chosen units.
+    """
+
+    p_values: FloatArray
+    units: NDArray[np.bool_]
+    entries: NDArray[np.bool_]
+
+
+def choose(p_values: FloatArray, level: float = FALSE_DISCOVERIES) -> Chosen:
+    """Choose units and their entries from p-values (k, m); NaN where none was computed."""
+    units = np.array([_simes(row) for row in p_values]).reshape(len(p_values))
+    chosen = benjamini_hochberg(units, level)
+    entries = np.zeros(p_values.shape, dtype=bool)
+    tested = int(np.sum(np.isfinite(units)))
+    within = level * float(chosen.sum()) / max(tested, 1)
+    for unit in np.flatnonzero(chosen):
+        entries[unit] = benjamini_hochberg(p_values[unit], within)
+    return Chosen(units, chosen, entries)
+
+
+def benjamini_hochberg(p_values: FloatArray, level: float) -> NDArray[np.bool_]:
+    """Which null hypotheses are rejected, (k,); NaN never is."""
+    from statsmodels.stats.multitest import multipletests
+
+    known = np.isfinite(p_values)
+    rejected = np.zeros(len(p_values), dtype=bool)
+    if known.any():
+        rejected[known] = multipletests(p_values[known], level, method="fdr_bh")[0]
+    return rejected
+
+
+def _simes(p_values: FloatArray) -> float:
+    ordered = np.sort(p_values[np.isfinite(p_values)])
+    if not len(ordered):
+        return float("nan")
+    ranks = np.arange(1, len(ordered) + 1)
+    return float(min(1.0, np.min(ordered * len(ordered) / ranks)))

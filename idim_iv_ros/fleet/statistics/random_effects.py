@@ -1,0 +1,214 @@
+"""Random effects: units whose true values scatter, each estimated with a known variance.
+
+y_i = μ + u_i + e_i with u_i of variance τ² (between units) and e_i of variance v_i (known). The
+generalised statistic Q(τ²) = Σ (y_i − μ̂(τ²))² / (v_i + τ²) falls with τ² and follows χ² with k − 1
+degrees of freedom at the true one (DerSimonian and Kacker, Contemp. Clin. Trials 28, 2007):
+
+- Q = k − 1 gives the estimate of Paule and Mandel (J. Res. NBS 87, 1982);
+- Q = quantiles of χ² give an interval (Viechtbauer, Statist. Med. 26, 2007: Q-profile);
+- the median over many groups of P(χ² < Q) being one half gives a τ² common to them that groups
+  which differ do not move.
+
+Columns are separate problems; NaN is a unit that has no estimate there.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from idim_iv_ros.types import FloatArray
+
+LEVEL = 0.95  # of every interval
+_NEWTON = 60
+_HALVINGS = 90
+_CLOSE = 1e-12
+
+
+@dataclass(frozen=True)
+class TypeEstimate:
+    """One quantity of the robots of a type.
+
+    Attributes
+    ----------
+    units : int
+        Robots behind it.
+    mean, mean_low, mean_high : float
+        Hartung-Knapp interval.
+    sigma, sigma_low, sigma_high : float
+        Standard deviation from robot to robot, Q-profile interval.
+    next_low, next_high : float
+        Where the true value of the next robot lies (Higgins, Thompson and Spiegelhalter, J. R.
+        Statist. Soc. A 172, 2009); NaN below three robots.
+    """
+
+    units: int
+    mean: float
+    mean_low: float
+    mean_high: float
+    sigma: float
+    sigma_low: float
+    sigma_high: float
+    next_low: float
+    next_high: float
+
+
+def generalised_q(
+    values: FloatArray, variances: FloatArray, between: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Q (m,), the weighted mean (m,) and its variance (m,) at τ² = `between` (m,).
+
+    Parameters
+    ----------
+    values, variances : (k, m)
+        NaN where a unit has none.
+    """
+    known = np.isfinite(values) & np.isfinite(variances)
+    weights = np.where(known, 1.0 / (np.where(known, variances, 1.0) + between), 0.0)
+    filled = np.where(known, values, 0.0)
+    total = weights.sum(axis=0)
+    safe = np.where(total > 0.0, total, 1.0)
+    mean = (weights * filled).sum(axis=0) / safe
+    q = (weights * (filled - mean) ** 2).sum(axis=0)
+    return q, np.where(total > 0.0, mean, np.nan), np.where(total > 0.0, 1.0 / safe, np.nan)
+
+
+def between_variance(
+    values: FloatArray, variances: FloatArray, target: FloatArray | None = None
+) -> FloatArray:
+    """τ² (m,) at which Q is `target`, zero where it is below that already.
+
+    Parameters
+    ----------
+    values, variances : (k, m)
+    target : (m,), optional
+        k − 1 of each column if left out: the estimate of Paule and Mandel.
+    """
+    known = np.isfinite(values) & np.isfinite(variances)
+    count = known.sum(axis=0)
+    wanted = np.asarray(count - 1.0 if target is None else target, dtype=float)
+    found = np.zeros(values.shape[1])
+    open_columns = np.flatnonzero((count > 1) & (wanted > 0.0))
+    filled = np.where(known, values, 0.0)[:, open_columns]
+    own = np.where(known, variances, np.inf)[:, open_columns]
+    wanted = wanted[open_columns]
+    tau = np.zeros(len(open_columns))
+    # Q is convex and falls: Newton's step from below the root never passes it, one from above
+    # lands below or at zero, from where it starts again.
+    for step in range(_NEWTON):
+        weights = 1.0 / (own + tau)
+        total = weights.sum(axis=0)
+        rest = filled - (weights * filled).sum(axis=0) / total
+        q = (weights * rest**2).sum(axis=0)
+        slope = (weights**2 * rest**2).sum(axis=0)
+        change = np.where(slope > 0.0, (q - wanted) / np.where(slope > 0.0, slope, 1.0), 0.0)
+        tau = np.maximum(tau + change, 0.0)
+        if step and np.all(np.abs(change) <= _CLOSE * (tau + np.abs(change)) + 1e-300):
+            break
+        if np.all((tau == 0.0) & (q <= wanted)):
+            break
+    found[open_columns] = tau
+    return found
+
+
+def common_between_variance(groups: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
+    """τ² (m,) within groups, common to them: the median of P(χ² < Q) over groups is one half.
+
+    Groups that scatter more than the others, by a drift or a fault, do not move it as long as they
+    are fewer than half.
+
+    Parameters
+    ----------
+    groups : list of (values, variances), (k_g, m) each
+        Those with fewer than two units in a column say nothing about it.
+
+    Returns
+    -------
+    (m,)
+        NaN where no group has two units.
+    """
+    columns = groups[0][0].shape[1] if groups else 0
+    counts = np.array([np.isfinite(v + s).sum(axis=0) for v, s in groups]).reshape(-1, columns)
+    told = counts > 1
+
+    def median(between: FloatArray) -> FloatArray:
+        q = np.array([generalised_q(v, s, between)[0] for v, s in groups])
+        below = scipy.stats.chi2.cdf(q, np.maximum(counts - 1, 1))
+        return np.asarray(np.nanmedian(np.where(told, below, np.nan), axis=0))
+
+    result = np.full(columns, np.nan)
+    usable = told.any(axis=0)
+    if not usable.any():
+        return result
+    groups = [(values[:, usable], variances[:, usable]) for values, variances in groups]
+    told, counts = told[:, usable], counts[:, usable]
+    spread = np.nanmax(
+        [np.nan_to_num(np.nanmax(v, axis=0) - np.nanmin(v, axis=0)) for v, _ in groups], axis=0
+    )
+    low, high = np.zeros(len(spread)), np.maximum(spread, 1e-300) ** 2 * 1e3
+    at_zero = median(low) <= 0.5
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        above = median(middle) > 0.5
+        low, high = np.where(above, middle, low), np.where(above, high, middle)
+    result[usable] = np.where(at_zero, 0.0, 0.5 * (low + high))
+    return result
+
+
+def between_interval(values: FloatArray, variances: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Ends (m,), (m,) of the Q-profile interval of τ²."""
+    known = np.isfinite(values) & np.isfinite(variances)
+    dof = np.maximum(known.sum(axis=0) - 1, 1)
+    tail = 0.5 * (1.0 - LEVEL)
+    low = between_variance(values, variances, scipy.stats.chi2.isf(tail, dof))
+    high = between_variance(values, variances, scipy.stats.chi2.ppf(tail, dof))
+    return low, high
+
+
+def type_estimate(values: FloatArray, variances: FloatArray) -> TypeEstimate | None:
+    """Mean, scatter and prediction interval of one quantity; None below two units.
+
+    The mean is that of statsmodels with the variance of Paule and Mandel; its interval is that of
+    Hartung and Knapp (Statist. Med. 20, 2001), never narrower than the estimates' own variances
+    allow (Röver, Knapp and Friede, BMC Med. Res. Methodol. 15, 2015).
+
+    Parameters
+    ----------
+    values, variances : (k,)
+        NaN where a unit has none.
+    """
+    from statsmodels.stats.meta_analysis import combine_effects
+
+    known = np.isfinite(values) & np.isfinite(variances)
+    values, variances = values[known], variances[known]
+    count = len(values)
+    if count < 2:
+        return None
+    # The iteration of statsmodels has a fixed tolerance: on a scale of one it is a fine one.
+    scale = float(np.std(values, ddof=1)) or float(np.sqrt(np.mean(variances))) or 1.0
+    centre = float(np.median(values))
+    fit = combine_effects(
+        (values - centre) / scale, np.maximum(variances, 1e-300) / scale**2, method_re="iterated"
+    )
+    mean = centre + scale * float(fit.mean_effect_re)
+    variance = scale**2 * max(
+        float(fit.var_hksj_re), float(fit.var_eff_w_re) if fit.tau2 <= 0.0 else 0.0
+    )
+    sigma2 = scale**2 * max(float(fit.tau2), 0.0)
+    half = float(scipy.stats.t.isf(0.5 * (1.0 - LEVEL), count - 1)) * np.sqrt(variance)
+    low, high = between_interval(values[:, None], variances[:, None])
+    ahead = np.nan
+    if count > 2:
+        quantile = float(scipy.stats.t.isf(0.5 * (1.0 - LEVEL), count - 2))
+        ahead = quantile * float(np.sqrt(sigma2 + variance))
+    return TypeEstimate(
+        units=count,
+        mean=mean,
+        mean_low=mean - half,
+        mean_high=mean + half,
+        sigma=float(np.sqrt(sigma2)),
+        sigma_low=float(np.sqrt(low[0])),
+        sigma_high=float(np.sqrt(high[0])),
+        next_low=mean - ahead,
+        next_high=mean + ahead,
+    )

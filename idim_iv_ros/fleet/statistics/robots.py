@@ -1,0 +1,146 @@
+"""One estimate a robot: all its bags together, with what bags differ by from day to day."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from idim_iv_ros.fleet.statistics.over_time import OverTime
+from idim_iv_ros.fleet.statistics.quantities import RobotBags, TypeBags
+from idim_iv_ros.fleet.statistics.random_effects import (
+    LEVEL,
+    between_variance,
+    common_between_variance,
+    generalised_q,
+)
+from idim_iv_ros.fleet.statistics.stacking import regression, shares, stacked
+from idim_iv_ros.types import FloatArray
+
+# Probability that any quantity of any robot of a type is called unsteady although it is not.
+UNSTEADY_LEVEL = 0.01
+_FEWEST_UNSTEADY = 3  # bags
+
+
+@dataclass(frozen=True)
+class BetweenBags:
+    """What bags of one robot differ by beyond their noise.
+
+    Attributes
+    ----------
+    variance : (m,)
+        Common to the robots of the type; NaN where no robot has two bags.
+    dof : (m,)
+        Bags less robots behind it.
+    """
+
+    variance: FloatArray
+    dof: FloatArray
+
+
+@dataclass(frozen=True)
+class RobotEstimate:
+    """All bags of a robot together.
+
+    Attributes
+    ----------
+    values, variances : (m,)
+        Of all bags in one regression; the mean logarithm for residuals. NaN where the bags
+        together do not show a parameter.
+    unsteady : (m,) bool
+        The bags differ more than those of the other robots do.
+    between : (m,)
+        Variance between its bags that entered.
+    half : (m,)
+        Half of the 95 % interval.
+    ordinary_values, ordinary_variances : (m,)
+        The same for a comparison with other robots: what changed over time as it was before.
+    """
+
+    values: FloatArray
+    variances: FloatArray
+    unsteady: NDArray[np.bool_]
+    between: FloatArray
+    half: FloatArray
+    ordinary_values: FloatArray
+    ordinary_variances: FloatArray
+
+
+def between_bags(group: TypeBags) -> BetweenBags:
+    """Variance between bags that is common to the robots of a type."""
+    pairs = [(robot.values, robot.variances) for robot in group.robots]
+    counts = np.array([np.isfinite(v + s).sum(axis=0) for v, s in pairs])
+    dof = np.maximum(counts - 1, 0).sum(axis=0).astype(float)
+    return BetweenBags(common_between_variance(pairs), dof)
+
+
+def robot_estimates(
+    group: TypeBags, common: BetweenBags, changes: Sequence[OverTime]
+) -> list[RobotEstimate]:
+    """Estimate each robot of a type.
+
+    Parameters
+    ----------
+    changes
+        Of each robot: a quantity that changed is not called unsteady beside.
+    """
+    tests = sum(robot.values.shape[1] for robot in group.robots if len(robot.bags) > 1)
+    alpha = UNSTEADY_LEVEL / max(tests, 1)
+    return [
+        _estimate(robot, group.parameters, common, over_time, alpha)
+        for robot, over_time in zip(group.robots, changes, strict=True)
+    ]
+
+
+def _estimate(
+    robot: RobotBags, parameters: int, common: BetweenBags, over_time: OverTime, alpha: float
+) -> RobotEstimate:
+    between = np.nan_to_num(common.variance)
+    count = np.isfinite(robot.values + robot.variances).sum(axis=0)
+    q, mean, _ = generalised_q(robot.values, robot.variances, between)
+    surprise = scipy.stats.chi2.sf(q, np.maximum(count - 1, 1))
+    unsteady = (count >= _FEWEST_UNSTEADY) & (surprise < alpha) & ~over_time.changed
+    own = between_variance(robot.values, robot.variances)
+    apart = unsteady | over_time.changed
+    between = np.where(apart, np.maximum(own, between), between)
+    dof = np.where(apart, count - 1, np.maximum(common.dof, 1))
+    values, variances = np.full((2, robot.values.shape[1]), np.nan)
+    values[:parameters], variances[:parameters] = _together(robot, between[:parameters])
+    residuals = slice(parameters, None)
+    _, mean, variance = generalised_q(
+        robot.values[:, residuals], robot.variances[:, residuals], between[residuals]
+    )
+    values[residuals], variances[residuals] = mean, variance
+    ordinary_values, ordinary_variances = values.copy(), variances.copy()
+    for column in np.flatnonzero(over_time.changed):
+        change = over_time.series[column].change
+        assert change is not None
+        ordinary_values[column] = change.before
+        ordinary_variances[column] = change.before_std**2
+    half = scipy.stats.t.isf(0.5 * (1.0 - LEVEL), dof) * np.sqrt(variances)
+    return RobotEstimate(
+        values, variances, unsteady, between, half, ordinary_values, ordinary_variances
+    )
+
+
+def _together(robot: RobotBags, between: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Estimate of all rows (p,), and its variances with those between bags in them.
+
+    β̂ = Σ W_r β̂_r, so that bags which differ with covariance T add Σ W_r T W_rᵀ to what the noise
+    of the rows leaves.
+    """
+    factors = [bag.r_factor for bag in robot.bags]
+    rows = sum(bag.rows for bag in robot.bags)
+    whole = regression(stacked(factors), rows)
+    width = len(whole.values)
+    if not whole.complete:
+        return np.full(width, np.nan), np.full(width, np.nan)
+    # The noise of the rows: what one set of parameters leaves holds the bags' differences too.
+    own = [fit for fit in robot.fits if fit.dof > 0]
+    noise = sum(fit.squares for fit in own) / max(sum(fit.dof for fit in own), 1)
+    scale = noise / (whole.squares / whole.dof) if whole.squares > 0.0 else 1.0
+    variances = scale * np.diag(whole.covariance)
+    for share in shares(factors):
+        variances = variances + share**2 @ between
+    return whole.values, variances

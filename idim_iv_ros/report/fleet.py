@@ -1,0 +1,279 @@
+"""The page of a fleet: what needs attention, what the robots of a type share, what changed."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from markupsafe import Markup
+
+from idim_iv_ros.files import GENERATOR
+from idim_iv_ros.fleet.result import FleetResult, FleetRobot, FleetType, TypeQuantity
+from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, SHADE, Mark
+from idim_iv_ros.report.fleet_figures import change_figure, distribution_figure
+from idim_iv_ros.report.numerals import MISSING, THIN, beside, count, number, p_value, sentence
+from idim_iv_ros.report.page import environment, page_parts
+
+_BADGES = {
+    "differs": ("bad", "▲", "differs"),
+    "changed": ("bad", "↗", "changed"),
+    "unsteady": ("fair", "≈", "unsteady"),
+    "recordings": ("open", "?", "recordings"),
+    "none": ("good", "✓", "ordinary"),
+}
+_MOST_CHANGES = 60  # drawn; the others are in the table
+
+
+def fleet_html(result: FleetResult, reports: Mapping[str, str] | None = None) -> str:
+    """Return the report of a fleet as one self-contained HTML document.
+
+    Parameters
+    ----------
+    result : FleetResult
+        What `fleet_result` found.
+    reports : mapping of str to str, optional
+        Address of each robot's own report, relative to the page, by the name of the robot.
+    """
+    templates = environment()
+    parts = [
+        (
+            "attention",
+            "What needs attention",
+            "fleet_attention.html.j2",
+            _attention(result, reports),
+        ),
+        ("types", "Parameters of each type", "fleet_types.html.j2", _types(result)),
+        ("changes", "Changes over time", "fleet_changes.html.j2", _changes(result)),
+        ("diagnoses", "What to diagnose", "fleet_diagnoses.html.j2", _diagnoses(result)),
+        ("bags", "Bags that were not used", "fleet_bags.html.j2", _bags(result)),
+        ("limits", "What the numbers mean", "fleet_limits.html.j2", _limits(result)),
+    ]
+    return templates.get_template("page.html.j2").render(
+        generator=Markup(GENERATOR),
+        robot="Fleet",
+        subject=_subject(result),
+        subtitle=_subtitle(result),
+        links=[(anchor, title) for anchor, title, _, _ in parts],
+        sections=[
+            Markup(templates.get_template(template).render(anchor=anchor, title=title, **shown))
+            for anchor, title, template, shown in parts
+        ],
+        **page_parts(),
+    )  # fmt: skip
+
+
+def _subject(result: FleetResult) -> str:
+    return f"{_plural(len(result.robots), 'robot')}, {_plural(len(result.bags), 'bag')}"
+
+
+def _subtitle(result: FleetResult) -> str:
+    seconds = sum(bag.duration for bag in result.bags if bag.used and math.isfinite(bag.duration))
+    times = sorted(bag.time for bag in result.bags if bag.used and bag.time)
+    span = f", recorded {times[0][:10]} to {times[-1][:10]}" if times else ""
+    hours = (
+        f"{number(seconds / 3600.0)}{THIN}h" if seconds >= 3600.0 else f"{number(seconds)}{THIN}s"
+    )
+    return f"{_plural(len(result.types), 'type')} of robots, {hours} of recording{span}"
+
+
+def _attention(result: FleetResult, reports: Mapping[str, str] | None) -> dict[str, Any]:
+    def of(kind: str) -> int:
+        return sum(robot.attention == kind for robot in result.robots)
+
+    differs = sum(any(q.differs for q in robot.quantities) for robot in result.robots)
+    changed = sum(bool(robot.changes) for robot in result.robots)
+    unused = sum(not bag.used for bag in result.bags)
+    corrupt = sum(bag.status == "corrupt" for bag in result.bags)
+    rows = [_row(robot, reports or {}) for robot in result.robots]
+    urgent = [
+        row for row, robot in zip(rows, result.robots, strict=True) if robot.attention != "none"
+    ]
+    rest = [
+        row for row, robot in zip(rows, result.robots, strict=True) if robot.attention == "none"
+    ]
+    return {
+        "kind": "bad" if differs or changed else "good",
+        "headline": headline(result),
+        "tiles": [
+            ("Robots", count(len(result.robots)), f"{of('none')} ordinary"),
+            ("Differ from their type", count(differs), "in a parameter or a residual"),
+            ("Changed over time", count(changed), "a step or a ramp"),
+            ("Unsteady from bag to bag", count(of("unsteady")), "more than the others"),
+            ("Bags used", count(len(result.bags) - unused), f"of {count(len(result.bags))}"),
+            ("Bags not used", count(unused), f"{corrupt} corrupt"),
+        ],
+        "share": f"{100.0 * result.false_discoveries:g}{THIN}%",
+        "urgent": urgent,
+        "rest": rest,
+    }
+
+
+def headline(result: FleetResult) -> str:
+    """Say in one sentence how the fleet is."""
+    differs = [robot.robot for robot in result.robots if any(q.differs for q in robot.quantities)]
+    changed = [robot.robot for robot in result.robots if robot.changes]
+    judged = [robot for robot in result.robots if robot.quantities]
+    if not judged:
+        return "No bag of this fleet could be used."
+    parts = []
+    if differs:
+        parts.append(f"{_plural(len(differs), 'robot')} {_verb(differs, 'differ')} from the type "
+                     f"({_names(differs)})")  # fmt: skip
+    if changed:
+        parts.append(f"{_plural(len(changed), 'robot')} changed over time ({_names(changed)})")
+    if not parts:
+        if all(not math.isfinite(robot.p_value) for robot in judged):
+            return "There are too few robots of each type to say whether one differs."
+        return "No robot differs from its type, and none changed over time, beyond chance."
+    return f"{'; '.join(parts)}."
+
+
+def _row(robot: FleetRobot, reports: Mapping[str, str]) -> dict[str, Any]:
+    return {
+        "robot": robot.robot,
+        "href": reports.get(robot.robot, ""),
+        "type": robot.type,
+        "badge": _BADGES[robot.attention],
+        "reasons": [sentence(each, (robot.robot, *_quantities(robot))) for each in robot.reasons],
+        "bags": f"{robot.bags} of {robot.bags + robot.not_used}",
+        "first": robot.first[:10] if robot.first else MISSING,
+        "last": robot.last[:10] if robot.last else "",
+        "p_type": p_value(robot.p_value),
+        "p_change": p_value(robot.change_p_value),
+    }
+
+
+def _quantities(robot: FleetRobot) -> tuple[str, ...]:
+    return tuple(each.name for each in robot.quantities if each.name[:1].islower())
+
+
+def _types(result: FleetResult) -> dict[str, Any]:
+    return {
+        "types": [
+            {
+                "type": each.type,
+                "robots": _plural(each.robots, "robot"),
+                "bags": _plural(each.bags, "bag"),
+                "notes": [sentence(note) for note in each.notes],
+                "rows": [_quantity_row(quantity) for quantity in each.quantities],
+                "figure": distribution_figure(each, _of_type(result, each), place),
+            }
+            for place, each in enumerate(result.types)
+        ],
+        "legend": [
+            Mark("sign diamond", BLUE, "a robot"),
+            Mark("sign diamond", ORANGE, "a robot that differs"),
+            Mark("band", SHADE, "95 % prediction interval of the next robot"),
+            Mark("line", GREY, "95 % interval of the mean"),
+        ],
+    }
+
+
+def _of_type(result: FleetResult, each: FleetType) -> list[FleetRobot]:
+    return [robot for robot in result.robots if robot.type == each.type and robot.quantities]
+
+
+def _quantity_row(quantity: TypeQuantity) -> list[str]:
+    sigma = quantity.sigma
+    if quantity.kind == "residual":
+        scatter = [f"{number(100.0 * each, 2)}{THIN}%" if math.isfinite(each) else MISSING
+                   for each in (sigma, quantity.between_bags)]  # fmt: skip
+        ends = (100.0 * quantity.sigma_low, 100.0 * quantity.sigma_high)
+    else:
+        scatter = [number(each, 2) for each in (sigma, quantity.between_bags)]
+        ends = (quantity.sigma_low, quantity.sigma_high)
+    half = 0.5 * (quantity.mean_high - quantity.mean_low) / 1.96
+    return [
+        quantity.name,
+        quantity.unit,
+        str(quantity.robots),
+        beside(quantity.mean, half),
+        _interval(beside(quantity.mean_low, half), beside(quantity.mean_high, half)),
+        scatter[0],
+        _interval(number(ends[0], 2), number(ends[1], 2)),
+        _interval(number(quantity.next_low, 3), number(quantity.next_high, 3)),
+        scatter[1],
+        beside(quantity.given, half),
+        ", ".join(quantity.left_out),
+    ]
+
+
+def _interval(low: str, high: str) -> str:
+    return MISSING if MISSING in (low, high) else f"{low} … {high}"
+
+
+def _changes(result: FleetResult) -> dict[str, Any]:
+    found = [(robot, change) for robot in result.robots for change in robot.changes]
+    judged = any(math.isfinite(robot.change_p_value) for robot in result.robots)
+    return {
+        "judged": judged,
+        "plots": [
+            (
+                robot.robot,
+                f"{change.name}, {change.unit}",
+                p_value(change.p_value),
+                change_figure(change, f"change-{place}"),
+            )
+            for place, (robot, change) in enumerate(found[:_MOST_CHANGES])
+        ],
+        "not_drawn": max(len(found) - _MOST_CHANGES, 0),
+        "layout": "two" if len(found) > 1 else "one",
+        "legend": [
+            Mark("sign diamond", BLUE, "a bag, ± 95 % with what bags differ by"),
+            Mark("line", ORANGE, "what was found"),
+            Mark("band", SHADE, "95 % interval of the date at which it began"),
+        ],
+    }
+
+
+def _diagnoses(result: FleetResult) -> dict[str, Any]:
+    return {
+        "sentences": [
+            sentence(words, _robots(result)) for each in result.types for words in each.sentences
+        ],
+        "rows": [
+            [each.robot, each.type, "stands for its type" if each.why == "typical" else each.reason]
+            for each in result.screen
+        ],
+    }
+
+
+def _robots(result: FleetResult) -> tuple[str, ...]:
+    """Names that begin a sentence as they are written."""
+    return (*(robot.robot for robot in result.robots), *(each.type for each in result.types))
+
+
+def _bags(result: FleetResult) -> dict[str, Any]:
+    return {
+        "rows": [
+            [
+                bag.uri,
+                bag.robot,
+                bag.time or MISSING,
+                "left out" if bag.status == "ok" else bag.status,
+                sentence(bag.why_not, (bag.uri,)),
+            ]
+            for bag in result.bags
+            if not bag.used
+        ]
+    }
+
+
+def _limits(result: FleetResult) -> dict[str, Any]:
+    return {
+        "limits": result.limits,
+        "share": f"{100.0 * result.false_discoveries:g}{THIN}%",
+        "software": " ".join(f"{name} {text}" for name, text in result.software.items()),
+    }
+
+
+def _plural(number_of: int, what: str) -> str:
+    return f"{count(number_of)} {what}{'' if number_of == 1 else 's'}"
+
+
+def _verb(names: Sequence[str], verb: str) -> str:
+    return f"{verb}s" if len(names) == 1 else verb
+
+
+def _names(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:6])
+    return shown if len(names) <= 6 else f"{shown} and {len(names) - 6} more"

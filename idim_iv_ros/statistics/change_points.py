@@ -1,0 +1,189 @@
+"""What changed in a series of estimates, when, and by how much: no change, a step, or a ramp.
+
+y_k = μ + δ s_k(c) + e_k with s a step from place c on, or a ramp that begins at the one before, and
+e_k independent with variances proportional to those given: estimates of recordings, in the order of
+time, with what recordings of an unchanged robot differ by included. The factor of proportion is
+estimated, so that a robot which scatters more than its variances say is not called changed.
+
+The place is searched, so the largest F of all places is judged by its own distribution under no
+change: simulated, and where it lies beyond what simulation resolves, bounded by the sum over places
+(Bonferroni).
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final, Literal
+
+import numpy as np
+import scipy
+
+from idim_iv_ros.types import FloatArray, IntArray
+
+Kind = Literal["step", "ramp"]
+
+LEAST = 5  # values below which nothing is judged
+_EACH_SIDE = 2  # values on each side of a step, and on a ramp: one odd value is no change
+_MOST_PLACES = 150  # more are thinned evenly
+_DRAWS: Final = 9999
+_FIRST_DRAWS: Final = 999  # that suffice where the change is no surprise
+_NO_SURPRISE = 20  # of these draws with a larger one
+_WORTH_DRAWING = 0.1  # the p-value of the best place alone above which the bound suffices
+_SEED = 1
+# 95 % of the likelihood ratio at the place of a step (Hansen, Econometrica 68, 2000, table I); a
+# ramp's begin is an ordinary parameter, χ² with one degree of freedom.
+_LARGEST_RATIO = {"step": 7.35, "ramp": 3.84}
+_LEVEL = 0.95
+
+
+@dataclass(frozen=True)
+class Change:
+    """The best supported change of a series, believed or not.
+
+    Attributes
+    ----------
+    kind : str
+    p_value : float
+        Of the null hypothesis that nothing changed, the search over kinds and places included.
+    place : int
+        First value that is changed, from 0.
+    place_low, place_high : int
+        95 % interval of `place`.
+    before, before_std : float
+        Level before the change.
+    size, size_low, size_high : float
+        Change at the last value, with an interval that holds it for every place in question.
+    fitted : (k,)
+    """
+
+    kind: Kind
+    p_value: float
+    place: int
+    place_low: int
+    place_high: int
+    before: float
+    before_std: float
+    size: float
+    size_low: float
+    size_high: float
+    fitted: FloatArray
+
+
+def change_of(values: FloatArray, variances: FloatArray, times: FloatArray) -> Change | None:
+    """Search a series for a change.
+
+    Parameters
+    ----------
+    values, variances : (k,)
+        Variances matter up to a common factor.
+    times : (k,)
+        Increasing.
+
+    Returns
+    -------
+    Change or None
+        None where there are fewer than five values, or all are equal.
+    """
+    count = len(values)
+    if count < LEAST:
+        return None
+    roots = 1.0 / np.sqrt(variances)
+    # A common factor of the variances cancels; without it numbers stay near one.
+    roots = roots / np.sqrt(np.mean(roots**2))
+    mean = roots / np.linalg.norm(roots)
+    kinds, places, shapes = _candidates(times)
+    whole = float(times[-1] - times[0])
+    if not len(shapes) or whole <= 0.0:
+        return None
+    directions = roots * shapes
+    directions = directions - np.outer(directions @ mean, mean)
+    norms = np.linalg.norm(directions, axis=1)
+    directions = directions / norms[:, None]
+    target = roots * (values - np.mean(values))
+    target = target - (target @ mean) * mean
+    energy = float(target @ target)
+    if energy <= 1e-28 * float(np.sum((roots * values) ** 2)) + 1e-300:
+        return None
+    along = directions @ target
+    gains = along**2
+    best = int(np.argmax(gains))
+    kind, dof = kinds[best], count - 2
+    rests = np.maximum(energy - gains, 0.0)
+    possible = np.flatnonzero(
+        (np.array(kinds) == kind)
+        & (rests - rests[best] <= _LARGEST_RATIO[kind] * rests[best] / dof + 1e-12 * energy)
+    )
+    sizes = along / norms
+    half = float(scipy.stats.t.isf(0.5 * (1.0 - _LEVEL), dof)) * np.sqrt(rests / dof) / norms
+    before, before_std = _level_before(values - sizes[best] * shapes[best], roots, shapes[best])
+    return Change(
+        kind=kind,
+        p_value=_p_value(float(gains[best]) / energy, directions, mean),
+        place=int(places[best]),
+        place_low=int(places[possible].min()),
+        place_high=int(places[possible].max()),
+        before=before,
+        before_std=before_std,
+        size=float(sizes[best]),
+        size_low=float(np.min(sizes[possible] - half[possible])),
+        size_high=float(np.max(sizes[possible] + half[possible])),
+        fitted=before + sizes[best] * shapes[best],
+    )
+
+
+def _level_before(
+    unchanged: FloatArray, roots: FloatArray, shape: FloatArray
+) -> tuple[float, float]:
+    """Level of the series without its change, and its deviation with the change free."""
+    weights = roots**2 / np.sum(roots**2)
+    level = float(weights @ unchanged)
+    squares = float(np.sum((roots * (unchanged - level)) ** 2))
+    variance = squares / (len(unchanged) - 2) / np.sum(roots**2)
+    # The level and the change are estimated together: variance of the first of the two.
+    mean, second = float(weights @ shape), float(weights @ shape**2)
+    return level, float(np.sqrt(variance * second / (second - mean**2)))
+
+
+def _candidates(times: FloatArray) -> tuple[list[Kind], IntArray, FloatArray]:
+    """Kind, first changed value and shape (c, k) of each candidate."""
+    count = len(times)
+    steps = _thinned(np.arange(_EACH_SIDE, count - _EACH_SIDE + 1))
+    ramps = _thinned(np.arange(1, count - _EACH_SIDE + 1))
+    index = np.arange(count)
+    shapes = [(index >= place).astype(float) for place in steps]
+    shapes += [np.maximum(times - times[place - 1], 0.0) for place in ramps]
+    shapes = [shape / max(float(shape[-1]), 1e-300) for shape in shapes]
+    kinds: list[Kind] = [*(["step"] * len(steps)), *(["ramp"] * len(ramps))]  # type: ignore[list-item]
+    return kinds, np.concatenate([steps, ramps]), np.array(shapes)
+
+
+def _thinned(places: IntArray) -> IntArray:
+    return places[:: -(-len(places) // _MOST_PLACES)] if len(places) else places
+
+
+@lru_cache(maxsize=8)
+def _draws(count: int) -> FloatArray:
+    return np.random.default_rng([_SEED, count]).standard_normal((_DRAWS, count))
+
+
+def _p_value(ratio: float, directions: FloatArray, mean: FloatArray) -> float:
+    """Probability of so large a share of the energy in one of the directions."""
+    dof = len(mean) - 2
+    if ratio >= 1.0:
+        return 0.0
+    single = float(scipy.stats.f.sf(ratio / (1.0 - ratio) * dof, 1, dof))
+    bound = min(1.0, single * len(directions))
+    if single > _WORTH_DRAWING:
+        return bound
+    drawn = _draws(len(mean))
+    exceeding = _exceeding(drawn[:_FIRST_DRAWS], ratio, directions, mean)
+    if exceeding >= _NO_SURPRISE:
+        return min(bound, (1.0 + exceeding) / (_FIRST_DRAWS + 1.0))
+    exceeding = _exceeding(drawn, ratio, directions, mean)
+    return min(bound, (1.0 + exceeding) / (_DRAWS + 1.0))
+
+
+def _exceeding(drawn: FloatArray, ratio: float, directions: FloatArray, mean: FloatArray) -> int:
+    """Draws without a change whose best direction takes as large a share."""
+    energy = np.sum(drawn**2, axis=1) - (drawn @ mean) ** 2
+    largest = np.max((drawn @ directions.T) ** 2, axis=1)
+    return int(np.sum(largest >= ratio * energy))

@@ -1,0 +1,115 @@
+"""Random effects against published numbers, statsmodels and closed forms."""
+
+import numpy as np
+import pytest
+import scipy
+from statsmodels.stats.meta_analysis import combine_effects
+
+from idim_iv_ros.fleet.statistics.random_effects import (
+    between_interval,
+    between_variance,
+    common_between_variance,
+    type_estimate,
+)
+
+# Thirteen trials of a vaccine (Colditz et al., JAMA 271, 1994): ill and well, with and without it.
+TRIALS = np.array(
+    [
+        (4, 119, 11, 128),
+        (6, 300, 29, 274),
+        (3, 228, 11, 209),
+        (62, 13536, 248, 12619),
+        (33, 5036, 47, 5761),
+        (180, 1361, 372, 1079),
+        (8, 2537, 10, 619),
+        (505, 87886, 499, 87892),
+        (29, 7470, 45, 7232),
+        (17, 1699, 65, 1600),
+        (186, 50448, 141, 27197),
+        (5, 2493, 3, 2338),
+        (27, 16886, 29, 17825),
+    ],
+    dtype=float,
+)
+
+
+def risk_ratios() -> tuple[np.ndarray, np.ndarray]:
+    """Logarithms of the risk ratios, and their variances."""
+    ill, well, ill_without, well_without = TRIALS.T
+    treated, control = ill + well, ill_without + well_without
+    values = np.log((ill / treated) / (ill_without / control))
+    return values, 1 / ill - 1 / treated + 1 / ill_without - 1 / control
+
+
+def test_q_profile_interval_is_that_of_metafor_on_the_vaccine_trials() -> None:
+    # R, metafor: confint(rma(measure="RR", ai=tpos, bi=tneg, ci=cpos, di=cneg, data=dat.bcg))
+    # tau^2 0.3132, 0.1197 to 1.1115.
+    values, variances = risk_ratios()
+    low, high = between_interval(values[:, None], variances[:, None])
+    assert low[0] == pytest.approx(0.1197, abs=1e-4)
+    assert high[0] == pytest.approx(1.1115, abs=1e-4)
+
+
+def test_between_variance_is_that_of_paule_and_mandel() -> None:
+    values, variances = risk_ratios()
+    theirs = combine_effects(values, variances, method_re="iterated").tau2
+    assert between_variance(values[:, None], variances[:, None])[0] == pytest.approx(theirs, 1e-4)
+
+
+def test_columns_are_separate_and_unknown_units_count_for_nothing() -> None:
+    random = np.random.default_rng(3)
+    values = random.normal(size=(9, 4)) * [1.0, 3.0, 0.1, 10.0]
+    variances = random.uniform(0.1, 0.5, size=(9, 4))
+    values[2, 1] = np.nan
+    found = between_variance(values, variances)
+    for column in range(4):
+        known = np.isfinite(values[:, column])
+        theirs = combine_effects(values[known, column], variances[known, column]).tau2
+        assert found[column] == pytest.approx(theirs, rel=1e-4, abs=1e-9)
+
+
+def test_with_equal_variances_all_intervals_are_those_of_a_normal_sample() -> None:
+    random = np.random.default_rng(1)
+    values, variance = random.normal(5.0, 2.0, size=15), 0.3
+    found = type_estimate(values, np.full(15, variance))
+    assert found is not None
+    squares = float(np.sum((values - values.mean()) ** 2))
+    mean = scipy.stats.ttest_1samp(values, 0.0).confidence_interval(0.95)
+    assert found.mean == pytest.approx(values.mean())
+    assert (found.mean_low, found.mean_high) == pytest.approx((mean.low, mean.high), rel=1e-4)
+    assert found.sigma**2 == pytest.approx(squares / 14 - variance, rel=1e-4)
+    ends = squares / scipy.stats.chi2.isf([0.025, 0.975], 14) - variance
+    assert (found.sigma_low**2, found.sigma_high**2) == pytest.approx(tuple(ends))
+    ahead = scipy.stats.t.isf(0.025, 13) * np.sqrt(squares / 14 * (1 + 1 / 15) - variance)
+    assert found.next_high - found.mean == pytest.approx(ahead, rel=1e-4)
+
+
+def test_units_that_differ_less_than_their_noise_make_no_narrow_interval() -> None:
+    values = np.array([1.0, 1.001, 0.999, 1.0005])
+    found = type_estimate(values, np.full(4, 0.04))
+    assert found is not None and found.sigma == 0.0
+    half = scipy.stats.t.isf(0.025, 3) * 0.2 / 2.0
+    assert found.mean_high - found.mean == pytest.approx(half)
+
+
+def test_one_robot_is_no_sample() -> None:
+    assert type_estimate(np.array([1.0]), np.array([0.1])) is None
+
+
+def test_variance_common_to_groups_is_not_moved_by_a_third_of_them() -> None:
+    random = np.random.default_rng(5)
+    groups = []
+    for number in range(60):
+        spread = 1.0 if number % 3 else 8.0
+        noise = random.uniform(0.1, 0.4, size=(6, 1))
+        values = spread * random.normal(size=(6, 1)) + np.sqrt(noise) * random.normal(size=(6, 1))
+        groups.append((values, noise))
+    ordinary = [group for number, group in enumerate(groups) if number % 3]
+    alone = common_between_variance(ordinary)[0]
+    assert alone == pytest.approx(1.0, abs=0.35)
+    assert common_between_variance(groups)[0] < 2.2 * alone
+
+
+def test_groups_of_one_say_nothing_of_the_variance_within() -> None:
+    groups = [(np.ones((1, 2)), np.ones((1, 2)))] * 5
+    assert np.isnan(common_between_variance(groups)).all()

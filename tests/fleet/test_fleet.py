@@ -1,0 +1,189 @@
+"""Runs over a fleet: interrupted, repeated, on one worker or many, the answer is one."""
+
+import os
+import shutil
+import signal
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+from pyarrow import parquet
+
+from idim_iv_ros.configuration import load_configuration
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.fleet.bag_result import BagResult
+from idim_iv_ros.fleet.content import configuration_digest, content_of
+from idim_iv_ros.fleet.identify import BAGS, Machines, identify_bags, owned_by
+from idim_iv_ros.fleet.robots import robots_of
+from idim_iv_ros.fleet.source import find_bags
+from idim_iv_ros.fleet.table import FILE, write_table
+from idim_iv_ros.fleet.task import Robot, identify_task
+from idim_iv_ros.identification.identify import identify
+from tests.fleet.conftest import CONFIG, BagFolder
+
+
+def one_after_the_other(
+    machines: Machines,
+    function: Callable[..., Any],
+    arguments: Sequence[tuple[Any, ...]],
+    done: Callable[[int, Any, str], None],
+) -> None:
+    """`Machines.run` without any machine."""
+    for place, values in enumerate(arguments):
+        done(place, function(*values), "")
+
+
+def kill_workers() -> int:
+    """End with kill -9 the processes that Dask started below this one."""
+    killed = 0
+    for child in psutil.Process().children(recursive=True):
+        if "spawn_main" in " ".join(child.cmdline()):
+            os.kill(child.pid, signal.SIGKILL)
+            killed += 1
+    return killed
+
+
+def rows_of(results: Sequence[BagResult], folder: Path) -> list[dict[str, Any]]:
+    write_table(results, folder / FILE)
+    rows: list[dict[str, Any]] = parquet.read_table(folder / FILE).to_pylist()
+    return rows
+
+
+@pytest.fixture(scope="module")
+def serial(folder: BagFolder) -> tuple[BagResult, ...]:
+    """The bags one after the other in this process, without Dask."""
+    entries, robots = robots_of(find_bags(str(folder.path)), CONFIG)
+    return tuple(
+        owned_by(identify_task(each.uri, content_of(each.uri), "", robots[each.robot]), each)
+        for each in entries
+    )
+
+
+def test_a_worker_that_is_killed_changes_nothing(
+    folder: BagFolder, serial: tuple[BagResult, ...], tmp_path: Path
+) -> None:
+    killed = []
+
+    def kill_once(stage: str, share: float) -> None:
+        if stage.startswith("identifying 1 of") and not killed:
+            killed.append(kill_workers())
+
+    results = identify_bags(str(folder.path), CONFIG, tmp_path, workers=1, progress=kill_once)
+    assert killed == [1]
+    (tmp_path / "serial").mkdir()
+    found, expected = rows_of(results, tmp_path), rows_of(serial, tmp_path / "serial")
+    assert len(found) == len(expected)
+    for row, other in zip(found, expected, strict=True):
+        for name, value in other.items():
+            if isinstance(value, float):
+                assert row[name] == pytest.approx(value, rel=1e-12)
+            else:
+                assert row[name] == value
+    for bag, other_bag in zip(results, serial, strict=True):
+        np.testing.assert_allclose(bag.r_factor, other_bag.r_factor, rtol=1e-12, atol=1e-300)
+
+
+def test_the_estimate_of_a_bag_is_that_of_identify(
+    folder: BagFolder, serial: tuple[BagResult, ...]
+) -> None:
+    alone = identify(folder.bags[0], load_configuration(CONFIG))
+    bag = serial[0]
+    assert bag.uri == str(folder.bags[0])
+    assert alone.instruments.accepted
+    assert bag.estimator == "idim-iv"
+    assert bag.values == tuple(each.value for each in alone.parameters)
+    assert bag.std == tuple(each.std for each in alone.parameters)
+
+
+def test_the_r_factor_holds_the_whitened_regression(serial: tuple[BagResult, ...]) -> None:
+    for bag in serial[:3]:
+        upper, right = bag.r_factor[:-1, :-1], bag.r_factor[:-1, -1]
+        values = np.linalg.solve(upper, right)
+        std = np.linalg.norm(np.linalg.inv(upper), axis=1)
+        # The same rows, other weights and instruments: the same within a deviation.
+        assert np.abs((values - bag.values) / std).max() < 1.0
+        # Whitened to variance one: the mean square of the residual, within four deviations of it.
+        degrees = bag.rows - len(values)
+        assert abs(bag.r_factor[-1, -1] ** 2 / degrees - 1.0) < 4.0 * np.sqrt(2.0 / degrees)
+
+
+def test_a_corrupt_bag_is_a_row_with_its_reason(
+    folder: BagFolder, serial: tuple[BagResult, ...]
+) -> None:
+    corrupt = next(bag for bag in serial if bag.uri == str(folder.corrupt))
+    assert (corrupt.status, corrupt.robot) == ("corrupt", "arm-2")
+    assert "the file ends in the middle" in corrupt.reason
+    assert "\n" not in corrupt.reason
+    assert [bag.status for bag in serial if bag is not corrupt] == ["ok"] * 3
+
+
+def test_a_second_run_does_only_what_is_missing(
+    folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Machines, "run", one_after_the_other)
+    bags, out = tmp_path / "bags", tmp_path / "out"
+    shutil.copytree(folder.path, bags)
+    stages: list[str] = []
+
+    def run() -> tuple[BagResult, ...]:
+        stages.clear()
+        return identify_bags(
+            str(bags), CONFIG, out, progress=lambda stage, share: stages.append(stage)
+        )
+
+    first = run()
+    assert any(stage.startswith("identifying 4 of 4 bags") for stage in stages)
+    assert len(list((out / BAGS).iterdir())) == 4
+    again = run()
+    assert not any(stage.startswith("identifying") for stage in stages)
+    assert [bag.to_document() for bag in again] == [bag.to_document() for bag in first]
+    next((out / BAGS).glob(f"{first[1].key}*")).write_text("{", encoding="utf-8")  # torn
+    (bags / "arm-1" / "run-1.mcap").rename(bags / "arm-1" / "other-name.mcap")
+    third = run()
+    assert any(stage.startswith("identifying 1 of 1 bags") for stage in stages)
+    assert third[0].uri.endswith("other-name.mcap")
+    assert third[0].values == first[0].values
+
+
+def test_a_recording_that_is_there_twice_counts_once(
+    folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Machines, "run", one_after_the_other)
+    for name in ("a.mcap", "b.mcap"):
+        shutil.copy(folder.bags[0], tmp_path / name)
+    first, second = identify_bags(str(tmp_path), CONFIG, tmp_path / "out")
+    assert (first.status, second.status) == ("ok", "unusable")
+    assert second.reason == f"the same recording as {tmp_path / 'a.mcap'}"
+
+
+def test_the_key_knows_the_robot_description() -> None:
+    robot = Robot.of(load_configuration(CONFIG))
+    other = robot.description.replace(b'<mass value="', b'<mass value="1')
+    assert other != robot.description
+    assert configuration_digest(robot.configuration, other) != robot.digest
+    elsewhere = robot.configuration.robot.model_copy(update={"urdf": Path("/nowhere/arm2.urdf")})
+    moved = robot.configuration.model_copy(update={"robot": elsewhere})
+    assert configuration_digest(moved, robot.description) == robot.digest
+
+
+def test_a_worker_without_the_file_of_the_robot_uses_its_text(folder: BagFolder) -> None:
+    robot = Robot.of(load_configuration(CONFIG))
+    elsewhere = robot.configuration.robot.model_copy(update={"urdf": Path("/nowhere/arm2.urdf")})
+    far = Robot(
+        robot.configuration.model_copy(update={"robot": elsewhere}),
+        robot.description,
+        robot.digest,
+    )
+    path = far.local().robot.urdf
+    assert path is not None
+    assert path.read_bytes() == robot.description
+
+
+def test_workers_and_scheduler_exclude_each_other(folder: BagFolder, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--workers is for this machine"):
+        identify_bags(str(folder.path), CONFIG, tmp_path, scheduler="tcp://x:1", workers=2)
+    with pytest.raises(UsageError, match="--workers 0: at least one"):
+        identify_bags(str(folder.path), CONFIG, tmp_path, workers=0)

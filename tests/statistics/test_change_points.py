@@ -1,0 +1,74 @@
+"""Changes over time: right size under no change, right date and size where there is one."""
+
+import numpy as np
+import pytest
+import scipy
+import statsmodels.api as sm
+
+from idim_iv_ros.statistics.change_points import change_of
+
+BAGS = 14
+TIMES = np.cumsum(np.random.default_rng(9).uniform(1.0, 9.0, BAGS))
+
+
+def series(seed: int, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Values with noise of unequal variances, three times as large as they say."""
+    random = np.random.default_rng(seed)
+    variances = random.uniform(0.5, 2.0, BAGS)
+    return 100.0 + change + 3.0 * np.sqrt(variances) * random.normal(size=BAGS), variances
+
+
+def test_without_a_change_the_p_value_is_uniform() -> None:
+    p_values = [change_of(*series(seed, np.zeros(BAGS)), TIMES).p_value for seed in range(300)]
+    for level in (0.01, 0.05, 0.1):
+        few = np.sum(np.array(p_values) <= level)
+        assert few <= scipy.stats.binom.ppf(0.999, 300, level)
+        assert few >= scipy.stats.binom.ppf(0.001, 300, level)
+
+
+@pytest.mark.parametrize("kind", ["step", "ramp"])
+def test_a_change_is_found_with_its_date_and_size(kind: str) -> None:
+    place = 8
+    shape = np.zeros(BAGS)
+    if kind == "step":
+        shape[place:] = 30.0
+    else:
+        shape[place - 1 :] = 50.0 * (TIMES[place - 1 :] - TIMES[place - 1])
+        shape[place - 1 :] /= TIMES[-1] - TIMES[place - 1]
+    dates = sizes = 0
+    for seed in range(40):
+        found = change_of(*series(seed, shape), TIMES)
+        assert found is not None and found.p_value < 1e-3 and found.kind == kind
+        assert abs(found.place - place) <= 2
+        dates += found.place_low <= place <= found.place_high
+        sizes += found.size_low <= shape[-1] <= found.size_high
+    assert dates >= 34 and sizes >= 34
+
+
+def test_level_and_size_are_those_of_weighted_least_squares() -> None:
+    shape = np.where(np.arange(BAGS) >= 5, 40.0, 0.0)
+    values, variances = series(1, shape)
+    found = change_of(values, variances, TIMES)
+    assert found is not None and found.place == found.place_low == found.place_high == 5
+    columns = sm.add_constant((shape > 0).astype(float))
+    theirs = sm.WLS(values, columns, weights=1.0 / variances).fit()
+    assert (found.before, found.size) == pytest.approx(tuple(theirs.params))
+    assert found.before_std == pytest.approx(theirs.bse[0])
+    assert (found.size_low, found.size_high) == pytest.approx(tuple(theirs.conf_int()[1]))
+
+
+def test_one_odd_value_is_no_change() -> None:
+    values, variances = series(4, np.zeros(BAGS))
+    values[6] += 60.0
+    found = change_of(values, variances, TIMES)
+    assert found is not None and found.p_value > 0.05
+
+
+@pytest.mark.parametrize("count", [0, 1, 4])
+def test_few_values_are_not_judged(count: int) -> None:
+    assert change_of(np.arange(count) * 1.0, np.ones(count), np.arange(count) * 1.0) is None
+
+
+def test_equal_values_and_equal_times_are_not_judged() -> None:
+    assert change_of(np.full(8, 3.7), np.ones(8), np.arange(8.0)) is None
+    assert change_of(np.arange(8.0), np.ones(8), np.zeros(8)) is None
