@@ -15,6 +15,7 @@ from idim_iv_ros.diagnosis.localisation.where import where
 from idim_iv_ros.diagnosis.nominal import read_nominal_model, with_nominal
 from idim_iv_ros.diagnosis.parametric.agreement import agreement
 from idim_iv_ros.diagnosis.parametric.causes import parametric_causes, parametric_results
+from idim_iv_ros.diagnosis.parametric.gain_beside_friction import with_friction
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
 from idim_iv_ros.diagnosis.result import ContrastResult, GapResult
 from idim_iv_ros.diagnosis.structural.attribution import Attribution, attributed
@@ -152,6 +153,7 @@ def concluded(
         *refit.gravity_causes(held.tested),
     ]
     measured = measured_transmissions(data, regression)
+    causes = with_friction(causes)
     shafts = with_transmissions(data, regression, measured, causes, without)
     shown, not_testable = shown_by_motion(data, regression, effects, held.noise(attribution.refit))
 

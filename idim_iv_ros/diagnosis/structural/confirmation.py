@@ -8,6 +8,7 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.identifiability.testability import floor_noise_models
+from idim_iv_ros.diagnosis.parametric.gain_beside_friction import with_gains
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
 from idim_iv_ros.diagnosis.structural.attribution import Attribution, Found
@@ -92,12 +93,18 @@ class Confirmed:
 
 
 def confirmation(data: Baseline, attribution: Attribution) -> Confirmed:
-    """Test the effects that were found on data not used to fit; see `confirmed`."""
+    """Test the effects that were found on data not used to fit; see `confirmed`.
+
+    Of those that hold, knees are fitted to the torque of the whole model, and sets hold gains that
+    friction may imitate.
+    """
     repeats = repeats_of(data)
     floors = noise_floors(data, attribution.extended, attribution.fit, repeats)
     folds = CrossFitting(data, attribution, repeats)
     attribution = replace(attribution, found=folds.with_sets(attribution.found))
-    return confirmed(data, attribution, named_model(attribution), floors, folds)
+    held = confirmed(data, attribution, named_model(attribution), floors, folds)
+    settled = with_knees_refitted(data, attribution, held.model)
+    return replace(held, model=with_gains(data, settled))
 
 
 def tested(
@@ -168,7 +175,6 @@ def confirmed(
         and not _among(each.found, [other.found for other in doubtful[number + 1 :]])
     ]
     hints += unsure
-    model = with_knees_refitted(data, attribution, model)
     return Confirmed(model, result.held_out, tuple(floors), result.chosen, tuple(hints), folds)
 
 
