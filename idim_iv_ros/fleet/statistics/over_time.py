@@ -47,16 +47,17 @@ class OverTime:
 
 
 def over_time(
-    robots: Sequence[tuple[RobotBags, FloatArray]], level: float = FALSE_DISCOVERIES
+    robots: Sequence[tuple[RobotBags, FloatArray, FloatArray]], level: float = FALSE_DISCOVERIES
 ) -> list[OverTime]:
     """Search every robot and quantity for a change, at one false discovery rate.
 
     Parameters
     ----------
-    robots : sequence of (RobotBags, (m,))
-        With the variance between the bags of an unchanged robot; NaN where it is unknown.
+    robots : sequence of (RobotBags, (m,), (m,))
+        With the variance between the bags of an unchanged robot, NaN where it is unknown, and the
+        degrees of freedom by which other robots say it.
     """
-    found = [_series(bags, between) for bags, between in robots]
+    found = [_series(bags, between, prior) for bags, between, prior in robots]
     widest = max((len(each) for each in found), default=0)
     p_values = np.full((len(found), widest), np.nan)
     for row, each in enumerate(found):
@@ -70,7 +71,7 @@ def over_time(
     ]
 
 
-def _series(robot: RobotBags, between: FloatArray) -> list[Series]:
+def _series(robot: RobotBags, between: FloatArray, prior: FloatArray) -> list[Series]:
     dated = np.isfinite(robot.times)
     result = []
     for column in range(robot.values.shape[1]):
@@ -79,6 +80,7 @@ def _series(robot: RobotBags, between: FloatArray) -> list[Series]:
         rows = np.flatnonzero(dated & np.isfinite(values) & np.isfinite(variances))
         change = None
         if len(rows) >= LEAST:
-            change = change_of(values[rows], variances[rows], robot.times[rows])
+            known = float(prior[column])
+            change = change_of(values[rows], variances[rows], robot.times[rows], known)
         result.append(Series(rows, change))
     return result
