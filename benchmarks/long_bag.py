@@ -1,4 +1,4 @@
-"""Four hours at 1 kHz of seven joints as one bag of a fleet: time and memory, segment by segment."""
+"""Four hours at 1 kHz of seven joints as a bag of a fleet: time and memory, by segments."""
 
 import os
 import struct

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from idim_iv_ros.errors import DataError, IdimError, UsageError
     from idim_iv_ros.excitation import Trajectory, excite, read_trajectory
     from idim_iv_ros.first_configuration import propose_configuration, write_configuration
+    from idim_iv_ros.fleet.diagnose import Fleet, diagnose_fleet, identify_fleet
     from idim_iv_ros.identification.check import CheckReport, check
     from idim_iv_ros.identification.identify import identify, identify_recordings
     from idim_iv_ros.identification.result import IdentificationResult
@@ -29,6 +30,7 @@ __all__ = [
     "Configuration",
     "DataError",
     "Exported",
+    "Fleet",
     "GapResult",
     "IdentificationResult",
     "IdimError",
@@ -38,9 +40,11 @@ __all__ = [
     "UsageError",
     "check",
     "diagnose",
+    "diagnose_fleet",
     "excite",
     "export",
     "identify",
+    "identify_fleet",
     "identify_recordings",
     "import_table",
     "load_configuration",
@@ -63,6 +67,7 @@ _MODULES = {
     "first_configuration": ("propose_configuration", "write_configuration"),
     "diagnosis.diagnose": ("diagnose",),
     "diagnosis.result": ("GapResult",),
+    "fleet.diagnose": ("Fleet", "diagnose_fleet", "identify_fleet"),
     "identification.identify": ("identify", "identify_recordings"),
     "recording": ("Recording", "import_table", "read_recordings", "write_bag"),
     "report": ("write_gap_report", "write_replay_report", "write_report"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Protocol
 
@@ -180,7 +181,7 @@ def _print(output: Output, found: Fleet, pages: dict[str, Path], verbose: bool) 
             "Robots that need attention, most urgent first",
             [Column("robot"), Column("type"), Column("why"), Column("bags", right=True)],
             [
-                [robot.robot, robot.type, "; ".join(robot.reasons), str(robot.bags)]
+                [robot.robot, robot.type, _why(robot.reasons, verbose), str(robot.bags)]
                 for robot in noticed
             ],
             whole=verbose,
@@ -200,3 +201,10 @@ def _print(output: Output, found: Fleet, pages: dict[str, Path], verbose: bool) 
             output.line(f"Not diagnosed: {each.screened.robot}: {each.reason}")
         elif each.screened.robot in pages:
             output.line(f"{each.screened.robot}: {pages[each.screened.robot]}")
+
+
+def _why(reasons: Sequence[str], verbose: bool) -> str:
+    """The strongest reason, or all of them."""
+    if verbose or len(reasons) < 2:
+        return "; ".join(reasons)
+    return f"{reasons[0]}; and {len(reasons) - 1} more"

@@ -9,7 +9,17 @@ from collections.abc import Sequence
 from idim_iv_ros.interruption import STATUS, interruption_ends_process
 
 WRONG_USE = 2  # exit status
-CONFIGURED = {"check", "diagnose", "excite", "identify", "record", "replay", "serve", "simulate"}
+CONFIGURED = {
+    "check",
+    "diagnose",
+    "excite",
+    "fleet",
+    "identify",
+    "record",
+    "replay",
+    "serve",
+    "simulate",
+}
 
 
 def main() -> None:

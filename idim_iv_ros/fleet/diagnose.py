@@ -81,6 +81,8 @@ def identify_fleet(
     bags = identify_bags(
         source, config, out, scheduler=scheduler, workers=workers, progress=progress
     )
+    if progress is not None:
+        progress("comparing the robots", 1.0)
     return Fleet(bags, fleet_result(bags))
 
 

@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.errors import DataError, IdimError, one_line
+from idim_iv_ros.errors import DataError, IdimError
 from idim_iv_ros.fleet.bag_result import BagResult, Status
 from idim_iv_ros.fleet.content import configuration_digest, content_of
 from idim_iv_ros.fleet.regression import bag_fields
@@ -92,7 +92,9 @@ def identify_task(uri: str, content: str, key: str, robot: Robot) -> BagResult:
         request = configured_request(configuration)
         fields = bag_fields(read_segments(bag, request), configuration)
     except IdimError as error:
-        return without_estimate(uri, content, key, _status(bag, error), one_line_of(error))
+        # The name of the bag stands beside it.
+        reason = str(error).removeprefix(f"{bag.path}: ")
+        return without_estimate(uri, content, key, _status(bag, error), reason)
     return BagResult(uri=uri, content=content, key=key, robot="", type="", status="ok", **fields)
 
 
@@ -108,11 +110,6 @@ def without_estimate(uri: str, content: str, key: str, status: Status, reason: s
         status=status,
         reason=reason,
     )
-
-
-def one_line_of(error: BaseException) -> str:
-    """Return the message of an error of ours, which is one line; of another with its class."""
-    return str(error) if isinstance(error, IdimError) else one_line(error)
 
 
 def _status(bag: Bag, error: IdimError) -> Status:

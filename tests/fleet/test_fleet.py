@@ -115,7 +115,7 @@ def test_a_corrupt_bag_is_a_row_with_its_reason(
 ) -> None:
     corrupt = next(bag for bag in serial if bag.uri == str(folder.corrupt))
     assert (corrupt.status, corrupt.robot) == ("corrupt", "arm-2")
-    assert "torn.mcap" in corrupt.reason
+    assert "the file ends in the middle" in corrupt.reason
     assert "\n" not in corrupt.reason
     assert [bag.status for bag in serial if bag is not corrupt] == ["ok"] * 3
 

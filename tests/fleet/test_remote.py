@@ -158,4 +158,4 @@ def test_what_is_not_in_the_bucket_is_a_row_with_its_reason(bucket: str) -> None
     uri = put(bucket, "empty.mcap", b"")
     result = identify_task(uri, "", "", robot)
     assert isinstance(result, BagResult)
-    assert (result.status, result.reason) == ("corrupt", "empty.mcap: the file is empty")
+    assert (result.status, result.reason) == ("corrupt", "the file is empty")

@@ -45,6 +45,7 @@ from idim_iv_ros.types import IntArray
 
 _LARGEST_CHUNK = 1 << 30
 _LOOSE_TOGETHER = 10_000  # messages
+_FORGOTTEN = 1 << 26  # bytes of a file that stay in memory behind the place of reading
 
 
 @dataclass
@@ -134,8 +135,12 @@ class McapFile:
         indices: dict[int, IntArray] = {}
         loose: list[Record] = []
         self.truncated = True
+        read = 0
         for record in records(content, place):
             opcode, start, end = record
+            if start - read > _FORGOTTEN and isinstance(content, mmap.mmap):
+                content.madvise(mmap.MADV_DONTNEED, read, _FORGOTTEN)
+                read += _FORGOTTEN
             if opcode != INDEX:
                 yield from self._chunk(chunk, indices, wanted)
                 chunk, indices = None, {}

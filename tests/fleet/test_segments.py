@@ -1,0 +1,59 @@
+"""A bag that is identified in segments has the answer of the whole bag."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bags import simulated_arms
+from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.fleet.regression import bag_fields
+from idim_iv_ros.identification.prepare import configured_request
+from idim_iv_ros.recording import write_bag
+from idim_iv_ros.recording.bags.folder import Bag
+from idim_iv_ros.recording.segments import read_segments
+from tests.fleet.conftest import CONFIG
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    arm = simulated_arms.arm2(seconds=24.0, rate=250.0)
+    path = tmp_path_factory.mktemp("long") / "run.mcap"
+    write_bag(path, simulated_arms.joint_topics(arm, simulated_arms.record(arm, 1)))
+    return path
+
+
+def fields(bag: Path, configuration: Configuration, seconds: float) -> dict[str, Any]:
+    request = configured_request(configuration)
+    return bag_fields(read_segments(Bag(bag), request, seconds), configuration)
+
+
+@pytest.mark.parametrize("reference", ["/joint_reference", None])
+def test_segments_give_the_estimate_of_the_whole_bag(bag: Path, reference: str | None) -> None:
+    configuration = load_configuration(CONFIG)
+    signals = configuration.signals.model_copy(update={"reference": reference})
+    configuration = configuration.model_copy(update={"signals": signals})
+    whole, parts = (fields(bag, configuration, seconds) for seconds in (60.0, 8.0))
+    assert whole["estimator"] == parts["estimator"] == ("idim-iv" if reference else "idim-ls")
+    assert parts["checks"][0] == "read in 3 segments"
+    values, std = np.array(whole["values"]), np.array(whole["std"])
+    # Rows are lost at four edges more.
+    share = parts["rows"] / whole["rows"]
+    assert 0.6 < share < 1.0
+    # An estimate from a part of the rows differs from that of all by the difference of variances.
+    assert np.abs((parts["values"] - values) / std).max() < 4.0 * np.sqrt(1.0 / share - 1.0)
+    np.testing.assert_allclose(parts["std"], std / np.sqrt(share), rtol=0.3)
+
+
+def test_a_segment_without_an_estimate_is_left_out(bag: Path) -> None:
+    configuration = load_configuration(CONFIG)
+    request = configured_request(configuration)
+    segments = list(read_segments(Bag(bag), request, 8.0))
+    whole = bag_fields(segments[1:], configuration)
+    found = bag_fields([DataError("it holds nothing"), *segments[1:]], configuration)
+    assert found["checks"][-1] == "a segment is left out: it holds nothing"
+    assert found["values"] == whole["values"]
+    with pytest.raises(DataError, match="it holds nothing"):
+        bag_fields([DataError("it holds nothing")], configuration)
