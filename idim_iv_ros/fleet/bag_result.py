@@ -114,7 +114,8 @@ class BagResult(Document):
         Why not IDIM-IV; empty where it is.
     values, std : (p,) tuples of float
         The estimate of this bag alone and its deviations, which know the autocorrelation of the
-        residual; in `units`.
+        residual; in `units`. Of a bag in segments IDIM-IV is the average weighted by covariance,
+        and IDIM-LS that of the whitened rows of all.
     given : (p,) tuple of float or None
         What the nominal model holds; None where there is none to compare with.
     condition_number : float
