@@ -15,8 +15,10 @@ tests slow load bench $(VENV)/ready-kernels: export NUMBA_CACHE_DIR := $(KERNELS
 demo: $(VENV)/ready
 	$(BIN)/python -m bags.demo --out out/demo
 
-# The kernels compile while mypy and mkdocs run: two cores.
-test: lint $(VENV)/ready-docs
+# Two cores: the messages compile while pip installs, the kernels while mypy and mkdocs run.
+test:
+	@$(MAKE) --no-print-directory -j2 $(VENV)/interfaces/built $(VENV)/ready-tools
+	@$(MAKE) --no-print-directory lint
 	@$(MAKE) --no-print-directory -j2 types docs $(VENV)/ready-kernels
 	@$(MAKE) --no-print-directory tests
 
@@ -57,6 +59,7 @@ bench: $(VENV)/ready-bench $(VENV)/ready-test
 	$(BIN)/python -m benchmarks.figaroh
 	$(BIN)/python -m benchmarks.long_recording
 	$(BIN)/python -m benchmarks.recorder_rate
+	$(BIN)/python -m benchmarks.recorder_variants
 	$(BIN)/pytest -m bench
 
 $(VENV)/bin/python:
@@ -73,12 +76,18 @@ $(VENV)/ready: $(VENV)/bin/python pyproject.toml setup.py
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -e .
 	@touch $@
 
-# The ROS 2 runtime, and the messages that are compiled here: about two minutes.
-$(VENV)/ready-ros: $(VENV)/ready $(INTERFACES)
-	@echo "== installing the ROS 2 wheels from PyPI and compiling idim_iv_interfaces"
+# The messages, services and actions, compiled in an environment of their own: about a minute.
+$(VENV)/interfaces/built: $(VENV)/bin/python $(INTERFACES)
+	@echo "== compiling idim_iv_interfaces"
+	@rm -rf $(@D)
+	@$(BIN)/python -m pip wheel -q --disable-pip-version-check --no-deps -w $(@D) ./idim_iv_interfaces
+	@touch $@
+
+$(VENV)/ready-ros: $(VENV)/ready $(VENV)/interfaces/built
+	@echo "== installing the ROS 2 wheels from PyPI and idim_iv_interfaces"
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[ros]"
 	@$(BIN)/python -m pip install -q --disable-pip-version-check --force-reinstall --no-deps \
-		./idim_iv_interfaces
+		$(VENV)/interfaces/*.whl
 	@touch $@
 
 $(VENV)/ready-test: $(VENV)/ready-ros
@@ -90,6 +99,12 @@ $(VENV)/ready-docs: $(VENV)/ready
 	@echo "== installing the documentation's tools from PyPI"
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[docs]"
 	@touch $@
+
+# All that `test` needs from PyPI at once, while the messages compile.
+$(VENV)/ready-tools: $(VENV)/ready
+	@echo "== installing the ROS 2 wheels and the tools of tests and documentation from PyPI"
+	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[docs,ros,test]"
+	@touch $@ $(VENV)/ready-docs
 
 $(VENV)/ready-kernels: $(VENV)/ready-test $(SOURCES)
 	@echo "== compiling the kernels of the simulation"

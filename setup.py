@@ -29,16 +29,10 @@ setup(
         ("share/idim_iv_ros", ["package.xml"]),
         ("share/idim_iv_ros/launch", files("launch/*.launch.py")),
         ("share/idim_iv_ros/config", files("config/*.yaml", "config/*.urdf")),
+        ("share/idim_iv_ros/params", files("params/*.yaml")),
+        ("share/idim_iv_ros/config/drivers", files("config/drivers/*.yaml")),
         ("share/idim_iv_ros/security", ["security/policy.xml"]),
         ("share/idim_iv_ros/layouts", files("layouts/*")),
-        (
-            "lib/idim_iv_ros",
-            [
-                "scripts/recorder",
-                "scripts/identifier",
-                "scripts/predictor",
-                "scripts/robot_simulator",
-            ],
-        ),
+        ("lib/idim_iv_ros", files("scripts/*")),
     ],
 )

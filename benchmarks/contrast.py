@@ -245,7 +245,7 @@ def judge(cell: Cell, result: ContrastResult, seconds: float) -> Judged:
             named = True
         else:
             others.append(f"{cause.effect} at {cause.joint}")
-    others += list(result.nameless)
+    others += list(result.unattributed)
     return Judged(named, tuple(others), result.sentence, seconds)
 
 

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 RESULTS = Path(__file__).parent / "results"
+# What follows this line in a page is argument, and stays when the figures are measured again.
+BY_HAND = "<!-- Written by hand: kept when the figures above are measured again. -->"
 
 
 @dataclass(frozen=True)
@@ -80,5 +82,16 @@ def write_page(name: str, title: str, lines: list[str]) -> None:
     ]
     text = "\n".join([*head, *lines, ""])
     RESULTS.mkdir(exist_ok=True)
-    (RESULTS / f"{name}.md").write_text(text, encoding="utf-8")
+    path = RESULTS / f"{name}.md"
+    path.write_text(text + written_by_hand(path), encoding="utf-8")
     print(text)
+
+
+def written_by_hand(path: Path) -> str:
+    """Return what somebody wrote below the figures of a page, with a line to look at it again."""
+    if not path.exists():
+        return ""
+    _, marker, argued = path.read_text(encoding="utf-8").partition(BY_HAND)
+    if marker:
+        print(f"{path.name}: read again what is written by hand, the figures above it are new")
+    return f"\n{marker}{argued}" if marker else ""

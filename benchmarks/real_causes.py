@@ -16,7 +16,7 @@ import re
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from benchmarks.measurement import write_page
@@ -247,6 +247,38 @@ _PENDULUM_KNOWN = {
 _DIRECT = ("elasticity", "backlash")
 _NO_FRICTION = {"friction_level": "the nominal model has none", **_PENDULUM_KNOWN}
 
+
+def _disturbed(name: str, pulses: float) -> tuple[Case, Case, Case]:
+    """Arm with disturbances and a friction compensation known sample by sample; pulses in N m."""
+    control = f"{name}, everything in the effort"
+    every = Case(
+        control,
+        "control: command and disturbance",
+        _perturbed(name, _FULL),
+        confirmed=_PENDULUM_KNOWN,
+        contradicted=_DIRECT,
+    )
+    return (
+        every,
+        replace(
+            every,
+            name=f"{name}, disturbance missing",
+            truth=f"torques of up to {pulses} N m that are not in the effort",
+            make=_perturbed(name, _WITHOUT_PULSES),
+            control=control,
+            outside=True,
+        ),
+        replace(
+            every,
+            name=f"{name}, compensation subtracted",
+            truth="friction of up to 0.27 N m is missing from the effort of both drives",
+            make=_perturbed(name, _WITHOUT_COMPENSATION),
+            expected=_BOTH,
+            control=control,
+        ),
+    )
+
+
 CASES = (
     Case(
         "emps",
@@ -284,56 +316,8 @@ CASES = (
         confirmed=_DRIVES,
     ),
     Case("ur10", "no answer is known; efforts in A, no inertials", _ur10),
-    Case(
-        "acrobot, everything in the effort",
-        "control: command and disturbance",
-        _perturbed("acrobot", _FULL),
-        confirmed=_PENDULUM_KNOWN,
-        contradicted=_DIRECT,
-    ),
-    Case(
-        "acrobot, disturbance missing",
-        "torques of up to 0.74 N m that are not in the effort",
-        _perturbed("acrobot", _WITHOUT_PULSES),
-        control="acrobot, everything in the effort",
-        confirmed=_PENDULUM_KNOWN,
-        contradicted=_DIRECT,
-        outside=True,
-    ),
-    Case(
-        "acrobot, compensation subtracted",
-        "friction of up to 0.27 N m is missing from the effort of both drives",
-        _perturbed("acrobot", _WITHOUT_COMPENSATION),
-        expected=_BOTH,
-        control="acrobot, everything in the effort",
-        confirmed=_PENDULUM_KNOWN,
-        contradicted=_DIRECT,
-    ),
-    Case(
-        "pendubot, everything in the effort",
-        "control: command and disturbance",
-        _perturbed("pendubot", _FULL),
-        confirmed=_PENDULUM_KNOWN,
-        contradicted=_DIRECT,
-    ),
-    Case(
-        "pendubot, disturbance missing",
-        "torques of up to 0.49 N m that are not in the effort",
-        _perturbed("pendubot", _WITHOUT_PULSES),
-        control="pendubot, everything in the effort",
-        confirmed=_PENDULUM_KNOWN,
-        contradicted=_DIRECT,
-        outside=True,
-    ),
-    Case(
-        "pendubot, compensation subtracted",
-        "friction of up to 0.27 N m is missing from the effort of both drives",
-        _perturbed("pendubot", _WITHOUT_COMPENSATION),
-        expected=_BOTH,
-        control="pendubot, everything in the effort",
-        confirmed=_PENDULUM_KNOWN,
-        contradicted=_DIRECT,
-    ),
+    *_disturbed("acrobot", 0.74),
+    *_disturbed("pendubot", 0.49),
     Case(
         "design C0 with its own model",
         "control; the model has no friction",

@@ -100,10 +100,19 @@ def robot(configuration: Configuration, payload: float) -> tuple[mujoco.MjModel,
     return model, coulomb
 
 
-def record(configuration: Configuration, case: Case, motion: Trajectory, seed: int) -> JointTopic:
-    """Run one motion; what a driver would publish of it."""
+def follow(
+    configuration: Configuration,
+    model: mujoco.MjModel,
+    friction: Friction,
+    motion: Trajectory,
+    seed: int,
+    steps: int,
+) -> JointTopic:
+    """States from the law of `configuration` at work; `steps` of the plant in one of its periods.
+
+    The law runs on noisy encoders with a filtered difference for speed; its command is held.
+    """
     noise = np.random.default_rng(seed)
-    model, coulomb = robot(configuration, case.payload)
     data = mujoco.MjData(model)
     law = configuration.controller
     kp, kd, limit = (np.array(each) for each in (law.kp, law.kd, law.torque_limit))
@@ -115,17 +124,25 @@ def record(configuration: Configuration, case: Case, motion: Trajectory, seed: i
         speed += FILTER * ((position - before) * motion.rate - speed)
         before = position
         command = np.clip(kp * (wanted - position) + kd * (wanted_speed - speed), -limit, limit)
-        for _ in range(STEPS):
-            friction = coulomb * np.tanh(data.qvel / SMOOTH)
-            if case.friction is not None:
-                friction += case.friction(data.qvel, data.qfrc_bias)
-            data.qfrc_applied[:] = command - friction
+        for _ in range(steps):
+            data.qfrc_applied[:] = command - friction(data.qvel, data.qfrc_bias)
             mujoco.mj_step(model, data)
         positions.append(position)
         commands.append(command)
     time = 100.0 * seed + np.arange(len(positions)) / motion.rate
     names = configuration.robot.joints
     return JointTopic("/joint_states", names, time, np.array(positions), None, np.array(commands))
+
+
+def record(configuration: Configuration, case: Case, motion: Trajectory, seed: int) -> JointTopic:
+    """Run one motion; what a driver would publish of it."""
+    model, coulomb = robot(configuration, case.payload)
+
+    def friction(speed: FloatArray, load: FloatArray) -> FloatArray:
+        torque: FloatArray = coulomb * np.tanh(speed / SMOOTH)
+        return torque if case.friction is None else torque + case.friction(speed, load)
+
+    return follow(configuration, model, friction, motion, seed, STEPS)
 
 
 def main() -> None:

@@ -1,13 +1,24 @@
 """One YAML file a robot, checked key by key."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    ValidationError,
+    model_validator,
+)
 
 from idim_iv_ros.configuration_file import first_problem, read_mapping, shortened
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
+from idim_iv_ros.signal_source import source_text, topic_of
 
 # Steps of the simulated plant in one control period.
 _MOST_STEPS = 100
@@ -16,6 +27,14 @@ _MOST_STEPS = 100
 def _printable(text: str) -> str:
     if not text.isprintable():
         raise ValueError("holds characters that cannot be shown")
+    return text
+
+
+def _topic(text: str) -> str:
+    if text.startswith("~"):
+        raise ValueError("~ is the name of a node: write the topic without it, or in full")
+    if topic_of(text).endswith("/"):
+        raise ValueError("ends with a slash: no topic does")
     return text
 
 
@@ -39,6 +58,8 @@ Delay = Annotated[float, Field(ge=0.0, le=1.0)]
 Acceleration = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 Fraction = Annotated[float, Field(gt=0.0, lt=1.0)]
 Name = Annotated[str, Field(min_length=1, max_length=255), AfterValidator(_printable)]
+# `topic`, `topic#field` or a mapping with both; kept as text.
+Topic = Annotated[Name, BeforeValidator(source_text), AfterValidator(_topic)]
 # Read from YAML as text, in any mode of pydantic.
 YamlPath = Annotated[Path, Field(strict=False)]
 Vector = list[Number]
@@ -171,20 +192,31 @@ class ControllerSection(Section):
 class SignalsSection(Section):
     """Topics, and what arrives on the effort topic.
 
+    A topic without a leading slash lies in the namespace of the robot. One whose messages hold
+    several sets of numbers may be given with a field, as
+    ``{topic: arm_controller/controller_state, field: output}`` or ``topic#field``.
     `link_states` holds positions of encoders behind the gears, on the joint side.
     """
 
-    joint_states: Name = "/joint_states"
-    effort: Name | None = None
-    reference: Name | None = None
-    link_states: Name | None = None
+    joint_states: Topic = "joint_states"
+    effort: Topic | None = None
+    reference: Topic | None = None
+    link_states: Topic | None = None
     effort_scale: list[NotZero] | None = None
     effort_unit: Literal["N m", "A", "V"] = "N m"
+
+    @property
+    def relative_topics(self) -> tuple[str, ...]:
+        """Topics in the namespace of the robot."""
+        named = (self.joint_states, self.effort, self.reference, self.link_states)
+        topics = (topic_of(name) for name in named if name and not name.startswith("/"))
+        return tuple(dict.fromkeys(topics))
 
     @model_validator(mode="after")
     def _other_encoders(self) -> "SignalsSection":
         topic = self.link_states
-        if topic is not None and topic in (self.joint_states, self.reference):
+        used = {name.lstrip("/") for name in (self.joint_states, self.reference) if name}
+        if topic is not None and topic.lstrip("/") in used:
             raise ValueError(f"link_states is {topic}, which has another meaning already")
         return self
 
@@ -236,6 +268,18 @@ class Configuration(Section):
     processing: ProcessingSection = ProcessingSection()
     identification: IdentificationSection = IdentificationSection()
     source: Annotated[YamlPath | None, Field(exclude=True)] = None
+    _own_topics: dict[str, str] = PrivateAttr(default_factory=dict)
+
+    @property
+    def own_topics(self) -> dict[str, str]:
+        """What relative topics are for the node that asks; empty where none does."""
+        return dict(self._own_topics)
+
+    def with_own_topics(self, topics: Mapping[str, str]) -> "Configuration":
+        """Return the configuration for a node for which relative topics have these names."""
+        own = self.model_copy()
+        own._own_topics = dict(topics)
+        return own
 
     @model_validator(mode="after")
     def _lengths(self) -> "Configuration":

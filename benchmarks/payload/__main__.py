@@ -9,11 +9,11 @@ that were judged before are not made again.
 """
 
 import argparse
-import datetime
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from benchmarks.measurement import write_page
 from benchmarks.payload.cells import CELLS, Cell
 from benchmarks.payload.coverage import STUDIES, Coverage, coverage, recorded
 from benchmarks.payload.plants import LOADED
@@ -29,8 +29,6 @@ from idim_iv_ros.diagnosis.structural.causes import NamedModel
 from idim_iv_ros.diagnosis.structural.confirmation import confirmation
 from idim_iv_ros.effects.registry import PARAMETRIC
 from idim_iv_ros.identification.prepare import read_configured
-
-PAGE = Path(__file__).parents[1] / "results" / "payload.md"
 
 
 @dataclass(frozen=True)
@@ -177,9 +175,7 @@ def main() -> None:
         for data in (recorded(arm, arguments.out / "coverage"),)
         for study in STUDIES
     ]
-    today = datetime.datetime.now(tz=datetime.UTC).date()
-    heading = f"# Payloads beside friction\n\n- date: {today}\n\n"
-    PAGE.write_text(heading + page(results, coverages))
+    write_page("payload", "Payloads beside friction", [page(results, coverages)])
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.payload.robots import Robot
+from benchmarks.second_plant import ENCODER, follow
 from idim_iv_ros.excitation import Trajectory
 from idim_iv_ros.model import load_robot
 from idim_iv_ros.recording import JointTopic, write_bag
@@ -20,10 +21,8 @@ SHARES = (0.1, 0.08)  # of the load, at these joints
 EXCESS = 0.8  # of the joint's Coulomb friction, Stribeck's, at the first of them
 STRIBECK_SPEED = 0.06  # rad/s
 TORQUE_NOISE = 0.002  # of the torque limit
-ENCODER = 5e-6  # rad
 STEPS = 8  # of MuJoCo in one period of the law
 SMOOTH = 0.002  # rad/s, below which dry friction falls to zero in MuJoCo
-FILTER = 0.5  # of the law's speed in MuJoCo
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,6 @@ def _own(plant: Plant, arm: str, motion: Trajectory, seed: int) -> JointTopic:
 
 def _mujoco(plant: Plant, arm: str, motion: Trajectory, seed: int) -> JointTopic:
     configuration = plant.robot.configuration
-    noise = np.random.default_rng(seed)
     model = mujoco.MjSpec.from_file(str(configuration.robot.urdf)).compile()
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     model.opt.timestep = 1.0 / motion.rate / STEPS
@@ -117,31 +115,15 @@ def _mujoco(plant: Plant, arm: str, motion: Trajectory, seed: int) -> JointTopic
     model.dof_armature[:] = configuration.simulator.armature
     coulomb = model.dof_frictionloss.copy()
     model.dof_frictionloss[:] = 0.0
-    data = mujoco.MjData(model)
     shares = np.zeros(model.nv)
     excess = np.zeros(model.nv)
     if plant.friction == "load":
         shares[list(LOADED[arm])] = SHARES
     if plant.friction == "stribeck":
         excess[LOADED[arm][0]] = EXCESS * coulomb[LOADED[arm][0]]
-    law = configuration.controller
-    kp, kd, limit = (np.array(each) for each in (law.kp, law.kd, law.torque_limit))
-    data.qpos[:] = before = motion.position[0]
-    speed = motion.velocity[0].copy()
-    positions, commands = [], []
-    for wanted, wanted_speed in zip(motion.position, motion.velocity, strict=True):
-        position = data.qpos + ENCODER * noise.standard_normal(len(kp))
-        speed += FILTER * ((position - before) * motion.rate - speed)
-        before = position
-        command = np.clip(kp * (wanted - position) + kd * (wanted_speed - speed), -limit, limit)
-        for _ in range(STEPS):
-            rate = data.qvel
-            level = coulomb + shares * np.abs(data.qfrc_bias)
-            level += excess * np.exp(-((rate / STRIBECK_SPEED) ** 2))
-            data.qfrc_applied[:] = command - level * np.tanh(rate / SMOOTH)
-            mujoco.mj_step(model, data)
-        positions.append(position)
-        commands.append(command)
-    time = 100.0 * seed + np.arange(len(positions)) / motion.rate
-    joints = configuration.robot.joints
-    return JointTopic("/joint_states", joints, time, np.array(positions), None, np.array(commands))
+
+    def friction(speed: FloatArray, load: FloatArray) -> FloatArray:
+        level = coulomb + shares * np.abs(load) + excess * np.exp(-((speed / STRIBECK_SPEED) ** 2))
+        return np.asarray(level * np.tanh(speed / SMOOTH))
+
+    return follow(configuration, model, friction, motion, seed, STEPS)

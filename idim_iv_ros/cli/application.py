@@ -12,6 +12,7 @@ from idim_iv_ros.cli.identify import identify_command
 from idim_iv_ros.cli.import_table import import_command
 from idim_iv_ros.cli.init import init_command
 from idim_iv_ros.cli.nodes import (
+    ROS_ARGUMENTS,
     predict_command,
     record_command,
     serve_command,
@@ -34,10 +35,10 @@ application.command("identify")(identify_command)
 application.command("diagnose", cls=WithSets)(diagnose_command)
 application.command("export")(export_command)
 application.command("import")(import_command)
-application.command("record")(record_command)
-application.command("serve")(serve_command)
-application.command("predict")(predict_command)
-application.command("watch")(watch_command)
+application.command("record", context_settings=ROS_ARGUMENTS)(record_command)
+application.command("serve", context_settings=ROS_ARGUMENTS)(serve_command)
+application.command("predict", context_settings=ROS_ARGUMENTS)(predict_command)
+application.command("watch", context_settings=ROS_ARGUMENTS)(watch_command)
 application.command("excite")(excite_command)
 application.command("simulate")(simulate_command)
 application.command("replay")(replay_command)

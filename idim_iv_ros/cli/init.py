@@ -25,6 +25,15 @@ def init_command(
             show_default=False,
         ),
     ] = None,
+    driver: Annotated[
+        str | None,
+        typer.Option(
+            "--driver",
+            help="Topics and units of a driver: ur, franka, kinova, kuka_fri, ros2_control, or a "
+            "YAML file with the same keys.",
+            show_default=False,
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option("--out", help="The configuration to write.")] = Path(
         "my_arm.yaml"
     ),
@@ -46,7 +55,7 @@ def init_command(
     with output.progress() as progress:
         from idim_iv_ros.first_configuration import propose_configuration, write_configuration
 
-        proposal = propose_configuration(bags, urdf, progress=progress)
+        proposal = propose_configuration(bags, urdf, driver=driver, progress=progress)
         write_configuration(proposal, out, force=force)
     output.document(
         {

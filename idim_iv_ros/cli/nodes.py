@@ -1,7 +1,8 @@
 """`idim-iv record`, `serve`, `predict`, `watch`: ROS 2 nodes in the process of the command line."""
 
 import importlib
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,22 +11,37 @@ import typer
 from idim_iv_ros.cli.arguments import Config, Out
 from idim_iv_ros.errors import UsageError
 
+_NAMESPACE = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
+# What follows --ros-args is the node's.
+ROS_ARGUMENTS = {"allow_extra_args": True, "ignore_unknown_options": True}
+Namespace = Annotated[
+    str,
+    typer.Option(
+        help="ROS namespace of the node, and of the relative topics of the configuration.",
+        show_default=False,
+    ),
+]
 
-def record_command(config: Config, out: Out) -> None:
+
+def record_command(
+    context: typer.Context, config: Config, out: Out, namespace: Namespace = ""
+) -> None:
     """Record the topics of a robot into a new bag under --out until Ctrl-C.
 
     The node `recorder`, started at once; its services and topics are there as with ros2 run.
+    Arguments of ROS go last, behind --ros-args.
 
-    Example: idim-iv record --config ur5.yaml --out bags
+    Example: idim-iv record --config ur5.yaml --out bags --namespace left
     """
     from idim_iv_ros.configuration import load_configuration
 
     load_configuration(config)
     parameters = {"configuration": config.resolve(), "bag_directory": out, "autostart": True}
-    _start_node("recorder", parameters)
+    _start_node("recorder", namespace, parameters, context.args)
 
 
 def serve_command(
+    context: typer.Context,
     config: Config,
     out: Out,
     bags: Annotated[
@@ -34,10 +50,12 @@ def serve_command(
     auto: Annotated[
         bool, typer.Option("--auto", help="Identify every bag that the recorder closes.")
     ] = False,
+    namespace: Namespace = "",
 ) -> None:
     """Answer ROS 2 requests to identify bags until Ctrl-C.
 
-    The node `identifier`; its services, actions and topics are there as with ros2 run.
+    The node `identifier`; its services, actions and topics are there as with ros2 run. Arguments
+    of ROS go last, behind --ros-args.
 
     Example: idim-iv serve --config ur5.yaml --bags bags --out results
     """
@@ -50,7 +68,7 @@ def serve_command(
         "output_directory": out,
         "auto": auto,
     }
-    _start_node("identifier", parameters)
+    _start_node("identifier", namespace, parameters, context.args)
 
 
 Result = Annotated[
@@ -65,7 +83,11 @@ Results = Annotated[
 
 
 def predict_command(
-    config: Config, result: Result = None, results: Results = Path("results")
+    context: typer.Context,
+    config: Config,
+    result: Result = None,
+    results: Results = Path("results"),
+    namespace: Namespace = "",
 ) -> None:
     """Predict the efforts of a running robot from the last identification until Ctrl-C.
 
@@ -76,10 +98,11 @@ def predict_command(
     from idim_iv_ros.configuration import load_configuration
 
     load_configuration(config)
-    _start_node("predictor", _of_predictor(config, result, results))
+    _start_node("predictor", namespace, _of_predictor(config, result, results), context.args)
 
 
 def watch_command(
+    context: typer.Context,
     config: Annotated[
         Path | None,
         typer.Option(
@@ -101,9 +124,7 @@ def watch_command(
             show_default=False,
         ),
     ] = None,
-    namespace: Annotated[
-        str, typer.Option("--namespace", help="ROS namespace of the robot.", show_default=False)
-    ] = "",
+    namespace: Namespace = "",
 ) -> None:
     """Show measured and predicted efforts of a running robot until Ctrl-C.
 
@@ -123,9 +144,7 @@ def watch_command(
         parameters = _of_predictor(config, result, results)
         predictor = _module("predictor").Predictor
     watch = _module("watch")
-    arguments = _arguments(parameters)
-    if namespace:
-        arguments += ["-r", f"__ns:=/{namespace.strip('/')}"]
+    arguments = _arguments(namespace, parameters, context.args)
     raise typer.Exit(watch.run(arguments, watch.WatchSettings(web=web, predictor=predictor)))
 
 
@@ -141,17 +160,20 @@ def _of_predictor(config: Path, result: Path | None, results: Path) -> dict[str,
     return parameters
 
 
-def _start_node(name: str, parameters: Mapping[str, object]) -> None:
-    """Run a node of `idim_iv_ros.nodes` with parameters until a signal.
+def _start_node(
+    name: str, namespace: str, parameters: Mapping[str, object], others: Sequence[str]
+) -> None:
+    """Run a node of `idim_iv_ros.nodes` with parameters, and arguments of ROS, until a signal.
 
     Raises
     ------
     UsageError
-        rclpy or the messages are not installed.
+        rclpy or the messages are not installed, or an argument is neither the command's nor ROS's.
     typer.Exit
         With the exit status of the node.
     """
-    raise typer.Exit(_module(name).run(_arguments(parameters)))
+    arguments = _arguments(namespace, parameters, others)
+    raise typer.Exit(_module(name).run(arguments))
 
 
 def _module(name: str) -> Any:
@@ -165,10 +187,21 @@ def _module(name: str) -> Any:
         ) from error
 
 
-def _arguments(parameters: Mapping[str, object]) -> list[str]:
-    """Arguments of ROS that set the parameters."""
+def _arguments(
+    namespace: str, parameters: Mapping[str, object], others: Sequence[str]
+) -> list[str]:
+    """Arguments of ROS that set the namespace and the parameters, and those of the user."""
+    if others and others[0] != "--ros-args":
+        raise UsageError(f"no such option: {others[0]} (arguments of ROS go behind --ros-args)")
     arguments = ["idim-iv", "--ros-args"]
     for parameter, value in parameters.items():
         text = str(value).lower() if isinstance(value, bool) else str(value)
         arguments += ["-p", f"{parameter}:={text}"]
-    return arguments
+    if namespace:
+        if not _NAMESPACE.fullmatch(namespace):
+            raise UsageError(
+                f"--namespace: {namespace!r} is none of ROS: letters, digits and _, no digit "
+                "first, parts separated by /"
+            )
+        arguments += ["-r", f"__ns:=/{namespace.strip('/')}"]
+    return [*arguments, *others]

@@ -28,6 +28,7 @@ from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath, FilePaths
 from idim_iv_ros.identification.prepare import read_configured
+from idim_iv_ros.memory import return_freed_memory
 from idim_iv_ros.progress import Progress, Stopwatch
 
 
@@ -72,11 +73,14 @@ def diagnose(
         watch.stage("reading", 0.0)
         recordings = read_configured(given, configuration, progress)
         others = read_configured(second, configuration, progress) if second else ()
+        return_freed_memory()
         watch.stage("refit", 0.1)
         beside = None if identified is None else partial(with_nominal, identified=identified)
         refit = refitted(recordings, configuration, excluded, beside)
+        return_freed_memory()
         watch.stage("attribution", 0.2)
         attribution = attributed(refit.data, refit.regression, excluded, watch.progress)
+        return_freed_memory()
         result = assembled(concluded(refit, attribution, configuration, excluded, watch))
         if identified is not None:
             result = replace(result, nominal=identified.nominal)

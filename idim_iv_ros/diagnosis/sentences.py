@@ -28,7 +28,13 @@ from idim_iv_ros.types import FloatArray
 
 
 def structural_cause(
-    data: Baseline, effect: Candidate, others: Sequence[Judged], gap: Gap, gain: float
+    data: Baseline,
+    effect: Candidate,
+    others: Sequence[Judged],
+    gap: Gap,
+    gain: float,
+    *,
+    together: bool = False,
 ) -> str:
     """Where an effect is and how far the gap shrinks.
 
@@ -38,6 +44,8 @@ def structural_cause(
         Candidates that are indistinguishable from it.
     gain
         Share of the residual's energy that goes on held-out data.
+    together
+        Whether its numbers are known to differ from zero only all together.
     """
     place = effect.place
     joint, unit = data.joints[place.joint], data.unit_at(place.joint, "N m")
@@ -51,6 +59,8 @@ def structural_cause(
     text += _indistinguishable(
         f"{_spaced(other.effect.name)} at {data.joints[other.place.joint]}" for other in others
     )
+    if together:
+        text += "; its torque is known, each of its numbers by itself is not"
     if gain <= 0.0:
         text += "; it does not help on held-out data, so do not rely on it"
     elif gap.ci95 is not None and gap.ci95[0] <= 0.0:

@@ -230,10 +230,8 @@ LEAST_FOLDS_CHOSEN = Setting(0.6, "folds",
     "folds without which a search must choose an effect again, at least, or what is "
     "indistinguishable from it: 3 of 5; one that is chosen less often is a hint", CONVENTION)
 HELD_OUT_LEAST_FOLDS = Setting(0.75, "folds that choose it",
-    "folds on which an effect must help, at least", CHOSEN)
-HELD_OUT_SURELY_LARGE = Setting(0.5, "gap above the noise floor",
-    "what an effect must surely (95 %) take on held-out data to need LEAST_FOLDS_CHOSEN alone: it "
-    "may act in some folds only", "chosen on one cell of the hostile benchmark")
+    "folds on which an effect must help, at least, each counted by what the effect does there: "
+    "one may act in some folds only; of blocks that have a vote in a contrast", CHOSEN)
 HELD_OUT_LEAST_FOLDS_OF_DRIFT = Setting(0.5, "folds",
     "the same for what changes with time: much of it may lie in a part of the session", CHOSEN)
 LEAST_FOLD = Setting(5.0, "s", "length of a fold where recordings are divided", CHOSEN)
@@ -263,7 +261,8 @@ LEAST_ROOM = Setting(1e-3, "gap",
 NORMAL_95 = Setting(1.96, "standard deviations",
     "half-width of a 95 % interval: a number beyond differs from zero", CONVENTION)
 SIGNIFICANCE_LEVEL = Setting(0.05, "",
-    "level of Wald's test of all numbers of an effect", CONVENTION)
+    "level of the test of all numbers of a cause: Wald's, of an effect a likelihood ratio",
+    CONVENTION)
 
 # Parametric causes.
 REFIT_LEAST_SHARE = Setting(0.01, "energy of the nominal model's gap",
@@ -285,6 +284,9 @@ ENOUGH_OF_CHANGE = Setting(0.9, "change that the refit explains",
     "what the causes must explain together, at least", CHOSEN)
 CHANGE_DEVIATIONS = Setting(2.0, "standard deviations",
     "what may be missing to that by chance", CONVENTION)
+PARAMETRIC_LEVEL = Setting(0.01, "",
+    "level of Wald's test of a parameter error beside errors of all other numbers: their sizes are "
+    "estimated, and the surest of a dozen causes is looked at", CHOSEN)
 LEAST_CONFIRMED = Setting(0.5, "size of the estimate",
     "what must remain of a wrong gain or gravity beside errors of all base parameters, or these "
     "imitate it", CHOSEN)

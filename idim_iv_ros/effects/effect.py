@@ -43,6 +43,11 @@ class Place:
     joint: int
     other: int | None = None
 
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """One, or both of a coupling."""
+        return (self.joint,) if self.other is None else (self.joint, self.other)
+
 
 @dataclass(frozen=True)
 class OperatingRange:

@@ -19,7 +19,7 @@ from idim_iv_ros.effects.two_masses import transmitted
 from idim_iv_ros.types import FloatArray
 
 _DAMPING = (0.03, 0.2)  # times critical
-_LOWEST, _HIGHEST = 3.0, 100.0  # Hz, resonance of the link against a motor that stands
+_LOWEST, _HIGHEST = 3.0, 100.0  # Hz, resonance of the link against a motor at rest
 _SLOWEST_SWING = 4.0  # Hz: series elastic arms swing at 4 Hz, geared ones at 5 to 25 Hz
 _SOFTEST = 11.0  # Hz: the middle of 5 to 25 Hz, where links of arms swing
 

@@ -72,7 +72,7 @@ class JointRows:
         return replace(self, instrument_matrix=None if matrix is self.matrix else matrix)
 
     def whitened(self, model: AutoregressiveModel) -> "JointRows":
-        """Return the same rows with Ĉ(z⁻¹) applied to y, X and Z alike."""
+        """Return the same rows with Ĉ(z⁻¹) applied to each of y, X and Z."""
         return self._of(model.whiten(self._table(slice(None)), self.segments))
 
     def beside(self, columns: FloatArray, places: IntArray) -> "JointRows":

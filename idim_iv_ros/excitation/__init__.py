@@ -19,6 +19,7 @@ from idim_iv_ros.excitation.files import (
 )
 from idim_iv_ros.excitation.limit_use import LimitUse, limit_use
 from idim_iv_ros.excitation.limits import MotionLimits, motion_limits
+from idim_iv_ros.excitation.passes import Passes, passes_of, plan_passes, slowed, stop
 from idim_iv_ros.excitation.search import DesignSettings
 from idim_iv_ros.excitation.segments import Segment
 from idim_iv_ros.excitation.trajectory import (
@@ -36,6 +37,7 @@ __all__ = [
     "Excitation",
     "LimitUse",
     "MotionLimits",
+    "Passes",
     "PredictedParameter",
     "Segment",
     "Trajectory",
@@ -47,6 +49,8 @@ __all__ = [
     "limit_use",
     "load_model",
     "motion_limits",
+    "passes_of",
+    "plan_passes",
     "predict_parameters",
     "random_motion",
     "read_trajectory",
@@ -54,6 +58,8 @@ __all__ = [
     "require_place",
     "require_sampling",
     "segment_table",
+    "slowed",
+    "stop",
     "write_csv",
     "write_joint_trajectory",
     "write_motion",

@@ -124,7 +124,12 @@ def excite(
 
 
 def random_motion(
-    configuration: Configuration, *, duration: float, rate: float, seed: int
+    configuration: Configuration,
+    *,
+    duration: float,
+    rate: float,
+    seed: int,
+    limits: MotionLimits | None = None,
 ) -> Trajectory:
     """One period of a random Fourier series up to 2 Hz, at rest at both ends, within every limit.
 
@@ -139,6 +144,8 @@ def random_motion(
         Samples per second.
     seed
         Of the coefficients.
+    limits
+        What it may use; else those of `motion_limits`.
 
     Raises
     ------
@@ -157,7 +164,7 @@ def random_motion(
         )
     require_sampling(rate, duration, "the random motion")
     model = load_model(configuration)
-    limits = motion_limits(model, configuration)
+    limits = limits or motion_limits(model, configuration)
     random = np.random.default_rng(seed)
     joints = len(limits.lower)
     basis = FourierBasis(duration, round(_HIGHEST_FREQUENCY * duration))

@@ -73,7 +73,12 @@ def choose_joints(
                 f"{name} is left out ({reason}) and the model locks it at {joint.rest:.3g}, but it "
                 f"was at {lowest:.3g}: record a motion of it as well"
             )
-    recorded = [name for topic in bags[0].topics if topic.name == states for name in topic.joints]
+    recorded = [
+        name
+        for topic in bags[0].topics
+        if topic.name == states and not topic.asked
+        for name in topic.joints
+    ]
     left_out.update({name: "not in the URDF" for name in recorded if name not in known.joints})
     if not chosen:
         why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
@@ -119,6 +124,6 @@ def _is_array(bag: BagContents, name: str) -> bool:
 
 def _contents(bag: BagContents, name: str, joint: str) -> JointContents | None:
     for topic in bag.topics:
-        if topic.name == name:
+        if topic.name == name and not topic.asked:
             return topic.joints.get(joint)
     return None

@@ -10,8 +10,9 @@ from threadpoolctl import threadpool_limits
 from idim_iv_ros.configuration import Configuration, RobotSection, SignalsSection
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath, FilePaths, as_paths
+from idim_iv_ros.first_configuration.drivers import SOURCES, DriverPreset, read_driver
 from idim_iv_ros.first_configuration.joints import JointChoice, choose_joints
-from idim_iv_ros.first_configuration.signals import EffortUnit, guess_effort_unit, propose_law
+from idim_iv_ros.first_configuration.signals import guess_effort_unit, propose_law
 from idim_iv_ros.first_configuration.topics import (
     BagContents,
     TopicChoice,
@@ -23,6 +24,7 @@ from idim_iv_ros.identification.prepare import prepare, read_configured
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.model.urdf_reader import description_key
 from idim_iv_ros.progress import Progress, Stopwatch
+from idim_iv_ros.signal_source import topic_of
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,11 @@ class Proposal:
 
 
 def propose_configuration(
-    bags: FilePaths, urdf: FilePath | None = None, *, progress: Progress | None = None
+    bags: FilePaths,
+    urdf: FilePath | None = None,
+    *,
+    driver: str | None = None,
+    progress: Progress | None = None,
 ) -> Proposal:
     """Look through bags and propose a configuration with which they can be identified.
 
@@ -77,6 +83,8 @@ def propose_configuration(
         One recording or several of one robot.
     urdf
         Its description; None: /robot_description of the bag.
+    driver
+        Name of a driver whose topics and units are known (``ur``), or a YAML file of the same form.
     progress
         Called with a stage in words and the share that is done, 0 to 1.
 
@@ -88,55 +96,99 @@ def propose_configuration(
         The bags hold nothing that can be identified.
     """
     paths = as_paths(bags)
+    preset = None if driver is None else read_driver(driver)
     with threadpool_limits(limits=1, user_api="blas"), Stopwatch(progress) as watch:
         watch.stage("looking through the bag", 0.0)
         contents = [read_contents(path) for path in paths]
         text, source = _description(contents, None if urdf is None else Path(urdf))
-        states, effort = choose_states(contents)
-        joints = choose_joints(text, source, contents, states.name, (effort or states).name)
-        topics = choose_topics(contents, joints.joints)
+        named, missing = preset.sources(contents) if preset is not None else ({}, {})
+        wanted = topic_of(named.get("joint_states", ""))
+        states, effort = choose_states(contents, wanted)
+        efforts = topic_of(named.get("effort", "")) or (effort or states).name
+        joints = choose_joints(text, source, contents, states.name, efforts)
+        topics = choose_topics(contents, joints.joints, wanted)
+        sources = _sources(topics, named)
         watch.stage("reading", 0.3)
-        configuration = _configuration(None if urdf is None else Path(urdf), joints, topics)
+        configuration = _configuration(None if urdf is None else Path(urdf), joints, sources)
         prepared = prepare(read_configured(paths, configuration), configuration)
         watch.stage("effort unit", 0.6)
         unit = guess_effort_unit(prepared)
         watch.stage("control law", 0.8)
         law = propose_law(prepared.motions)
-    signals: dict[str, object] = {"joint_states": topics.states.name}
-    if topics.effort is not None:
-        signals["effort"] = topics.effort.name
-    if topics.reference is not None:
-        signals["reference"] = topics.reference.name
+    reasons = {
+        ("controller", "type"): law.reason,
+        ("signals", "effort_unit"): unit.reason,
+        **{("signals", key): reason for key, reason in topics.reasons.items()},
+    }
+    values: dict[str, dict[str, object]] = {
+        "robot": {"joints": list(joints.joints)},
+        "controller": dict(law.keys),
+        "signals": {**sources, "effort_unit": unit.unit},
+    }
+    warnings = joints.warnings
+    if preset is not None:
+        warnings += _merge(preset, values, reasons, named, missing)
     limits = prepared.model.robot.limits.effort
     finite = bool((limits > 0.0).all() and (limits < float("inf")).all())
+    torques = values["signals"]["effort_unit"] == "N m"
     return Proposal(
         bags=paths,
         joints=joints.joints,
         urdf=None if urdf is None else Path(urdf),
-        values={
-            "robot": {"joints": list(joints.joints)},
-            "controller": law.keys,
-            "signals": {**signals, "effort_unit": unit.unit},
-        },
-        reasons={
-            ("controller", "type"): law.reason,
-            ("signals", "effort_unit"): unit.reason,
-            **{("signals", key): reason for key, reason in topics.reasons.items()},
-        },
+        values=values,
+        reasons=reasons,
         left_out=joints.left_out,
-        limits=tuple(float(limit) for limit in limits) if finite and unit.unit == "N m" else (),
-        warnings=joints.warnings + _unit_warning(unit),
+        limits=tuple(float(limit) for limit in limits) if finite and torques else (),
+        warnings=warnings + (() if torques else _UNIT_WARNING),
     )
 
 
-def _unit_warning(unit: EffortUnit) -> tuple[str, ...]:
-    if unit.unit == "N m":
+def _sources(topics: TopicChoice, named: Mapping[str, str]) -> dict[str, str]:
+    """Sources of the signals: those of the driver where it names them, else those chosen."""
+    sources = {"joint_states": topics.states.name}
+    if topics.effort is not None:
+        sources["effort"] = topics.effort.name
+    if topics.reference is not None:
+        sources["reference"] = topics.reference.name
+    return {**sources, **named}
+
+
+def _merge(
+    preset: DriverPreset,
+    values: dict[str, dict[str, object]],
+    reasons: dict[tuple[str, str], str],
+    named: Mapping[str, str],
+    missing: Mapping[str, str],
+) -> tuple[str, ...]:
+    """Put the keys of a driver over those of the bag, and warn of what contradicts them."""
+    guessed, why = values["signals"]["effort_unit"], reasons["signals", "effort_unit"]
+    for section, keys in preset.keys.items():
+        for key, value in keys.items():
+            if (section, key) not in {("signals", each) for each in SOURCES}:
+                values.setdefault(section, {})[key] = value
+                reasons[section, key] = f"driver {preset.name}"
+    for key in named:
+        before = reasons.get(("signals", key), "")
+        chosen = key in values["signals"] and before and key != "reference"
+        reasons["signals", key] = f"driver {preset.name}" + (f"; {before}" if chosen else "")
+    for key, reason in missing.items():
+        before = reasons.get(("signals", key), "")
+        reasons["signals", key] = f"{before}; {reason}" if before else reason
+    unit = values["signals"]["effort_unit"]
+    reasons["signals", "effort_unit"] += f"; of the bag: {why}"
+    if unit == guessed or why.startswith("not"):
         return ()
     return (
-        "the efforts are no torques: joints whose torque constants differ do not fit one model, "
-        "and nothing can be compared with the URDF; give torque constant times gear ratio of each "
-        "joint as signals.effort_scale, and effort_unit N m",
+        f"efforts of the driver {preset.name} are in {unit}, but those of the bag look like "
+        f"{guessed}: {why}",
     )
+
+
+_UNIT_WARNING = (
+    "the efforts are no torques: joints whose torque constants differ do not fit one model, "
+    "and nothing can be compared with the URDF; give torque constant times gear ratio of each "
+    "joint as signals.effort_scale, and effort_unit N m",
+)
 
 
 def _description(contents: list[BagContents], urdf: Path | None) -> tuple[str, str]:
@@ -151,13 +203,11 @@ def _description(contents: list[BagContents], urdf: Path | None) -> tuple[str, s
     )
 
 
-def _configuration(urdf: Path | None, joints: JointChoice, topics: TopicChoice) -> Configuration:
+def _configuration(
+    urdf: Path | None, joints: JointChoice, sources: Mapping[str, str]
+) -> Configuration:
     named = {} if urdf is None else {description_key(urdf): urdf}
     return Configuration(
         robot=RobotSection.model_validate({**named, "joints": list(joints.joints)}),
-        signals=SignalsSection(
-            joint_states=topics.states.name,
-            effort=None if topics.effort is None else topics.effort.name,
-            reference=None if topics.reference is None else topics.reference.name,
-        ),
+        signals=SignalsSection.model_validate(sources),
     )

@@ -1,6 +1,6 @@
 """What the topics of a bag hold, and which are the joint states, the efforts and the reference."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,8 +8,11 @@ import numpy as np
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE, read_layout
+from idim_iv_ros.recording.bags.definitions import CONTROLLER_STATE, MANY_STATES
 from idim_iv_ros.recording.bags.folder import Bag
+from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
+from idim_iv_ros.recording.bags.topics import bag_topics
 from idim_iv_ros.recording.other_topics import robot_description, sounds_like_reference
 from idim_iv_ros.recording.read import DESCRIPTION
 
@@ -50,6 +53,11 @@ class TopicContents:
         Empty for an array of numbers.
     numbers : int
         Length of an array of numbers; 0 for joint states.
+    kind : str
+        Message type.
+    asked : bool
+        Whether `joints` are what a controller was asked for, by its type; its topic is listed a
+        second time with what was measured.
     """
 
     name: str
@@ -57,6 +65,8 @@ class TopicContents:
     rate: float
     joints: dict[str, JointContents]
     numbers: int = 0
+    kind: str = JOINT_STATE
+    asked: bool = False
 
     def with_position(self) -> set[str]:
         """Joints of which there are positions."""
@@ -78,7 +88,7 @@ class BagContents:
     unreadable : dict of str to str
         Types of the other topics, by name.
     description : str or None
-        URDF on /robot_description.
+        URDF on /robot_description, or on that of the only namespace that has one.
     """
 
     path: Path
@@ -95,48 +105,74 @@ def read_contents(path: Path) -> BagContents:
     UsageError, DataError
         No such bag, or not one.
     """
-    bag, description = Bag(path), None
-    for _, batch in bag.batches({DESCRIPTION}):
-        description = robot_description(batch) or description
-    kinds = {name: kind for name, kind in bag.topics.items() if kind in (JOINT_STATE, FLOAT_ARRAY)}
+    bag = Bag(path)
+    described = {name for name in bag_topics(path) if name.endswith(DESCRIPTION)}
+    descriptions: dict[str, str] = {}
+    for topic, batch in bag.batches(described):
+        text = robot_description(batch)
+        descriptions.update({} if text is None else {topic: text})
+    kinds = {name: kind for name, kind in bag.topics.items() if may_hold_joints(kind)}
     names: dict[str, JointMessageReader] = {}
     numbers: dict[str, int] = {}
     counts: dict[str, tuple[int, int, int]] = {}  # messages, first and last arrival in ns
     for topic, batch in Bag(path).batches(set(kinds)):
         count, first, _ = counts.get(topic, (0, int(batch.arrival[0]), 0))
         counts[topic] = (count + len(batch), first, int(batch.arrival[-1]))
-        if kinds[topic] == JOINT_STATE:
-            names.setdefault(topic, JointMessageReader(topic, JOINT_STATE, [], [])).add(batch)
+        if kinds[topic] != FLOAT_ARRAY:
+            if topic not in names:
+                names[topic] = JointMessageReader(topic, _kind(bag, topic), [], [])
+            names[topic].add(batch)
         elif topic not in numbers:
             layout = read_layout(batch.message(0), FLOAT_ARRAY)
             numbers[topic] = layout.fields["data"][1]
-    joints = _joints(path, {topic: reader.finish().names for topic, reader in names.items()})
+    joints = _joints(bag, {topic: reader.finish().names for topic, reader in names.items()})
     topics = tuple(
         TopicContents(
             topic,
             count,
             (count - 1) / max(1e-9 * (last - first), 1e-9) if count > 1 else 0.0,
-            joints.get(topic, {}),
+            joints.get((topic, asked), {}),
             numbers.get(topic, 0),
+            kinds[topic],
+            asked,
         )
         for topic, (count, first, last) in counts.items()
+        for asked in ((False, True) if (topic, True) in joints else (False,))
     )
-    unreadable = {name: kind for name, kind in bag.topics.items() if name not in kinds}
-    unreadable.pop(DESCRIPTION, None)
-    return BagContents(path, topics, unreadable, description)
+    known = {*kinds, *described}
+    unreadable = {name: kind for name, kind in bag.topics.items() if name not in known}
+    return BagContents(path, topics, unreadable, _of_one_robot(descriptions))
 
 
-def _joints(path: Path, names: dict[str, tuple[str, ...]]) -> dict[str, dict[str, JointContents]]:
-    readers = {
-        topic: JointMessageReader(topic, JOINT_STATE, each, ["position", "effort"])
-        for topic, each in names.items()
-    }
-    for topic, batch in Bag(path).batches(set(readers)):
-        readers[topic].add(batch)
+def _of_one_robot(descriptions: Mapping[str, str]) -> str | None:
+    """The global description, or that of the one namespace that has any."""
+    texts = set(descriptions.values())
+    return descriptions.get(DESCRIPTION, texts.pop() if len(texts) == 1 else None)
+
+
+def _kind(bag: Bag, topic: str, *, asked: bool = False) -> JointMessageType:
+    name = bag.topics[topic]
+    return JointMessageType(name, bag.definitions.get(name), reference=asked)
+
+
+def _joints(
+    bag: Bag, names: dict[str, tuple[str, ...]]
+) -> dict[tuple[str, bool], dict[str, JointContents]]:
+    """Contents of each topic: what was measured and, of a controller, what it was asked for."""
+    readers: dict[tuple[str, bool], JointMessageReader] = {}
+    for topic, each in names.items():
+        controller = bag.topics[topic] in (CONTROLLER_STATE, MANY_STATES)
+        for asked in (False, True) if controller else (False,):
+            kind = _kind(bag, topic, asked=asked)
+            readers[topic, asked] = JointMessageReader(topic, kind, each, ["position", "effort"])
+    for topic, batch in Bag(bag.path).batches(set(names)):
+        for asked in (False, True):
+            if (topic, asked) in readers:
+                readers[topic, asked].add(batch)
     contents = {}
-    for topic, reader in readers.items():
+    for (topic, asked), reader in readers.items():
         values = reader.finish().values
-        contents[topic] = {
+        contents[topic, asked] = {
             joint: _contents(values["position"][:, column], values["effort"][:, column])
             for column, joint in enumerate(names[topic])
         }
@@ -177,8 +213,12 @@ class TopicChoice:
         return self.effort or self.states
 
 
-def choose_states(bags: Sequence[BagContents]) -> tuple[TopicContents, TopicContents | None]:
-    """Choose the topic of the joint states, and that of the efforts where it is another.
+def choose_states(
+    bags: Sequence[BagContents], wanted: str | None = None
+) -> tuple[TopicContents, TopicContents | None]:
+    """Choose the topic of the joint states, `wanted` if it holds any, and that of the efforts.
+
+    The latter is None where it is the same.
 
     Raises
     ------
@@ -186,17 +226,17 @@ def choose_states(bags: Sequence[BagContents]) -> tuple[TopicContents, TopicCont
         No bag has positions, or no effort that is not zero.
     """
     first = bags[0]
-    states = [topic for topic in first.topics if topic.with_position()]
+    states = [topic for topic in first.topics if topic.with_position() and not topic.asked]
     if not states:
         held = ", ".join(f"{name} ({kind})" for name, kind in first.unreadable.items())
         raise DataError(
             f"{first.path}: no sensor_msgs/msg/JointState with positions; "
             f"it holds {held or 'nothing else'}; record /joint_states"
         )
-    chosen = max(states, key=_likeness)
+    chosen = max([each for each in states if each.name == wanted] or states, key=_likeness)
     if chosen.with_effort():
         return chosen, None
-    others = [topic for topic in first.topics if topic.name != chosen.name]
+    others = [topic for topic in first.topics if topic.name != chosen.name and not topic.asked]
     efforts = [topic for topic in others if topic.with_effort() & chosen.with_position()]
     efforts += [topic for topic in others if topic.numbers == len(chosen.joints)]
     if not efforts:
@@ -209,24 +249,28 @@ def choose_states(bags: Sequence[BagContents]) -> tuple[TopicContents, TopicCont
     return chosen, efforts[0]
 
 
-def _likeness(topic: TopicContents) -> tuple[bool, int, int, bool, int]:
+def _likeness(topic: TopicContents) -> tuple[bool, int, int, bool, bool, int]:
     """Measured joint states: not a reference, with efforts, of many joints."""
     return (
         not sounds_like_reference(topic.name),
         len(topic.with_effort() & topic.with_position()),
         len(topic.with_position()),
+        topic.kind == JOINT_STATE,
         topic.name.endswith("joint_states"),
         topic.messages,
     )
 
 
-def choose_topics(bags: Sequence[BagContents], joints: Sequence[str]) -> TopicChoice:
-    """Choose all topics for these joints."""
-    states, effort = choose_states(bags)
+def choose_topics(
+    bags: Sequence[BagContents], joints: Sequence[str], wanted: str | None = None
+) -> TopicChoice:
+    """Choose all topics for these joints; `wanted` as in `choose_states`."""
+    states, effort = choose_states(bags, wanted)
     used = {states.name, effort.name if effort else ""}
-    common = [topic for topic in bags[0].topics if _in_all(topic.name, bags, joints)]
-    others = [topic for topic in common if topic.name not in used]
-    references = [topic for topic in others if sounds_like_reference(topic.name)]
+    common = [topic for topic in bags[0].topics if _in_all(topic, bags, joints)]
+    asked = [topic for topic in common if topic.asked]
+    others = [t for t in common if t.kind == JOINT_STATE and t.name not in used]
+    references = asked or [topic for topic in others if sounds_like_reference(topic.name)]
     reference = max(references, key=lambda topic: topic.messages, default=None)
     reasons = {"joint_states": _summary(states, bags[0])}
     if effort is not None:
@@ -235,23 +279,32 @@ def choose_topics(bags: Sequence[BagContents], joints: Sequence[str]) -> TopicCh
             reasons["effort"] += "; its numbers are taken in the order of robot.joints"
     if reference is not None:
         reasons["reference"] = _summary(reference, bags[0])
+        if reference.asked:
+            reasons["reference"] += ", what the controller was asked for"
     elif others:
         names = ", ".join(topic.name for topic in others)
         reasons["reference"] = f"none of that name; {names}: positions too, if that is it"
     else:
         reasons["reference"] = "none in the bag: record it, it makes the instruments testable"
-        controllers = [n for n, kind in bags[0].unreadable.items() if "ControllerState" in kind]
-        if controllers:
-            reasons["reference"] = (
-                f"{controllers[0]} has it, but only sensor_msgs/msg/JointState is read"
-            )
+        for topic in bags[0].topics:
+            if topic.asked:
+                held = ", ".join(sorted(topic.with_position())) or "none"
+                reasons["reference"] = (
+                    f"{topic.name} has what was asked of these joints only: {held}; the reference "
+                    "is read from one topic"
+                )
     return TopicChoice(states, effort, reference, reasons)
 
 
-def _in_all(name: str, bags: Sequence[BagContents], joints: Sequence[str]) -> bool:
+def _in_all(wanted: TopicContents, bags: Sequence[BagContents], joints: Sequence[str]) -> bool:
     """Whether every bag holds positions of all joints on the topic."""
     return all(
-        any(topic.name == name and topic.with_position() >= set(joints) for topic in bag.topics)
+        any(
+            topic.name == wanted.name
+            and topic.asked == wanted.asked
+            and topic.with_position() >= set(joints)
+            for topic in bag.topics
+        )
         for bag in bags
     )
 

@@ -85,12 +85,17 @@ SECTIONS: dict[str, dict[str, Key]] = {
         "delay": Key("s, from the command to the torque", "0", 0.0),
     },
     "signals": {
-        "joint_states": Key("sensor_msgs/JointState", "/joint_states", "/joint_states"),
-        "effort": Key("JointState or Float64MultiArray", "joint_states", "/joint_states"),
+        "joint_states": Key(
+            "sensor_msgs/JointState, or what ros2_control publishes; without a leading slash: in "
+            "the namespace of the robot",
+            "joint_states",
+            "joint_states",
+        ),
+        "effort": Key("also std_msgs/Float64MultiArray", "joint_states", "/joint_states"),
         "reference": Key(
-            "sensor_msgs/JointState with what the controller was asked for",
+            "what the controller was asked for: a JointState or a controller_state",
             "no reference",
-            "/joint_reference",
+            "/joint_trajectory_controller/controller_state",
         ),
         "link_states": Key(
             "sensor_msgs/JointState of encoders behind the gears: shows stiffness and play",

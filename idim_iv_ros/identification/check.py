@@ -23,6 +23,7 @@ from idim_iv_ros.model import BaseParameters
 from idim_iv_ros.model.units import unit_at
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording import Recording
+from idim_iv_ros.signal_source import topic_of
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.types import FloatArray
 
@@ -37,6 +38,7 @@ _LEAST_REVERSALS = 4
 _MOVING, _TIMES_NOISE = 0.02, 5.0
 _LEAST_DURATION = 5.0  # s
 _ACCELERATION_NOISE = 3.0  # motion over noise
+_SLOW_REFERENCE = 0.9  # of the rate of the joint states
 _WELL_SEEN, _SEEN = 10.0, 30.0  # relative deviation in percent
 
 
@@ -164,10 +166,32 @@ def _reference_findings(prepared: PreparedRegression) -> list[Finding]:
         where = ", ".join(missing)
         sentences = (sentence, *prepared.advice)
         return [Finding(where, "limited", each) for each in sentences]
+    findings = [
+        _reference_source(recording, motion.signals.name)
+        for recording, motion in zip(prepared.recordings, prepared.motions, strict=True)
+    ]
     if prepared.configuration.controller.type == "unknown":
         sentence = "control law unknown: it will be fitted from reference, motion and torque"
-        return [Finding("controller", "limited", sentence)]
-    return []
+        findings.append(Finding("controller", "limited", sentence))
+    return findings
+
+
+def _reference_source(recording: Recording, name: str) -> Finding:
+    """Say where the reference comes from, and at which rate."""
+    assert recording.position_reference is not None
+    source, _, field = recording.position_reference.origin.rpartition(" ")
+    sentence = f"the reference is {field} of {topic_of(source)}"
+    rates = [clock.rate for clock in recording.clocks if clock.topic == source]
+    if rates:
+        sentence += f", at {rates[0]:.4g} Hz"
+    if not rates or rates[0] > _SLOW_REFERENCE * recording.rate:
+        return Finding(name, "good", sentence)
+    return Finding(
+        name,
+        "limited",
+        f"{sentence}, and interpolated to the {recording.rate:.4g} Hz of the joint states: let the "
+        "controller publish its state at that rate",
+    )
 
 
 def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list[Finding]:

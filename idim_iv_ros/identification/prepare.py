@@ -178,6 +178,7 @@ def read_configured(
         reference=signals.reference,
         prismatic=prismatic,
         link_states=signals.link_states,
+        own_topics=configuration.own_topics,
         progress=progress,
     )
 
@@ -216,7 +217,7 @@ def _urdf(configuration: Configuration, recordings: Sequence[Recording]) -> tupl
         return read_urdf_file(path), str(path)
     for recording in recordings:
         if recording.robot_description is not None:
-            return recording.robot_description, f"{recording.path.name} /robot_description"
+            return recording.robot_description, f"{recording.path.name} robot_description"
     raise UsageError(
         f"{configuration.source}: robot.urdf is not given and no bag has /robot_description"
     )

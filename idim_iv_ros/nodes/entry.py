@@ -29,11 +29,19 @@ class Closable(Protocol):
         """Finish what is going on."""
 
 
+class CannotGoOnError(Exception):
+    """Ends a node from one of its callbacks; `why` is printed."""
+
+    def __init__(self, why: IdimError) -> None:
+        super().__init__(str(why))
+        self.why = why
+
+
 def run_node(name: str, make: Callable[[], Closable], about: str, arguments: Sequence[str]) -> int:
     """Run a node until SIGINT or SIGTERM and return the exit status.
 
-    A callback that fails is logged in one line; the node goes on. While it is closed it still has
-    its executor.
+    A callback that fails is logged in one line; the node goes on, unless it is a `CannotGoOnError`.
+    While it is closed it still has its executor.
     """
     if {"-h", "--help"} & set(arguments[1:]):
         print(about)
@@ -55,8 +63,10 @@ def run_node(name: str, make: Callable[[], Closable], about: str, arguments: Seq
             raise UsageError(_start_failure(error)) from error
         executor = SingleThreadedExecutor()
         executor.add_node(running.node)
-        _spin(executor, running.node, stop)
-        running.close()
+        try:
+            _spin(executor, running.node, stop)
+        finally:
+            running.close()
     except IdimError as error:
         print(f"{name}: {error}", file=sys.stderr)
         return error.exit_status
@@ -69,6 +79,8 @@ def _spin(executor: SingleThreadedExecutor, node: Node, stop: threading.Event) -
     while not stop.is_set():
         try:
             executor.spin_once(timeout_sec=_WAIT)
+        except CannotGoOnError as error:
+            raise error.why from error
         except Exception as error:  # one bad request must not end the recording
             node.get_logger().error(one_line(error))
 

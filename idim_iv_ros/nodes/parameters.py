@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter
 
 from idim_iv_ros.errors import IdimError, UsageError
 
-Value = TypeVar("Value", bool, int, float, str)
+Value = TypeVar("Value", bool, int, float, str, tuple[str, ...])
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,15 @@ class Settings:
         ------
         UsageError
             One line that names the parameter.
+        """
+
+    def check_files(self) -> None:
+        """Check what is read when the node is configured, where that is not at the start.
+
+        Raises
+        ------
+        IdimError
+            One line that names the file.
         """
 
 
@@ -70,7 +79,7 @@ def declare(node: Node, kind: type[Kind]) -> Kind:
                     each.name, _given_number(node, each), _descriptor(each), ignore_override=True
                 )
             else:
-                node.declare_parameter(each.name, each.default, _descriptor(each))
+                node.declare_parameter(each.name, _default(each), _descriptor(each))
         except Exception as error:  # rclpy has one class for each thing that can be wrong
             reason = " ".join(str(error).split())
             raise UsageError(f"parameter {each.name}: {reason}") from error
@@ -84,6 +93,12 @@ def declare(node: Node, kind: type[Kind]) -> Kind:
         lambda given: [_as_double(each, doubles) for each in given]
     )
     return settings
+
+
+def _default(described: "Field[Any]") -> Any:
+    if isinstance(described.default, tuple):
+        return list(described.default)  # not empty: then it would have no type
+    return described.default
 
 
 def _given_number(node: Node, described: "Field[Any]") -> Any:
@@ -113,6 +128,7 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
     new = type(settings)(**values)
     try:
         new.check()
+        new.check_files()
     except IdimError as error:
         names = ", ".join(each.name for each in parameters)
         text = str(error)

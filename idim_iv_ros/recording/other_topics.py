@@ -6,8 +6,11 @@ from collections.abc import Sequence
 from xml.etree import ElementTree
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.cdr import JOINT_STATE, MessageBatch, read_layout
+from idim_iv_ros.recording.bags.cdr import JOINT_STATE, MessageBatch
+from idim_iv_ros.recording.bags.definitions import CONTROLLER_STATE
 from idim_iv_ros.recording.bags.folder import Bag
+from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
+from idim_iv_ros.signal_source import topic_of
 
 _WORDS = ("reference", "ref", "command", "commands", "cmd", "desired", "target", "setpoint", "goal")
 
@@ -41,21 +44,35 @@ def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> t
     bag
         It was read before, so that its topics are known.
     used
-        Topics that are used already.
+        Sources that are used already.
     joints
         Names of the joints.
     """
-    other = {name for name, kind in bag.topics.items() if kind == JOINT_STATE} - set(used)
+    measured = set(map(topic_of, used))
+    # What a controller was asked for is a reference, also of the topic that gives what it measured.
+    kinds = {
+        name: JointMessageType(kind, bag.definitions.get(kind), reference=True)
+        for name, kind in bag.topics.items()
+        if kind == CONTROLLER_STATE or (kind == JOINT_STATE and name not in measured)
+    }
     found: set[str] = set()
-    waiting = set(other)
-    for topic, batch in Bag(bag.path).batches(other) if other else ():
+    waiting = set(kinds)
+    for topic, batch in Bag(bag.path).batches(set(kinds)) if kinds else ():
         if topic in waiting and len(batch):
-            waiting.discard(topic)
-            if _holds(batch.message(0), joints):
+            # A controller that is not active yet has no joints: the last message may say more.
+            if any(_holds(kinds[topic], batch.message(k), joints) for k in {0, len(batch) - 1}):
                 found.add(topic)
+                waiting.discard(topic)
+            elif kinds[topic].name == JOINT_STATE:
+                waiting.discard(topic)
         if not waiting:
             break
-    return tuple(sorted(found, key=lambda name: (not sounds_like_reference(name), name)))
+
+    def likely(topic: str) -> tuple[bool, bool, str]:
+        of_controller = kinds[topic].name == CONTROLLER_STATE
+        return not of_controller, not sounds_like_reference(topic), topic
+
+    return tuple(sorted(found, key=likely))
 
 
 def reference_advice(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> str:
@@ -66,9 +83,9 @@ def reference_advice(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> st
     return "; name that of the reference in signals.reference, or leave it out"
 
 
-def _holds(message: bytes, joints: Sequence[str]) -> bool:
+def _holds(kind: JointMessageType, message: bytes, joints: Sequence[str]) -> bool:
     try:
-        layout = read_layout(message, JOINT_STATE)
+        layout = kind.layout(message, ["position"])
     except DataError:
         return False
     _, positions = layout.fields["position"]

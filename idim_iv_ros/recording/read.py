@@ -1,7 +1,7 @@
 """From bags to recordings: the door through which everything enters."""
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +9,11 @@ import numpy as np
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import FilePaths, as_paths
 from idim_iv_ros.progress import Progress
+from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
 from idim_iv_ros.recording.bags.folder import Bag, loss_notes, loss_sentence
-from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages, readable
+from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
+from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
+from idim_iv_ros.recording.bags.topics import bag_topics
 from idim_iv_ros.recording.clock import StampedMessages, stamp_messages
 from idim_iv_ros.recording.grid import Grid, make_grid, on_grid, without_pauses
 from idim_iv_ros.recording.held_samples import without_frozen
@@ -22,17 +25,23 @@ from idim_iv_ros.recording.other_topics import (
 )
 from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import Note, Recording, Signal
+from idim_iv_ros.recording.topic_names import descriptions_of, topics_in_bag
 from idim_iv_ros.recording.wraps import without_wraps
+from idim_iv_ros.signal_source import field_of, topic_of, with_field
 
 DESCRIPTION = "/robot_description"
 LEAST_SAMPLES = 20
 # A grid may be longer than its messages by so much: more is holes.
+_NOTED = 0.1  # s that are cut off without a word
 _SAMPLES_A_MESSAGE, _SAMPLES_MORE = 20, 100_000
 
 
 @dataclass(frozen=True)
 class Request:
-    """What to read of a bag: joints, topics, and which joints are known to be prismatic."""
+    """What to read of a bag: joints, topics, and which joints are known to be prismatic.
+
+    A topic may be named with a field, ``topic#field``.
+    """
 
     joints: Sequence[str]
     joint_states: str
@@ -40,6 +49,13 @@ class Request:
     reference: str | None
     prismatic: Collection[str] = ()
     link_states: str | None = None
+    own_topics: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def named(self) -> dict[str, str]:
+        """Topic of each key of a configuration that names one."""
+        keys = ("joint_states", "effort", "reference", "link_states")
+        return {key: name for key in keys if (name := getattr(self, key)) is not None}
 
     @property
     def fields(self) -> dict[str, set[str]]:
@@ -52,6 +68,22 @@ class Request:
             fields.setdefault(self.link_states, set()).add("position")
         return fields
 
+    @property
+    def own(self) -> "Request":
+        """The same with a source of its own for the reference.
+
+        One controller_state may hold what was asked for and what was measured.
+        """
+        reference = self.reference
+        measured = (self.joint_states, self.effort, self.link_states)
+        if reference is None or reference not in measured or field_of(reference) is not None:
+            return self
+        return replace(self, reference=with_field(reference, "reference"))
+
+    def sources(self, topic: str) -> list[str]:
+        """Sources that are read from a topic."""
+        return [source for source in self.fields if topic_of(source) == topic]
+
 
 def read_recordings(
     bags: FilePaths,
@@ -62,6 +94,7 @@ def read_recordings(
     reference: str | None = None,
     prismatic: Collection[str] = (),
     link_states: str | None = None,
+    own_topics: Mapping[str, str] | None = None,
     progress: Progress | None = None,
 ) -> tuple[Recording, ...]:
     """Read one recording from each bag.
@@ -73,12 +106,17 @@ def read_recordings(
     joints
         Joints to read, in the order of the columns of every signal; one name for one joint.
     joint_states, effort, reference
-        Topics; `effort` is that of `joint_states` if it is None.
+        Topics; `effort` is that of `joint_states` if it is None. A name without a leading slash
+        is looked for in the namespace of the robot (`topics_in_bag`). Of a message that holds more
+        than one set of numbers the one that suits is taken (what the controller was asked for is
+        the reference), or the one that is named: ``topic#field``.
     prismatic
         Joints that slide, besides those of a bag's own /robot_description: their positions have
         no turns that could wrap.
     link_states
         Topic of encoders behind the gears; joints may be missing there.
+    own_topics
+        What names without a leading slash are for the node that asks; they are looked for first.
 
     Raises
     ------
@@ -89,7 +127,13 @@ def read_recordings(
     """
     names = [joints] if isinstance(joints, str) else list(joints)
     request = Request(
-        names, joint_states, effort or joint_states, reference, prismatic, link_states
+        names,
+        joint_states,
+        effort or joint_states,
+        reference,
+        prismatic,
+        link_states,
+        own_topics or {},
     )
     recordings: list[Recording] = []
     paths = as_paths(bags)
@@ -115,10 +159,36 @@ def _require_new(recording: Recording, before: Sequence[Recording]) -> None:
             )
 
 
+def _in_bag(path: Path, request: Request) -> Request:
+    """Return the request with the full names of its topics in this bag."""
+    if all(name.startswith("/") for name in request.named.values()):
+        return request
+    # A field that is named may belong to any type.
+    any_type = any(field_of(name) for name in request.named.values())
+    kinds = bag_topics(path).items()
+    topics = [name for name, kind in kinds if any_type or may_hold_joints(kind)]
+    named = {key: topic_of(name) for key, name in request.named.items()}
+    found = topics_in_bag(path, named, topics, request.own_topics)
+
+    def full(source: str) -> str:
+        field_, topic = field_of(source), found[topic_of(source)]
+        return topic if field_ is None else with_field(topic, field_)
+
+    reference, link_states = request.reference, request.link_states
+    return replace(
+        request,
+        joint_states=full(request.joint_states),
+        effort=full(request.effort),
+        reference=None if reference is None else full(reference),
+        link_states=None if link_states is None else full(link_states),
+    )
+
+
 def _read(path: Path, request: Request) -> Recording:
     bag = Bag(path)
     try:
         try:
+            request = _in_bag(path, request).own
             readers, description = _messages(bag, request)
         except OSError as error:
             raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
@@ -129,10 +199,11 @@ def _read(path: Path, request: Request) -> Recording:
             messages, notes = _checked(path, readers[topic], optional=topic == request.link_states)
             ordered = stamp_messages(messages, str(path))
             stamped[topic] = replace(ordered, notes=(*notes, *ordered.notes))
-        recording = _assemble(path, request, stamped, description, loss_notes(bag, request.fields))
+        topics = list(dict.fromkeys(map(topic_of, request.fields)))
+        recording = _assemble(path, request, stamped, description, loss_notes(bag, topics))
     except DataError as error:
         # What is missing from a damaged bag is damaged, as far as anybody can know.
-        loss = loss_sentence(bag, request.fields)
+        loss = loss_sentence(bag, dict.fromkeys(map(topic_of, request.fields)))
         raise DataError(f"{error} ({loss})" if loss else str(error)) from error
     if request.reference is not None:
         return recording
@@ -144,18 +215,35 @@ def _messages(bag: Bag, request: Request) -> tuple[dict[str, JointMessageReader]
     """Messages of each topic, and the robot's description."""
     fields = request.fields
     readers: dict[str, JointMessageReader] = {}
-    description: str | None = None
-    for topic, batch in bag.batches({*fields, DESCRIPTION}):
-        if topic == DESCRIPTION:
-            description = robot_description(batch) or description
+    descriptions: dict[str, str] = {}
+    likely = descriptions_of(topic_of(request.joint_states), request.own_topics)
+    for topic, batch in bag.batches({*map(topic_of, fields), *likely}):
+        if topic in likely:
+            text = robot_description(batch)
+            descriptions.update({} if text is None else {topic: text})
             continue
-        if topic not in readers:
-            _require_type(bag.path, topic, bag.topics[topic])
-            readers[topic] = JointMessageReader(
-                topic, bag.topics[topic], request.joints, sorted(fields[topic])
-            )
-        readers[topic].add(batch)
-    return readers, description
+        for source in request.sources(topic):
+            if source not in readers:
+                kind = _kind(bag, source, reference=source == request.reference)
+                readers[source] = JointMessageReader(
+                    source, kind, request.joints, sorted(fields[source])
+                )
+            readers[source].add(batch)
+    return readers, next((descriptions[name] for name in likely if name in descriptions), None)
+
+
+def _kind(bag: Bag, source: str, *, reference: bool) -> JointMessageType:
+    """How the messages of a source are read.
+
+    Raises
+    ------
+    UsageError, DataError
+        They hold no quantities of joints, or not in the field that is named.
+    """
+    name = bag.topics[topic_of(source)]
+    kind = JointMessageType(name, bag.definitions.get(name), field_of(source), reference)
+    kind.require_readable(bag.path, topic_of(source))
+    return kind
 
 
 def _checked(
@@ -196,8 +284,19 @@ def _checked(
             if not np.isfinite(values[name][:, column]).any():
                 raise DataError(
                     f"{path}: {name} of {joint} on {topic} is empty or NaN in every message"
+                    f"{_where_else(reader, name)}"
                 )
     return replace(messages, values=values), notes
+
+
+def _where_else(reader: JointMessageReader, name: str) -> str:
+    """What to write where a controller does not publish a quantity."""
+    topic = topic_of(reader.topic)
+    if reader.kind.name not in ROS2_CONTROL:
+        return ""
+    if name == "effort":
+        return f"; if /joint_states has it, write `effort: /joint_states`, not {topic}"
+    return f"; was the controller of {topic} active while this was recorded?"
 
 
 def _assemble(
@@ -215,6 +314,7 @@ def _assemble(
     if request.link_states is not None:
         stamped = without_wraps(stamped, joint_states, request.link_states, joints, prismatic)
     grid = _common_grid(path, request, stamped)
+    notes += _inactive_notes(request, stamped, grid)
     for topic in stamped.values():
         notes += topic.notes
         notes += _with_encoder(topic.messages, request).notes()
@@ -247,6 +347,24 @@ def _assemble(
         robot_description=description,
         frozen=frozen,
     )
+
+
+def _inactive_notes(
+    request: Request, stamped: dict[str, StampedMessages], grid: Grid
+) -> list[Note]:
+    """Say what was cut off because the controller was not active."""
+    if request.reference is None or not stamped[request.reference].messages.origins:
+        return []
+    states = stamped[request.joint_states].time
+    end = grid.start + round((grid.samples - 1) * 1e9 / grid.rate)
+    before, after = (grid.start - int(states[0])) * 1e-9, (int(states[-1]) - end) * 1e-9
+    if max(before, after) < _NOTED:
+        return []
+    what = (
+        f"the controller is not active in the first {max(before, 0.0):.3g} s and the last "
+        f"{max(after, 0.0):.3g} s, which are left out"
+    )
+    return [Note(topic_of(request.reference), what, 1)]
 
 
 def _with_encoder(messages: JointMessages, request: Request) -> JointMessages:
@@ -284,6 +402,8 @@ def _common_grid(path: Path, request: Request, stamped: dict[str, StampedMessage
             raise DataError(
                 f"{path}: {other} and {request.joint_states} do not overlap in time{because}"
             )
+    if request.reference is not None:
+        first, last = _while_active(stamped[request.reference], first, last)
     grid = make_grid(states, first, last)
     if grid.samples > _SAMPLES_A_MESSAGE * len(states) + _SAMPLES_MORE:
         raise DataError(
@@ -299,9 +419,23 @@ def _common_grid(path: Path, request: Request, stamped: dict[str, StampedMessage
     return grid
 
 
+def _while_active(reference: StampedMessages, first: int, last: int) -> tuple[int, int]:
+    """Time in which a controller was active: before and after it moves the robot by no law.
+
+    A topic that holds nothing but references ends with the motion; the robot then stands still.
+    """
+    if not reference.messages.origins:
+        return first, last
+    known = reference.time[np.isfinite(reference.messages.values["position"]).all(axis=1)]
+    if len(known) == 0:
+        return first, last
+    return max(first, int(known[0])), min(last, int(known[-1]))
+
+
 def _signal(grid: Grid, stamped: StampedMessages, name: str) -> Signal:
     values = stamped.messages.values[name]
-    origin = f"{stamped.messages.topic} {name}"
+    messages = stamped.messages
+    origin = f"{messages.topic} {messages.origins.get(name, name)}"
     return on_grid(grid, stamped.time, values, origin, smooth=name == "position")
 
 
@@ -312,14 +446,6 @@ def _optional(grid: Grid, stamped: StampedMessages, name: str) -> Signal | None:
     return _signal(grid, stamped, name)
 
 
-def _require_type(path: Path, topic: str, message_type: str) -> None:
-    if not readable(message_type):
-        raise DataError(
-            f"{path}: {topic} is {message_type}; sensor_msgs/msg/JointState or "
-            "std_msgs/msg/Float64MultiArray is needed"
-        )
-
-
 def _missing(bag: Bag, topic: str, request: Request) -> str:
     path = bag.path
     if not bag.topics:
@@ -327,8 +453,8 @@ def _missing(bag: Bag, topic: str, request: Request) -> str:
     advice = ""
     if topic == request.reference and not bag.damages:
         advice = reference_advice(bag, list(request.fields), request.joints)
-    usable = [name for name, kind in bag.topics.items() if readable(kind)]
-    if topic in bag.topics:
+    usable = [name for name, kind in bag.topics.items() if may_hold_joints(kind)]
+    if topic_of(topic) in bag.topics:
         return f"{path}: no message on {topic}{advice}"
     if not usable:
         return f"{path}: no topic {topic}, nor any other topic with joint states{advice}"

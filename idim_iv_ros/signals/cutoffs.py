@@ -32,8 +32,6 @@ class Cutoffs:
         Decimation factor of each recording.
     row_rate : float
         Decimated samples per second, the same for all recordings, Hz.
-    bandwidth : float or None
-        Hz; measured where a cut-off was proposed.
     reasons : tuple of str
         One sentence for each value that was proposed or derived.
     """
@@ -42,7 +40,6 @@ class Cutoffs:
     decimation: float
     factors: tuple[int, ...]
     row_rate: float
-    bandwidth: float | None
     reasons: tuple[str, ...]
 
 
@@ -81,7 +78,6 @@ def choose_cutoffs(
                 f"second{name} nothing above {rate / 2.0:g} Hz is recorded"
             )
     reasons: list[str] = []
-    bandwidth = None
     position = given_position
     if position is None:
         bandwidth = max(motion_bandwidth(record.position, record.rate) for record in records)
@@ -127,7 +123,7 @@ def choose_cutoffs(
             f"recordings of different rates are decimated to {row_rate:.5g} rows per second: "
             f"{listed}; all are filtered at the same frequencies, which the slowest one limits"
         )
-    return Cutoffs(position, decimation, factors, row_rate, bandwidth, tuple(reasons))
+    return Cutoffs(position, decimation, factors, row_rate, tuple(reasons))
 
 
 def _no_common_rate(records: Sequence[JointSignals], decimation: float, source: str) -> str:

@@ -31,8 +31,6 @@ class ReferenceFilter:
         not seen, rad or m.
     spread : (n_joints,)
         Standard deviation of the measured position there, rad or m.
-    inputs : tuple of str
-        What the filter of each joint works on.
     """
 
     position: FloatArray
@@ -40,7 +38,6 @@ class ReferenceFilter:
     acceleration: FloatArray
     error: FloatArray
     spread: FloatArray
-    inputs: tuple[str, ...]
 
 
 def filter_reference(
@@ -89,10 +86,9 @@ def filter_reference(
     simulated = position_reference - explained
     velocity = np.gradient(simulated, 1.0 / rate, axis=0)
     acceleration = np.gradient(velocity, 1.0 / rate, axis=0)
-    inputs = tuple(name for name, _ in chosen)
     missed = np.sqrt(energy / max(len(some) - split, 1))
     spread = np.std(position[::every][split:], axis=0)
-    return ReferenceFilter(simulated, velocity, acceleration, missed, spread, inputs)
+    return ReferenceFilter(simulated, velocity, acceleration, missed, spread)
 
 
 def _discrete(pole: float, rate: float) -> float:

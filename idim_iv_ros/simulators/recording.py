@@ -21,6 +21,7 @@ from idim_iv_ros.files import (
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording import JointTopic, write_bag
+from idim_iv_ros.signal_source import topic_of
 from idim_iv_ros.simulation import SimulatedRecording
 from idim_iv_ros.simulators.robot import SimulatedRobot, simulated_robot
 from idim_iv_ros.types import FloatArray
@@ -192,8 +193,14 @@ def recorded_topics(
     reference_velocity = record.velocity_reference
     if reference_velocity is not None:
         reference_velocity = reference_velocity @ to_motor.T
-    states = signals.joint_states
-    separate = signals.effort not in (None, states)
+    states = topic_of(signals.joint_states)
+    reference = topic_of(signals.reference or "joint_reference")
+    separate = signals.effort is not None and topic_of(signals.effort) != states
+    if reference in (states, topic_of(signals.effort or "")):
+        raise UsageError(
+            f"signals.reference is {reference}, which is measured too: a simulated recording needs "
+            "two topics"
+        )
     topics = [
         JointTopic(
             states,
@@ -203,7 +210,7 @@ def recorded_topics(
             effort=None if separate else effort,
         ),
         JointTopic(
-            signals.reference or "/joint_reference",
+            reference,
             joints,
             np.arange(len(record.time)) / record.rate,
             (record.position_reference - offset) @ to_motor.T,
@@ -211,7 +218,8 @@ def recorded_topics(
         ),
     ]
     if separate and signals.effort is not None:
-        topics.append(JointTopic(signals.effort, joints, record.time, effort=effort))
+        efforts = topic_of(signals.effort)
+        topics.append(JointTopic(efforts, joints, record.time, effort=effort))
     return topics
 
 

@@ -32,8 +32,6 @@ class SimulatedRobot:
         Kinematics, limits, and the given values, which need not be the true ones.
     truth : dict
         True base parameters by name, friction and drive inertia included.
-    units : dict
-        Unit of each.
     parameters : DynamicParameters
         Dynamics that are equivalent to `truth`.
     law : ControlLaw
@@ -45,7 +43,6 @@ class SimulatedRobot:
 
     robot: RobotModel
     truth: dict[str, float]
-    units: dict[str, str]
     parameters: DynamicParameters
     law: ControlLaw
     settings: SimulatedRobotSection
@@ -152,7 +149,6 @@ def simulated_robot(
     return SimulatedRobot(
         robot=model.robot,
         truth=truth,
-        units=dict(zip(model.base.names, model.base.units, strict=True)),
         parameters=model.dynamic_parameters(np.array(list(truth.values()))),
         law=law,
         settings=settings,

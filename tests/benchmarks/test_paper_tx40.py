@@ -31,7 +31,10 @@ FULL = (1, 2, 3, 4, 5)
 
 @pytest.fixture(
     scope="module",
-    params=[QUICK, pytest.param(FULL, marks=pytest.mark.slow)],
+    params=[
+        pytest.param(QUICK, marks=pytest.mark.bench),
+        pytest.param(FULL, marks=pytest.mark.slow),
+    ],
     ids=["quick", "full"],
 )
 def runs(request: pytest.FixtureRequest, tmp_path_factory) -> list[Reproduction]:

@@ -51,7 +51,7 @@ def test_table_instead_of_a_bag(identify, tmp_path: Path) -> None:
 
 
 def test_missing_topic(identify, bag, config) -> None:
-    wrong = config(("joint_states: /joint_states", "joint_states: /states"))
+    wrong = config(("joint_states: joint_states", "joint_states: /states"))
     identify(bag, 1, "/states", "/joint_states", configuration=wrong)
 
 
@@ -63,7 +63,7 @@ def test_joint_that_the_urdf_does_not_have(identify, bag, config) -> None:
 def test_joint_of_the_bag_that_the_urdf_does_not_have(identify, config, tmp_path: Path) -> None:
     bag = bag_writer.write(tmp_path / "bag", bag_writer.steady(3000, 1000.0))
     wrong = config(
-        ("[joint_1, joint_2]", "[a, b]"), ("reference: /joint_reference", "reference: null")
+        ("[joint_1, joint_2]", "[a, b]"), ("reference: joint_reference", "reference: null")
     )
     identify(bag, 2, "arm2.urdf", "no joint a", "joint_1, joint_2", configuration=wrong)
 
@@ -84,7 +84,7 @@ def test_time_that_goes_backward(identify, config, tmp_path: Path) -> None:
     ]
     bag = bag_writer.write(tmp_path / "bag", messages)
     wrong = config(
-        ("[joint_1, joint_2]", "[a, b]"), ("reference: /joint_reference", "reference: null")
+        ("[joint_1, joint_2]", "[a, b]"), ("reference: joint_reference", "reference: null")
     )
     identify(bag, 1, "bag", "backward", configuration=wrong)
 

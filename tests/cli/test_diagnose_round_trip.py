@@ -99,7 +99,7 @@ def test_repeated_runs_give_a_floor_and_a_withheld_effect_is_not_named(
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("reference: /joint_reference", "reference: null", ("reference",)),
+        ("reference: joint_reference", "reference: null", ("reference",)),
         ("  type: pd\n", "  type: unknown\n", ("names no control law", "fitted law")),
     ],
     ids=["no references", "unknown controller"],
@@ -162,7 +162,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(run, bag, config, record, tmp_
     copy.write_bytes(bag.read_bytes())
     must_refuse(2, "copy.mcap", "arm2.mcap", arguments=(bag, copy, "--config", good))
     must_refuse(1, "no topic /nowhere", "write `reference: /joint_reference` under signals",
-                arguments=(bag, "--config", config(("/joint_reference", "/nowhere"))))  # fmt: skip
+                arguments=(bag, "--config", config(("joint_reference", "/nowhere"))))  # fmt: skip
     good = config()
     some = slice(5000, 5500)
     short = write_arm(

@@ -276,7 +276,7 @@ def test_unused_reference_is_answered_with_the_line_to_write(
     bag = tmp_path / "run.mcap"
     write_bag(bag, [states(record), reference(record)])
     line = "`reference: /arm/joint_command` under `signals:` in arm2.yaml"
-    without = config(("reference: /joint_reference", "effort_unit: N m"))
+    without = config(("reference: joint_reference", "effort_unit: N m"))
     checked = run("check", bag, "--config", without)
     assert line in " ".join(checked.out.split())
     done = run("identify", bag, "--config", without, "--out", tmp_path / "r")
@@ -285,7 +285,7 @@ def test_unused_reference_is_answered_with_the_line_to_write(
     assert "reference: /arm/joint_command" in (tmp_path / "r" / "report.html").read_text()
     wrong = config()
     refused(run("check", bag, "--config", wrong), 1, "`reference: /arm/joint_command`")
-    right = config(("reference: /joint_reference", "reference: /arm/joint_command"))
+    right = config(("reference: joint_reference", "reference: /arm/joint_command"))
     followed = run("check", bag, "--config", right)
     assert "no reference" not in followed.out
 
@@ -294,6 +294,6 @@ def test_other_topics_are_no_reference(run, config, record, tmp_path: Path) -> N
     bag = tmp_path / "run.mcap"
     gripper = JointTopic("/gripper/command", ["finger"], record.time, record.position[:, :1])
     write_bag(bag, [states(record), gripper])
-    done = run("check", bag, "--config", config(("reference: /joint_reference", "effort: null")))
+    done = run("check", bag, "--config", config(("reference: joint_reference", "effort: null")))
     assert done.status == 0, done.error
     assert "nothing uses them" not in done.out

@@ -91,7 +91,7 @@ def test_without_mujoco_one_line_names_the_extra(
 
 
 def test_a_recording_without_references_is_refused(run, short: Path, tmp_path: Path) -> None:
-    text = (CONFIG / "arm2.yaml").read_text().replace("  reference: /joint_reference\n", "")
+    text = (CONFIG / "arm2.yaml").read_text().replace("  reference: joint_reference\n", "")
     path = tmp_path / "arm2.yaml"
     path.write_text(text.replace("urdf: arm2.urdf", f"urdf: {CONFIG / 'arm2.urdf'}"))
     outcome = run("replay", short, "--config", path, "--out", tmp_path / "out")

@@ -96,7 +96,7 @@ def contrast(reference: Sequence[Recording], against: Sequence[Recording]) -> Co
 def test_nothing_changed_is_no_difference_whatever_the_nominal_model_and_the_rate() -> None:
     found = contrast([run("a", 1)], [run("b", 2, every=2)])
     assert not found.differs
-    assert found.causes == () and found.nameless == ()
+    assert found.causes == () and found.unattributed == ()
     assert found.sentence.startswith("No difference")
     for joint in found.joints:
         assert joint.before == pytest.approx(joint.own, rel=0.05)

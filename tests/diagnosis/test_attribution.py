@@ -139,6 +139,16 @@ def test_nothing_is_found_in_noise(data: Baseline, pole: float) -> None:
         assert names_of(attribute(data, world(data, 100 + seed, pole=pole), EVERYTHING)) == []
 
 
+def test_rows_of_grids_are_kept_only_for_folds_that_judge_what_was_found(data: Baseline) -> None:
+    nothing = attribute(data, world(data, 100), [Stribeck()])
+    name, joint, _, torque = SINGLE[0]
+    something = attribute(data, world(data, 1, joint, torque), [Stribeck()])
+    assert names_of(nothing) == []
+    assert nothing.grids == {}
+    assert names_of(something) == [(name, joint)]
+    assert {key[1].joint for key in something.grids} == {0, 1}
+
+
 def pulses(motion: SmoothMotion) -> np.ndarray:
     """Six contacts of 60 ms with nothing in common."""
     starts, sizes = [2.3, 4.9, 7.1, 9.2, 11.8, 14.1], [9.0, -7.0, 8.0, -9.0, 6.0, -8.0]
@@ -279,7 +289,9 @@ def test_two_effects_at_two_joints_are_found_one_after_the_other(data: Baseline)
     assert np.all(gains > 8.0)
 
 
-def test_a_name_that_patches_a_nameless_function_at_its_joint_is_dropped(data: Baseline) -> None:
+def test_a_name_that_patches_a_nonparametric_function_at_its_joint_is_dropped(
+    data: Baseline,
+) -> None:
     found = attribute(data, world(data, 6, SINGLE[1][1], SINGLE[1][3]), [PositionRipple()])
     (named,) = found.found
     generic: Nonparametric = NONPARAMETRIC[0]
@@ -295,6 +307,6 @@ def test_a_name_that_patches_a_nameless_function_at_its_joint_is_dropped(data: B
     assert len(patched.fits) == 1
     kept = named_model(replace(found, found=(elsewhere, named)))
     assert (kept.found, kept.nonparametric) == ((named,), (elsewhere,))
-    # What was found before the nameless function stands by itself.
+    # What was found before the nonparametric function stands by itself.
     before = named_model(replace(found, found=(named, here)))
     assert before.found == (named,)

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from idim_iv_ros.diagnosis import sentences
 from idim_iv_ros.diagnosis.result import Gap
 from idim_iv_ros.diagnosis.structural import confirmation
 from idim_iv_ros.diagnosis.structural.confirmation import FoldTest
@@ -12,12 +13,23 @@ from idim_iv_ros.diagnosis.structural.cross_fitting import Chosen
 
 
 class KnownFigures:
-    """Of each effect: gain, folds helped of all, gap before and after, interval."""
+    """Of each effect: gain, folds helped of all, gap before and after, interval.
+
+    Every fold counts as much as any other, unless the part that is helped is given.
+    """
 
     refit = 0
 
-    def __init__(self, figures: list[tuple[float, int, int, float, float, Any]]) -> None:
-        self.figures = figures
+    def __init__(
+        self,
+        figures: list[tuple[float, int, int, float, float, Any]],
+        helped: tuple[float, bool] | None = None,
+    ) -> None:
+        self.figures, self.known = figures, helped
+
+    def helped(self, effect: int) -> tuple[float, bool]:
+        _, folds, count, *_ = self.figures[effect]
+        return self.known or (folds / count, True)
 
     def gain(self, effect: int) -> tuple[float, int, int]:
         return self.figures[effect][:3]
@@ -77,17 +89,27 @@ def test_what_few_folds_choose_is_a_hint(
     times: int, folds: int, kept: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     chosen = [Chosen(times, times, folds)]
-    found = judged([(0.3, times, folds, 1.0, 0.5, (0.3, 0.6))], [0], monkeypatch, chosen=chosen)
+    figures = (0.3, times, folds, 1.0, 0.5, (0.3, 0.6))
+    found = judged([figures], [0], monkeypatch, chosen=chosen, helped=(1.0, True))
     assert [place for place, _ in found.hints] == ([] if kept else [0])
     assert kept or f"only {times} of {folds} folds" in found.hints[0][1]
 
 
-def test_what_surely_takes_half_of_the_gap_may_act_in_some_folds_only(
+def test_folds_count_by_what_the_effect_does_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Play acts at reversals under load: where it does nothing, a fold helps by chance."""
+    half = (0.4, 3, 6, 1.0, 0.4, (0.5, 0.8))
+    assert judged([half], [0], monkeypatch).kept == []
+    assert judged([half], [0], monkeypatch, helped=(0.97, True)).kept == [0]
+    most = (0.4, 5, 6, 1.0, 0.4, (0.5, 0.8))
+    (hint,) = judged([most], [0], monkeypatch, helped=(0.4, True)).hints
+    assert "in which 40 % of what it does lies" in hint[1]
+
+
+def test_what_one_stretch_of_time_alone_supports_is_a_hint(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for low, kept in ((0.55, [0]), (0.45, [])):
-        assert names([(0.5, 4, 6, 1.0, 0.4, (low, 0.8))], [0], monkeypatch) == kept
-    assert names([(0.5, 3, 6, 1.0, 0.4, (0.55, 0.8))], [0], monkeypatch) == []
+    (hint,) = judged([GOOD], [0], monkeypatch, helped=(0.97, False)).hints
+    assert "one stretch of time" in hint[1]
 
 
 def test_what_is_indistinguishable_stands_in(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,7 +121,8 @@ def test_folds_that_do_not_choose_it_cannot_speak_against_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     figures = (0.3, 3, 5, 1.0, 0.5, (0.3, 0.6))
-    assert judged([figures], [0], monkeypatch, chosen=[Chosen(3, 3, 5)]).kept == [0]
+    chosen = [Chosen(3, 3, 5)]  # it does nothing in the others
+    assert judged([figures], [0], monkeypatch, chosen=chosen, helped=(1.0, True)).kept == [0]
     assert judged([figures], [0], monkeypatch, chosen=[Chosen(5, 5, 5)]).kept == []
 
 
@@ -136,13 +159,14 @@ def judged(
     family: str = "velocity",
     chosen: list[Chosen] | None = None,
     impossible: str = "",
+    helped: tuple[float, bool] | None = None,
 ) -> Judgement:
     effects = [found(joint, family, number) for number, joint in enumerate(joints)]
     times = chosen or [Chosen(each[2], each[2], each[2]) for each in figures]
 
     def tested(_: Any, model: Any, *__: Any) -> FoldTest:
         which = [effects.index(each) for each in model.found]
-        known: Any = KnownFigures([figures[k] for k in which])
+        known: Any = KnownFigures([figures[k] for k in which], helped)
         return FoldTest(known, tuple(times[k] for k in which))
 
     monkeypatch.setattr(confirmation, "tested", tested)
@@ -150,6 +174,7 @@ def judged(
         confirmation, "impossible", lambda _, model, __: [impossible] * len(model.found)
     )
     monkeypatch.setattr(confirmation, "sized", lambda _, model: list(model.found))
+    monkeypatch.setattr(confirmation, "blurred_names", lambda _, __, ___: [])
     monkeypatch.setattr(
         confirmation,
         "built_model",
@@ -168,3 +193,37 @@ def judged(
         [effects.index(each) for each in kept],
         [(effects.index(each.found), each.reason) for each in hints],
     )
+
+
+@pytest.mark.parametrize(
+    ("known", "families", "hints"),
+    [
+        (True, ["frequency"], 0),
+        (False, [], 0),
+        (False, ["velocity"], 0),  # of its own family: one finding, two names
+        (False, ["velocity", "frequency"], 1),
+    ],
+)
+def test_an_effect_without_numbers_is_named_if_nothing_of_another_kind_predicts_as_well(
+    known: bool, families: list[str], hints: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    others = tuple((found(0, family).candidate, 0.9) for family in families)
+    only = found(0)
+    only.indistinguishable_from = others
+    monkeypatch.setattr(confirmation, "numbers_differ_from_nothing", lambda *_: known)
+    model: Any = SimpleNamespace(found=(only,), regression=SimpleNamespace(widths=(1,)), fit=None)
+    data: Any = SimpleNamespace(joints=("elbow",))
+    made = confirmation.blurred_names(data, model, [Chosen(5, 5, 5)])
+    assert len(made) == hints
+    assert all("each of its numbers may be zero, and x at elbow" in each.reason for each in made)
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_numbers_that_are_known_together_only_are_said_to_be(together: bool) -> None:
+    data: Any = SimpleNamespace(joints=("elbow",), unit_at=lambda joint, unit: unit)
+    effect: Any = SimpleNamespace(
+        place=SimpleNamespace(joint=0, other=None), effect=SimpleNamespace(name="spring")
+    )
+    gap = Gap(1.0, 0.5, None, 0.5, (0.4, 0.6))
+    text = sentences.structural_cause(data, effect, [], gap, 0.4, together=together)
+    assert ("each of its numbers by itself is not" in text) == together

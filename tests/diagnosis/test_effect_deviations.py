@@ -13,9 +13,12 @@ from idim_iv_ros.diagnosis.structural.confirmation import sized
 from idim_iv_ros.diagnosis.structural.deviations import differs_from_nothing, parameters_of
 from idim_iv_ros.effects.effect import Effect
 from idim_iv_ros.effects.friction_drift import FrictionDrift
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.effects.nonlinear_viscous import NonlinearViscous
+from idim_iv_ros.effects.spring import Spring
 from idim_iv_ros.effects.stribeck import Stribeck
 from idim_iv_ros.effects.torque_saturation import TorqueSaturation
+from idim_iv_ros.types import FloatArray
 from tests.diagnosis.test_attribution import Torque, world
 from tests.estimation.test_simulated_arms import recorded
 
@@ -94,3 +97,33 @@ def test_an_effect_whose_numbers_may_each_be_zero_is_not_confirmed(
         model = built_model(attribution, [each], [])
         assert model.fits[-1].log_likelihood > model.fits[0].log_likelihood + 50.0
         assert len(sized(data, model)) == kept
+
+
+def test_a_torque_that_is_sure_differs_from_nothing_where_its_numbers_are_not(
+    data: Baseline,
+) -> None:
+    """Viscous friction of a power near one: what the model's own takes up leaves no number."""
+    effect = NonlinearViscous()
+
+    def torque(m: RobotMotion) -> FloatArray:
+        return np.asarray(4.0 * abs(m.velocity[:, 1]) ** 1.15 * m.slip[:, 1])
+
+    model = named_model(attribute(data, world(data, 60, 1, torque), [effect]))
+    (found,) = model.found
+    numbers = parameters_of(data, model.regression, model.fit, found.candidate, 0)
+    coefficient = numbers["coefficient"]
+    assert coefficient.std is not None
+    assert abs(coefficient.value) < 1.96 * coefficient.std
+    assert found.candidate.gain > 20.0
+    assert differs_from_nothing(data, model.regression, model.fit, found.candidate, 0)
+
+
+def test_a_bend_that_is_wide_is_a_spring_all_the_same(data: Baseline) -> None:
+    effect = Spring()
+
+    def torque(m: RobotMotion) -> FloatArray:
+        return np.asarray(3.0 * m.position[:, 0] ** 3)
+
+    model = named_model(attribute(data, world(data, 61, 0, torque), [effect]))
+    (found,) = model.found
+    assert differs_from_nothing(data, model.regression, model.fit, found.candidate, 0)

@@ -107,3 +107,46 @@ def test_an_effect_that_is_not_there_gains_nothing() -> None:
     assert gap.shrinkage is not None
     assert abs(gap.shrinkage) < 0.01
     assert np.isnan(shrinkage(np.array(0.5), np.array(0.5), 0.5))
+
+
+def _acting_in(recordings: int, active: int, seed: int, size: float) -> Regression:
+    """An effect whose torque is zero in all but the first recordings."""
+    whole = _regression(recordings, seed, 0.0)
+    (rows,) = whole.joints
+    assert whole.block is not None
+    extra = whole.block[0] * (np.arange(recordings * ROWS) < active * ROWS)[:, None]
+    joint = JointRows(rows.matrix, rows.torque + size * extra[:, 0], rows.columns, rows.segments)
+    return Regression((joint,), 3).with_columns({0: extra})
+
+
+def test_folds_count_by_what_an_effect_does_there() -> None:
+    """Acting in two of six recordings: the other four help or not by chance, and say nothing."""
+    floor = [NoiseFloor(0.5, "repeats", "")]
+    few = 0
+    for seed in range(20):
+        regression = _acting_in(6, 2, seed, 0.3)
+        found = held_out(_data(6), regression, regression.fit(steps=0), ["+x"], floor)
+        share, beside_best = found.helped(0)
+        assert share > 0.95
+        assert beside_best
+        few += found.gain(0)[1] < 0.75 * 6
+    assert few > 5  # a plain count of folds would refuse it that often
+
+
+def test_what_one_recording_alone_shows_does_not_hold_without_it() -> None:
+    floor = [NoiseFloor(0.5, "repeats", "")]
+    for seed in range(10):
+        regression = _acting_in(6, 1, seed, 0.3)
+        found = held_out(_data(6), regression, regression.fit(steps=0), ["+x"], floor)
+        assert not found.helped(0)[1]
+
+
+def test_an_effect_that_is_not_there_seldom_helps_where_it_acts() -> None:
+    floor = [NoiseFloor(0.5, "repeats", "")]
+    held = 0
+    for seed in range(40):
+        regression = _regression(5, 100 + seed, 0.0)
+        found = held_out(_data(5), regression, regression.fit(steps=0), ["+x"], floor)
+        share, beside_best = found.helped(0)
+        held += share >= 0.75 and beside_best
+    assert held <= 10  # and all other conditions beside it

@@ -1,12 +1,25 @@
 """Errors of links beside which causes are estimated are those of bodies: as pinocchio has them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.stats import norm
 
 from bags.simulated_arms import arm6
-from idim_iv_ros.diagnosis.parametric.other_errors import errors_of_drives, errors_of_links
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.parametric.change_regression import change_regression
+from idim_iv_ros.diagnosis.parametric.other_errors import (
+    Beside,
+    errors_of_drives,
+    errors_of_links,
+    estimated_beside_other_errors,
+)
+from idim_iv_ros.diagnosis.refit.baseline import baseline, smooth_regression
+from idim_iv_ros.effects.payload import Payload
 from idim_iv_ros.model import InverseModel, build_inverse_model
+from tests.estimation.test_simulated_arms import recorded
 
 MASS, CENTRE = 0, slice(1, 4)  # of the ten errors of each link
 
@@ -56,3 +69,34 @@ def test_links_and_drives_share_no_parameter(model: InverseModel) -> None:
     links, drives = errors_of_links(model), errors_of_drives(model)
     assert not np.any(np.any(links != 0.0, axis=1) & np.any(drives != 0.0, axis=1))
     assert np.all(np.any(links != 0.0, axis=1) | np.any(drives != 0.0, axis=1))
+
+
+def test_a_test_over_what_the_errors_may_be_is_the_mean_of_their_tests() -> None:
+    beside = Beside(
+        (), np.array([0.9, 0.1]), np.array([[5.0], [2.0]]), np.array([[[1.0]], [[4.0]]])
+    )
+    expected = 0.9 * 2.0 * norm.sf(5.0) + 0.1 * 2.0 * norm.sf(1.0)
+    assert beside.p_value(slice(0, 1)) == pytest.approx(expected, rel=1e-12)
+
+
+def test_masses_that_are_off_while_shapes_are_known_are_no_payload() -> None:
+    arm = arm6(seconds=8.0)
+    data = baseline([recorded(arm, 1)], arm.configuration)
+    regression = smooth_regression(data)
+    given = change_regression(data, regression, regression.fit())
+    model, random = given.space.model, np.random.default_rng(3)
+    masses = errors_of_links(model)[:, ::10]
+    payload = Payload().variants(given.space, 5)[0]
+    base = given.factor[:, : len(given.space.given)] @ model.base.grouping
+    held, named = 0, 0
+    for _ in range(20):
+        error = masses @ (0.1 * random.choice([-1.0, 1.0], 6))
+        right = base @ error + random.standard_normal(len(given.right))
+        beside = estimated_beside_other_errors(replace(given, right=right), payload)
+        mass = beside.found[0]
+        assert mass.change.name == "mass"
+        assert mass.std is not None
+        held += abs(mass.value) <= 1.96 * mass.std
+        named += beside.p_value(slice(0, 4)) <= settings.PARAMETRIC_LEVEL
+    assert held >= 17
+    assert named <= 1

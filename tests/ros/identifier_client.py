@@ -32,9 +32,13 @@ class IdentifierClient:
         )
         observer.until(lambda: "identification" in self.diagnostics, "the identifier", JOB)
         self.service = self.node.create_client(Identify, f"/{self.name}/identify")
-        self.action = ActionClient(self.node, IdentifyAction, f"/{self.name}/identify")
         observer.until(self.service.service_is_ready, "the service")
-        observer.until(self.action.server_is_ready, "the action")
+        self.connect()
+
+    def connect(self) -> None:
+        """Make the client of the action."""
+        self.action = ActionClient(self.node, IdentifyAction, f"/{self.name}/identify")
+        self.observer.until(self.action.server_is_ready, "the action")
 
     def close(self) -> None:
         self.action.destroy()
@@ -44,7 +48,7 @@ class IdentifierClient:
     def _diagnosis(self, message: DiagnosticArray) -> None:
         for each in message.status:
             node, _, what = each.name.partition(": ")
-            if node == self.name:
+            if node == f"/{self.name}":
                 values = {pair.key: pair.value for pair in each.values}
                 self.diagnostics[what] = (each.level[0], each.message, values)
 
@@ -105,6 +109,12 @@ class IdentifierClient:
         told = self.diagnostics
         self.observer.until(lambda: told["identification"][2][key] != "none", "a worker")
         return int(told["identification"][2][key])
+
+    @staticmethod
+    def process_exists(number: int) -> bool:
+        """Whether a process is there and no corpse."""
+        status = Path(f"/proc/{number}/status")
+        return status.exists() and "State:\tZ" not in status.read_text()
 
     def parameter(self, name: str) -> tuple[object, float]:
         """Value of a parameter, and the seconds until it was known."""

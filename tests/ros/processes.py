@@ -169,7 +169,7 @@ class Observer:
     def _diagnosis(self, message: DiagnosticArray) -> None:
         for each in message.status:
             node, _, topic = each.name.partition(": ")
-            if node == self.name:
+            if node == f"/{self.name}":
                 self.diagnostics[topic] = (each.level[0], each.message)
 
     def follow(self, recorder: Process) -> None:

@@ -5,13 +5,16 @@ from dataclasses import fields
 
 import pytest
 
+from idim_iv_ros.nodes.collector.settings import CollectorSettings
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
 from idim_iv_ros.nodes.simulator.node import SimulatorSettings
 from tests.ros.processes import ROOT
 
 
-@pytest.mark.parametrize("kind", [RecorderSettings, IdentifierSettings, SimulatorSettings])
+@pytest.mark.parametrize(
+    "kind", [RecorderSettings, IdentifierSettings, CollectorSettings, SimulatorSettings]
+)
 def test_every_parameter_is_explained(kind: type) -> None:
     node = kind.__name__.replace("Settings", "").lower()
     (section,) = re.findall(

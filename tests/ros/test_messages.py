@@ -47,7 +47,8 @@ def test_message_holds_what_gap_json_holds(results: Path) -> None:
         ("speed", 0.06, "rad/s"),
     ]
     assert (stribeck.statistic, stribeck.p_value, stribeck.held_out_gain) == (412.5, 1e-30, 0.31)
-    assert stribeck.folds_positive == "6 of 6"
+    assert (stribeck.folds_positive, stribeck.chosen_in_folds) == ("6 of 6", "5 of 6")
+    assert payload.chosen_in_folds == ""  # written before searches were repeated
     assert stribeck.sentence == "joint_2 sticks: 0.8 N m below 0.06 rad/s."
     assert [(r.effect, r.joint, r.correlation) for r in stribeck.indistinguishable_from] == [
         ("presliding", "joint_2", 0.97),
@@ -63,6 +64,21 @@ def test_message_holds_what_gap_json_holds(results: Path) -> None:
     assert (payload.kind, payload.joint, list(payload.parameters)) == ("parametric", "", [])
     assert (message.unexplained_joint, message.unexplained_family) == ("joint_1", "position")
     assert (message.unexplained_share, message.unexplained_where) == (0.2, "a bump at 0.3 rad")
+
+
+def test_message_says_what_is_suspected_and_not_confirmed(results: Path) -> None:
+    message = report(results)
+    (hint,) = message.hints
+    assert (hint.effect, hint.joint, hint.other_joint) == ("joint_coupling", "joint_1", "joint_2")
+    (viscous,) = hint.parameters
+    assert (viscous.name, viscous.value, viscous.std) == ("viscous", 0.4, 0.15)
+    assert viscous.unit == "N m s/rad"
+    assert hint.chosen_in_folds == "2 of 6"
+    assert (hint.torque_gap.shrinkage, hint.torque_gap.shrinkage_low) == (0.1, -0.1)
+    assert isnan(hint.torque_gap.noise_floor)
+    assert hint.reason == "a search names it without 2 of 6 blocks only"
+    assert hint.sentence.startswith("joint_1 may be braked by joint_2")
+    assert [each.effect for each in message.causes] == ["stribeck", "payload"]
 
 
 def test_message_says_where_the_gap_lies_and_how_it_shrinks(results: Path) -> None:
@@ -156,11 +172,12 @@ def test_every_verdict_becomes_a_message(case: Case) -> None:
 
 
 def test_what_messages_have_no_field_for_is_left_to_gap_json(tmp_path: Path) -> None:
-    """Suspicions, a contrast, transmissions, physical parameters; causes without a p-value."""
+    """A contrast, transmissions, physical parameters; causes without a p-value."""
     result = sample_everything(tmp_path)
     assert result.hints and result.contrast and result.transmissions and result.physical
     message = gap_message(result, Time(), [], "diagnosis")
     assert [each.effect for each in message.causes] == [each.effect for each in result.causes]
+    assert [each.sentence for each in message.hints] == [each.sentence for each in result.hints]
     assert all(isnan(each.p_value) for each in message.causes)
 
 

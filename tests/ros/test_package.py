@@ -34,8 +34,11 @@ def test_index_lists_package_and_executables_start(
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(prefix))
     assert Path(get_package_prefix("idim_iv_ros")) == prefix
     assert (Path(get_package_share_directory("idim_iv_ros")) / "package.xml").is_file()
+    share = Path(get_package_share_directory("idim_iv_ros"))
+    for file in ("launch/robots.launch.py", "params/nodes.yaml"):
+        assert (share / file).is_file()
     found = executables(prefix, "idim_iv_ros")
-    assert set(found) == {"recorder", "identifier", "predictor", "robot_simulator"}
+    assert set(found) == {"recorder", "identifier", "collector", "predictor", "robot_simulator"}
     (site,) = prefix.glob("lib/python*/site-packages")
     monkeypatch.setenv("PYTHONPATH", str(site))
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:{os.environ['PATH']}")

@@ -10,8 +10,12 @@ import pytest
 
 from tests.ros.processes import ROOT, start_node
 
-NODES = ["recorder", "identifier", "predictor", "robot_simulator"]
-VERBS = {"topics": ("publish", "subscribe"), "services": ("reply",), "actions": ("execute",)}
+NODES = ["recorder", "identifier", "collector", "predictor", "robot_simulator"]
+VERBS = {
+    "topics": ("publish", "subscribe"),
+    "services": ("reply", "request"),
+    "actions": ("execute", "call"),
+}
 EVERYWHERE = {"/clock", "/parameter_events"}  # with use_sim_time only; rclpy's own
 
 
@@ -34,7 +38,7 @@ def test_policy_allows_what_the_node_uses_and_no_more(node: str, observer, stack
     name, seen = process.name, observer.node
     observer.until(lambda: name in seen.get_node_names(), name, 60.0)
     rules = allowed(node, name)
-    actions = {f"{action}/_action/" for action in rules["execute"]}
+    actions = {f"{action}/_action/" for action in rules["execute"] | rules["call"]}
 
     def plain(names: list) -> set[str]:
         return {each for each, _ in names if not any(each.startswith(a) for a in actions)}
@@ -52,12 +56,17 @@ def test_policy_allows_what_the_node_uses_and_no_more(node: str, observer, stack
         f"{plain(services(name, '/')) ^ rules['reply']}",
     )
     served = {each for each, _ in seen.get_service_names_and_types_by_node(name, "/")}
-    assert {a + "send_goal" for a in actions} <= served
-    subscribed = plain(seen.get_subscriber_names_and_types_by_node(name, "/"))
+    assert {f"{action}/_action/send_goal" for action in rules["execute"]} <= served
+    assert plain(seen.get_client_names_and_types_by_node(name, "/")) == rules["request"]
+
+    def subscribed() -> set[str]:
+        return plain(seen.get_subscriber_names_and_types_by_node(name, "/"))
+
     # Recorder and predictor subscribe what is published, and nobody publishes here.
-    assert subscribed - rules["subscribe"] == set()
     if node not in ("recorder", "predictor"):
-        assert rules["subscribe"] - subscribed - EVERYWHERE == set()
+        needed = rules["subscribe"] - EVERYWHERE
+        observer.until(lambda: needed <= subscribed(), f"{needed - subscribed()}")
+    assert subscribed() - rules["subscribe"] == set()
 
 
 WITHOUT = (

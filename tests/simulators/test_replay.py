@@ -214,7 +214,7 @@ def test_unknown_effects_and_parameters_are_refused(
 
 
 def test_without_references_there_is_nothing_to_replay(bag: Path, tmp_path: Path) -> None:
-    text = (CONFIG / "arm2.yaml").read_text().replace("  reference: /joint_reference\n", "")
+    text = (CONFIG / "arm2.yaml").read_text().replace("  reference: joint_reference\n", "")
     text = text.replace("urdf: arm2.urdf", f"urdf: {CONFIG / 'arm2.urdf'}")
     path = tmp_path / "arm2.yaml"
     path.write_text(text)

@@ -58,7 +58,7 @@ def contrasted(
 ) -> ContrastResult:
     """Say what changed from the reference recordings to the others.
 
-    Base parameters and effects that both sets have alike are fitted to both, so that errors of the
+    Base parameters and effects that both sets share are fitted to both, so that errors of the
     nominal model cancel.
 
     Parameters
@@ -118,8 +118,8 @@ class _Assembly:
             key=lambda cause: -max((each.share_of_torque for each in cause.torques), default=0.0)
         )
         joints = self._joints()
-        nameless = tuple(self._nameless(each) for each in self._structural.nameless)
-        differs = bool(causes or nameless or self._parametric.rejected)
+        unattributed = tuple(self._unattributed(each) for each in self._structural.unattributed)
+        differs = bool(causes or unattributed or self._parametric.rejected)
         unexplained = [
             each
             for joint, each in enumerate(joints)
@@ -136,7 +136,7 @@ class _Assembly:
                 self._data,
                 against,
                 causes,
-                nameless,
+                unattributed,
                 unexplained,
                 joints,
                 differs=differs,
@@ -144,7 +144,7 @@ class _Assembly:
             ),
             joints=tuple(joints),
             causes=tuple(causes),
-            nameless=nameless,
+            unattributed=unattributed,
             common=tuple(
                 words.common(self._data, each.candidate) for each in self._structural.common
             ),
@@ -332,9 +332,9 @@ class _Assembly:
             )
         ]
 
-    def _nameless(self, difference: StructuralDifference) -> str:
+    def _unattributed(self, difference: StructuralDifference) -> str:
         joint = self._data.joints[difference.found.candidate.place.joint]
-        return words.nameless(self._data, difference, self._taken([difference], joint)[0])
+        return words.unattributed(self._data, difference, self._taken([difference], joint)[0])
 
     def _joints(self) -> list[JointContrast]:
         """RMS in the second set: of the reference's model, with the causes, with its own."""
@@ -370,7 +370,7 @@ class _Assembly:
         shared = {
             id(each.candidate.columns): each.candidate.columns for each in self._structural.common
         }
-        for each in (*self._structural.differences, *self._structural.nameless):
+        for each in (*self._structural.differences, *self._structural.unattributed):
             if each.scope == "reference":
                 shared[id(each.found.candidate.columns)] = each.common
         for block, start, width in zip(self._model.added, starts, self._model.widths, strict=False):

@@ -116,7 +116,7 @@ def beside_effects(sets: TwoSets, structural: StructuralOutcome) -> Regression:
     regression = sets.regression
     for each in structural.common:
         regression = regression.with_columns(each.candidate.columns)
-    for difference in (*structural.differences, *structural.nameless):
+    for difference in (*structural.differences, *structural.unattributed):
         regression = regression.with_columns(difference.found.candidate.columns)
     return regression
 

@@ -76,7 +76,7 @@ class StructuralOutcome:
         In both sets, with the same coefficients.
     differences : tuple of StructuralDifference
         Named, and held by blocks of time that were not fitted.
-    nameless : tuple of StructuralDifference
+    unattributed : tuple of StructuralDifference
         The same outside the catalogue: a flexible function explains more than any effect does.
     tried : int
         Shapes that were tried at first.
@@ -86,7 +86,7 @@ class StructuralOutcome:
 
     common: tuple[Found, ...]
     differences: tuple[StructuralDifference, ...]
-    nameless: tuple[StructuralDifference, ...]
+    unattributed: tuple[StructuralDifference, ...]
     tried: int
     fit: Fit
 

@@ -28,7 +28,7 @@ def summary(
     data: Baseline,
     against: Sequence[str],
     causes: Sequence[ContrastCause],
-    nameless: Sequence[str],
+    unattributed: Sequence[str],
     unexplained: Sequence[JointContrast],
     joints: Sequence[JointContrast],
     *,
@@ -47,12 +47,12 @@ def summary(
         )
     parts = [f"What changed from the reference recordings to {named}:"]
     parts += [f"{capitalised(cause.sentence)}." for cause in causes]
-    parts += [f"{capitalised(each)}." for each in nameless]
+    parts += [f"{capitalised(each)}." for each in unattributed]
     left = ", ".join(_left(data, each) for each in unexplained)
     if left:
-        nothing = "nothing else" if causes or nameless else "nothing"
+        nothing = "nothing else" if causes or unattributed else "nothing"
         parts.append(f"The recordings differ {left}; {nothing} in the catalogue explains it.")
-    elif not causes and not nameless:
+    elif not causes and not unattributed:
         worst = max(joints, key=lambda each: each.share_of_torque)
         parts.append(
             f"The recordings differ at {worst.joint} by "
@@ -183,7 +183,7 @@ def reference_disagrees(bags: Sequence[str]) -> str:
     )
 
 
-def nameless(data: Baseline, difference: StructuralDifference, torque: JointTorque) -> str:
+def unattributed(data: Baseline, difference: StructuralDifference, torque: JointTorque) -> str:
     """A difference outside the catalogue."""
     effect = difference.found.candidate.effect
     assert isinstance(effect, Nonparametric)
@@ -195,7 +195,7 @@ def nameless(data: Baseline, difference: StructuralDifference, torque: JointTorq
 
 
 def common(data: Baseline, candidate: Candidate) -> str:
-    """An effect that both sets have alike."""
+    """An effect that both sets share."""
     joint = data.joints[candidate.place.joint]
     if isinstance(candidate.effect, Nonparametric):
         return f"a torque at {joint} that {candidate.effect.words}"

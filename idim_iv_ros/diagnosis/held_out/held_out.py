@@ -117,20 +117,37 @@ class HeldOut:
 
         Beside the effects before it, over the joints whose torque it moves.
         """
+        before, after, _ = self._of_effect(effect)
+        present = before > 0.0
+        positive = int(np.sum(after[present] < before[present]))
+        return float(1.0 - after.sum() / before.sum()), positive, int(present.sum())
+
+    def helped(self, effect: int) -> tuple[float, bool]:
+        """Part of what an effect does that lies in folds which it helps; if without its best, too.
+
+        What it does in a fold is the energy of the change of the whitened prediction. Where that
+        is less than noise, a fold helps or not by chance, and says nothing: an effect may act in
+        some folds only. What only the best fold supports rests on one stretch of time.
+        """
+        before, after, change = self._of_effect(effect)
+        gains = before - after
+        share = float(change[gains > 0.0].sum() / max(float(change.sum()), 1e-300))
+        others = np.arange(len(gains)) != np.argmax(gains)
+        beyond_noise = float(change[others].sum()) >= settings.NORMAL_95**2
+        return share, beyond_noise and bool(gains[others].sum() > 0.0)
+
+    def _of_effect(self, effect: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Energies of each fold, over an effect's joints: without it, with it, of the change."""
         joints = self.own_joints[effect]
-        before, after = self.whitened[effect], self.whitened[effect + 1]
+        stages = self.whitened[effect], self.whitened[effect + 1]
         count = 1 + max(int(self.folds[j].max()) for j in joints)
-        sums = np.zeros((count, 2))
+        sums = np.zeros((3, count))
         for j in joints:
             used = self.folds[j] != GUARD_FOLD
-            for k, stage in enumerate((before, after)):
-                sums[:, k] += np.bincount(
-                    self.folds[j][used], weights=stage[j][used] ** 2, minlength=count
-                )
-        present = sums[:, 0] > 0.0
-        total = sums.sum(axis=0)
-        positive = int(np.sum(sums[present, 1] < sums[present, 0]))
-        return float(1.0 - total[1] / total[0]), positive, int(present.sum())
+            one, two = (stage[j][used] for stage in stages)
+            for k, rows in enumerate((one, two, one - two)):
+                sums[k] += np.bincount(self.folds[j][used], weights=rows**2, minlength=count)
+        return sums[0], sums[1], sums[2]
 
 
 def shrinkage(before: FloatArray, after: FloatArray, floor: float | None) -> FloatArray:

@@ -218,7 +218,7 @@ def bands(
     power = np.abs(np.fft.rfft(np.array(pieces) * window, axis=1)) ** 2
     frequency = np.fft.rfftfreq(length, 1.0 / row_rate)
     edges = np.array(_BANDS) * 0.5 * edge * row_rate
-    # A line of the spectrum stands for half a line on either side of it.
+    # A line of the spectrum covers half a line on either side of it.
     line = frequency[1]
     bins = np.zeros((len(pieces), len(edges) - 1, 2))
     for k in range(len(edges) - 1):

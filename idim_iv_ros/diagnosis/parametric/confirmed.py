@@ -1,4 +1,4 @@
-"""Whether an error outside the base parameters is told from errors of these.
+"""Whether an error outside the base parameters is distinguished from errors of these.
 
 A wrong torque gain of a joint changes its torque much as errors of the links beyond it, of its
 friction and of its drive do together: with all inertials of a nominal model off by a little, the

@@ -19,7 +19,6 @@ from idim_iv_ros.diagnosis.parametric.hypotheses import (
     trials,
 )
 from idim_iv_ros.diagnosis.parametric.other_errors import estimated_beside_other_errors
-from idim_iv_ros.diagnosis.parametric.significance import together
 from idim_iv_ros.diagnosis.result import EffectParameter, Indistinguishable
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParametricEffect
 from idim_iv_ros.estimation.qr import independent_basis
@@ -156,14 +155,11 @@ def _sure(
         ends = np.cumsum([len(each.changes) for each in kept])
         parts = [slice(end - len(each.changes), end) for each, end in zip(kept, ends, strict=True)]
         numbers = [beside.found[part] for part in parts]
-        sure = [
-            together(np.array([each.value for each in own]), beside.covariance[part, part])
-            for own, part in zip(numbers, parts, strict=True)
-        ]
+        sure = [beside.p_value(part) for part in parts]
         unsure = [
             place
             for place, p_value in enumerate(sure)
-            if p_value > settings.SIGNIFICANCE_LEVEL
+            if p_value > settings.PARAMETRIC_LEVEL
             and not takes_nearly_all(changes, kept[place].changes)
         ]
         if not unsure:

@@ -141,7 +141,8 @@ def _allowed(changes: ChangeRegression, kept: Sequence[Hypothesis], trial: Trial
     Inertials that are off by ten percent make a hand that is not mounted look as if it took more
     inertia with it than there is, by many deviations of the noise. They look like a wrong gain of
     the torque, too: one is allowed where base parameters cannot imitate it, or where it alone
-    makes most of them unnecessary.
+    makes most of them unnecessary. Numbers that may all be zero beside the errors of all others
+    are no cause, whether physics allows them or not.
     """
     space, hypothesis = changes.space, trial.hypothesis
     if not (space.difference or hypothesis.effect.in_base_parameters) and not (
@@ -153,8 +154,11 @@ def _allowed(changes: ChangeRegression, kept: Sequence[Hypothesis], trial: Trial
     if changes.share(trial.explained.contributions.sum(axis=1)) < settings.ENOUGH_OF_CHANGE:
         return False
     named = [*changes_of(kept), *hypothesis.changes]
-    own = estimated_beside_other_errors(changes, named).found[-len(hypothesis.changes) :]
-    return hypothesis.effect.admissible(space, hypothesis.joint, own)
+    beside = estimated_beside_other_errors(changes, named)
+    part = slice(len(named) - len(hypothesis.changes), len(named))
+    if beside.p_value(part) > settings.PARAMETRIC_LEVEL:
+        return False
+    return hypothesis.effect.admissible(space, hypothesis.joint, beside.found[part])
 
 
 def trials(

@@ -14,6 +14,7 @@ and what is usual of nominal models.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 import pinocchio as pin
@@ -21,24 +22,31 @@ import scipy
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression
+from idim_iv_ros.diagnosis.parametric.significance import together
 from idim_iv_ros.effects.parametric_effect import Change, Estimated
 from idim_iv_ros.model import DynamicParameters, InverseModel
 from idim_iv_ros.types import FloatArray
 
+_ERRORS_OF_LINK = 10  # mass, three of the centre, six moments
 # XX, XY, YY, XZ, YZ, ZZ
 _ROWS, _COLUMNS = np.array([0, 0, 1, 0, 1, 2]), np.array([0, 1, 1, 2, 2, 2])
 _RANGE = (float(settings.LEAST_RELATIVE_ERROR), float(settings.MOST_RELATIVE_ERROR))
-# Logarithms of relative errors: first wherever they may be, and then about the likeliest.
-_ALL_OVER = np.log(np.geomspace(5e-4, 1.0, 12))
-_AROUND = np.linspace(-1.4, 1.4, 9)
+# Logarithms of relative errors: first wherever they may be, one after the other, and then about the
+# likeliest, all together; of drives fewer, for they hardly move a mass.
+_ALL_OVER = np.log(np.geomspace(5e-4, 1.0, 8))
+_NEARER = np.array([-0.7, -0.35, 0.35, 0.7])
+_AROUND = (np.linspace(-1.4, 1.4, 5), np.linspace(-1.4, 1.4, 5), np.linspace(-1.0, 1.0, 3))
+_SWEEPS = 2
+_LEAST_WEIGHT = 1e-4  # of a test: together they are less than a hundredth
 
 
 @dataclass(frozen=True)
 class _RandomEffects:
     """Whitened columns of causes (e, m), target (e,), and the covariance of a unit of each error.
 
-    `covariances`: (e, e) of links and of drives. `difference`: of one robot between recordings,
-    where errors of the nominal model cancel; nothing is then known beforehand of what is left.
+    `covariances`: (e, e) of the links' masses, of their shapes and of drives. `difference`: of one
+    robot between recordings, where errors of the nominal model cancel; nothing is then known
+    beforehand of what is left.
     """
 
     causes: FloatArray
@@ -93,10 +101,39 @@ class _Solved:
 
 @dataclass(frozen=True)
 class Beside:
-    """Estimates of changes beside errors of all other given parameters, and their covariance."""
+    """Estimates of m changes beside errors of all other given parameters.
+
+    Attributes
+    ----------
+    found : tuple of Estimated
+        In the order of the changes.
+    weights : (k,)
+        Of the relative errors that were tried, together one.
+    values : (k, m)
+        With each of them.
+    covariances : (k, m, m)
+    """
 
     found: tuple[Estimated, ...]
-    covariance: FloatArray
+    weights: FloatArray
+    values: FloatArray
+    covariances: FloatArray
+
+    def p_value(self, part: slice) -> float:
+        """p-value of Wald's test that some of the changes are all zero.
+
+        The mean over what the relative errors may be: they are known from few directions, and a
+        covariance of all of them together has not the tails of their mixture.
+        """
+        return float(
+            sum(
+                weight * together(values[part], covariance[part, part])
+                for weight, values, covariance in zip(
+                    self.weights, self.values, self.covariances, strict=True
+                )
+                if weight > _LEAST_WEIGHT
+            )
+        )
 
 
 def estimated_beside_other_errors(changes: ChangeRegression, named: Sequence[Change]) -> Beside:
@@ -108,50 +145,63 @@ def estimated_beside_other_errors(changes: ChangeRegression, named: Sequence[Cha
     explained = changes.explain(named)
     refit = changes.refit()
     if refit.rank - explained.rank < settings.LEAST_FREE_DIRECTIONS:
+        values = np.array([each.value for each in explained.found])
         deviations = np.array([each.std or 0.0 for each in explained.found])
-        return Beside(explained.found, np.diag(deviations**2))
-    effects = _random_effects(changes, named)
-    values, covariance = _over_errors(effects)
-    deviations = np.sqrt(np.diag(covariance))
+        return Beside(explained.found, np.ones(1), values[None], np.diag(deviations**2)[None])
+    weights, values, covariances = _over_errors(_random_effects(changes, named))
+    mean = weights @ values
+    apart = weights @ (values - mean) ** 2
+    deviations = np.sqrt(weights @ np.einsum("kii->ki", covariances) + apart)
     found = tuple(
         Estimated(each.change, float(value), float(std) if each.determined else None)
-        for each, value, std in zip(explained.found, values, deviations, strict=True)
+        for each, value, std in zip(explained.found, mean, deviations, strict=True)
     )
-    return Beside(found, covariance)
+    return Beside(found, weights, values, covariances)
 
 
-def _over_errors(effects: _RandomEffects) -> tuple[FloatArray, FloatArray]:
-    """Estimates (m,) and covariance (m, m) over what the relative errors may be.
+def _over_errors(effects: _RandomEffects) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Weights (k,), estimates (k, m) and covariances (k, m, m) over what relative errors may be.
 
     They are known from so few directions that the likeliest alone are too sure of themselves.
     """
-    coarse = _solved_at(effects, _ALL_OVER, _ALL_OVER[1::2])
-    best = max(coarse, key=lambda each: coarse[each].density)
-    links, drives = (np.log(each) for each in best)
-    solved = list(_solved_at(effects, links + _AROUND, drives + _AROUND[::2]).values())
+    start = _likeliest(effects)
+    solved = [effects.solved(_within_range(start + np.array(step))) for step in product(*_AROUND)]
     densities = np.array([each.density for each in solved])
     weights = np.exp(densities - densities.max())
-    weights /= weights.sum()
-    values = np.array([each.values for each in solved])
-    mean = weights @ values
-    apart = (values - mean) * np.sqrt(weights)[:, None]
-    within = np.einsum("k,kij->ij", weights, np.array([each.covariance for each in solved]))
-    return mean, within + apart.T @ apart
+    return (
+        weights / weights.sum(),
+        np.array([each.values for each in solved]),
+        np.array([each.covariance for each in solved]),
+    )
 
 
-def _solved_at(
-    effects: _RandomEffects, links: FloatArray, drives: FloatArray
-) -> dict[tuple[float, float], _Solved]:
-    """Solutions by relative errors whose logarithms are given."""
-    pairs = [tuple(np.clip(np.exp([one, two]), *_RANGE)) for one in links for two in drives]
-    return {(float(one), float(two)): effects.solved(np.array([one, two])) for one, two in pairs}
+def _likeliest(effects: _RandomEffects) -> FloatArray:
+    """Logarithms of the relative errors (3,) of about the highest density, one after the other."""
+    best = np.full(len(effects.covariances), np.log(float(settings.USUAL_RELATIVE_ERROR)))
+    highest = effects.solved(_within_range(best)).density
+    for sweep in range(_SWEEPS):
+        for kind in range(len(best)):
+            for value in _NEARER + best[kind] if sweep else _ALL_OVER:
+                other = best.copy()
+                other[kind] = value
+                density = effects.solved(_within_range(other)).density
+                if density > highest:
+                    best, highest = other, density
+    return best
+
+
+def _within_range(logarithms: FloatArray) -> FloatArray:
+    return np.asarray(np.clip(np.exp(logarithms), *_RANGE))
 
 
 def _random_effects(changes: ChangeRegression, named: Sequence[Change]) -> _RandomEffects:
     model = changes.space.model
     directions = np.column_stack([change.direction for change in named])
     base = changes.factor[:, : len(changes.space.given)] @ model.base.grouping
-    parts = [base @ errors for errors in (errors_of_links(model), errors_of_drives(model))]
+    links = errors_of_links(model)
+    masses = np.arange(links.shape[1]) % _ERRORS_OF_LINK == 0
+    kinds = links[:, masses], links[:, ~masses], errors_of_drives(model)
+    parts = [base @ errors for errors in kinds]
     return _RandomEffects(
         changes.factor @ directions,
         changes.right,

@@ -171,6 +171,13 @@ def refit_of(prepared: PreparedRegression) -> Baseline:
     )
 
 
+def with_parameters(data: Baseline, values: FloatArray) -> Baseline:
+    """Return the same motions with the torques of other base parameters (b,)."""
+    links, whole = _parameters(data.prepared, values)
+    motions = tuple(replace(motion, links=links, whole=whole) for motion in data.motions)
+    return replace(data, motions=motions)
+
+
 def _explained(found: Baseline, configuration: Configuration, margin: float) -> Baseline:
     """Return the same with the reason for its rows beside reversals."""
     reason = reason_for_margin(configuration, margin, found.estimate, sticking=found.sticking)

@@ -62,7 +62,7 @@ class Attribution:
     catalogue : tuple of Effect
         What was looked for.
     grids : dict
-        Rows of the shapes that were tried; see `Search`.
+        Rows of the shapes that were tried, see `Search`; empty where nothing was found.
     """
 
     regression: Regression
@@ -118,17 +118,18 @@ def attribute(
         accepted = [each.candidate for each in found]
         candidates = [each for each in candidates if own_cause(each, accepted)]
         best = preferred(with_most_of_gap(candidates))
-        best = None if best is None else search.again(best)
-        if best is None or not acceptable(best):
+        again = None if best is None else search.again(best)
+        if again is None or not acceptable(again[0]):
             break
+        best, fit = again
         found.append(Found(best, alternatives=_alternatives(best, candidates)))
-        current, fit = current.with_columns(best.columns), best.fit
+        current = current.with_columns(best.columns)
         if len(found) > 1:
             found, current, fit = _revised(search, regression, refit, found, catalogue)
         _forget(known, set(best.columns))
-    return Attribution(
-        regression, refit, tuple(found), current, fit, tried, tuple(catalogue), grids
-    )
+    # Most of the memory, and only folds that judge what was found need it.
+    kept = grids if found else {}
+    return Attribution(regression, refit, tuple(found), current, fit, tried, tuple(catalogue), kept)
 
 
 def _alternatives(best: Candidate, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:

@@ -7,7 +7,8 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.structural.likelihood import Columns, Fit, width_of
+from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
+from idim_iv_ros.diagnosis.structural.likelihood import Columns, width_of
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.types import FloatArray
 
@@ -64,11 +65,8 @@ def _rows_at_once(
     """Rows for a few shapes, all columns of all joints filtered in one call."""
     tables = []
     for motion in data.motions:
-        torques = effect.torques(motion, place, shapes)
-        joints = tuple(torques[0])
-        lines = [torque[joint].T for joint in joints for torque in torques]
-        tables.append(motion.rows(np.concatenate(lines).T).T)
-    widths = [width_of(torque) for torque in torques]
+        joints, widths, lines = _side_by_side(effect, motion, place, shapes)
+        tables.append(motion.rows(lines.T).T)
     ends = np.cumsum(widths)
     blocks: list[dict[int, FloatArray]] = [{} for _ in shapes]
     for number, joint in enumerate(joints):
@@ -83,6 +81,19 @@ def _rows_at_once(
     return list(blocks)
 
 
+def _side_by_side(
+    effect: Effect, motion: SmoothMotion, place: Place, shapes: Sequence[Shape]
+) -> tuple[tuple[int, ...], list[int], FloatArray]:
+    """Joints of an effect, columns of each shape, and all of these as lines (joints × k, s).
+
+    The effect's own arrays are free again before the lines are filtered.
+    """
+    torques = effect.torques(motion, place, shapes)
+    joints = tuple(torques[0])
+    lines = np.concatenate([torque[joint].T for joint in joints for torque in torques])
+    return joints, [width_of(torque) for torque in torques], lines
+
+
 @dataclass(frozen=True)
 class Candidate:
     """An effect at a place with its best shape, beside a model.
@@ -94,10 +105,12 @@ class Candidate:
     shape : Shape
     columns : Columns
         Rows (r_j, k) by joint.
-    fit : Fit
-        With the candidate in the model.
+    coefficients : (k,)
+        Of its columns.
+    residuals : by joint (r_j,)
+        At its own joints, with the candidate in the model, N m (N).
     gain : float
-        Of the logarithm of the likelihood, with the noise models of `fit`.
+        Of the logarithm of the likelihood, with the noise models of a fit that has it.
     explained : float
         Share of the torque gap's energy at its joints that it takes away, not whitened.
     numbers : int
@@ -110,16 +123,12 @@ class Candidate:
     place: Place
     shape: Shape
     columns: Columns
-    fit: Fit
+    coefficients: FloatArray
+    residuals: Columns
     gain: float
     explained: float
     numbers: int
     tried: int
-
-    @property
-    def coefficients(self) -> FloatArray:
-        """Those of this candidate: the last of the fit."""
-        return self.fit.coefficients[-self.width :]
 
     @property
     def width(self) -> int:
@@ -132,14 +141,14 @@ class Candidate:
         Not of its own torque: a free curve of the speed holds the dry friction that the model has.
         """
         joint = self.place.joint
-        after = float(np.mean(self.fit.residuals[joint] ** 2))
+        after = float(np.mean(self.residuals[joint] ** 2))
         share = min(max(self.explained, 0.0), 1.0 - 1e-9)
         return float(np.sqrt(after * share / (1.0 - share))) / sizes[joint]
 
     @property
     def rows(self) -> int:
         """Rows of the joints of its place."""
-        return sum(len(self.fit.residuals[joint]) for joint in self.own_joints)
+        return sum(len(rest) for rest in self.residuals.values())
 
     @property
     def cost(self) -> float:
@@ -154,8 +163,7 @@ class Candidate:
     @property
     def own_joints(self) -> tuple[int, ...]:
         """The joint of the effect, or both of a coupling."""
-        other = self.place.other
-        return (self.place.joint,) if other is None else (self.place.joint, other)
+        return self.place.joints
 
     @property
     def key(self) -> tuple[str, int, int | None]:

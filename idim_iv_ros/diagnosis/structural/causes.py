@@ -8,6 +8,7 @@ import numpy as np
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut
 from idim_iv_ros.diagnosis.parametric.errors_beyond_base import ErrorBeyondBase
+from idim_iv_ros.diagnosis.parametric.significance import differs
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import (
     Cause,
@@ -211,6 +212,8 @@ def structural_causes(
             data, model.regression, model.fit, candidate, sum(model.regression.widths[:number])
         )
         others = [other for other, _ in found.indistinguishable_from]
+        known = [each for each in numbers.values() if each.std]
+        each_known = not known or any(differs(each.value, each.std) for each in known)
         statistic = max(2.0 * candidate.gain, 0.0)
         causes.append(
             Cause(
@@ -235,7 +238,9 @@ def structural_causes(
                 ),
                 torque_gap=gap,
                 simulation_gap=simulation,
-                sentence=sentences.structural_cause(data, candidate, others, gap, gain),
+                sentence=sentences.structural_cause(
+                    data, candidate, others, gap, gain, together=not each_known
+                ),
                 joint_gaps=(data.joint_change(place.joint, gap.before, gap.after),),
             )
         )

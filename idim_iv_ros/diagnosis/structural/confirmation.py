@@ -14,7 +14,11 @@ from idim_iv_ros.diagnosis.structural.attribution import Attribution, Found
 from idim_iv_ros.diagnosis.structural.candidate import operating_range
 from idim_iv_ros.diagnosis.structural.causes import NamedModel, built_model, label, named_model
 from idim_iv_ros.diagnosis.structural.cross_fitting import Chosen, CrossFitting
-from idim_iv_ros.diagnosis.structural.deviations import differs_from_nothing
+from idim_iv_ros.diagnosis.structural.deviations import (
+    differs_from_nothing,
+    numbers_differ_from_nothing,
+)
+from idim_iv_ros.diagnosis.structural.knee import with_knees_refitted
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
 from idim_iv_ros.diagnosis.structural.possible import why_impossible
 from idim_iv_ros.signals import AutoregressiveModel
@@ -46,14 +50,14 @@ class Doubtful:
     chosen : Chosen
     reason : str
         Why it is only a hint.
-    nameless : bool
+    nonparametric : bool
         Whether it holds, and only its numbers are impossible: something outside of the catalogue.
     """
 
     found: Found
     chosen: Chosen
     reason: str
-    nameless: bool = False
+    nonparametric: bool = False
 
 
 @dataclass(frozen=True)
@@ -122,7 +126,8 @@ def confirmed(
 ) -> Confirmed:
     """Drop effects that do not hold without the data that chose them, and test again.
 
-    Effects whose size may be zero at 95 % go, too: `deviations.differs_from_nothing`.
+    Effects whose size may be zero at 95 % go, too: `deviations.differs_from_nothing`; so do those
+    of `blurred_names`.
 
     Parameters
     ----------
@@ -133,6 +138,7 @@ def confirmed(
     """
     left_out: list[Found] = []
     doubtful: list[Doubtful] = []
+    unsure: list[Doubtful] = []
     while True:
         result = tested(data, model, floors, folds)
         weak = judged(model.found, result, impossible(data, model, folds))
@@ -140,12 +146,16 @@ def confirmed(
             doubtful += weak
             fallen = [each.found for each in weak]
             kept = [each for each in model.found if not _among(each, fallen)]
-            nameless = [each.found for each in weak if each.nameless]
-            model = built_model(attribution, kept, [*model.nonparametric, *nameless])
+            nonparametric = [each.found for each in weak if each.nonparametric]
+            model = built_model(attribution, kept, [*model.nonparametric, *nonparametric])
             result = tested(data, model, floors, folds)
         unknown = [each for each in model.found if not _among(each, sized(data, model))]
         if not unknown:
-            break
+            blurred = blurred_names(data, model, result.chosen)
+            if not blurred:
+                break
+            unsure.append(blurred[-1])
+            unknown = [blurred[-1].found]
         # One at a time, the last accepted first: beside it another may be unknown, and not alone.
         # What only corrected its shape has another chance without it.
         left_out.append(unknown[-1])
@@ -157,6 +167,8 @@ def confirmed(
         if not _among(each.found, [*model.found, *left_out])
         and not _among(each.found, [other.found for other in doubtful[number + 1 :]])
     ]
+    hints += unsure
+    model = with_knees_refitted(data, attribution, model)
     return Confirmed(model, result.held_out, tuple(floors), result.chosen, tuple(hints), folds)
 
 
@@ -201,7 +213,9 @@ def judged(found: Sequence[Found], result: FoldTest, impossible: Sequence[str]) 
             reason = f"it was found beside {first}, which does not hold there"
         if reason:
             joints.setdefault(joint, each)
-            weak.append(Doubtful(each, chosen, reason, nameless=not doubt and reason == no_such))
+            weak.append(
+                Doubtful(each, chosen, reason, nonparametric=not doubt and reason == no_such)
+            )
     return weak
 
 
@@ -215,6 +229,32 @@ def sized(data: Baseline, model: NamedModel) -> list[Found]:
     ]
 
 
+def blurred_names(data: Baseline, model: NamedModel, chosen: Sequence[Chosen]) -> list[Doubtful]:
+    """Effects that are there, but neither their numbers nor what else is excluded give the name.
+
+    Where each of its numbers may be zero, an effect is named only if nothing of another family
+    predicts as well: a weak bend of the torque passes for a saturation of any knee.
+    """
+    starts = np.concatenate([[0], np.cumsum(model.regression.widths)]).astype(int)
+    made = []
+    for each, times, start in zip(model.found, chosen, starts[:-1], strict=True):
+        family = each.candidate.effect.family
+        others = [o for o, _ in each.indistinguishable_from if o.effect.family != family]
+        if others and not numbers_differ_from_nothing(
+            data, model.regression, model.fit, each.candidate, int(start)
+        ):
+            name = others[0].effect.name.replace("_", " ")
+            made.append(
+                Doubtful(
+                    each,
+                    times,
+                    f"each of its numbers may be zero, and {name} at "
+                    f"{data.joints[others[0].place.joint]} predicts as well",
+                )
+            )
+    return made
+
+
 def _why_not(tested: HeldOut, number: int, found: Found, chosen: Chosen) -> str:
     """Why an effect is only a hint; empty where it holds."""
     if chosen.standing_in < settings.LEAST_FOLDS_CHOSEN * chosen.folds:
@@ -224,16 +264,20 @@ def _why_not(tested: HeldOut, number: int, found: Found, chosen: Chosen) -> str:
         )
     stage = tested.refit + number
     gap = tested.gap(stage, stage + 1, found.candidate.place.joint)
-    gain, helped, _ = tested.gain(number)
+    gain, folds, _ = tested.gain(number)
+    share, beside_best = tested.helped(number)
     sure = gap.after < gap.before if gap.ci95 is None else gap.ci95[0] > 0.0
     drifts = found.candidate.effect.family == "time"
     least = settings.HELD_OUT_LEAST_FOLDS_OF_DRIFT if drifts else settings.HELD_OUT_LEAST_FOLDS
-    if gap.ci95 is not None and gap.ci95[0] >= settings.HELD_OUT_SURELY_LARGE:
-        least = min(least, settings.LEAST_FOLDS_CHOSEN)  # play acts at reversals, not in every fold
     if gain < settings.HELD_OUT_LEAST_GAIN:
         return f"it takes only {100.0 * gain:.2g} % of the residual on data that did not choose it"
-    if helped < least * chosen.standing_in:
-        return f"it helps on only {helped} of the {chosen.standing_in} folds that choose it"
+    if share < least:
+        return (
+            f"it helps on only {folds} of the {chosen.standing_in} folds that choose it, in which "
+            f"{100.0 * share:.0f} % of what it does lies"
+        )
+    if not beside_best:
+        return "it helps on one fold alone: it rests on one stretch of time"
     if not sure:
         return "on data that did not choose it the torque gap may have shrunk by chance"
     return ""

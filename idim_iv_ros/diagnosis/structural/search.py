@@ -79,7 +79,8 @@ class Search:
                 break
             shape, score = more, higher
         columns = rows_of(self.data, effect, place, [shape])[0]
-        return self._fitted(effect, place, shape, columns, tried)
+        fitted = self._fitted(effect, place, shape, columns, tried)
+        return None if fitted is None else fitted[0]
 
     def _fitted(
         self,
@@ -90,7 +91,7 @@ class Search:
         tried: int,
         *,
         settle: bool = True,
-    ) -> Candidate | None:
+    ) -> tuple[Candidate, Fit] | None:
         if not all(np.isfinite(rows).all() for rows in columns.values()):
             return None
         larger = self.regression.with_columns(columns)
@@ -107,17 +108,19 @@ class Search:
                 return None
             columns = rows_of(self.data, effect, place, [settled])[0]
             return self._fitted(effect, place, settled, columns, tried, settle=False)
-        return Candidate(
+        candidate = Candidate(
             effect,
             place,
             shape,
             columns,
-            fit,
+            coefficients,
+            {joint: fit.residuals[joint] for joint in place.joints},
             gain=larger.gain_of_last(fit),
             explained=explained,
             numbers=width + effect.free_numbers(shape),
             tried=tried,
         )
+        return candidate, fit
 
     @cached_property
     def _white(self) -> tuple[AutoregressiveModel, ...]:
@@ -157,8 +160,8 @@ class Search:
             self.grids[key] = rows_of(self.data, effect, place, shapes)
         return self.grids[key]
 
-    def again(self, candidate: Candidate) -> Candidate | None:
-        """Fit a candidate of another search, as it is, beside this model."""
+    def again(self, candidate: Candidate) -> tuple[Candidate, Fit] | None:
+        """Fit a candidate of another search, as it is, beside this model; with the fit."""
         return self._fitted(
             candidate.effect, candidate.place, candidate.shape, candidate.columns, candidate.tried
         )

@@ -91,7 +91,7 @@ def _effect(data: Baseline, each: Measured) -> str | None:
 
 
 def _resonance(data: Baseline, each: Measured) -> float:
-    """Of the link against a motor that stands, Hz: median over the motion."""
+    """Of the link against a motor at rest, Hz: median over the motion."""
     assert each.result.stiffness is not None
     inertia = link_inertia(data, each.joint)
     return float(np.sqrt(each.result.stiffness.value / inertia) / (2.0 * np.pi))

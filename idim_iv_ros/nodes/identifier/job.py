@@ -72,6 +72,10 @@ class Job:
     success, cancelled : bool
     stage : str
         What is done now.
+    share : float
+        Of the work that is done, 0 to 1.
+    said_at : float
+        When who asked last heard of it, monotonic, s.
     """
 
     task: Task
@@ -90,6 +94,13 @@ class Job:
     success: bool = False
     cancelled: bool = False
     stage: str = WAITING
+    share: float = 0.0
+    said_at: float = 0.0
+
+    def say(self, stage: str, share: float) -> None:
+        """Let who asked know what is done, and which share of the work is."""
+        self.stage, self.share, self.said_at = stage, share, time.monotonic()
+        self.listener.progress(stage, share)
 
 
 RequestedJob = Callable[[Any, IdentifierSettings, Configuration | None, JobListener], Job]

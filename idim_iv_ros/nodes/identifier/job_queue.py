@@ -1,101 +1,26 @@
-"""Jobs one after the other, each in a worker process of its own."""
+"""Jobs one after the other, in another process that is kept ready for the next."""
 
-import contextlib
-import json
-import os
 import queue
 import shutil
 import signal
-import subprocess
-import sys
-import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.identifier.job import WAITING, Job
 from idim_iv_ros.nodes.identifier.settings import REFUSE, IdentifierSettings
+from idim_iv_ros.nodes.identifier.worker import Event, Worker
 
-Event = dict[str, Any]
-
-_START = "from idim_iv_ros.nodes.identifier.identification_worker import main; main()"
-
-
-class Worker:
-    """The process of one job.
-
-    Parameters
-    ----------
-    request : mapping
-        See `identification_worker`.
-    folder : Path
-        Its working directory and place for temporary files.
-    heard : callable
-        Takes each event in a thread of its own; the last is ``{"ended": exit status}``.
-    """
-
-    def __init__(
-        self, request: Mapping[str, object], folder: Path, heard: Callable[[Event], None]
-    ) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", _START],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            cwd=folder,
-            env={**os.environ, "TMPDIR": str(folder)},
-            start_new_session=True,
-        )
-        self._heard = heard
-        self._thread = threading.Thread(target=self._listen, name="worker", daemon=True)
-        self._thread.start()
-        self._say(request)
-
-    @property
-    def process_id(self) -> int:
-        """Of the process."""
-        return self._process.pid
-
-    def kill(self) -> None:
-        """End the process and what it started, now."""
-        if self._process.poll() is None:
-            try:
-                os.killpg(self._process.pid, signal.SIGKILL)
-            except ProcessLookupError:
-                return
-
-    def join(self) -> None:
-        """Wait until the process has ended and all of its events were heard."""
-        self._thread.join()
-
-    def _say(self, request: Mapping[str, object]) -> None:
-        assert self._process.stdin is not None
-        try:
-            self._process.stdin.write(json.dumps(request) + "\n")
-            self._process.stdin.flush()
-        except OSError:
-            return  # it has ended already, which the other thread hears
-
-    def _listen(self) -> None:
-        assert self._process.stdout is not None
-        for line in self._process.stdout:
-            try:
-                self._heard(json.loads(line))
-            except ValueError:
-                continue  # cut off by a kill
-        status = self._process.wait()
-        if self._process.stdin is not None:
-            with contextlib.suppress(OSError):
-                self._process.stdin.close()
-        self._process.stdout.close()
-        self._heard({"ended": status})
+_SIGN_OF_LIFE = 1.0  # s; who asked hears at least so often what is done
 
 
 class JobQueue:
-    """At most one worker at a time; everything but `wake` happens in the thread of `poll`.
+    """One job at a time; everything but `wake` happens in the thread of `poll`.
+
+    The worker process is kept from job to job. It is replaced when it has ended, and where a job
+    had to be killed before the process could begin it.
 
     Parameters
     ----------
@@ -116,7 +41,7 @@ class JobQueue:
         self._settings, self._wake, self._ended = settings, wake, ended
         self._waiting: deque[Job] = deque()
         self._over: deque[Job] = deque()
-        self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
+        self._events: queue.SimpleQueue[tuple[Worker, Event]] = queue.SimpleQueue()
         self._worker: Worker | None = None
         self._begun = 0.0
         self.running: Job | None = None
@@ -128,8 +53,16 @@ class JobQueue:
 
     @property
     def process_id(self) -> int | None:
-        """Of the worker."""
+        """Of the process that does the present job."""
         return None if self._worker is None else self._worker.process_id
+
+    def warm(self) -> None:
+        """Start the worker in the background, so that the first job finds it ready."""
+        if self._worker is None:
+            try:
+                self._worker = Worker(self._put)
+            except OSError:
+                return  # the next job says why
 
     def submit(self, job: Job) -> None:
         """Work on a job now or later.
@@ -146,7 +79,7 @@ class JobQueue:
             if len(self._waiting) >= settings.queue_limit:
                 raise UsageError(f"busy: {len(self._waiting)} jobs wait already")
         self._waiting.append(job)
-        job.listener.progress(WAITING, 0.0)
+        job.say(WAITING, 0.0)
         self._wake()
 
     def cancel(self, job: Job) -> None:
@@ -158,22 +91,37 @@ class JobQueue:
         """Hear the worker, end what takes too long, begin the next."""
         while True:
             try:
-                self._hear(self._events.get_nowait())
+                self._hear(*self._events.get_nowait())
             except queue.Empty:
                 break
-        self._end_what_is_late(time.monotonic())
+        now = time.monotonic()
+        self._end_what_is_late(now)
+        self._give_sign_of_life(now)
         while self.running is None and self._waiting:
             self._begin(self._waiting.popleft())
         while self._over:
             self._ended(self._over.popleft())
 
+    def end_all(self, why: str) -> None:
+        """End all jobs; the next `poll` says so."""
+        for job in (*self._waiting, *([self.running] if self.running else [])):
+            self._abandon(job, why)
+
     def close(self) -> None:
         """End all jobs."""
-        for job in (*self._waiting, *([self.running] if self.running else [])):
-            self._abandon(job, "the identifier was shut down")
-        if self._worker is not None:
-            self._worker.join()
+        self.end_all("the identifier was shut down")
+        worker, self._worker = self._worker, None
+        if worker is not None:
+            worker.close()
+        if self.running is not None:
+            self._end(1)
         self.poll()
+
+    def _give_sign_of_life(self, now: float) -> None:
+        """Repeat what is done where nothing was heard of it for a while."""
+        for job in (*self._waiting, *([self.running] if self.running else [])):
+            if now > job.said_at + _SIGN_OF_LIFE:
+                job.say(job.stage, job.share)
 
     def _end_what_is_late(self, now: float) -> None:
         for place, job in enumerate(tuple(self._waiting)):
@@ -209,6 +157,7 @@ class JobQueue:
                 "bags": [str(bag) for bag in job.bags],
                 "configuration": job.configuration.model_dump(mode="json", exclude_unset=True),
                 "source": None if source is None else str(source),
+                "topics": job.configuration.own_topics,
                 "estimator": job.estimator,
                 "without": job.without,
                 "out": str(folder),
@@ -216,7 +165,7 @@ class JobQueue:
                 "file_limit": settings.max_bag_size,
             }
             job.folder = folder
-            self._worker = Worker(request, folder, self._put)
+            self._worker = self._worker or Worker(self._put)
         except OSError as error:
             job.message = f"cannot be begun: {error.strerror or error}"
             self._finish(job)
@@ -224,24 +173,38 @@ class JobQueue:
         self.running, job.stage = job, "starting"
         self._begun = time.monotonic()
         job.listener.started()
+        self._worker.begin(request)
 
-    def _put(self, event: Event) -> None:
-        self._events.put(event)
+    def _put(self, worker: Worker, event: Event) -> None:
+        self._events.put((worker, event))
         self._wake()
 
-    def _hear(self, event: Event) -> None:
+    def _hear(self, worker: Worker, event: Event) -> None:
+        if worker is not self._worker:
+            return
         job = self.running
-        assert job is not None
-        if "stage" in event:
-            job.stage = str(event["stage"])
-            job.listener.progress(job.stage, float(event["progress"]))
+        if "gone" in event:
+            self._worker = None
+            if job is not None:
+                self._end(int(event["gone"]))
+            if worker.ready or worker.killed:  # else it would only end again
+                self.warm()
+        elif job is None:
+            return
+        elif "stage" in event:
+            job.say(str(event["stage"]), float(event["progress"]))
         elif "ended" in event:
-            job.message = job.message or _untimely(int(event["ended"]))
-            self.running = self._worker = None
-            self._finish(job)
-        elif not job.message:  # neither cancelled nor too late
+            self._end(int(event["ended"]))
+        elif event.keys() & {"message", "error"} and not job.message:  # not cancelled or late
             job.success = "message" in event
             job.message = str(event["message" if job.success else "error"])
+
+    def _end(self, status: int) -> None:
+        """Finish the running job, whose process has ended."""
+        job, self.running = self.running, None
+        assert job is not None
+        job.message = job.message or _untimely(status)
+        self._finish(job)
 
     def _finish(self, job: Job) -> None:
         if not job.success and job.folder is not None:

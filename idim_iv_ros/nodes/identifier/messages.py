@@ -6,7 +6,14 @@ from typing import Any, TypeVar
 from builtin_interfaces.msg import Time
 
 from idim_iv_interfaces import msg
-from idim_iv_ros.diagnosis.result import Cause, EffectParameter, GapResult, SignalChain, Stage
+from idim_iv_ros.diagnosis.result import (
+    Cause,
+    EffectParameter,
+    GapResult,
+    Hint,
+    SignalChain,
+    Stage,
+)
 from idim_iv_ros.files import GAP, REPORT, RESULT
 from idim_iv_ros.identification.result import IdentificationResult, JointResidual
 from idim_iv_ros.statistics import HypothesisTest
@@ -125,6 +132,10 @@ def _cause(cause: Cause) -> dict[str, object]:
     return {**vars(cause.evidence), "parameters": _named(cause.parameters)}
 
 
+def _hint(hint: Hint) -> dict[str, object]:
+    return {"parameters": _named(hint.parameters)}
+
+
 def _named(parameters: Mapping[str, EffectParameter]) -> list["_Named"]:
     return [_Named(name, each) for name, each in parameters.items()]
 
@@ -181,6 +192,7 @@ def _interval(name: str) -> Callable[[Any], dict[str, object]]:
 _OTHER_NAMES: dict[type, Callable[[Any], dict[str, object]]] = {
     msg.GapCause: _cause,
     msg.GapChange: _interval("shrinkage"),
+    msg.GapHint: _hint,
     msg.GapRegime: _interval("lift"),
     msg.GapSignalChain: _chain,
     msg.InstrumentTest: _test,

@@ -18,7 +18,7 @@ from rclpy.parameter import Parameter
 from idim_iv_interfaces import action, srv
 from idim_iv_interfaces.msg import BagClosed
 from idim_iv_ros.configuration import Configuration, load_configuration
-from idim_iv_ros.errors import IdimError
+from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.entry import run_node
 from idim_iv_ros.nodes.identifier.gap_publisher import GapPublisher
 from idim_iv_ros.nodes.identifier.job import (
@@ -29,10 +29,13 @@ from idim_iv_ros.nodes.identifier.job import (
     requested_identification,
 )
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue
+from idim_iv_ros.nodes.identifier.managed_node import ACTIVE, FINALIZED, INACTIVE, ManagedNode
+from idim_iv_ros.nodes.identifier.own_folder import OwnFolder
 from idim_iv_ros.nodes.identifier.report import work_diagnosis
 from idim_iv_ros.nodes.identifier.request_server import RequestServer
 from idim_iv_ros.nodes.identifier.result_publisher import ResultPublisher
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
+from idim_iv_ros.nodes.own_topics import with_own_topics
 from idim_iv_ros.nodes.parameters import changed, checked, declare
 
 _LOOK = 0.1  # s between two looks whether a job takes too long
@@ -46,7 +49,9 @@ ABOUT = """identifier: identify the dynamic parameters of a robot from its bags.
     "{bags: [BAG]}"
 
 With -p auto:=true every bag that the recorder closes is identified. Topics: ~/estimates,
-~/result and ~/gap (latched), /diagnostics. Parameters: ros2 param describe /identifier NAME."""
+~/result and ~/gap (latched), /diagnostics. With -p autostart:=false it waits for
+`ros2 lifecycle set /identifier configure`, then `activate`. Parameters: ros2 param describe
+/identifier NAME."""
 
 
 class Identifier:
@@ -61,10 +66,22 @@ class Identifier:
     """
 
     def __init__(self) -> None:
-        self.node = node = Node("identifier")
+        self._managed = ManagedNode(
+            "identifier",
+            {
+                "configure": self._configure,
+                "activate": self._activate,
+                "deactivate": self._deactivate,
+                "cleanup": self._cleanup,
+                "shutdown": self._shutdown,
+            },
+        )
+        node: Node = self._managed
+        self.node = node
         self._settings = declare(node, IdentifierSettings)
-        self._configuration = self._loaded()
+        self._configuration: Configuration | None = None
         self._failure = ""
+        self._folder = OwnFolder(Path(self._settings.output_directory))
         self._publisher = ResultPublisher(
             node,
             Path(self._settings.output_directory),
@@ -100,14 +117,53 @@ class Identifier:
         node.create_timer(self._settings.status_period, self._report, clock=steady)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
+        if self._settings.autostart:
+            self._managed.start()
+        else:
+            node.get_logger().info(f"unconfigured: {self._next_step()}")
+
+    def _configure(self) -> None:
+        """Read the files and publish what they hold; that of the robot is read anew."""
+        try:
+            self._configuration = self._loaded()
+        except UsageError as error:
+            raise UsageError(f"parameter configuration: {error}") from error
+        self._folder.take()
+        self._publisher.load()
         self._publisher.publish_last()
         self._gaps.publish_last()
+
+    def _activate(self) -> None:
+        """Accept requests."""
+        self._jobs.warm()
         robot = (
             "no robot configured" if self._configuration is None else self._settings.configuration
         )
         what = "every new bag of" if self._settings.auto else "on request, from bags in"
         folder = Path(self._settings.bag_directory).resolve()
-        node.get_logger().info(f"ready: {robot}; identifies {what} {folder}")
+        self.node.get_logger().info(f"ready: {robot}; identifies {what} {folder}")
+
+    def _deactivate(self) -> None:
+        """Refuse requests; those that were accepted are answered with that."""
+        self._jobs.end_all("the identifier was deactivated")
+        self.node.get_logger().info("inactive: requests are refused")
+
+    def _cleanup(self) -> None:
+        self._configuration, self._failure = None, ""
+        self._publisher.forget()
+        self._folder.release()
+
+    def _shutdown(self) -> None:
+        self._jobs.end_all("the identifier was shut down")
+        self._cleanup()
+
+    def _next_step(self) -> str:
+        """What to do before requests are accepted."""
+        if self._managed.state == FINALIZED:
+            return "start the node again"
+        name = self.node.get_fully_qualified_name()
+        steps = ["activate"] if self._managed.state == INACTIVE else ["configure", "activate"]
+        return "call " + ", then ".join(f"ros2 lifecycle set {name} {step}" for step in steps)
 
     def close(self) -> None:
         """End the job that is worked on, and answer all requests."""
@@ -122,10 +178,10 @@ class Identifier:
 
     def _loaded(self) -> Configuration | None:
         path = self._settings.configuration
-        return load_configuration(Path(path)) if path else None
+        return with_own_topics(self.node, load_configuration(Path(path))) if path else None
 
     def _bag_closed(self, message: BagClosed) -> None:
-        if self._settings.auto:
+        if self._settings.auto and self._managed.state == ACTIVE:
 
             def ended(success: bool, why: str) -> None:
                 if not success:  # nobody asked: the diagnostics are the only answer
@@ -138,7 +194,10 @@ class Identifier:
     def _submit(self, requested: RequestedJob, request: Any, listener: JobListener) -> Job | None:
         """Queue a job; None if it was refused, and the listener has the reason."""
         try:
+            if self._managed.state != ACTIVE:
+                raise UsageError(f"the identifier is {self._managed.state}: {self._next_step()}")
             job = requested(request, self._settings, self._configuration, listener)
+            job.configuration = with_own_topics(self.node, job.configuration)
             self._jobs.submit(job)
             return job
         except IdimError as error:
@@ -175,21 +234,28 @@ class Identifier:
         self._jobs.poll()
 
     def _report(self) -> None:
-        name = self.node.get_name()
+        name = self.node.get_fully_qualified_name()
         message = DiagnosticArray()
         message.header.stamp = self.node.get_clock().now().to_msg()
-        message.status = [work_diagnosis(name, self._jobs, self._failure)]
+        message.status = [work_diagnosis(name, self._jobs, self._failure, self._managed.state)]
         message.status += self._publisher.diagnoses(name)
         self._diagnostics.publish(message)
 
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        return checked(self._settings, parameters)
+        result = checked(self._settings, parameters)
+        path = changed(self._settings, parameters).configuration if result.successful else ""
+        if path and any(each.name == "configuration" for each in parameters):
+            try:
+                with_own_topics(self.node, load_configuration(Path(path)))
+            except IdimError as error:
+                return SetParametersResult(successful=False, reason=f"configuration: {error}")
+        return result
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         names = {parameter.name for parameter in parameters}
         if names & {field.name for field in fields(IdentifierSettings)}:
             self._settings = changed(self._settings, parameters)
-        if "configuration" in names:
+        if "configuration" in names and self._managed.state in (INACTIVE, ACTIVE):
             self._configuration = self._loaded()
 
 

@@ -9,6 +9,7 @@ from idim_iv_ros.nodes.entry import diagnostic_status
 from idim_iv_ros.nodes.identifier.drift_messages import drift_sentence
 from idim_iv_ros.nodes.identifier.estimate_history import Comparison
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue
+from idim_iv_ros.nodes.identifier.managed_node import ACTIVE
 
 _LEVELS = {
     "valid": DiagnosticStatus.OK,
@@ -18,14 +19,15 @@ _LEVELS = {
 }
 
 
-def work_diagnosis(name: str, jobs: JobQueue, failure: str) -> DiagnosticStatus:
+def work_diagnosis(name: str, jobs: JobQueue, failure: str, state: str) -> DiagnosticStatus:
     """What is done now; an error if the last job failed, and why."""
-    level, sentence = DiagnosticStatus.OK, "idle"
+    level, sentence = DiagnosticStatus.OK, "idle" if state == ACTIVE else state
     if jobs.running is not None:
         sentence = f"{', '.join(jobs.running.names)}: {jobs.running.stage}"
     elif failure:
         level, sentence = DiagnosticStatus.ERROR, failure
     values: dict[str, object] = {
+        "state": state,
         "waiting": jobs.waiting,
         "worker (process id)": jobs.process_id or "none",
     }

@@ -10,6 +10,8 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus
 from rclpy.action.server import ActionServer, CancelResponse, ServerGoalHandle
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
@@ -18,6 +20,7 @@ from idim_iv_ros.nodes.identifier.job import Job, JobListener
 # Requests that may wait for the executor: the default of services, ten, drops the rest of a burst
 # without an answer.
 BURST = QoSProfile(depth=1000)
+_LOOK, _ABSENCES = 0.5, 2  # s between two looks for clients, and looks that must find none
 
 
 class Later:
@@ -58,6 +61,26 @@ def create_deferred_service(
 def _ask(asked: Callable[[Any, Later], None], request: Any, later: Later) -> Later:
     asked(request, later)
     return later
+
+
+class Clients:
+    """The clients of one service: whether there were any, and now there are none.
+
+    A server does not learn who asked: only when the last client is gone, nobody waits for an
+    answer. One that is killed counts until its lease in the middleware ends, 20 s as a rule.
+    """
+
+    def __init__(self, node: Node, name: str) -> None:
+        self._node, self._name = node, name
+        self._seen, self._absences = False, 0
+
+    def gone(self) -> bool:
+        """Look, and return whether they were gone in this look and in the one before."""
+        if self._node.count_clients(self._name):
+            self._seen, self._absences = True, 0
+        elif self._seen:
+            self._absences += 1
+        return self._absences >= _ABSENCES
 
 
 class DeferredActionServer(ActionServer):
@@ -152,9 +175,13 @@ class RequestServer:
         cancel: Callable[[Job], None],
         result: Callable[[], Any],
     ) -> None:
-        self._service, self._action = service, action
+        self._node, self._service, self._action = node, service, action
         self._submit, self._cancel_job, self._result = submit, cancel, result
         self._goals: dict[bytes, Job] = {}
+        self._asked_for: list[Job] = []
+        whole = node.resolve_service_name(name)
+        self._clients = Clients(node, whole), Clients(node, f"{whole}/_action/get_result")
+        node.create_timer(_LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         create_deferred_service(node, service, name, self._asked)
         self._actions = DeferredActionServer(node, action, name, self._accepted, self._cancel)
 
@@ -164,9 +191,13 @@ class RequestServer:
 
     def _asked(self, request: Any, later: Later) -> None:
         def ended(success: bool, message: str) -> None:
+            self._asked_for = [each for each in self._asked_for if each.listener is not listener]
             later.send(self._answer(self._service.Response(), success, message))
 
-        self._submit(request, JobListener(lambda: None, lambda stage, share: None, ended))
+        listener = JobListener(lambda: None, lambda stage, share: None, ended)
+        job = self._submit(request, listener)
+        if job is not None:
+            self._asked_for.append(job)
 
     def _accepted(self, goal: ServerGoalHandle) -> None:
         key = bytes(goal.goal_id.uuid)
@@ -187,6 +218,17 @@ class RequestServer:
         job = self._goals.get(bytes(goal.goal_id.uuid))
         if job is not None:
             self._cancel_job(job)
+
+    def _look(self) -> None:
+        """Cancel what nobody waits for any more."""
+        for clients, jobs in zip(
+            self._clients, (list(self._asked_for), list(self._goals.values())), strict=True
+        ):
+            if jobs and clients.gone():
+                names = "; ".join(", ".join(job.names) for job in jobs)
+                self._node.get_logger().warning(f"{names}: who asked is gone")
+                for job in jobs:
+                    self._cancel_job(job)
 
     def _answer(self, response: Any, success: bool, message: str) -> Any:
         response.success, response.message = success, message

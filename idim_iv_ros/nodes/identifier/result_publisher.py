@@ -10,7 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from idim_iv_interfaces.msg import DriftReport, IdentificationResult, ParameterEstimates
 from idim_iv_interfaces.srv import GetHistory, SetBaseline
-from idim_iv_ros.errors import IdimError
+from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.files import RESULT
 from idim_iv_ros.identification import result as identification
 from idim_iv_ros.nodes.identifier.drift_messages import drift_report, past_identification, time_of
@@ -35,16 +35,11 @@ class ResultPublisher:
     ----------
     last : IdentificationResult or None
         Of the job that ended last.
-
-    Raises
-    ------
-    DataError
-        The history in the output directory cannot be read.
     """
 
     def __init__(self, node: Node, directory: Path, significance: Callable[[], float]) -> None:
         self._node, self._directory, self._significance = node, directory, significance
-        self._history = EstimateHistory(directory)
+        self._read: EstimateHistory | None = None
         self._comparisons: list[Comparison] = []
         self._shown: IdentificationResult | None = None
         self._entry: PastEstimates | None = None
@@ -55,6 +50,27 @@ class ResultPublisher:
         self._drifts = node.create_publisher(DriftReport, "~/drift", latched)
         node.create_service(GetHistory, "~/get_history", self._get_history)
         node.create_service(SetBaseline, "~/set_baseline", self._set_baseline)
+
+    def load(self) -> None:
+        """Read the history in the output directory.
+
+        Raises
+        ------
+        DataError
+            It cannot be read.
+        """
+        self._read = EstimateHistory(self._directory)
+
+    def forget(self) -> None:
+        """Hold no history until it is read again."""
+        self._read = self._shown = self._entry = None
+        self._comparisons = []
+
+    @property
+    def _history(self) -> EstimateHistory:
+        if self._read is None:
+            raise UsageError("the identifier is unconfigured: no history was read")
+        return self._read
 
     def publish_last(self) -> None:
         """Publish the newest result of the history whose file can be read, and what drifts."""
@@ -124,7 +140,7 @@ class ResultPublisher:
     ) -> GetHistory.Response:
         response.identifications = [
             past_identification(each)
-            for each in self._history.entries
+            for each in ([] if self._read is None else self._read.entries)
             if request.estimator in ("", each.estimator)
         ]
         return response

@@ -26,6 +26,12 @@ class IdentifierSettings(Settings):
         "each job writes into a new folder in here; history and last result too",
         read_only=True,
     )
+    autostart: bool = parameter(
+        True,
+        "configure and activate at once; else the node waits for both to be asked for by the "
+        "services of its lifecycle",
+        read_only=True,
+    )
     auto: bool = parameter(False, "identify every bag that is announced on recorder/bag_closed")
     when_busy: str = parameter(
         WAIT, "what happens to a request while another is worked on: wait or refuse"
@@ -62,5 +68,14 @@ class IdentifierSettings(Settings):
         """
         if self.when_busy not in (WAIT, REFUSE):
             raise UsageError(f"when_busy: {self.when_busy!r} is neither {WAIT} nor {REFUSE}")
+
+    def check_files(self) -> None:
+        """Check the robot's file.
+
+        Raises
+        ------
+        UsageError
+            It cannot be read.
+        """
         if self.configuration:
             load_configuration(Path(self.configuration))

@@ -28,8 +28,9 @@ from idim_iv_ros.nodes.recorder.report import (
 )
 from idim_iv_ros.nodes.recorder.session import RecordingSession
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
+from idim_iv_ros.nodes.recorder.snapshot_service import SnapshotService
 from idim_iv_ros.nodes.recorder.threads import Intake, WriterThread
-from idim_iv_ros.nodes.recorder.watched_topic import recorder_topics
+from idim_iv_ros.nodes.recorder.topic_set import TopicSet
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag
 
 _LOOK = 0.1  # s between two looks for publishers
@@ -39,7 +40,8 @@ ABOUT = """recorder: record the topics of a robot into MCAP bags.
   ros2 run idim_iv_ros recorder --ros-args -p configuration:=ROBOT.yaml -p bag_directory:=DIR
   ros2 service call /recorder/start std_srvs/srv/Trigger
 
-Services: ~/start ~/stop ~/pause ~/resume ~/split. Topics: ~/status ~/bag_closed /diagnostics.
+Services: ~/start ~/stop ~/pause ~/resume ~/split ~/snapshot.
+Topics: ~/status ~/bag_closed /diagnostics.
 Parameters: ros2 param describe /recorder NAME."""
 
 
@@ -58,17 +60,21 @@ class Recorder:
         self._session = RecordingSession(self._settings, self._now, self._announce)
         self._writer = WriterThread(self._session)
         self._intake = Intake(self._writer, lambda: self._settings.max_message_size, self._log_time)
-        self._topics = recorder_topics(node, self._settings)
-        self._intake.topics = self._topics
+        self._topics = TopicSet(node, self._settings, node.get_logger().error)
+        self._intake.topics = self._topics.topics
         self._status = node.create_publisher(RecorderStatus, "~/status", 10)
         self._bags = node.create_publisher(BagClosed, "~/bag_closed", 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._counted: dict[str, int] = {}
-        self._recent = {topic.name: RecentCounts() for topic in self._topics}
+        self._recent: dict[str, RecentCounts] = {}
         self._counted_at = time.monotonic()
         self._fault = ""
         for name in ("start", "stop", "pause", "resume", "split"):
             node.create_service(Trigger, f"~/{name}", self._service(getattr(self, f"_{name}")))
+        self._snapshots = SnapshotService(
+            node, self._writer, self._intake.drain, lambda closed: self._announce(closed, False)
+        )
+        node.create_service(Trigger, "~/snapshot", self._service(self._snapshots.take))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(_LOOK, self._look, clock=steady)
         node.create_timer(self._settings.status_period, self._report, clock=steady)
@@ -77,7 +83,7 @@ class Recorder:
         self._writer.start()
         self._intake.start()
         self._look()
-        watched = ", ".join(topic.name for topic in self._topics)
+        watched = ", ".join(topic.name for topic in self._topics.topics)
         folder = Path(self._settings.bag_directory).resolve()
         node.get_logger().info(f"ready: {watched}; bags go to {folder}")
         if self._settings.autostart:
@@ -90,9 +96,9 @@ class Recorder:
             if self._session.bag is not None:
                 self.node.get_logger().info(self._stop())
         finally:
+            self._snapshots.close()
             self._writer.end()
-            for topic in self._topics:
-                topic.close()
+            self._topics.close()
             self.node.destroy_node()
 
     def _now(self) -> int:
@@ -109,7 +115,7 @@ class Recorder:
 
         def start() -> str:
             folder = self._session.start()
-            for topic in self._topics:
+            for topic in self._topics.topics:
                 topic.monitor.reset()
                 topic.too_large = 0
             self._writer.overrun = 0
@@ -159,15 +165,15 @@ class Recorder:
         return answer
 
     def _look(self) -> None:
-        for topic in self._topics:
-            topic.look()
+        self._topics.look()
+        self._intake.topics = self._topics.topics
 
     def _report(self) -> None:
-        name = self.node.get_name()
+        name = self.node.get_fully_qualified_name()
         now = time.monotonic()
         seconds, self._counted_at = now - self._counted_at, now
         statuses = []
-        for topic in self._topics:
+        for topic in self._topics.topics:
             received = topic.monitor.received
             new = received - self._counted.get(topic.name, 0)
             self._counted[topic.name] = received
@@ -177,18 +183,17 @@ class Recorder:
         status = recorder_status(self._writer, statuses, failure)
         status.header.stamp = self.node.get_clock().now().to_msg()
         self._status.publish(status)
-        diagnoses = [recorder_diagnosis(name, status)]
-        diagnoses += [
-            topic_diagnosis(name, topic, each, self._recent[topic.name].since(each, now))
-            for topic, each in zip(self._topics, statuses, strict=True)
-        ]
+        diagnoses = [recorder_diagnosis(name, status, self._session.ring)]
+        for topic, each in zip(self._topics.topics, statuses, strict=True):
+            recent = self._recent.setdefault(topic.name, RecentCounts()).since(each, now)
+            diagnoses.append(topic_diagnosis(name, topic, each, recent))
         self._diagnostics.publish(DiagnosticArray(header=status.header, status=diagnoses))
         if status.fault != self._fault:
             self._fault = status.fault
             self.node.get_logger().error(status.fault or "the fault is over")
 
     def _announce(self, closed: ClosedBag, faulty: bool) -> None:
-        message = bag_closed(closed, faulty, sum(topic.monitor.lost for topic in self._topics))
+        message = bag_closed(closed, faulty, sum(t.monitor.lost for t in self._topics.topics))
         message.header.stamp = self.node.get_clock().now().to_msg()
         self._bags.publish(message)
 
@@ -205,13 +210,16 @@ class Recorder:
         own = {field.name for field in fields(RecorderSettings)}
         if not own & {parameter.name for parameter in parameters}:
             return
-        self._settings = changed(self._settings, parameters)
-        self._session.settings = self._settings
-        if any(parameter.name == "configuration" for parameter in parameters):
-            old, self._topics = self._topics, recorder_topics(self.node, self._settings)
-            self._intake.topics = self._topics
-            for topic in old:
-                topic.close()
+        self._settings = settings = changed(self._settings, parameters)
+        self._session.settings = settings
+        ring = self._session.ring
+        ring.duration, ring.limit = settings.snapshot_duration, settings.snapshot_memory
+        given = {parameter.name for parameter in parameters}
+        if "configuration" in given:
+            self._topics.configure(settings)
+        elif given & {"extra_topics", "extra_topics_regex"}:
+            self._topics.extend(settings)
+        self._intake.topics = self._topics.topics
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -8,6 +8,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus, TopicStatus
 from idim_iv_ros.nodes.entry import diagnostic_status
 from idim_iv_ros.nodes.recorder.session import RecordingSession, State
+from idim_iv_ros.nodes.recorder.snapshot import SnapshotRing
 from idim_iv_ros.nodes.recorder.threads import WriterThread
 from idim_iv_ros.nodes.recorder.watched_topic import WatchedTopic
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag
@@ -72,8 +73,10 @@ def bag_closed(closed: ClosedBag, faulty: bool, lost: int) -> BagClosed:
     )
 
 
-def recorder_diagnosis(name: str, status: RecorderStatus) -> DiagnosticStatus:
-    """Return the diagnosis of the recorder as a whole."""
+def recorder_diagnosis(
+    name: str, status: RecorderStatus, ring: SnapshotRing | None = None
+) -> DiagnosticStatus:
+    """Return the diagnosis of the recorder as a whole; `ring` is what a snapshot would hold."""
     level, sentence = DiagnosticStatus.OK, State(status.state).name.lower()
     if status.fault:
         level, sentence = DiagnosticStatus.ERROR, status.fault
@@ -89,6 +92,8 @@ def recorder_diagnosis(name: str, status: RecorderStatus) -> DiagnosticStatus:
         "waiting": status.waiting,
         "dropped": status.dropped,
     }
+    if ring is not None and ring.duration:
+        values["in memory (s)"], values["in memory (B)"] = f"{ring.span:.1f}", ring.size
     return diagnostic_status(level, f"{name}: recording", name, sentence, values)
 
 
@@ -156,7 +161,8 @@ def _errors(topic: WatchedTopic) -> list[str]:
 
 def _warnings(topic: WatchedTopic, recent: TopicStatus) -> list[str]:
     warnings = []
-    if not topic.had_publishers and not topic.problem:
+    substituted = any(other.had_publishers for other in topic.substitutes)
+    if not topic.had_publishers and not topic.problem and not substituted:
         warnings.append("nobody publishes it")
     if topic.note:
         warnings.append(topic.note)

@@ -10,8 +10,10 @@ from pathlib import Path
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
+from idim_iv_ros.nodes.recorder.snapshot import SnapshotRing, write_snapshot
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag, GrowingBag, SplitLimits
 from idim_iv_ros.recording.writing.growing_mcap import FileSummary, Message
+from idim_iv_ros.recording.writing.storage import PRESETS
 from idim_iv_ros.recording.writing.write import TopicChannel
 
 
@@ -42,6 +44,8 @@ class RecordingSession:
         What is wrong, in one line that says what to do; empty if nothing is.
     dropped : int
         Messages that arrived and were not written since the start.
+    ring : SnapshotRing
+        What arrived in the last seconds, recorded or not.
     """
 
     def __init__(
@@ -57,6 +61,7 @@ class RecordingSession:
         self.bag: GrowingBag | None = None
         self._clock = clock
         self._closed = closed
+        self.ring = SnapshotRing(settings.snapshot_duration, settings.snapshot_memory)
         self._latched: dict[str, tuple[TopicChannel, Message]] = {}
         self._last: tuple[FileSummary, ...] = ()
         self._started = self._committed = 0.0
@@ -101,9 +106,12 @@ class RecordingSession:
             raise UsageError(f"{directory}: cannot be made: {error.strerror or error}") from error
         self._require_space()
         while self.bag is None:
-            folder = self._new_folder(directory)
+            folder = self._new_folder(directory, self.settings.bag_prefix)
             try:
-                self.bag = GrowingBag(folder, limits, self._clock, latched, channels)
+                storage = PRESETS[self.settings.storage_preset]
+                self.bag = GrowingBag(
+                    folder, limits, self._clock, latched, channels, storage=storage
+                )
             except FileExistsError:
                 continue  # another recorder began in the same second, and was faster
             except OSError as error:
@@ -165,6 +173,7 @@ class RecordingSession:
             if channel.latched:
                 last = next(each for each in reversed(messages) if each[1] == channel.name)
                 self._latched[channel.name] = (channel, last)
+        self.ring.add(channels, messages)
         if self.state == State.STOPPED_BY_FAULT:
             self.dropped += len(messages)
         if self.bag is None or self.state != State.RECORDING:
@@ -175,6 +184,27 @@ class RecordingSession:
         self.bag.add(sorted(messages, key=itemgetter(0)))
         if self.bag.file.waiting_bytes > self.settings.memory_limit:
             self._give_up()
+
+    def snapshot(self) -> tuple[Path, Callable[[], ClosedBag]]:
+        """Return the folder of a bag of the last seconds, and what writes it in any thread.
+
+        Raises
+        ------
+        UsageError
+            Nothing is kept, or there is no space.
+        """
+        if not self.ring.duration:
+            raise UsageError("no snapshot: snapshot_duration is 0; set it to the seconds to keep")
+        content = self.ring.content()
+        if not content[1]:
+            raise UsageError("no snapshot: no message has arrived")
+        self._require_space()
+        latched = {name: message for name, (_, message) in self._latched.items()}
+        channels = [channel for channel, _ in self._latched.values()]
+        directory = Path(self.settings.bag_directory).resolve()
+        folder = self._new_folder(directory, f"{self.settings.bag_prefix}_snapshot")
+        storage = PRESETS[self.settings.storage_preset]
+        return folder, lambda: write_snapshot(folder, content, latched, channels, storage)
 
     def tick(self) -> None:
         """Put on disk what is due; call several times a second."""
@@ -232,11 +262,11 @@ class RecordingSession:
                 f"minimum_free_disk is {self.settings.minimum_free_disk / 1e6:.0f} MB"
             )
 
-    def _new_folder(self, directory: Path) -> Path:
+    def _new_folder(self, directory: Path, prefix: str) -> Path:
         stamp = datetime.now().strftime("%Y_%m_%d-%H_%M_%S")
-        folder = directory / f"{self.settings.bag_prefix}_{stamp}"
+        folder = directory / f"{prefix}_{stamp}"
         number = 1
         while folder.exists():
             number += 1
-            folder = directory / f"{self.settings.bag_prefix}_{stamp}_{number}"
+            folder = directory / f"{prefix}_{stamp}_{number}"
         return folder

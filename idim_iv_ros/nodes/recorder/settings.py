@@ -1,13 +1,16 @@
 """Parameters of the recorder."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from idim_iv_ros.configuration import SignalsSection, load_configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.parameters import Settings, parameter
+from idim_iv_ros.recording.writing.storage import PRESETS
 
 _LARGEST = 1 << 62
+_TOPIC = re.compile(r"(?:~/|/)?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -16,12 +19,34 @@ class RecorderSettings(Settings):
 
     configuration: str = parameter(
         "",
-        "the robot's YAML file, whose topics are recorded; empty: /joint_states and "
-        "/robot_description",
+        "the robot's YAML file, whose topics are recorded; empty: joint_states and "
+        "robot_description",
     )
     bag_directory: str = parameter(".", "folder in which the bags are made")
     bag_prefix: str = parameter("recording", "bags are named PREFIX_YYYY_MM_DD-HH_MM_SS")
     autostart: bool = parameter(False, "start recording at once", read_only=True)
+    extra_topics: tuple[str, ...] = parameter(
+        ("",), "topics that are recorded as well, of any type whose package is installed"
+    )
+    extra_topics_regex: str = parameter(
+        "", "topics that are recorded as well: those in whose name this expression is found"
+    )
+    storage_preset: str = parameter(
+        "default",
+        "default (zstd), none (no compression), fast (lz4) or small (zstd, larger chunks); for the "
+        "next bag",
+    )
+    snapshot_duration: float = parameter(
+        0.0,
+        "the last seconds of all topics that are kept in memory for ~/snapshot; 0: none",
+        (0.0, 3600.0),
+    )
+    snapshot_memory: int = parameter(
+        200_000_000, "memory for them; what is older goes earlier, B", (1_000_000, _LARGEST)
+    )
+    snapshot_on_error: bool = parameter(
+        False, "whether a new ERROR of another node on /diagnostics writes a snapshot"
+    )
     chunk_duration: float = parameter(1.0, "what a crash can lose at most, s", (0.1, 10.0))
     max_file_size: int = parameter(
         0, "a new file begins when one has so many bytes; 0: never", (0, _LARGEST)
@@ -73,6 +98,17 @@ class RecorderSettings(Settings):
         """
         if not self.bag_prefix or self.bag_prefix != Path(self.bag_prefix).name:
             raise UsageError(f"bag_prefix: {self.bag_prefix!r} is not the name of a folder")
+        if self.storage_preset not in PRESETS:
+            raise UsageError(
+                f"storage_preset: {self.storage_preset!r} is none of {', '.join(PRESETS)}"
+            )
+        try:
+            re.compile(self.extra_topics_regex)
+        except re.error as error:
+            raise UsageError(f"extra_topics_regex: no regular expression: {error}") from error
+        for name in self.extra_topics:
+            if name and not _TOPIC.fullmatch(name):
+                raise UsageError(f"extra_topics: {name!r} is no name of a topic")
         if self.configuration:
             load_configuration(Path(self.configuration))
 

@@ -3,7 +3,6 @@
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
-from importlib import import_module
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.exceptions import InvalidHandle
@@ -12,11 +11,16 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.nodes.recorder.installed_types import definition, has_header, python_type
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings, signals
 from idim_iv_ros.nodes.recorder.topic_monitor import JointContent, Taken, TopicMonitor
 from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE
+from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
 from idim_iv_ros.recording.read import DESCRIPTION
+from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
 from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
+from idim_iv_ros.signal_source import field_of, topic_of
 
 _AT_ONCE = 20_000
 
@@ -47,8 +51,8 @@ class WatchedTopic:
     node : Node
     name : str
         Fully qualified.
-    types : sequence of str
-        Message types that can be used.
+    types : sequence of str or None
+        Message types that can be used; None: any that is installed.
     joints, needed
         As in JointContent.
     depth : int
@@ -63,13 +67,15 @@ class WatchedTopic:
         Whether there ever was one.
     too_large : int
         Messages left out for their size.
+    substitutes : sequence of WatchedTopic
+        Each does as well where nobody publishes this one.
     """
 
     def __init__(
         self,
         node: Node,
         name: str,
-        types: Sequence[str],
+        types: Sequence[str] | None,
         joints: Sequence[str],
         needed: Sequence[str],
         depth: int,
@@ -79,6 +85,7 @@ class WatchedTopic:
         self.problem = self.note = ""
         self.publishers = self.too_large = 0
         self.had_publishers = False
+        self.substitutes: Sequence[WatchedTopic] = ()
         self.monitor = TopicMonitor(None, has_header=False)
         self.channel: TopicChannel | None = None
         self._node, self._types, self._depth = node, types, depth
@@ -92,15 +99,22 @@ class WatchedTopic:
     def look(self) -> None:
         """Look for publishers: subscribe to the first, and again where their QoS changed."""
         found = self._node.get_publishers_info_by_topic(self.name)
-        usable = [each for each in found if each.topic_type in self._types]
+        usable = [each for each in found if self._types is None or each.topic_type in self._types]
         self.publishers = len(found)
         self.problem = ""
-        if found and not usable:
-            self.problem = (
-                f"it is {found[0].topic_type}; {' or '.join(self._types)} is needed: not recorded"
-            )
+        if found and not usable and self._types is not None:
+            plain = " or ".join(each for each in self._types if each not in ROS2_CONTROL)
+            state = ", or a state of control_msgs" if len(self._types) > len(ROS2_CONTROL) else ""
+            self.problem = f"it is {found[0].topic_type}; {plain} is needed{state}: not recorded"
         if not usable:
             return
+        try:
+            python_type(usable[0].topic_type)
+            definition(usable[0].topic_type)
+        except DataError as error:
+            self.problem = str(error)
+            return
+        usable = [each for each in usable if each.topic_type == usable[0].topic_type]
         self.had_publishers = True
         gids = frozenset(bytes(each.endpoint_gid) for each in usable)
         if gids != self._gids:
@@ -144,7 +158,7 @@ class WatchedTopic:
         """Subscribe reliable, and transient local, only where all publishers are (rosbag2)."""
         message_type = publishers[0].topic_type
         offered = tuple(_offered(each) for each in publishers)
-        channel = TopicChannel(self.name, message_type, offered)
+        channel = TopicChannel(self.name, message_type, offered, definition(message_type))
         before, self.channel = self.channel, channel
         kinds = {qos.reliability for qos in offered}, {qos.durability for qos in offered}
         self.note = (
@@ -162,7 +176,7 @@ class WatchedTopic:
                 if message_type in (JOINT_STATE, FLOAT_ARRAY)
                 else None
             )
-            self.monitor = TopicMonitor(content, has_header=message_type == JOINT_STATE)
+            self.monitor = TopicMonitor(content, has_header=has_header(message_type))
             self.monitor.new_publishers(len(publishers))
         self._replace(message_type, _request(channel))
 
@@ -178,7 +192,7 @@ class WatchedTopic:
             reliability=policy,
             durability=durability,
         )
-        type_ = _python_type(message_type)
+        type_ = python_type(message_type)
         with self._lock:
             # What the old subscription still holds is taken over; what both got counts once.
             new = self._node.create_subscription(
@@ -214,13 +228,11 @@ def _request(channel: TopicChannel) -> tuple[bool, bool]:
     return reliable, channel.latched
 
 
-def _python_type(message_type: str) -> type:
-    package, kind, name = message_type.split("/")
-    return getattr(import_module(f"{package}.{kind}"), name)  # type: ignore[no-any-return]
-
-
 def recorder_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
     """Return joint states, effort, reference, link states and robot description, remapped.
+
+    Relative names are in the namespace of the node; the description of the robot is the global one
+    where its namespace has none.
 
     Raises
     ------
@@ -228,19 +240,29 @@ def recorder_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic
         The configuration cannot be read.
     """
     names, joints = signals(settings)
-    needed: dict[str, list[str]] = {names.joint_states: ["position"]}
-    needed.setdefault(names.effort or names.joint_states, []).append("effort")
+    needed: dict[str, list[str]] = {topic_of(names.joint_states): ["position"]}
+    needed.setdefault(topic_of(names.effort or names.joint_states), []).append("effort")
     if names.reference is not None:
-        needed.setdefault(names.reference, []).append("position")
+        needed.setdefault(topic_of(names.reference), []).append("position")
     if names.link_states is not None:
-        needed.setdefault(names.link_states, []).append("position")
+        needed.setdefault(topic_of(names.link_states), []).append("position")
     if not settings.configuration:
-        needed[names.joint_states] = []
+        needed[topic_of(names.joint_states)] = []
+    given = (names.joint_states, names.effort, names.reference, names.link_states)
+    with_field = {topic_of(each) for each in given if each and field_of(each)}
     topics = []
     for name, fields in needed.items():
-        types = [JOINT_STATE, FLOAT_ARRAY] if fields == ["effort"] else [JOINT_STATE]
+        # A field that is named may belong to any type.
+        types = None if name in with_field else [JOINT_STATE, *ROS2_CONTROL]
+        if types is not None and fields == ["effort"]:
+            types.append(FLOAT_ARRAY)
         resolved = node.resolve_topic_name(name)
         depth = settings.queue_depth
         topics.append(WatchedTopic(node, resolved, types, joints, sorted(set(fields)), depth))
-    description = node.resolve_topic_name(DESCRIPTION)
-    return [*topics, WatchedTopic(node, description, [_STRING], (), (), _FEW)]
+    names_of_it = [node.resolve_topic_name(name) for name in (ROBOT_DESCRIPTION, DESCRIPTION)]
+    descriptions = [
+        WatchedTopic(node, name, [_STRING], (), (), _FEW) for name in dict.fromkeys(names_of_it)
+    ]
+    for topic in descriptions:
+        topic.substitutes = [other for other in descriptions if other is not topic]
+    return [*topics, *descriptions]

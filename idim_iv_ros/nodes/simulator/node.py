@@ -4,7 +4,9 @@ import contextlib
 import json
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,10 +26,17 @@ from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
 from idim_iv_ros.model import read_urdf_file
-from idim_iv_ros.nodes.entry import run_node
+from idim_iv_ros.nodes.entry import CannotGoOnError, run_node
 from idim_iv_ros.nodes.parameters import Settings, changed, checked, declare, parameter
-from idim_iv_ros.nodes.simulator.playback import REST, Playback, commanded, published
-from idim_iv_ros.recording.read import DESCRIPTION
+from idim_iv_ros.nodes.simulator.playback import (
+    REST,
+    Playback,
+    commanded,
+    continued,
+    published,
+)
+from idim_iv_ros.recording import JointTopic
+from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
 from idim_iv_ros.simulators.robot import simulated_robot
 
 ABOUT = """robot_simulator: a simulated robot that publishes its joint states in real time.
@@ -41,8 +50,12 @@ parameters as JSON, ~/moving whether a motion is planned or under way."""
 
 _FASTEST = 1000.0  # Hz
 _QUEUE = 1000
+_LOOK = 0.1  # s between two looks at what the threads do
+_PATIENCE = 2.0  # s; what was compiled before is there by then
+_COMPILING = "the simulation is compiled, once on a new machine: a minute or two"
 
 _LARGEST_SEED = 2**31
+_LEAD = 0.3  # s in which the change to another motion is simulated; longer if that is not enough
 
 
 @dataclass(frozen=True)
@@ -87,18 +100,67 @@ class RobotSimulator:
         self._robot = simulated_robot(configuration, text, urdf.name)
         limits = self._robot.robot.limits
         middle = 0.5 * (limits.lower + limits.upper)
-        self._reference = np.where(np.isfinite(middle), middle, 0.0)
-        node.get_logger().info("starting; on a new machine it compiles for a minute or two first")
-        self._compile()
-        topics, _ = published(
-            configuration, self._robot, self._rate, self._reference, None, self._settings.seed
-        )
+        self._references = np.where(np.isfinite(middle), middle, 0.0)[None]
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node.create_publisher(String, DESCRIPTION, latched).publish(String(data=text))
+        node.create_publisher(String, ROBOT_DESCRIPTION, latched).publish(String(data=text))
         truth = json.dumps(self._robot.truth)
         node.create_publisher(String, "~/truth", latched).publish(String(data=truth))
+        self._playback: Playback | None = None
+        self._planning = threading.Lock()
+        self._problem = ""
+        self._said: bool | None = None
+        self._moving = node.create_publisher(Bool, "~/moving", latched)
+        node.create_subscription(JointTrajectory, "~/joint_trajectory", self._command, 1)
+        node.create_service(Trigger, "~/move", self._move)
+        node.create_timer(_LOOK, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._apply)
+        self._begun, self._said_compiling = time.monotonic(), False
+        self._rest: Future[list[JointTopic]] = Future()
+        threading.Thread(target=self._prepare, name="preparing", daemon=True).start()
+
+    def close(self) -> None:
+        """Stop publishing."""
+        if self._playback is not None:
+            self._playback.end()
+        self.node.destroy_node()
+
+    def _prepare(self) -> None:
+        """Simulate the robot at rest; what is compiled for it, and for ~/move, is compiled now."""
+        try:
+            with contextlib.suppress(IdimError):  # without joint limits there are no random motions
+                random_motion(self._configuration, duration=1.0, rate=self._rate, seed=1)
+            topics, self._references = published(
+                self._configuration,
+                self._robot,
+                self._rate,
+                self._references[-1],
+                None,
+                self._settings.seed,
+            )
+            self._rest.set_result(topics)
+        except Exception as error:  # for the node to say
+            self._rest.set_exception(error)
+
+    def _begin(self) -> bool:
+        """Whether the robot publishes; it begins when its simulation is compiled."""
+        if self._playback is not None:
+            return True
+        log, seconds = self.node.get_logger(), time.monotonic() - self._begun
+        if not self._rest.done():
+            if seconds > _PATIENCE and not self._said_compiling:
+                self._said_compiling = True
+                log.info(f"{_COMPILING}; joint states follow")
+            return False
+        try:
+            topics = self._rest.result()
+        except IdimError as error:
+            raise CannotGoOnError(error) from error
+        except Exception as error:
+            raise CannotGoOnError(UsageError(f"cannot simulate: {one_line(error)}")) from error
         publishers = {
-            topic.name: node.create_publisher(JointState, topic.name, _QUEUE) for topic in topics
+            topic.name: self.node.create_publisher(JointState, topic.name, _QUEUE)
+            for topic in topics
         }
         self._playback = Playback(
             topics,
@@ -106,28 +168,11 @@ class RobotSimulator:
             self._now,
             REST,
         )
-        self._planning = threading.Lock()
-        self._problem = ""
-        self._said: bool | None = None
-        self._moving = node.create_publisher(Bool, "~/moving", latched)
-        node.create_subscription(JointTrajectory, "~/joint_trajectory", self._command, 1)
-        node.create_service(Trigger, "~/move", self._move)
-        node.create_timer(0.1, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        node.add_on_set_parameters_callback(self._check)
-        node.add_post_set_parameters_callback(self._apply)
         self._playback.start()
-        names = ", ".join(topic.name for topic in topics)
-        node.get_logger().info(f"ready: publishes {names}; call ~/move to move it")
-
-    def close(self) -> None:
-        """Stop publishing."""
-        self._playback.end()
-        self.node.destroy_node()
-
-    def _compile(self) -> None:
-        """Plan a short motion, so that what is compiled at first use does not delay ~/move."""
-        with contextlib.suppress(IdimError):  # without joint limits there are no random motions
-            random_motion(self._configuration, duration=1.0, rate=self._rate, seed=1)
+        names = ", ".join(publisher.topic_name for publisher in publishers.values())
+        move = f"{self.node.get_fully_qualified_name()}/move"
+        log.info(f"ready after {seconds:.1f} s: publishes {names}; call {move} to move it")
+        return True
 
     def _now(self) -> int:
         return int(self.node.get_clock().now().nanoseconds)
@@ -157,9 +202,11 @@ class RobotSimulator:
                 self._rate,
             )
 
-        refusal = self._plan(trajectory)
-        if refusal:
-            self.node.get_logger().error(refusal)
+        playback = self._playback
+        if playback is None:
+            self.node.get_logger().error(f"joint_trajectory: {self._not_ready()}")
+            return
+        self._in_thread(lambda: self._replace(playback, trajectory()))
 
     def _move(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         def trajectory() -> Trajectory:
@@ -179,31 +226,70 @@ class RobotSimulator:
 
     def _plan(self, trajectory: Callable[[], Trajectory]) -> str:
         """Plan in a thread; return why not, or nothing."""
-        if self._playback.moving or not self._planning.acquire(blocking=False):
+        playback = self._playback
+        if playback is None:
+            return self._not_ready()
+        if playback.moving or not self._planning.acquire(blocking=False):
             return "busy: the robot is moving; wait until it rests"
 
         def plan() -> None:
             try:
-                topics, self._reference = published(
-                    self._configuration,
-                    self._robot,
-                    self._rate,
-                    self._reference,
-                    trajectory(),
-                    self._settings.seed,
-                )
-                self._playback.play(topics)
+                self._begin_from_rest(playback, trajectory())
+            finally:
+                self._planning.release()
+
+        self._in_thread(plan)
+        return ""
+
+    def _not_ready(self) -> str:
+        return f"not ready for {time.monotonic() - self._begun:.0f} s: {_COMPILING}"
+
+    def _in_thread(self, plan: Callable[[], None]) -> None:
+        def work() -> None:
+            try:
+                plan()
             except IdimError as error:
                 self._problem = str(error)
             except Exception as error:  # the next motion may be one that can be planned
                 self._problem = f"defect in idim_iv_ros ({one_line(error)})"
-            finally:
-                self._planning.release()
 
-        threading.Thread(target=plan, name="planning", daemon=True).start()
-        return ""
+        threading.Thread(target=work, name="planning", daemon=True).start()
+
+    def _begin_from_rest(self, playback: Playback, trajectory: Trajectory) -> None:
+        topics, self._references = published(
+            self._configuration,
+            self._robot,
+            self._rate,
+            self._references[-1],
+            trajectory,
+            self._settings.seed,
+        )
+        playback.play(topics)
+
+    def _replace(self, playback: Playback, trajectory: Trajectory) -> None:
+        """Drop the motion under way for another, as a trajectory controller does."""
+        begun, lead = time.monotonic(), _LEAD
+        with self._planning:
+            while (sample := playback.change(lead)) is not None:
+                topics, references = continued(
+                    self._configuration,
+                    self._robot,
+                    self._rate,
+                    self._references[: sample + 1],
+                    time.monotonic() - begun + lead,
+                    trajectory,
+                    self._settings.seed,
+                )
+                if playback.replace(topics, sample):
+                    self._references = references
+                    return
+                lead *= 2.0
+            self._begin_from_rest(playback, trajectory)
 
     def _report(self) -> None:
+        if not self._begin():
+            return
+        assert self._playback is not None
         moving = self._playback.moving or self._planning.locked()
         if moving != self._said:
             self._said = moving

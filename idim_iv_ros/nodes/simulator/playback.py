@@ -21,6 +21,7 @@ REST = 2.0  # s before and after a motion
 _SHARE = 0.3  # of the speed limit, for the approach
 _SPEED = 0.5  # rad/s (m/s) of the approach where the URDF has no limit
 _LONGEST = 3600.0  # s
+_BLEND = 0.3  # s at least, from one motion into the next
 
 _STAMP = struct.Struct("<iI")
 _PLACE = 4  # of the stamp in a message
@@ -98,9 +99,8 @@ def published(
 
     Returns
     -------
-    list of JointTopic, (n_joints,)
-        Messages with times from zero; the last REST seconds are at rest, at the reference that
-        belongs to them.
+    list of JointTopic, (n_samples, n_joints)
+        Messages with times from zero, and the references; the last REST seconds are at rest.
 
     Raises
     ------
@@ -110,29 +110,91 @@ def published(
         The closed loop diverged.
     """
     joints = robot.robot.joints
-    rest = round(REST * rate)
-    parts = [np.tile(start, (rest, 1))]
+    parts = [np.tile(start, (2, 1))]
     if trajectory is not None:
         motion = trajectory.in_order(joints).position
         _require_range(robot, motion)
         parts += [_approach(robot, start, motion[0], rate), motion]
-    end = parts[-1][-1]
-    parts.append(np.tile(end, (rest, 1)))
-    position = np.concatenate(parts)
-    velocity = np.gradient(position, 1.0 / rate, axis=0)
-    whole = Trajectory(tuple(joints), rate, position, velocity, np.zeros_like(position))
-    topics = recorded_topics(configuration, robot, robot.record(whole, seed))
+    return _simulated(configuration, robot, rate, np.concatenate(parts), seed)
+
+
+def continued(
+    configuration: Configuration,
+    robot: SimulatedRobot,
+    rate: float,
+    history: FloatArray,
+    elapsed: float,
+    trajectory: Trajectory,
+    seed: int,
+) -> tuple[list[JointTopic], FloatArray]:
+    """Run the simulated robot out of a motion into another, as a trajectory controller does.
+
+    Parameters
+    ----------
+    configuration, robot, rate, seed
+        As of `published`.
+    history
+        (n_samples, n_joints) references since the robot rested last, up to the change.
+    elapsed
+        Time between the new motion's beginning and the change, s: what was due then is left out.
+    trajectory
+
+    Returns
+    -------
+    list of JointTopic, (n_samples, n_joints)
+        Messages since the beginning of the history, and the references.
+
+    Raises
+    ------
+    UsageError, DataError
+        As `published`.
+    """
+    motion = trajectory.in_order(robot.robot.joints)
+    _require_range(robot, motion.position)
+    place, speed = history[-1], (history[-1] - history[-2]) * rate
+    due = min(round(elapsed * rate), len(motion.position) - 1)
+    seconds = max(_BLEND, _seconds(robot, motion.position[due] - place))
+    samples = round(seconds * rate)
+    target = min(due + samples, len(motion.position) - 1)
+    ends = (0.0, samples / rate)
+    arrival = motion.velocity[target] if target < len(motion.position) - 1 else np.zeros_like(place)
+    blend = CubicHermiteSpline(ends, [place, motion.position[target]], [speed, arrival])
+    time = np.arange(1, samples + 1) / rate
+    whole = np.concatenate([history, blend(time), motion.position[target + 1 :]])
+    return _simulated(configuration, robot, rate, whole, seed)
+
+
+def _simulated(
+    configuration: Configuration,
+    robot: SimulatedRobot,
+    rate: float,
+    position: FloatArray,
+    seed: int,
+) -> tuple[list[JointTopic], FloatArray]:
+    """Run the robot through references from rest to rest; the rest before is left out."""
+    rest = round(REST * rate)
+    whole = np.concatenate(
+        [np.tile(position[0], (rest, 1)), position, np.tile(position[-1], (rest, 1))]
+    )
+    velocity = np.gradient(whole, 1.0 / rate, axis=0)
+    motion = Trajectory(robot.robot.joints, rate, whole, velocity, np.zeros_like(whole))
+    topics = recorded_topics(configuration, robot, robot.record(motion, seed))
     # The loop begins unloaded and settles in the first rest, which nobody sees.
-    return [_without(topic, REST) for topic in topics], end
+    return [_without(topic, REST) for topic in topics], whole[rest:]
 
 
 def _approach(robot: SimulatedRobot, start: FloatArray, end: FloatArray, rate: float) -> FloatArray:
     """Fifth-order polynomial from rest to rest, slow against the speed limits."""
-    limit = robot.robot.limits.velocity
-    speed = np.where(np.isfinite(limit), _SHARE * limit, _SPEED)
-    duration = max(0.5, 1.875 * float(np.max(np.abs(end - start) / speed)))
+    duration = max(0.5, _seconds(robot, end - start))
     s = np.linspace(0.0, 1.0, round(duration * rate) + 1)[:, None]
     return np.asarray(start + (end - start) * s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
+
+
+def _seconds(robot: SimulatedRobot, way: FloatArray) -> float:
+    """Duration of a fifth-order polynomial over a way (n_joints,), slow against the limits."""
+    limit = robot.robot.limits.velocity
+    speed = np.where(np.isfinite(limit), _SHARE * limit, _SPEED)
+    return 1.875 * float(np.max(np.abs(way) / speed))
 
 
 def _require_range(robot: SimulatedRobot, motion: FloatArray) -> None:
@@ -188,10 +250,13 @@ class Playback(threading.Thread):
         rest: float,
     ) -> None:
         super().__init__(name="playback", daemon=True)
-        self._first = _Motion(resting)
+        self._first = self._motion = _Motion(resting)
         self.failure = ""
         self._publish, self._clock, self._rest = publish, clock, rest
         self._next: _Motion | None = None
+        self._switch: int | None = None
+        self._sample = 0
+        self._lock = threading.Lock()
         self._moving = False
         self._ended = threading.Event()
 
@@ -201,8 +266,27 @@ class Playback(threading.Thread):
         return self._moving or self._next is not None
 
     def play(self, topics: Sequence[JointTopic]) -> None:
-        """Play a motion after the present one or from rest."""
-        self._next = _Motion(topics)
+        """Play a motion from rest, or once the present one has ended."""
+        with self._lock:
+            self._next, self._switch = _Motion(topics), None
+
+    def change(self, seconds: float) -> int | None:
+        """Return the sample of the present motion that is due after a time; None if it rests."""
+        while self._next is not None and self.is_alive():
+            time.sleep(0.001)  # until it is the present one
+        with self._lock:
+            sample = self._sample + max(1, round(seconds / self._motion.period))
+            rests = sample >= self._motion.at_rest(2.0 * self._rest)
+            return sample if self._moving and not rests else None
+
+    def replace(self, topics: Sequence[JointTopic], sample: int) -> bool:
+        """Go over to a motion that is the present one up to a sample; False if that is over."""
+        new = _Motion(topics)
+        with self._lock:
+            if not self._moving or self._sample >= sample:
+                return False
+            self._next, self._switch = new, sample
+            return True
 
     def end(self) -> None:
         """End the thread."""
@@ -211,30 +295,39 @@ class Playback(threading.Thread):
 
     def run(self) -> None:
         """Publish until `end`."""
-        motion, first, begin = self._first, 0, time.monotonic()
+        first, begin = 0, time.monotonic()
         while not self._ended.is_set():
-            if self._next is not None:
-                motion, self._next, first = self._next, None, 0
-                self._moving = True
-            else:
-                first, self._moving = motion.at_rest(self._rest), False
-            begin = max(self._pass(motion, first, begin), time.monotonic() - _CATCH_UP)
+            with self._lock:
+                if self._next is not None:
+                    goes_on = self._switch is not None
+                    self._motion, self._next = self._next, None
+                    first, self._moving = self._sample if goes_on else 0, True
+                else:
+                    first, self._moving = self._motion.at_rest(self._rest), False
+            begin = max(self._pass(self._motion, first, begin), time.monotonic() - _CATCH_UP)
 
     def _pass(self, motion: "_Motion", first: int, begin: float) -> float:
         """Publish from sample `first` on; return when the next pass begins, s."""
-        samples = motion.samples
         base = self._clock() - int((time.monotonic() - begin) * 1e9)
-        for sample in range(first, samples):
-            ahead = begin + motion.time[sample] - motion.time[first] - time.monotonic()
+        resting = motion.at_rest(self._rest)
+        for sample in range(first, motion.samples):
+            due = begin + (sample - first) * motion.period
+            ahead = due - time.monotonic()
             if ahead > 0:
                 time.sleep(ahead)
-            if self._ended.is_set() or (not self._moving and self._next is not None):
+            with self._lock:
+                self._sample = sample
+                waits = self._next is not None
+                free = not self._moving or sample >= resting or self._switch is not None
+            if self._ended.is_set():
                 return time.monotonic()
+            if waits and free:
+                return due
             try:
                 motion.publish(sample, first, base, self._publish)
             except Exception as error:  # the next message may pass
                 self.failure = one_line(error)
-        return begin + (samples - first) * motion.period
+        return begin + (motion.samples - first) * motion.period
 
 
 class _Motion:
@@ -244,7 +337,6 @@ class _Motion:
         self.samples = min(len(topic.time) for topic in topics)
         reference = topics[-1].time if len(topics) > 1 else topics[0].time
         self.period = float(np.mean(np.diff(reference)))
-        self.time: list[float] = (np.arange(self.samples) * self.period).tolist()
         zero = np.zeros(self.samples, dtype=np.int64)
         self._messages = [(topic.name, serialised(topic, zero)) for topic in topics]
         self._stamps = [

@@ -16,6 +16,7 @@ from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import is_file, is_there
 from idim_iv_ros.interruption import undone_if_interrupted
 from idim_iv_ros.recording.bags.cdr import MessageBatch
+from idim_iv_ros.recording.bags.definitions import SchemaText
 from idim_iv_ros.recording.bags.mcap import McapFile
 from idim_iv_ros.recording.bags.sqlite import SqliteFile
 from idim_iv_ros.recording.recording import Note
@@ -33,6 +34,8 @@ class Bag:
         As the user named it.
     topics : dict
         Type of each topic; complete once the bag was read.
+    definitions : dict
+        Definition of each type, as far as the bag holds it.
     damages : list of str
         What is wrong with which file.
     found, missing : Counter
@@ -43,6 +46,7 @@ class Bag:
 
     path: Path
     topics: dict[str, str] = field(default_factory=dict)
+    definitions: dict[str, SchemaText] = field(default_factory=dict)
     damages: list[str] = field(default_factory=list)
     found: Counter[str] = field(default_factory=Counter)
     missing: Counter[str] = field(default_factory=Counter)
@@ -68,19 +72,25 @@ class Bag:
         files = bag_files(self.path)
         with ExitStack() as stack:
             for path in files:
-                whole = _decompressed(path, stack) if path.suffix == ".zstd" else path
+                whole = decompressed(path, stack) if path.suffix == ".zstd" else path
                 file = McapFile(whole) if whole.suffix == ".mcap" else SqliteFile(whole)
                 for topic, batch in file.batches(wanted):
                     self.topics[topic] = file.topics[topic]
+                    self._define(file)
                     self._meet(topic, batch)
                     yield topic, batch
                 self.topics.update(file.topics)
+                self._define(file)
                 self.missing.update(file.missing)
                 self.counted &= file.counted
                 named = "the file" if path == self.path else path.name
                 self.damages += _damages(named, file)
         if not self.counted:
             self._compare(wanted)
+
+    def _define(self, file: McapFile | SqliteFile) -> None:
+        if len(file.definitions) != len(self.definitions):
+            self.definitions = {**self.definitions, **file.definitions}
 
     def _meet(self, topic: str, batch: MessageBatch) -> None:
         self.found[topic] += len(batch)
@@ -181,7 +191,14 @@ def _information(folder: Path) -> dict[str, Any]:
     return information if isinstance(information, dict) else {}
 
 
-def _decompressed(path: Path, stack: ExitStack) -> Path:
+def decompressed(path: Path, stack: ExitStack) -> Path:
+    """Return a temporary file with what a .zstd file holds; it goes with the stack.
+
+    Raises
+    ------
+    DataError
+        It cannot be decompressed.
+    """
     folder = tempfile.TemporaryDirectory(prefix="idim_iv_")
     stack.enter_context(folder)
     stack.enter_context(undone_if_interrupted(folder.cleanup))

@@ -7,13 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.cdr import (
-    FLOAT_ARRAY,
-    JOINT_STATE,
-    CdrLayout,
-    MessageBatch,
-    read_layout,
-)
+from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, CdrLayout, MessageBatch
+from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, PlacedLayout
 from idim_iv_ros.recording.recording import Note
 from idim_iv_ros.types import FloatArray, IntArray
 
@@ -37,6 +32,8 @@ class JointMessages:
         Messages that could not be read.
     names : tuple of str
         All joint names that were met.
+    origins : dict
+        Field of the message that each quantity was read from, where its type has several.
     """
 
     topic: str
@@ -46,6 +43,7 @@ class JointMessages:
     layouts: int
     damaged: int
     names: tuple[str, ...]
+    origins: dict[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -72,14 +70,16 @@ class JointMessageReader:
 
     Attributes
     ----------
-    topic, message_type : str
+    topic : str
+        Or a topic with a field, as it is named to a user.
+    kind : JointMessageType
     joints : sequence of str
     fields : sequence of str
         ``position``, ``velocity`` or ``effort``; for an array of numbers ``effort`` is its data.
     """
 
     topic: str
-    message_type: str
+    kind: JointMessageType
     joints: Sequence[str]
     fields: Sequence[str]
     damaged: int = 0
@@ -101,7 +101,7 @@ class JointMessageReader:
         while len(left):
             first, left = left[0], left
             try:
-                layout = read_layout(batch.message(int(first)), self.message_type)
+                layout = self.kind.layout(batch.message(int(first)), self.fields)
             except DataError:
                 self.damaged += 1
                 left = left[1:]
@@ -155,7 +155,7 @@ class JointMessageReader:
         read[sized] = True
         places = self._places(layout)
         for name in self.fields:
-            source = "data" if self.message_type == FLOAT_ARRAY else name
+            source = "data" if self.kind.name == FLOAT_ARRAY else name
             if source not in layout.fields or layout.fields[source][1] == 0:
                 continue
             numbers = layout.numbers(messages, source)
@@ -167,13 +167,13 @@ class JointMessageReader:
         return left[~read[left]]
 
     def _places(self, layout: CdrLayout) -> list[int | None]:
-        if self.message_type == FLOAT_ARRAY:
-            count = layout.fields["data"][1]
-            if count != len(self.joints):
+        if self.kind.numbered and not layout.names:
+            count = max(count for _, count in layout.fields.values())
+            if count not in (0, len(self.joints)):
                 raise DataError(
                     f"{self.topic}: {count} numbers in a message for {len(self.joints)} joints"
                 )
-            return list(range(count))
+            return list(range(count)) or [None] * len(self.joints)
         return [
             layout.names.index(joint) if joint in layout.names else None for joint in self.joints
         ]
@@ -196,13 +196,18 @@ class JointMessageReader:
             values[name] = np.concatenate([absent, *pieces])
         self._parts.clear()
         names: dict[str, None] = {}
+        origins: dict[str, str] = {}
         for layout in self._layouts:
             names.update(dict.fromkeys(layout.names))
+            if isinstance(layout, PlacedLayout):
+                origins.update(layout.origins)
         return JointMessages(
-            self.topic, stamps, arrival, values, len(self._layouts), self.damaged, tuple(names)
+            topic=self.topic,
+            stamps=stamps,
+            arrival=arrival,
+            values=values,
+            layouts=len(self._layouts),
+            damaged=self.damaged,
+            names=tuple(names),
+            origins=origins,
         )
-
-
-def readable(message_type: str) -> bool:
-    """Whether messages of this type can hold joint quantities."""
-    return message_type in (JOINT_STATE, FLOAT_ARRAY)

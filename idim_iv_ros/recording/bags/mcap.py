@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.cdr import MessageBatch
+from idim_iv_ros.recording.bags.definitions import SchemaText
 from idim_iv_ros.recording.bags.mcap_records import (
     CHANNEL,
     CHUNK,
@@ -39,8 +40,10 @@ from idim_iv_ros.recording.bags.mcap_records import (
 )
 from idim_iv_ros.types import IntArray
 
+_READ = (CHUNK, INDEX, MESSAGE, SCHEMA, CHANNEL)
 _LARGEST_CHUNK = 1 << 30
-_LOOSE_TOGETHER = 10_000  # messages
+_LARGEST_DESCRIPTION = 1 << 24
+_LOOSE_TOGETHER, _LOOSE_BYTES = 10_000, 1 << 26  # messages, and what they span
 
 
 @dataclass
@@ -52,6 +55,8 @@ class McapFile:
     path : Path
     topics : dict
         Type of each topic that was met so far.
+    definitions : dict
+        Definition of each type that was met so far.
     truncated : bool
         Whether the file ended before its end record; known once it was read.
     damaged : int
@@ -65,6 +70,7 @@ class McapFile:
 
     path: Path
     topics: dict[str, str] = field(default_factory=dict)
+    definitions: dict[str, SchemaText] = field(default_factory=dict)
     truncated: bool = False
     damaged: int = 0
     missing: Counter[str] = field(default_factory=Counter)
@@ -90,18 +96,20 @@ class McapFile:
                 raise DataError(f"{self.path}: not an MCAP file")
             summary = read_summary(content)
             self._description = summary or McapDescription()
-            self.topics = self._description.topics
-            yield from self._walk(content, wanted)
+            self.topics, self.definitions = self._description.topics, self._description.definitions
+            yield from self._walk(content, wanted, file.fileno())
             if summary is not None and summary.counts is not None:
                 self._compare(summary.counts, wanted)
 
-    def _walk(self, content: mmap.mmap, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
+    def _walk(
+        self, content: mmap.mmap, wanted: set[str], file: int
+    ) -> Iterator[tuple[str, MessageBatch]]:
         # A chunk is followed by its indices.
         chunk: bytes | None = None
         indices: dict[int, IntArray] = {}
         loose: list[Record] = []
         self.truncated = True
-        for record in records(content, len(MAGIC)):
+        for record in records(content, len(MAGIC), file):
             opcode, start, end = record
             if opcode != INDEX:
                 yield from self._chunk(chunk, indices, wanted)
@@ -109,7 +117,8 @@ class McapFile:
             if opcode in (FOOTER, DATA_END):
                 self.truncated = False
                 break
-            if opcode == DAMAGED:
+            largest = _LARGEST_DESCRIPTION if opcode in (SCHEMA, CHANNEL) else _LARGEST_CHUNK
+            if opcode == DAMAGED or (opcode in _READ and end - start > largest):
                 self._lose()
             elif opcode == CHUNK:
                 chunk = self._decompress(content[start:end], torn=end > len(content))
@@ -121,7 +130,7 @@ class McapFile:
                 self._index(content[start:end], indices)
             elif opcode == MESSAGE:
                 loose.append(record)
-                if len(loose) >= _LOOSE_TOGETHER:
+                if len(loose) >= _LOOSE_TOGETHER or end - loose[0].start > _LOOSE_BYTES:
                     yield from self._loose(content, loose, wanted)
                     loose = []
         yield from self._chunk(chunk, indices, wanted)

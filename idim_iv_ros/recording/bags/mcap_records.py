@@ -1,5 +1,7 @@
 """Walking the records of an MCAP file, past damaged ones. Format: https://mcap.dev/spec."""
 
+import errno
+import os
 import re
 import struct
 import zlib
@@ -7,6 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from mmap import mmap
 from typing import NamedTuple
+
+from idim_iv_ros.recording.bags.definitions import SchemaText
 
 DAMAGED = 0  # no opcode of the format: bytes that are no record
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, STATISTICS, DATA_END = 2, 3, 4, 5, 6, 7, 11, 15
@@ -18,7 +22,13 @@ _LAST_OPCODE, _FIRST_PRIVATE = 15, 0x80
 _BEGINNINGS = re.compile(
     rb"\x06.{5}\0{3}.{28}(?:\x04\0{3}zstd|\x03\0{3}lz4|\0{4})|\x05.{2}\0{6}", re.DOTALL
 )
+_LONGEST_BEGINNING = 64  # bytes of the longest match, and some more
 _IN_A_ROW = 3  # records that must follow each other where reading begins again
+# Bytes that are no record: a file that holds so many more of them than of records is given up, for
+# no recorder left it like that. Zeros, which a hole on the disk is made of, are passed by unread.
+_MOST_GARBAGE, _BLOCK = 1 << 27, 1 << 20
+_ZEROS = bytes(_BLOCK)
+_LONGEST_SUMMARY = 1 << 28
 
 MAGIC = b"\x89MCAP0\r\n"
 _FOOTER_SIZE = 20
@@ -32,14 +42,15 @@ class Record(NamedTuple):
     end: int
 
 
-def records(content: mmap, place: int) -> Iterator[Record]:
+def records(content: mmap, place: int, file: int | None = None) -> Iterator[Record]:
     """Records from `place` on.
 
     What is no record, because a byte of its head or of the one before is wrong, is given as
     ``DAMAGED``; reading goes on at the next record that can be recognised. The last one passes the
-    end of a file that was cut.
+    end of a file that was cut. `file` is the descriptor of the file: its holes take no time then.
     """
-    trusted = place
+    trusted, begin = place, place
+    search = _Search(content, file)
     while place + HEAD <= len(content):
         record = _record(content, place)
         if record is not None and record.end <= len(content):
@@ -48,7 +59,7 @@ def records(content: mmap, place: int) -> Iterator[Record]:
             trusted = record.end if record.opcode == CHUNK else record.start
             place = record.end
             continue
-        following = _next_beginning(content, trusted)
+        following = search.next_beginning(trusted, most=_MOST_GARBAGE + place - begin)
         if following is None:
             if record is not None:
                 yield record
@@ -101,12 +112,54 @@ def _is_chunk(content: mmap, record: Record) -> bool:
     return bool(record.end - record.start == 40 + name + size)
 
 
-def _next_beginning(content: mmap, place: int) -> int | None:
-    """Where the next record begins that others follow; None if none does."""
-    for match in _BEGINNINGS.finditer(content, place):
-        if _leads_on(content, match.start()):
-            return match.start()
-    return None
+class _Search:
+    """Looks for the next record behind bytes that are none."""
+
+    def __init__(self, content: mmap, file: int | None) -> None:
+        self._content, self._file = content, file
+        self._garbage = 0
+
+    def next_beginning(self, place: int, most: int) -> int | None:
+        """Where the next record begins that others follow; None if none does.
+
+        None too where more than `most` bytes in all are neither record nor zero.
+        """
+        content = self._content
+        while place < len(content):
+            place = self._behind_hole(place)
+            if place >= len(content):
+                break
+            end = min(place + _BLOCK, len(content))
+            block = content[place:end]
+            if block != _ZEROS[: len(block)]:
+                self._garbage += len(block)
+                found = self._in_block(place, end)
+                if found is not None:
+                    self._garbage -= end - found
+                    return found
+                if self._garbage > most:
+                    return None
+            place = end
+        return None
+
+    def _in_block(self, place: int, end: int) -> int | None:
+        beyond = min(end + _LONGEST_BEGINNING, len(self._content))
+        for match in _BEGINNINGS.finditer(self._content, place, beyond):
+            if match.start() >= end:
+                return None
+            if _leads_on(self._content, match.start()):
+                return match.start()
+        return None
+
+    def _behind_hole(self, place: int) -> int:
+        """The next place that lies on the disk: no record begins with a zero."""
+        if self._file is None:
+            return place
+        try:
+            return os.lseek(self._file, place, os.SEEK_DATA)
+        except OSError as error:
+            # Other errors come from file systems that do not know their holes.
+            return len(self._content) if error.errno == errno.ENXIO else place
 
 
 def _leads_on(content: mmap, place: int) -> bool:
@@ -130,6 +183,8 @@ class McapDescription:
     ----------
     schemas : dict
         Name of each schema.
+    definitions : dict
+        Definition of each type.
     channels : dict
         Topic of each channel of CDR messages.
     topics : dict
@@ -139,6 +194,7 @@ class McapDescription:
     """
 
     schemas: dict[int, str] = field(default_factory=dict)
+    definitions: dict[str, SchemaText] = field(default_factory=dict)
     channels: dict[int, str] = field(default_factory=dict)
     topics: dict[str, str] = field(default_factory=dict)
     counts: dict[int, int] | None = None
@@ -153,7 +209,12 @@ class McapDescription:
         """
         if opcode == SCHEMA:
             (number,) = struct.unpack_from("<H", record)
-            self.schemas[number], _ = text(record, 2)
+            name, place = text(record, 2)
+            self.schemas[number] = name
+            encoding, place = text(record, place)
+            # Other encodings than those of ROS need not be text.
+            written = record[place + 4 :].decode("utf-8", errors="replace")
+            self.definitions[name] = SchemaText(encoding, written)
             return
         number, schema = struct.unpack_from("<HH", record)
         topic, place = text(record, 4)
@@ -169,7 +230,7 @@ def read_summary(content: mmap) -> McapDescription | None:
     if footer < HEAD or content[-len(MAGIC) :] != MAGIC or content[footer - HEAD] != FOOTER:
         return None
     start, _, checksum = struct.unpack_from("<QQI", content, footer)
-    if not len(MAGIC) <= start < footer - HEAD:
+    if not len(MAGIC) <= start < footer - HEAD or footer - start > _LONGEST_SUMMARY:
         return None
     # A writer that computes no checksum leaves it zero.
     if checksum not in (0, zlib.crc32(content[start : footer + 16])):

@@ -17,6 +17,7 @@ import numpy as np
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.cdr import MessageBatch
+from idim_iv_ros.recording.bags.definitions import SchemaText
 
 _ROWS = 20_000
 _TOPICS = 10_000
@@ -49,6 +50,8 @@ class SqliteFile:
     path : Path
     topics : dict
         Type of each topic, known once it was read.
+    definitions : dict
+        Definition of each type, where the table of them is there (since Iron).
     truncated : bool
         Whether nothing could be read behind a damaged page.
     damaged : int
@@ -59,6 +62,7 @@ class SqliteFile:
 
     path: Path
     topics: dict[str, str] = field(default_factory=dict)
+    definitions: dict[str, SchemaText] = field(default_factory=dict)
     truncated: bool = False
     damaged: int = 0
     missing: Counter[str] = field(default_factory=Counter)
@@ -102,7 +106,20 @@ class SqliteFile:
             if isinstance(number, int) and encoding == b"cdr":
                 numbers[number] = name.decode(errors="replace")
                 self.topics[numbers[number]] = message_type.decode(errors="replace")
+        self._define(connection)
         return numbers
+
+    def _define(self, connection: sqlite3.Connection) -> None:
+        columns = ("topic_type", "encoding", "encoded_message_definition")
+        try:
+            self._require_table(connection, "message_definitions", set(columns))
+        except DataError:
+            return
+        query = f"SELECT {', '.join(columns)} FROM message_definitions LIMIT {_TOPICS}"
+        for row in connection.execute(query):
+            if all(isinstance(each, bytes) for each in row):
+                name, encoding, text = (each.decode(errors="replace") for each in row)
+                self.definitions[name] = SchemaText(encoding, text)
 
     def _require_table(self, connection: sqlite3.Connection, table: str, needed: set[str]) -> None:
         """Refuse a view, a virtual table and computed columns: they may never come to an end."""

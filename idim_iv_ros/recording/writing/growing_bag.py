@@ -8,6 +8,7 @@ from pathlib import Path
 
 from idim_iv_ros.files import write_together
 from idim_iv_ros.recording.writing.growing_mcap import FileSummary, GrowingMcap, Message
+from idim_iv_ros.recording.writing.storage import Storage
 from idim_iv_ros.recording.writing.write import TopicChannel
 
 
@@ -53,6 +54,10 @@ class GrowingBag:
         Log time now, ns: what messages that are repeated at the start of a file are stamped with.
     latched : mapping
         Last message of latched topics that arrived before the bag was opened.
+    topics : sequence of TopicChannel
+        Known from the start.
+    storage : Storage
+        Compression and size of the chunks.
 
     Raises
     ------
@@ -67,12 +72,15 @@ class GrowingBag:
         clock: Callable[[], int] = time.time_ns,
         latched: Mapping[str, Message] | None = None,
         topics: Sequence[TopicChannel] = (),
+        *,
+        storage: Storage | None = None,
     ) -> None:
         self.folder = folder
         self.limits = limits
         self.closed: list[FileSummary] = []
         self.topics: dict[str, TopicChannel] = {topic.name: topic for topic in topics}
         self._clock = clock
+        self._storage = storage
         self._latched: dict[str, Message] = dict(latched or {})
         folder.mkdir(parents=True)
         self.file = self._next_file()
@@ -152,7 +160,7 @@ class GrowingBag:
 
     def _next_file(self) -> GrowingMcap:
         number = len(self.closed) + (1 if hasattr(self, "file") else 0)
-        file = GrowingMcap(self.folder / f"{self.folder.name}_{number}.mcap")
+        file = GrowingMcap(self.folder / f"{self.folder.name}_{number}.mcap", self._storage)
         for topic in self.topics.values():
             file.describe(topic)
         now = self._clock()

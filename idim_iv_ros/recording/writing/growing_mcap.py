@@ -6,6 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from idim_iv_ros.recording.writing.storage import Storage
 from idim_iv_ros.recording.writing.write import ShortChunkWriter, TopicChannel
 
 Message = tuple[int, str, bytes, int, int]
@@ -52,6 +53,8 @@ class GrowingMcap:
     ----------
     path : Path
         Must not exist.
+    storage : Storage
+        Compression and size of the chunks.
 
     Attributes
     ----------
@@ -66,7 +69,7 @@ class GrowingMcap:
         The file cannot be made.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, storage: Storage | None = None) -> None:
         self.path = path
         self.counts: dict[str, int] = {}
         self.summary = FileSummary(path.name, None, 0, {}, 0)
@@ -76,7 +79,7 @@ class GrowingMcap:
         self._stream = _Stream()
         # Not the name alone: what a robot did cannot be made again, so nothing may replace it.
         self._writer = ShortChunkWriter(
-            self._stream, library="idim_iv_ros recorder", summary_offsets=False
+            self._stream, library="idim_iv_ros recorder", summary_offsets=False, storage=storage
         )
         self._end = 0
         self._trailer = b""

@@ -8,19 +8,21 @@ from pathlib import Path
 from typing import IO, cast
 
 import numpy as np
-from mcap.writer import CompressionType, Writer
+from mcap.writer import Writer
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import PROGRAM, FilePath, complete_files, require_replaceable
 from idim_iv_ros.recording.bags.cdr import JOINT_STATE, read_layout
+from idim_iv_ros.recording.topic_names import in_root
+from idim_iv_ros.recording.writing.storage import Storage
 from idim_iv_ros.types import FloatArray, IntArray
 
 _STRING = "std_msgs/msg/String"
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 # A damaged byte costs the messages of one chunk: chunks are short.
-_CHUNK_DURATION, _CHUNK_SIZE = 1_000_000_000, 1 << 20  # ns of log time, bytes
+_CHUNK_DURATION = 1_000_000_000  # ns of log time
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,14 @@ class OfferedQos:
 
 
 @dataclass(frozen=True)
+class Definition:
+    """Text of a message type with all that it consists of, and its hash (REP 2011)."""
+
+    text: str
+    hash: str
+
+
+@dataclass(frozen=True)
 class TopicChannel:
     """One topic of a bag.
 
@@ -67,11 +77,14 @@ class TopicChannel:
         ``/joint_states``, ``sensor_msgs/msg/JointState``.
     offered : tuple of OfferedQos
         One for each publisher.
+    defined : Definition or None
+        Of a type that is not one of ROS 2's own.
     """
 
     name: str
     message_type: str
     offered: tuple[OfferedQos, ...] = (OfferedQos(),)
+    defined: Definition | None = None
 
     @property
     def latched(self) -> bool:
@@ -83,30 +96,29 @@ class TopicChannel:
     @property
     def type_hash(self) -> str:
         """Hash of the type's description (REP 2011)."""
-        return _definition(self.message_type)[1]
+        return (self.defined or _definition(self.message_type)).hash
 
     def register(self, writer: Writer) -> int:
         """Describe the topic in an MCAP file and return its channel."""
-        text, hash_ = _definition(self.message_type)
-        schema = writer.register_schema(self.message_type, "ros2msg", text.encode())
+        defined = self.defined or _definition(self.message_type)
+        schema = writer.register_schema(self.message_type, "ros2msg", defined.text.encode())
         metadata = {
             # Every reader of YAML reads JSON.
             "offered_qos_profiles": json.dumps([qos.document for qos in self.offered]),
-            "topic_type_hash": hash_,
+            "topic_type_hash": defined.hash,
         }
         return int(writer.register_channel(self.name, "cdr", schema, metadata))
 
 
 @cache
-def _definition(message_type: str) -> tuple[str, str]:
-    """Text with all dependencies, and hash."""
+def _definition(message_type: str) -> Definition:
     store = get_typestore(Stores.ROS2_JAZZY)
     text, _ = store.generate_msgdef(message_type, ros_version=2)
-    return text, store.hash_rihs01(message_type)
+    return Definition(text, store.hash_rihs01(message_type))
 
 
 class ShortChunkWriter(Writer):
-    """Writes chunks of at most one second of log time, and of little more than 1 MiB.
+    """Writes chunks of at most one second of log time, and of little more than a given size.
 
     Parameters
     ----------
@@ -116,13 +128,23 @@ class ShortChunkWriter(Writer):
         What wrote the file, in its header.
     summary_offsets
         Whether they are written; they pile up where `finish` is called again and again.
+    storage
+        Compression and size of the chunks.
     """
 
-    def __init__(self, stream: object, *, library: str, summary_offsets: bool = True) -> None:
+    def __init__(
+        self,
+        stream: object,
+        *,
+        library: str,
+        summary_offsets: bool = True,
+        storage: Storage | None = None,
+    ) -> None:
+        storage = storage or Storage()
         super().__init__(
             cast(IO[bytes], stream),
-            chunk_size=_CHUNK_SIZE,
-            compression=CompressionType.ZSTD,
+            chunk_size=storage.chunk_size,
+            compression=storage.compression,
             use_summary_offsets=summary_offsets,
         )
         self._first: int | None = None
@@ -152,6 +174,7 @@ class JointTopic:
     Attributes
     ----------
     name : str
+        Without a leading slash it is in a bag as of a node without a namespace.
     joints : sequence of str
     time : (n,) s
     position, velocity, effort : (n, n_joints) or None
@@ -215,7 +238,7 @@ def _write(stream: IO[bytes], topics: Sequence[JointTopic], robot_description: s
 
 def _write_topics(writer: Writer, topics: Sequence[JointTopic]) -> None:
     """Messages of all topics in the order of their stamps."""
-    channels = [TopicChannel(topic.name, JOINT_STATE).register(writer) for topic in topics]
+    channels = [TopicChannel(in_root(topic.name), JOINT_STATE).register(writer) for topic in topics]
     stamps = [_nanoseconds(topic.time) for topic in topics]
     payloads = [serialised(topic, stamp) for topic, stamp in zip(topics, stamps, strict=True)]
     owner = np.concatenate([np.full(len(s), k) for k, s in enumerate(stamps)])

@@ -45,6 +45,7 @@ def smooth_world() -> World:
     return replace(world, drive=drive, sensors=sensors)
 
 
+@pytest.mark.bench
 @pytest.mark.parametrize("plant", ["time_stepping", "mujoco"])
 def test_torque_of_a_plant_without_friction_is_that_of_the_inverse_dynamics(plant: str) -> None:
     world = smooth_world()
@@ -92,6 +93,7 @@ def test_same_seed_draws_the_same_cells_and_another_seed_others() -> None:
     assert hostile_cells(40, SEED) != hostile_cells(40, SEED + 1)
 
 
+@pytest.mark.bench
 @pytest.mark.parametrize("plant", ["time_stepping", "mujoco"])
 def test_a_cell_can_be_read_and_its_configuration_does_not_tell_the_truth(
     plant: str, tmp_path: Path

@@ -47,6 +47,7 @@ def test_ten_cells_are_one_of_each_family():
     assert set(families) == {family(cell) for cell in chosen_cells("fast")}
 
 
+@pytest.mark.bench
 def test_folders_tell_nothing_of_the_label(written):
     out, _ = written
     contents = []
@@ -61,12 +62,14 @@ def test_folders_tell_nothing_of_the_label(written):
     assert contents[0] == contents[1]
 
 
+@pytest.mark.bench
 def test_whole_cells_are_not_written_again(written):
     out, stamps = written
     assert {path: path.stat().st_mtime_ns for path in stamps} == stamps
     assert not (out / ".making").exists()
 
 
+@pytest.mark.bench
 def test_labels_are_sealed_and_a_changed_one_is_refused(written):
     out, _ = written
     text = (out / LABELS).read_text()
@@ -84,12 +87,14 @@ def test_labels_are_sealed_and_a_changed_one_is_refused(written):
         (out / LABELS).write_text(text)
 
 
+@pytest.mark.bench
 def test_cells_of_another_list_are_refused(written):
     out, _ = written
     with pytest.raises(ValueError, match="another subset"):
         write_cells(out, {"cccccccccccc": CLEAN}, master=3, processes=1)
 
 
+@pytest.mark.bench
 def test_the_same_seed_gives_the_same_recordings_and_another_does_not():
     one, same, other = (make_session(CLEAN, master) for master in (3, 3, 4))
     assert json.dumps(one.label) == json.dumps(same.label)

@@ -7,6 +7,8 @@ from benchmarks.withheld_effects.calibration import calibrate, ratio, session, v
 from benchmarks.withheld_effects.effects import EFFECTS, OUTSIDE, PARAMETRIC, STRUCTURAL
 from tests.benchmarks.withheld_effects.sessions import courses, world
 
+pytestmark = pytest.mark.bench
+
 CATALOGUE = {
     *("payload", "link_inertia", "gravity_direction", "torque_gain", "friction_level"),
     *("drive_inertia", "stribeck", "nonlinear_viscous", "asymmetric_friction"),

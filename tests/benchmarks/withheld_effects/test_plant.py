@@ -10,6 +10,8 @@ from benchmarks.withheld_effects.robot import altered_inertials, given_inertials
 from benchmarks.withheld_effects.world import Runaway, record, with_drive
 from tests.benchmarks.withheld_effects.sessions import courses, silent, world
 
+pytestmark = pytest.mark.bench
+
 
 @pytest.mark.parametrize("robot", ["arm2", "arm6"])
 def test_without_effects_the_torque_is_pinocchios_inverse_dynamics(robot):

@@ -1,0 +1,100 @@
+"""What is known of a driver before its bag is read: keys of a configuration, in a file."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.configuration_file import first_problem, read_mapping
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.first_configuration.topics import BagContents
+from idim_iv_ros.signal_source import field_of, topic_of, with_field
+
+SOURCES = ("joint_states", "effort", "reference", "link_states")
+
+
+@dataclass(frozen=True)
+class DriverPreset:
+    """Keys that the drivers of one kind of robot have in common.
+
+    Attributes
+    ----------
+    name : str
+    path : Path
+    keys : mapping
+        By section, as a configuration has them; sources of signals as text.
+    """
+
+    name: str
+    path: Path
+    keys: Mapping[str, Mapping[str, Any]]
+
+    def sources(self, bags: Sequence[BagContents]) -> tuple[dict[str, str], dict[str, str]]:
+        """Sources of signals that every bag holds, and why the others are left out.
+
+        A robot in a namespace has the same topics below it: ``/left/joint_states``.
+        """
+        found, reasons = {}, {}
+        for key in SOURCES:
+            source = self.keys.get("signals", {}).get(key)
+            if source is None:
+                continue
+            topic = _in_bags(topic_of(source), bags)
+            if topic is None:
+                reasons[key] = f"{topic_of(source)} of the driver {self.name} is not in the bag"
+                continue
+            field = field_of(source)
+            found[key] = topic if field is None else with_field(topic, field)
+        return found, reasons
+
+
+def _in_bags(topic: str, bags: Sequence[BagContents]) -> str | None:
+    """A topic that every bag has under this name or, only one, below a namespace."""
+    names = set.intersection(*({*bag.unreadable, *(t.name for t in bag.topics)} for bag in bags))
+    if topic in names:
+        return topic
+    below = [name for name in names if name.endswith(topic)]
+    return below[0] if len(below) == 1 else None
+
+
+def driver_files() -> dict[str, Path]:
+    """Files of the drivers that come with this program, by name."""
+    files: dict[str, Path] = {}
+    for parent in Path(__file__).resolve().parents:
+        # In a checkout; installed by pip or colcon.
+        for folder in (parent / "config", parent / "share" / "idim_iv_ros" / "config"):
+            for path in sorted((folder / "drivers").glob("*.yaml")):
+                files.setdefault(path.stem, path)
+        if files:
+            break
+    return files
+
+
+def read_driver(name: str) -> DriverPreset:
+    """Read the file of a driver by its name, or one of the user by its path.
+
+    Raises
+    ------
+    UsageError
+        There is none, or it holds what no configuration has.
+    """
+    known = driver_files()
+    path = known.get(name)
+    if path is None:
+        if not name.endswith((".yaml", ".yml")):
+            listed = ", ".join(known) or "none is installed"
+            raise UsageError(f"no driver {name}: known are {listed}; or give a YAML file")
+        path = Path(name)
+    data = read_mapping(path)
+    if "robot" in data:
+        raise UsageError(f"{path}: a driver says nothing of the robot: leave the key robot out")
+    try:
+        # The robot is another one each time: one joint, so that no list can have a wrong length.
+        whole = Configuration.model_validate({"robot": {"joints": ["joint"]}, **data})
+    except ValidationError as error:
+        raise UsageError(f"{path}: {first_problem(error)}") from error
+    given = whole.model_dump(exclude_unset=True)
+    return DriverPreset(path.stem, path, {k: v for k, v in given.items() if k != "robot"})

@@ -1,0 +1,1 @@
+"""The node that moves a robot, records it and has the recording identified."""

@@ -1,0 +1,263 @@
+"""The node `collector`: moves a robot, has the motion recorded, checked and identified."""
+
+import math
+import queue
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.action.server import ServerGoalHandle
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from idim_iv_interfaces.action import Collect
+from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.errors import IdimError, UsageError
+from idim_iv_ros.nodes.collector.collection import Collected, Collection, Order, Parts
+from idim_iv_ros.nodes.collector.controller import make_controller
+from idim_iv_ros.nodes.collector.joint_positions import JointPositions
+from idim_iv_ros.nodes.collector.neighbours import IdentifierNeighbour, RecorderNeighbour
+from idim_iv_ros.nodes.collector.settings import CollectorSettings
+from idim_iv_ros.nodes.entry import run_node
+from idim_iv_ros.nodes.identifier.job import ESTIMATORS
+from idim_iv_ros.nodes.identifier.request_server import Clients, DeferredActionServer
+from idim_iv_ros.nodes.own_topics import with_own_topics
+from idim_iv_ros.nodes.parameters import changed, checked, declare
+from idim_iv_ros.signal_source import topic_of
+
+_GONE_LOOK = 0.5  # s between two looks whether the client is there
+_TURNS = 10  # of the executor, in which the last result is sent
+
+ABOUT = """collector: move the robot along a motion that shows its parameters, record it, check the
+recording, identify.
+
+  ros2 run idim_iv_ros collector --ros-args -p configuration:=ROBOT.yaml \\
+    -p controller:=joint_trajectory_controller -p allow_motion:=true
+  ros2 action send_goal --feedback /collector/collect idim_iv_interfaces/action/Collect \\
+    "{identify: true}"
+
+IT MOVES THE ROBOT, and knows nothing of people and obstacles: docs/ros.md, "Moving the robot".
+It needs the nodes recorder and identifier. Parameters: ros2 param describe /collector NAME."""
+
+
+class Collector:
+    """Parameters and the action around the collection that is under way.
+
+    Raises
+    ------
+    UsageError
+        A parameter has a value that is not allowed.
+    """
+
+    def __init__(self) -> None:
+        self.node = node = Node("collector")
+        self._settings = declare(node, CollectorSettings)
+        self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._guard = node.create_guard_condition(self._do_calls)
+        self._controller = make_controller(
+            node, self._settings.controller, self._settings.interface
+        )
+        self._recorder = RecorderNeighbour(node)
+        self._identifier = IdentifierNeighbour(node)
+        self._configuration: Configuration | None = None
+        self._positions: JointPositions | None = None
+        self._references: JointPositions | None = None
+        self._load()
+        self._goal: ServerGoalHandle | None = None
+        self._collection: Collection | None = None
+        self._thread: threading.Thread | None = None
+        self._actions = DeferredActionServer(
+            node, Collect, "~/collect", self._accepted, self._cancel
+        )
+        action = node.resolve_service_name("~/collect")
+        self._clients = Clients(node, f"{action}/_action/get_result")
+        self._looked, self._nobody = 0.0, False
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._apply)
+        robot = self._settings.configuration or "no robot configured"
+        may = "may" if self._settings.allow_motion else "must not"
+        node.get_logger().info(
+            f"ready: {robot}; {may} move it by {self._settings.controller} (allow_motion)"
+        )
+
+    def close(self) -> None:
+        """Stop the robot if it moves, and answer."""
+        if self._collection is not None:
+            self._collection.cancel("the collector was shut down")
+        executor = self.node.executor
+        while self._thread is not None and self._thread.is_alive():
+            if executor is not None:
+                executor.spin_once(timeout_sec=0.05)
+        self._do_calls()
+        if executor is not None:
+            for _ in range(_TURNS):
+                executor.spin_once(timeout_sec=0.0)
+        self._actions.destroy()
+        self.node.destroy_node()
+
+    def _load(self) -> None:
+        """Read the configuration, and hear its robot."""
+        for each in (self._positions, self._references):
+            if each is not None:
+                each.close()
+        self._configuration = self._positions = self._references = None
+        if not self._settings.configuration:
+            return
+        configuration = load_configuration(Path(self._settings.configuration))
+        configuration = with_own_topics(self.node, configuration)
+        joints, signals = configuration.robot.joints, configuration.signals
+        self._configuration = configuration
+        self._positions = JointPositions(self.node, topic_of(signals.joint_states), joints)
+        if signals.reference is not None:
+            self._references = JointPositions(self.node, topic_of(signals.reference), joints)
+
+    def _accepted(self, goal: ServerGoalHandle) -> None:
+        try:
+            collection = Collection(self._order(goal.request), self._parts(), self._say)
+        except IdimError as error:
+            self.node.get_logger().warning(f"refused: {error}")
+            self._actions.finish(goal, Collect.Result(success=False, message=str(error)))
+            return
+        self._goal, self._collection = goal, collection
+        self._nobody = False
+        goal.execute()
+
+        def work() -> None:
+            collected = collection.run()
+            self._calls.put(lambda: self._ended(goal, collected))
+            self._guard.trigger()
+
+        self._thread = threading.Thread(target=work, name="collection", daemon=True)
+        self._thread.start()
+
+    def _order(self, request: Any) -> Order:
+        """Fill in what a request leaves to the parameters.
+
+        Raises
+        ------
+        UsageError
+            The robot must not be moved, another goal is under way, or a number makes no sense.
+        """
+        settings = self._settings
+        if not settings.allow_motion:
+            raise UsageError(
+                "the robot must not be moved: set the parameter allow_motion to true once nobody "
+                "is near it and its way is free"
+            )
+        if self._goal is not None:
+            raise UsageError("busy: another goal moves the robot")
+        for name in ("duration", "speed_scale", "timeout"):
+            value = getattr(request, name)
+            if not math.isfinite(value) or value < 0.0:
+                raise UsageError(f"{name}: {value} is not a number from 0 on")
+        if request.estimator not in ("", *ESTIMATORS):
+            raise UsageError(
+                f"estimator {request.estimator!r} is neither {' nor '.join(ESTIMATORS)}"
+            )
+        if request.speed_scale > 1.0:
+            raise UsageError(f"speed_scale: {request.speed_scale:g} is more than 1")
+        if not request.seed >= 0:
+            raise UsageError(f"seed: {request.seed} is negative")
+        return Order(
+            duration=request.duration or settings.motion_duration,
+            speed_scale=request.speed_scale or settings.speed_scale,
+            seed=request.seed or settings.motion_seed,
+            identify=request.identify,
+            estimator=request.estimator,
+            timeout=min(request.timeout or math.inf, settings.job_timeout),
+        )
+
+    def _parts(self) -> Parts:
+        if self._configuration is None or self._positions is None:
+            raise UsageError("no robot is configured: set the parameter configuration")
+        robot = self._configuration.robot
+        if robot.motor_to_joint is not None or any(robot.position_offset or ()):
+            raise UsageError(
+                "robot.motor_to_joint, robot.position_offset: the joint states are not the "
+                "positions that the controller is asked for; move such a robot yourself"
+            )
+        return Parts(
+            configuration=self._configuration,
+            positions=self._positions,
+            references=self._references,
+            controller=self._controller,
+            recorder=self._recorder,
+            identifier=self._identifier,
+            settings=lambda: self._settings,
+            gone=self._gone,
+        )
+
+    def _gone(self) -> bool:
+        """Whether nobody waits for the goal any more; in the thread of the collection."""
+        now = time.monotonic()
+        if now > self._looked + _GONE_LOOK:
+            self._looked, self._nobody = now, self._clients.gone()
+        return self._nobody
+
+    def _say(self, stage: str, share: float, error: float, joint: str) -> None:
+        goal = self._goal
+        if goal is not None:
+            goal.publish_feedback(
+                Collect.Feedback(
+                    stage=stage, progress=share, tracking_error=error, tracking_joint=joint
+                )
+            )
+
+    def _cancel(self, goal: ServerGoalHandle) -> None:
+        if self._collection is not None and goal is self._goal:
+            self._collection.cancel("cancelled")
+
+    def _ended(self, goal: ServerGoalHandle, collected: Collected) -> None:
+        self._goal = self._collection = None
+        result = Collect.Result(
+            success=collected.success,
+            message=collected.message,
+            bag=collected.bag,
+            usable=collected.usable,
+            findings=collected.findings,
+        )
+        if collected.result is not None:
+            result.result = collected.result
+        log = self.node.get_logger()
+        if collected.success:
+            log.info(collected.message)
+        else:
+            log.error(collected.message)
+        self._actions.finish(goal, result)
+
+    def _do_calls(self) -> None:
+        while True:
+            try:
+                call = self._calls.get_nowait()
+            except queue.Empty:
+                return
+            call()
+
+    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        names = {parameter.name for parameter in parameters}
+        if "configuration" in names and self._goal is not None:
+            reason = "configuration: a goal is under way; cancel it first"
+            return SetParametersResult(successful=False, reason=reason)
+        return checked(self._settings, parameters)
+
+    def _apply(self, parameters: Sequence[Parameter]) -> None:
+        names = {parameter.name for parameter in parameters}
+        if names & {field.name for field in fields(CollectorSettings)}:
+            self._settings = changed(self._settings, parameters)
+        if "configuration" in names:
+            self._load()
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the node until a signal and return the exit status; `arguments` begin with a name."""
+    return run_node("collector", Collector, ABOUT, arguments)
+
+
+def main() -> None:
+    """Run the node with the arguments of the command line."""
+    sys.exit(run(sys.argv))

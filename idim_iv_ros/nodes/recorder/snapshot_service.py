@@ -1,0 +1,83 @@
+"""Snapshots of the recorder: the service, errors on /diagnostics, and the thread that writes."""
+
+import time
+from collections.abc import Callable
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+
+from idim_iv_ros.errors import IdimError, UsageError
+from idim_iv_ros.nodes.recorder.session import RecordingSession
+from idim_iv_ros.nodes.recorder.snapshot import ErrorWatch, SnapshotThread
+from idim_iv_ros.nodes.recorder.threads import WriterThread
+from idim_iv_ros.recording.writing.growing_bag import ClosedBag
+
+
+class SnapshotService:
+    """Takes snapshots, one at a time.
+
+    Parameters
+    ----------
+    node : Node
+    writer : WriterThread
+    drain : callable
+        Hands everything that has arrived to the writer.
+    announce : callable
+        Takes the bag when it is complete.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        writer: WriterThread,
+        drain: Callable[[], None],
+        announce: Callable[[ClosedBag], None],
+    ) -> None:
+        self._node, self._writer = node, writer
+        self._drain, self._announce = drain, announce
+        self._thread: SnapshotThread | None = None
+        self._errors = ErrorWatch((node.get_name(), node.get_fully_qualified_name()))
+        self._taken = float("-inf")
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 100)
+
+    @property
+    def _session(self) -> RecordingSession:
+        return self._writer.session
+
+    def take(self) -> str:
+        """Begin to write a snapshot and say into which folder.
+
+        Raises
+        ------
+        UsageError
+            There is nothing to write, or the last one is still being written.
+        """
+        if self._thread is not None and self._thread.is_alive():
+            raise UsageError("the last snapshot is still being written")
+        self._drain()
+        folder, write = self._writer.call(self._session.snapshot)
+        self._thread = SnapshotThread(write, self._announce, self._failed)
+        self._taken = time.monotonic()
+        self._thread.start()
+        return f"the last {self._session.ring.span:.1f} s go into {folder}"
+
+    def close(self) -> None:
+        """Wait for a snapshot that is being written."""
+        if self._thread is not None:
+            self._thread.join()
+
+    def _failed(self, error: OSError) -> None:
+        reason = error.strerror or error
+        self._node.get_logger().error(f"the snapshot could not be written: {reason}")
+
+    def _diagnosed(self, array: DiagnosticArray) -> None:
+        new = self._errors.new(array)
+        settings = self._session.settings
+        recent = time.monotonic() - self._taken < settings.snapshot_duration
+        if not new or recent or not (settings.snapshot_on_error and settings.snapshot_duration):
+            return
+        log = self._node.get_logger()
+        try:
+            log.error(f"{new[0]}: {self.take()}")
+        except (IdimError, TimeoutError) as error:
+            log.error(f"{new[0]}: {error}")

@@ -1,0 +1,189 @@
+"""Relative names of a configuration, in bags of robots in namespaces."""
+
+from pathlib import Path
+
+import pytest
+from rosbags.rosbag2 import StoragePlugin
+
+from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.recording import Recording, read_recordings
+from idim_iv_ros.recording.bags.topics import bag_topics
+from idim_iv_ros.recording.topic_names import descriptions_of, topics_in_bag
+from tests.recording.bag_writer import STORE, TYPES, joint_state, write
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+# By what they are shifted, which says from which topic values came.
+SHIFTS = {"/left": 0.0, "/right": 100.0, "": 200.0}
+
+
+def described(text: str) -> object:
+    return TYPES["std_msgs/msg/String"](data=text)
+
+
+def bag_of(folder: Path, *topics: str, storage: StoragePlugin = StoragePlugin.MCAP) -> Path:
+    """A bag with these topics; positions are shifted by namespace, descriptions are the topic."""
+    messages: list = []
+    for topic in topics:
+        if topic.endswith("robot_description"):
+            messages.append((topic, 6.0, described(topic)))
+            continue
+        shift = SHIFTS[topic.rpartition("/")[0]]
+        for k in range(100):
+            stamp = 1.0 + 0.01 * k
+            position = [stamp + shift, stamp + shift + 10.0]
+            messages.append((topic, 5.0 + stamp, joint_state(stamp, position=position)))
+    return write(folder / "bag", messages, storage)
+
+
+def read(bag: Path, **keywords: object) -> Recording:
+    given = {"joint_states": "joint_states", "reference": "joint_reference", **keywords}
+    (recording,) = read_recordings([bag], joints=["a", "b"], **given)
+    return recording
+
+
+def shifts(recording: Recording) -> tuple[float, float]:
+    """Of measurements and references."""
+    assert recording.position_reference is not None
+    values = recording.position.values[0, 0], recording.position_reference.values[0, 0]
+    return round(values[0] - 1.0), round(values[1] - 1.0)
+
+
+LEFT = ("/left/joint_states", "/left/joint_reference", "/left/robot_description")
+RIGHT = ("/right/joint_states", "/right/joint_reference", "/right/robot_description")
+ROOT = ("/joint_states", "/joint_reference", "/robot_description")
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize("topics", [LEFT, RIGHT, ROOT])
+def test_one_configuration_reads_a_robot_in_any_namespace(
+    tmp_path: Path, topics: tuple[str, ...], storage: StoragePlugin
+) -> None:
+    recording = read(bag_of(tmp_path, *topics, storage=storage))
+    shift = SHIFTS[topics[0].rpartition("/")[0]]
+    assert shifts(recording) == (shift, shift)
+    assert recording.robot_description == topics[2]
+    assert {clock.topic for clock in recording.clocks} == set(topics[:2])
+
+
+def test_two_robots_in_one_bag_ask_which_is_meant(tmp_path: Path) -> None:
+    bag = bag_of(tmp_path, *LEFT, *RIGHT)
+    with pytest.raises(DataError) as refused:
+        read(bag)
+    assert str(refused.value) == (
+        f"{bag}: signals.joint_states: joint_states may be /left/joint_states or "
+        "/right/joint_states: write the full name of your robot's, as `joint_states: "
+        "/left/joint_states`, under signals, and the same for reference"
+    )
+    whole = read(bag, joint_states="/right/joint_states", reference="/right/joint_reference")
+    assert shifts(whole) == (100.0, 100.0)
+    assert whole.robot_description == "/right/robot_description"
+
+
+def test_who_asks_gets_the_robot_of_its_namespace(tmp_path: Path) -> None:
+    own = {name: f"/right/{name}" for name in ("joint_states", "joint_reference")}
+    bag = bag_of(tmp_path, *LEFT, *RIGHT, *ROOT)
+    assert shifts(read(bag, own_topics=own)) == (100.0, 100.0)
+    assert shifts(read(bag)) == (200.0, 200.0)
+
+
+def test_a_remapped_topic_is_found_by_who_remaps_it(tmp_path: Path) -> None:
+    own = {"joint_states": "/right/joint_states", "joint_reference": "/left/joint_reference"}
+    assert shifts(read(bag_of(tmp_path, *LEFT, *RIGHT), own_topics=own)) == (100.0, 0.0)
+
+
+def test_the_reference_of_another_robot_is_not_taken(tmp_path: Path) -> None:
+    bag = bag_of(tmp_path, "/left/joint_states", "/right/joint_reference")
+    with pytest.raises(DataError, match="no topic /left/joint_reference") as refused:
+        read(bag)
+    assert "joint states are on /left/joint_states, /right/joint_reference" in str(refused.value)
+
+
+def test_a_full_name_is_no_other(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="no topic /joint_states; joint states are on /left/"):
+        read(bag_of(tmp_path, *LEFT), joint_states="/joint_states")
+
+
+def test_a_name_is_no_end_of_a_word(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="no topic /states; joint states are on /left/"):
+        read(bag_of(tmp_path, *LEFT), joint_states="states")
+
+
+@pytest.mark.parametrize(
+    ("topics", "found"),
+    [
+        ([*LEFT, "/robot_description"], "/left/robot_description"),
+        ([*LEFT[:2], "/robot_description"], "/robot_description"),
+        ([*LEFT[:2], "/right/robot_description"], None),
+    ],
+)
+def test_description_is_that_of_the_namespace_else_the_global_one(
+    tmp_path: Path, topics: list[str], found: str | None
+) -> None:
+    assert read(bag_of(tmp_path, *topics)).robot_description == found
+
+
+def test_descriptions_are_looked_for_from_the_inside_out() -> None:
+    nested = descriptions_of("/cell/left/broadcaster/joint_states", {"robot_description": "/d"})
+    assert nested == [
+        "/d",
+        "/cell/left/broadcaster/robot_description",
+        "/cell/left/robot_description",
+        "/cell/robot_description",
+        "/robot_description",
+    ]
+    assert descriptions_of("/joint_states", {}) == ["/robot_description"]
+
+
+def test_a_file_without_summary_is_looked_through(tmp_path: Path) -> None:
+    bag = bag_of(tmp_path, *LEFT)
+    (file,) = bag.glob("*.mcap")
+    whole = bag_topics(file)
+    content = file.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(content[: len(content) - 200])
+    assert (
+        bag_topics(cut)
+        == whole
+        == dict.fromkeys(LEFT[:2], JOINT_STATE) | {"/left/robot_description": "std_msgs/msg/String"}
+    )
+
+
+def test_only_topics_that_can_hold_joints_are_candidates(tmp_path: Path) -> None:
+    bag = write(
+        tmp_path / "bag",
+        [
+            *(
+                ("/left/joint_states", 6.0 + s, joint_state(s))
+                for s in (0.01 * k for k in range(99))
+            ),
+            ("/words/joint_states", 6.0, described("not these")),
+        ],
+    )
+    assert STORE and read(bag, reference=None).samples == 99
+
+
+def test_names_are_resolved_like_a_node_does() -> None:
+    named = {"joint_states": "arm/joint_states", "reference": "/motion/reference"}
+    topics = ["/cell/arm/joint_states", "/motion/reference"]
+    assert topics_in_bag(Path("bag"), named, topics, {}) == {
+        "arm/joint_states": "/cell/arm/joint_states",
+        "/motion/reference": "/motion/reference",
+    }
+
+
+@pytest.mark.parametrize("name", ["~/joint_states", "joint_states/"])
+def test_names_that_no_topic_of_a_robot_has_are_refused(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "arm.yaml"
+    path.write_text(f"robot:\n  joints: [a]\nsignals:\n  joint_states: {name}\n")
+    with pytest.raises(UsageError, match=r"signals\.joint_states"):
+        load_configuration(path)
+
+
+def test_names_of_a_node_are_no_part_of_the_document() -> None:
+    configuration = Configuration.model_validate({"robot": {"joints": ["a"]}})
+    own = configuration.with_own_topics({"joint_states": "/left/joint_states"})
+    assert own.own_topics == {"joint_states": "/left/joint_states"}
+    assert configuration.own_topics == {}
+    assert own.model_dump() == configuration.model_dump()
+    assert own.signals.joint_states == "joint_states"

@@ -1,0 +1,82 @@
+"""One goal on the simulated robot: from the plan to the true parameters."""
+
+import json
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from rclpy.action import ActionClient
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+
+from idim_iv_interfaces.action import Collect
+from tests.ros.conftest import ARM2
+from tests.ros.identifier_client import JOB
+from tests.ros.processes import start_launched
+from tests.ros.true_parameters import require_truth
+
+START = 90.0  # s: on a new machine the simulation is compiled first
+LONGEST_SILENCE = 2.0  # s
+
+
+@pytest.fixture
+def collect(tmp_path: Path, stack, observer) -> ActionClient:
+    """The four nodes; the action of the collector."""
+    robot, bags = {"configuration": str(ARM2)}, {"bag_directory": str(tmp_path / "bags")}
+    nodes = {
+        "robot_simulator": robot,
+        "recorder": {**robot, **bags},
+        "identifier": {**robot, **bags, "output_directory": str(tmp_path / "results")},
+        "collector": {
+            **robot,
+            "controller": "robot_simulator",
+            "allow_motion": True,
+            "motion": "random",
+            "speed_scale": 1.0,
+            "approach_speed": 0.5,
+            "slow_speed": 1.0,
+            "start_delay": 60.0,  # it simulates a motion before it begins
+            "stale_after": 2.0,
+        },
+    }
+    for name, given in nodes.items():
+        stack.callback(start_launched(name, tmp_path, given).end)
+    client = ActionClient(observer.node, Collect, "/collector/collect")
+    stack.callback(client.destroy)
+    observer.until(client.server_is_ready, "the collector", START)
+    return client
+
+
+def test_one_goal_moves_records_checks_and_identifies_the_true_parameters(
+    collect, observer, tmp_path: Path
+) -> None:
+    truths: list[String] = []
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    heard = observer.node.create_subscription(
+        String, "/robot_simulator/truth", truths.append, latched
+    )
+    observer.until(lambda: truths, "the truth", START)
+    places = observer.node.count_publishers
+    observer.until(lambda: places("/joint_reference"), "references", START)
+    feedback: list[tuple[float, Collect.Feedback]] = []
+    clock = observer.node.get_clock()
+
+    def keep(message) -> None:
+        feedback.append((clock.now().nanoseconds * 1e-9, message.feedback))
+
+    goal = Collect.Goal(duration=5.0, identify=True)
+    sent = collect.send_goal_async(goal, keep)
+    observer.until(sent.done, "an answer")
+    future = sent.result().get_result_async()
+    observer.until(future.done, "the result", 2 * JOB)
+    answer = future.result().result
+    observer.node.destroy_subscription(heard)
+    assert answer.success, answer.message
+    assert answer.usable
+    assert (tmp_path / "bags" / answer.bag).is_dir()
+    assert answer.message.startswith(f"{answer.bag}: ")
+    require_truth(answer.result.parameters, json.loads(truths[0].data))
+    times = [time for time, _ in feedback]
+    assert max(after - before for before, after in pairwise(times)) < LONGEST_SILENCE
+    stages = {each.stage for _, each in feedback}
+    assert {"moving to the start", "slow pass", "recording", "checking", "validation"} <= stages

@@ -1,0 +1,79 @@
+"""The files of parameters that are installed beside the launch files."""
+
+from dataclasses import MISSING, fields
+
+import pytest
+import rclpy
+from rclpy.node import Node
+from ruamel.yaml import YAML
+
+from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
+from idim_iv_ros.nodes.parameters import Settings, declare
+from idim_iv_ros.nodes.recorder.settings import RecorderSettings
+from idim_iv_ros.nodes.simulator.node import SimulatorSettings
+from tests.ros.processes import ROOT
+
+FILE = ROOT / "params" / "nodes.yaml"
+SETTINGS = {
+    "recorder": RecorderSettings,
+    "identifier": IdentifierSettings,
+    "robot_simulator": SimulatorSettings,
+}
+
+
+def section(node: str) -> dict[str, object]:
+    document = YAML(typ="safe").load(FILE.read_text())
+    return document[f"/**/{node}"]["ros__parameters"]
+
+
+@pytest.mark.parametrize("node", SETTINGS)
+def test_file_lists_every_parameter_with_its_default(node: str) -> None:
+    defaults = {
+        each.name: list(each.default) if isinstance(each.default, tuple) else each.default
+        for each in fields(SETTINGS[node])
+    }
+    if node == "robot_simulator":
+        assert defaults.pop("configuration") == ""  # must be given
+    assert MISSING not in defaults.values()
+    listed = section(node)
+    assert listed == {"use_sim_time": False, **defaults}
+    assert {key: type(value) for key, value in listed.items()} == {
+        "use_sim_time": bool,
+        **{key: type(value) for key, value in defaults.items()},
+    }
+
+
+def settings_of(kind: type[Settings], *arguments: str) -> Settings:
+    """Of a node in the namespace /left."""
+    context = rclpy.Context()
+    rclpy.init(args=["--ros-args", "-r", "__ns:=/left", *arguments], context=context)
+    try:
+        node = Node("recorder", context=context)
+        try:
+            return declare(node, kind)
+        finally:
+            node.destroy_node()
+    finally:
+        context.try_shutdown()
+
+
+def test_file_is_for_nodes_in_any_namespace_and_arguments_win(tmp_path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(FILE.read_text().replace("bag_prefix: recording", "bag_prefix: mine"))
+    given = ["--params-file", str(mine)]
+    assert settings_of(RecorderSettings, *given).bag_prefix == "mine"
+    assert settings_of(RecorderSettings, *given, "-p", "bag_prefix:=other").bag_prefix == "other"
+
+
+def test_groups_of_the_aggregator_hold_every_status() -> None:
+    document = YAML(typ="safe").load((FILE.parent / "diagnostics_aggregator.yaml").read_text())
+    groups = document["analyzers"]["ros__parameters"]
+    words = {name: group["contains"] for name, group in groups.items() if name != "path"}
+
+    def group(status: str) -> list[str]:
+        return [name for name, each in words.items() if any(word in status for word in each)]
+
+    for status in ("/recorder: recording", "/left/recorder: /left/joint_states"):
+        assert group(status) == ["recordings"]
+    for status in ("/identifier: drift", "/left/identifier: joint_2"):
+        assert group(status) == ["identifications"]

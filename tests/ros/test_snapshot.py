@@ -1,0 +1,126 @@
+"""The last seconds in memory: how many are kept, and when they are written."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rosbags.highlevel import AnyReader
+
+from idim_iv_ros.nodes.recorder.snapshot import ErrorWatch, SnapshotRing
+from idim_iv_ros.recording.writing.write import TopicChannel
+from tests.ros.processes import numbers
+
+TOPIC = TopicChannel("/joint_states", "sensor_msgs/msg/JointState")
+
+
+def messages(first: int, count: int, size: int = 100):
+    """`count` messages a millisecond apart."""
+    return [(k * 1_000_000, TOPIC.name, bytes(size), 0, k) for k in range(first, first + count)]
+
+
+def test_a_ring_keeps_the_seconds_that_are_asked_for() -> None:
+    ring = SnapshotRing(2.0, 10**9)
+    for first in range(0, 5000, 100):
+        ring.add([TOPIC], messages(first, 100))
+    _, kept = ring.content()
+    # A batch is kept as long as its newest message is young enough.
+    assert 2.0 <= ring.span <= 2.1
+    assert [message[4] for message in kept] == list(range(5000 - len(kept), 5000))
+
+
+def test_a_ring_keeps_no_more_than_its_memory() -> None:
+    ring = SnapshotRing(3600.0, 1_000_000)
+    for first in range(0, 5000, 100):
+        ring.add([TOPIC], messages(first, 100, size=1000))
+        assert ring.size <= 1_000_000
+    _, kept = ring.content()
+    assert 600 <= len(kept) <= 1000
+    assert kept[-1][4] == 4999
+
+
+def test_nothing_is_kept_where_none_is_asked_for() -> None:
+    ring = SnapshotRing(0.0, 10**9)
+    ring.add([TOPIC], messages(0, 100))
+    assert (ring.content(), ring.size) == (([], []), 0)
+
+
+def test_an_error_counts_once_until_it_is_over() -> None:
+    watch = ErrorWatch(("recorder", "/left/recorder"))
+
+    def say(name: str, level: bytes) -> list[str]:
+        status = DiagnosticStatus(name=name, level=level, message="hot")
+        return watch.new(DiagnosticArray(status=[status]))
+
+    assert say("drive 3", DiagnosticStatus.WARN) == []
+    assert say("drive 3", DiagnosticStatus.ERROR) == ["drive 3: hot"]
+    assert say("drive 3", DiagnosticStatus.ERROR) == []
+    assert say("drive 3", DiagnosticStatus.OK) == []
+    assert say("drive 3", DiagnosticStatus.ERROR) == ["drive 3: hot"]
+    assert say("/left/recorder: recording", DiagnosticStatus.ERROR) == []
+
+
+def test_a_snapshot_is_a_bag_of_the_last_seconds_while_nothing_is_recorded(
+    recorder, robot, observer, bags: Path
+) -> None:
+    recorder(snapshot_duration=0.5, bag_prefix="arm")
+    robot.begin(count=1500, rate=1000.0, description="<robot name='x'/>")
+    robot.run()
+    observer.received(1500)
+    answer = observer.call("snapshot")
+    assert answer.success, answer.message
+    observer.until(lambda: observer.closed, "the announcement")
+    (closed,) = observer.closed
+    bag = Path(closed.bag)
+    assert (bag.parent, closed.complete) == (bags, True)
+    assert bag.name.startswith("arm_snapshot_")
+    kept = numbers(bag)
+    # What the writer took at once, every tenth of a second, goes at once.
+    assert 500 <= len(kept) <= 720
+    assert np.array_equal(kept, np.arange(1500.0 - len(kept), 1500.0))
+    with AnyReader([bag]) as reader:
+        assert {c.topic for c in reader.connections} == {"/joint_states", "/robot_description"}
+
+
+def test_recording_goes_on_without_loss_while_a_snapshot_is_written(
+    recorder, robot, observer, bags: Path
+) -> None:
+    recorder(snapshot_duration=30.0, autostart=True)
+    robot.begin(count=2000, rate=1000.0)
+    robot.say("go")
+    observer.until(lambda: observer.topic("/joint_states").received > 500, "500 messages")
+    assert observer.call("snapshot").success
+    assert robot.sent() == 2000
+    observer.received(2000)
+    observer.until(lambda: observer.closed, "the snapshot")
+    assert observer.call("stop").success
+    observer.until(lambda: len(observer.closed) == 2, "the recording")
+    snapshot, whole = (Path(closed.bag) for closed in observer.closed)
+    assert "snapshot" in snapshot.name
+    assert np.array_equal(numbers(whole), np.arange(2000.0))
+    assert np.array_equal(numbers(snapshot), np.arange(float(len(numbers(snapshot)))))
+
+
+def test_a_snapshot_of_nothing_is_refused_and_an_error_of_another_node_writes_one(
+    recorder, robot, observer, bags: Path
+) -> None:
+    recorder(snapshot_on_error=True)
+    answer = observer.call("snapshot")
+    assert not answer.success
+    assert "snapshot_duration is 0" in answer.message
+    assert observer.set(snapshot_duration=30.0)[0].successful
+    assert observer.call("snapshot").message == "no snapshot: no message has arrived"
+    robot.begin(count=200)
+    robot.run()
+    observer.received(200)
+    publisher = observer.node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+    observer.until(lambda: publisher.get_subscription_count() > 1, "the recorder")
+    status = DiagnosticStatus(name="drive 3", level=DiagnosticStatus.ERROR, message="too hot")
+    publisher.publish(DiagnosticArray(status=[status]))
+    observer.until(lambda: observer.closed, "the snapshot")
+    assert np.array_equal(numbers(Path(observer.closed[0].bag)), np.arange(200.0))
+    publisher.publish(DiagnosticArray(status=[status]))
+    time.sleep(0.3)
+    observer.next_status()
+    assert len(observer.closed) == 1
+    observer.node.destroy_publisher(publisher)
