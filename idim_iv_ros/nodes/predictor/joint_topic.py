@@ -1,30 +1,25 @@
-"""Joint states as they arrive, many messages at once."""
+"""Joint quantities as they arrive, many messages at once."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from rclpy.node import Node
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.nodes.recorder.topic_monitor import Taken, batch_of
+from idim_iv_ros.nodes.recorder.topic_monitor import batch_of
 from idim_iv_ros.nodes.recorder.watched_topic import WatchedTopic
 from idim_iv_ros.prediction import JointSamples
-from idim_iv_ros.recording.bags.cdr import (
-    FLOAT_ARRAY,
-    JOINT_STATE,
-    CdrLayout,
-    MessageBatch,
-    read_layout,
-)
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE, MessageBatch
+from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
+from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
+from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
 
 _DEPTH = 5_000  # messages that wait: 0.5 s at 10 kHz
 _LARGEST = 1_000_000  # bytes
-_KEPT = 16  # layouts
 
 
 class JointTopic:
-    """One topic whose numbers are put in the order of the joints.
+    """One topic whose numbers are put in the order of the joints, read as the recordings are.
 
     Parameters
     ----------
@@ -32,8 +27,9 @@ class JointTopic:
     name : str
         Resolved in the namespace of the node.
     joints : sequence of str
-    fields : sequence of str
-        ``position``, ``effort``; an array of numbers can hold the efforts.
+    fields : mapping of str to (str or None)
+        ``position``, ``effort`` or both, and the field of the message that holds each where the
+        configuration names one.
 
     Attributes
     ----------
@@ -43,15 +39,18 @@ class JointTopic:
         Messages that are not of their type.
     """
 
-    def __init__(self, node: Node, name: str, joints: Sequence[str], fields: Sequence[str]) -> None:
+    def __init__(
+        self, node: Node, name: str, joints: Sequence[str], fields: Mapping[str, str | None]
+    ) -> None:
         self.name = node.resolve_topic_name(name)
-        types = [JOINT_STATE, FLOAT_ARRAY] if list(fields) == ["effort"] else [JOINT_STATE]
-        self._topic = WatchedTopic(node, self.name, types, joints, fields, _DEPTH)
-        self._joints, self._fields = list(joints), list(fields)
-        self._layouts: list[CdrLayout] = []
+        # A field that is named may belong to any type.
+        types = None if any(fields.values()) else [JOINT_STATE, *ROS2_CONTROL]
+        if types is not None and list(fields) == ["effort"]:
+            types.append(FLOAT_ARRAY)
+        self._topic = WatchedTopic(node, self.name, types, joints, list(fields), _DEPTH)
+        self._joints, self._fields = list(joints), dict(fields)
         self.damaged = 0
-        self._lacks = self._lacks_now = ""
-        self._whole = False
+        self._lacks = ""
 
     def look(self) -> None:
         """Look for publishers."""
@@ -71,91 +70,51 @@ class JointTopic:
         return f"{self.name}: {self._lacks}" if self._lacks else ""
 
     def take(self) -> dict[str, JointSamples]:
-        """Return everything that arrived since the last call, field by field."""
-        taken = self._topic.take(_LARGEST)
-        channel = self._topic.channel
-        kind = JOINT_STATE if channel is None else channel.message_type
-        width = len(self._joints)
-        values = {field: np.full((len(taken), width), np.nan) for field in self._fields}
-        if not taken:
-            nothing = np.zeros(0, np.int64)
-            return {field: JointSamples(nothing, each) for field, each in values.items()}
-        self._whole, self._lacks_now = False, ""
-        time = self._read(taken, kind, values)
-        if self._whole or self._lacks_now:
-            self._lacks = "" if self._whole else self._lacks_now
-        known = time >= 0
-        return {field: JointSamples(time[known], each[known]) for field, each in values.items()}
-
-    def _read(
-        self, taken: Sequence[Taken], kind: str, values: dict[str, FloatArray]
-    ) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-        """Fill `values` and return the stamps, ns; -1 for damaged messages."""
+        """Return everything that arrived since the last call, quantity by quantity."""
+        taken, channel = self._topic.take(_LARGEST), self._topic.channel
+        if not taken or channel is None:
+            nothing = JointSamples(np.zeros(0, np.int64), np.zeros((0, len(self._joints))))
+            return dict.fromkeys(self._fields, nothing)
         arrived = batch_of(self.name, taken)
         sizes = np.array([len(message) for message, _ in taken], dtype=np.int64)
-        offsets = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-        buffer = np.frombuffer(b"".join(message for message, _ in taken), dtype=np.uint8)
-        batch = MessageBatch(buffer, offsets, sizes, arrived.received)
-        stamps = np.full(len(taken), -1, dtype=np.int64)
-        left = np.arange(len(taken))
-        for layout in self._layouts:
-            left = self._fill(layout, kind, batch, left, stamps, values)
-        while len(left):
-            try:
-                layout = read_layout(batch.message(int(left[0])), kind)
-            except DataError:
-                self.damaged += 1
-                left = left[1:]
-                continue
-            self._layouts = [*self._layouts[-_KEPT + 1 :], layout]
-            left = self._fill(layout, kind, batch, left, stamps, values)
-        # Of drivers that leave the stamp empty, and of arrays of numbers, which have none.
-        unstamped = stamps == 0
-        sent = np.where(arrived.sent > 0, arrived.sent, arrived.received)
-        return np.asarray(np.where(unstamped, sent, stamps))
+        batch = MessageBatch(
+            np.frombuffer(b"".join(message for message, _ in taken), dtype=np.uint8),
+            np.concatenate([[0], np.cumsum(sizes)[:-1]]),
+            sizes,
+            # Of drivers that leave the stamp empty, and of arrays of numbers, which have none.
+            np.where(arrived.sent > 0, arrived.sent, arrived.received),
+        )
+        self._lacks = ""
+        samples: dict[str, JointSamples] = {}
+        for field in dict.fromkeys(self._fields.values()):
+            quantities = [each for each, own in self._fields.items() if own == field]
+            samples.update(self._read(batch, channel.message_type, field, quantities))
+        return samples
 
-    def _fill(
-        self,
-        layout: CdrLayout,
-        kind: str,
-        batch: MessageBatch,
-        left: np.ndarray[tuple[int], np.dtype[np.int64]],
-        stamps: np.ndarray[tuple[int], np.dtype[np.int64]],
-        values: dict[str, FloatArray],
-    ) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-        """Read those of the messages `left` that have this layout, and return the others."""
-        sized = left[batch.sizes[left] == layout.size]
-        if len(sized) == 0:
-            return left
-        messages = batch.gather(sized, layout.size)
-        agrees = layout.agrees(messages)
-        messages, sized = messages[agrees], sized[agrees]
-        if len(sized) == 0:
-            return left
-        lacks = self._missing(layout, kind)
-        if lacks:
-            # Of another part of the robot, say its gripper; the reason where no others come.
-            self._lacks_now = lacks
-        else:
-            stamps[sized] = layout.stamps(messages)
-            self._whole = True
-            places = [layout.names.index(joint) for joint in self._joints if layout.names]
-            for field in self._fields:
-                numbers = layout.numbers(messages, "data" if kind == FLOAT_ARRAY else field)
-                values[field][sized] = numbers[:, places] if places else numbers
-        return np.asarray(left[~np.isin(left, sized)])
+    def _read(
+        self, batch: MessageBatch, kind: str, field: str | None, quantities: list[str]
+    ) -> dict[str, JointSamples]:
+        reader = JointMessageReader(
+            self.name, JointMessageType(kind, field=field), self._joints, quantities
+        )
+        try:
+            reader.add(batch)
+        except DataError as error:
+            self._lacks = str(error).removeprefix(f"{self.name}: ")
+        messages = reader.finish()
+        self.damaged += messages.damaged
+        time = np.where(messages.stamps != 0, messages.stamps, messages.arrival)
+        # Those that hold none of the joints are of another part of the robot, say its gripper.
+        whole = np.any([np.isfinite(each).any(axis=1) for each in messages.values.values()], axis=0)
+        if len(time) and not whole.any():
+            self._lacks = self._missing(messages)
+        return {
+            name: JointSamples(time[whole], values[whole])
+            for name, values in messages.values.items()
+        }
 
-    def _missing(self, layout: CdrLayout, kind: str) -> str:
-        """What messages of this layout lack; empty where they hold all that is needed."""
-        if kind == FLOAT_ARRAY:
-            count = layout.fields["data"][1]
-            same = count == len(self._joints)
-            return "" if same else f"{count} numbers in a message for {len(self._joints)} joints"
-        absent = [joint for joint in self._joints if joint not in layout.names]
-        if absent:
+    def _missing(self, messages: JointMessages) -> str:
+        absent = [joint for joint in self._joints if joint not in messages.names]
+        if messages.names and absent:
             return f"it does not hold joint {', '.join(absent)}"
-        for field in self._fields:
-            count = layout.fields[field][1]
-            if count != len(layout.names):
-                return f"{count} values of {field} for {len(layout.names)} joints"
-        return ""
+        return f"it holds no {' and no '.join(messages.values)}"

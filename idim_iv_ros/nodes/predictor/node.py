@@ -20,7 +20,6 @@ from visualization_msgs.msg import MarkerArray
 
 from idim_iv_interfaces import msg
 from idim_iv_ros.configuration import load_configuration
-from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.entry import run_node
 from idim_iv_ros.nodes.parameters import changed, checked, declare
 from idim_iv_ros.nodes.predictor.joint_topic import JointTopic
@@ -34,7 +33,7 @@ from idim_iv_ros.nodes.predictor.report import (
 from idim_iv_ros.nodes.predictor.settings import PredictorSettings
 from idim_iv_ros.prediction import LivePrediction, Prediction
 from idim_iv_ros.prediction.rows import joint_levels
-from idim_iv_ros.signal_source import field_of
+from idim_iv_ros.signal_source import field_of, topic_of
 
 _LOOK = 0.5  # s between two looks for publishers and for a new result
 _MARKERS = 0.2  # s between two messages for RViz
@@ -101,22 +100,15 @@ class Predictor:
 
     def _joint_topics(self) -> tuple[JointTopic, ...]:
         """The topic of positions and efforts, or one of each."""
-        signals, joints = self._configuration.signals, self._joints
-        resolve = self.node.resolve_topic_name
-        effort = signals.effort or signals.joint_states
-        for source in (signals.joint_states, effort):
-            if field_of(source) is not None:
-                raise UsageError(
-                    f"signals: {source}: live efforts are read from sensor_msgs/JointState alone; "
-                    "name such a topic in a configuration for the predictor"
-                )
-        if resolve(effort) == resolve(signals.joint_states):
-            fields = ["position", "effort"]
-            return (JointTopic(self.node, signals.joint_states, joints, fields),)
-        return (
-            JointTopic(self.node, signals.joint_states, joints, ["position"]),
-            JointTopic(self.node, effort, joints, ["effort"]),
-        )
+        signals, resolve = self._configuration.signals, self.node.resolve_topic_name
+        sources = {
+            "position": signals.joint_states,
+            "effort": signals.effort or signals.joint_states,
+        }
+        fields: dict[str, dict[str, str | None]] = {}
+        for quantity, source in sources.items():
+            fields.setdefault(resolve(topic_of(source)), {})[quantity] = field_of(source)
+        return tuple(JointTopic(self.node, name, self._joints, own) for name, own in fields.items())
 
     def _announced(self, message: msg.IdentificationResult) -> None:
         stamp = message.parameters.header.stamp

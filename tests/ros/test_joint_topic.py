@@ -1,0 +1,132 @@
+"""Messages of a topic become numbers in the order of the joints, whatever else it holds."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.nodes.predictor import joint_topic
+from idim_iv_ros.nodes.predictor.joint_topic import JointTopic
+from tests.recording.control_messages import DYNAMIC, STATE, ControlBag
+
+JOINTS = ["a", "b"]
+FLOATS = "std_msgs/msg/Float64MultiArray"
+
+
+class Waiting:
+    """In the place of a subscription: messages that wait."""
+
+    problem, publishers = "", 1
+
+    def __init__(self, *_: object) -> None:
+        self.channel = SimpleNamespace(message_type="")
+        self.messages: list = []
+
+    def take(self, largest: int) -> list:
+        taken, self.messages = self.messages, []
+        times = {"publication_sequence_number": 0, "received_timestamp": 9}
+        return [(raw, {**times, "source_timestamp": 5 + k}) for k, raw in enumerate(taken)]
+
+
+@pytest.fixture
+def topic(monkeypatch: pytest.MonkeyPatch):
+    """Make a topic and put messages of a bag on it."""
+    monkeypatch.setattr(joint_topic, "WatchedTopic", Waiting)
+    node = SimpleNamespace(resolve_topic_name=lambda name: f"/{name.strip('/')}")
+
+    def make(bag: ControlBag, fields: dict) -> JointTopic:
+        made = JointTopic(node, "states", JOINTS, fields)
+        kinds = [message.__msgtype__ for _, _, message in bag.messages]
+        made._topic.channel.message_type = kinds[0]
+        made._topic.messages = [
+            bytes(bag.store.serialize_cdr(message, kind))
+            for (_, _, message), kind in zip(bag.messages, kinds, strict=True)
+        ]
+        return made
+
+    return make
+
+
+BOTH = {"position": None, "effort": None}
+
+
+def test_joints_are_found_by_name_and_other_parts_left_out(topic) -> None:
+    bag = ControlBag()
+    bag.joint_state(1.0, ["b", "x", "a"], [2.0, 9.0, 1.0], effort=[20.0, 90.0, 10.0])
+    bag.joint_state(1.001, ["gripper"], [0.5], effort=[0.1])
+    bag.joint_state(1.002, ["a", "b"], [1.5, np.nan], effort=[11.0, np.nan])
+    made = topic(bag, BOTH)
+    taken = made.take()
+    assert taken["position"].time.tolist() == [1_000_000_000, 1_002_000_000]
+    assert np.array_equal(taken["position"].values, [[1.0, 2.0], [1.5, np.nan]], equal_nan=True)
+    assert np.array_equal(taken["effort"].values, [[10.0, 20.0], [11.0, np.nan]], equal_nan=True)
+    assert made.problem == ""
+    assert len(made.take()["effort"]) == 0
+
+
+def test_what_is_missing_is_named(topic) -> None:
+    bag = ControlBag()
+    bag.joint_state(1.0, ["a", "gripper"], [1.0, 2.0], effort=[1.0, 2.0])
+    bag.joint_state(1.001, ["gripper"], [2.0], effort=[2.0])
+    taken = topic(bag, BOTH).take()
+    assert np.array_equal(taken["position"].values, [[1.0, np.nan]], equal_nan=True)
+    bag = ControlBag()
+    bag.joint_state(1.0, ["gripper"], [2.0], effort=[2.0])
+    made = topic(bag, BOTH)
+    assert len(made.take()["position"]) == 0
+    assert made.problem == "/states: it does not hold joint a, b"
+
+
+def test_stamps_that_are_not_filled_in_are_those_of_the_middleware(topic) -> None:
+    bag = ControlBag()
+    bag.joint_state(0.0, JOINTS, [1.0, 2.0], effort=[1.0, 2.0])
+    assert topic(bag, BOTH).take()["position"].time.tolist() == [5]
+
+
+def test_states_of_a_controller_are_read_by_field(topic) -> None:
+    bag = ControlBag()
+    for stamp in (1.0, 1.01):
+        bag.state(
+            stamp,
+            ["b", "a"],
+            feedback=bag.point(stamp, [2.0, 1.0]),
+            output=bag.point(stamp, effort=[20.0, 10.0]),
+            reference=bag.point(stamp, [7.0, 7.0]),
+        )
+    assert bag.messages[0][2].__msgtype__ == STATE
+    for fields in (BOTH, {"position": "feedback", "effort": "output"}):
+        taken = topic(bag, fields).take()
+        assert np.array_equal(taken["position"].values, [[1.0, 2.0]] * 2)
+        assert np.array_equal(taken["effort"].values, [[10.0, 20.0]] * 2)
+
+
+def test_dynamic_joint_states_are_read_by_interface(topic) -> None:
+    bag = ControlBag()
+    names = [["position", "effort"], ["effort", "position"]]
+    bag.dynamic(1.0, JOINTS, names, [[1.0, 10.0], [20.0, 2.0]])
+    assert bag.messages[0][2].__msgtype__ == DYNAMIC
+    taken = topic(bag, BOTH).take()
+    assert np.array_equal(taken["position"].values, [[1.0, 2.0]])
+    assert np.array_equal(taken["effort"].values, [[10.0, 20.0]])
+
+
+def test_an_array_of_another_length_is_said(topic) -> None:
+    bag = ControlBag()
+    types = bag.store.types
+    layout = types["std_msgs/msg/MultiArrayLayout"]([], 0)
+    for numbers in ([1.0, 2.0], [1.0, 2.0, 3.0]):
+        bag.add("/efforts", 1.0, types[FLOATS](layout, np.array(numbers)))
+    good = ControlBag(messages=bag.messages[:1])
+    assert topic(good, {"effort": None}).take()["effort"].values.tolist() == [[1.0, 2.0]]
+    bad = topic(ControlBag(messages=bag.messages[1:]), {"effort": None})
+    assert len(bad.take()["effort"]) == 0
+    assert bad.problem == "/states: 3 numbers in a message for 2 joints"
+
+
+def test_damaged_messages_are_counted(topic) -> None:
+    bag = ControlBag()
+    bag.joint_state(1.0, JOINTS, [1.0, 2.0], effort=[1.0, 2.0])
+    made = topic(bag, BOTH)
+    made._topic.messages.insert(0, b"\0\1\0\0nonsense")
+    assert len(made.take()["position"]) == 1
+    assert made.damaged == 1
