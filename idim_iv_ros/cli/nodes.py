@@ -1,6 +1,7 @@
 """`idim-iv record` and `idim-iv serve`: ROS 2 nodes in the process of the command line."""
 
 import importlib
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +11,7 @@ import typer
 from idim_iv_ros.cli.arguments import Config, Out
 from idim_iv_ros.errors import UsageError
 
+_NAMESPACE = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 # What follows --ros-args is the node's.
 ROS_ARGUMENTS = {"allow_extra_args": True, "ignore_unknown_options": True}
 Namespace = Annotated[
@@ -95,5 +97,10 @@ def _start_node(
         text = str(value).lower() if isinstance(value, bool) else str(value)
         arguments += ["-p", f"{parameter}:={text}"]
     if namespace:
+        if not _NAMESPACE.fullmatch(namespace):
+            raise UsageError(
+                f"--namespace: {namespace!r} is none of ROS: letters, digits and _, no digit "
+                "first, parts separated by /"
+            )
         arguments += ["-r", f"__ns:=/{namespace.strip('/')}"]
     raise typer.Exit(run([*arguments, *others]))

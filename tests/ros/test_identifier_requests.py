@@ -155,6 +155,8 @@ def test_configuration_is_read_anew_when_it_is_set(served, tmp_path: Path) -> No
         refused = served.set(configuration=str(path))
         assert not refused.successful
         assert refused.reason == f"configuration: {path}: unknown key nonsense"
+        path.write_text(text.replace("joint_states: joint_states", "joint_states: joint states"))
+        assert "'joint states' is no topic of ROS" in served.set(configuration=str(path)).reason
         path.write_text(text + "identification:\n  friction: [viscous, coulomb]\n")
         assert served.set(configuration=str(path)).successful
         result = served.identify("bag-1.mcap", estimator="idim-ls").result

@@ -49,6 +49,9 @@ def test_requests_are_accepted_between_activation_and_deactivation(
     assert not change(client, "configure")
     assert state(client) == "unconfigured"
     assert f"cannot configure: parameter configuration: {arm}: unknown key nonsense" in log(client)
+    arm.write_text("robot:\n  joints: [a]\nsignals:\n  joint_states: joint states\n")
+    assert not change(client, "configure")
+    assert f"configuration: {arm}: signals: 'joint states' is no topic of ROS" in log(client)
     # What this state does not have is answered too.
     assert not client.call(
         "change_state", ChangeState, transition=Transition(id=Transition.TRANSITION_ACTIVATE)

@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Bool, String
 
 from idim_iv_ros import DataError, identify, load_configuration, write_bag
+from idim_iv_ros.cli.main import main
 from idim_iv_ros.excitation import random_motion
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.recording import read_recordings
@@ -104,7 +105,7 @@ def test_an_identifier_takes_the_robot_of_its_namespace(
     configuration = load_configuration(ARM2)
     urdf = configuration.robot.urdf
     simulated = simulated_robot(configuration, read_urdf_file(urdf), urdf.name)
-    motion = random_motion(configuration, duration=5.0, rate=1000.0, seed=1)
+    motion = random_motion(configuration, duration=3.0, rate=1000.0, seed=1)
     topics = {
         side: [
             replace(topic, name=f"/{side}/{topic.name}")
@@ -132,6 +133,39 @@ def test_an_identifier_takes_the_robot_of_its_namespace(
     assert answer.success, answer.message
     found = {each.name: each.value for each in answer.result.parameters.estimates}
     assert found == pytest.approx({each.name: each.value for each in expected.parameters})
+
+
+@pytest.mark.parametrize(
+    ("given", "status", "passed"),
+    [
+        (["--namespace", "left"], 0, ["-r", "__ns:=/left"]),
+        (["--namespace", "/cell/left"], 0, ["-r", "__ns:=/cell/left"]),
+        (
+            ["--ros-args", "-r", "__ns:=/left", "--log-level", "debug"],
+            0,
+            ["--ros-args", "-r", "__ns:=/left", "--log-level", "debug"],
+        ),
+        (["--namespace", "left arm"], 2, None),
+        (["--namespcae", "left"], 2, None),
+        (["bags", "--ros-args", "-r", "__ns:=/left"], 2, None),
+    ],
+)
+def test_command_line_passes_the_namespace_and_arguments_of_ros(
+    given: list[str], status: int, passed: list[str] | None, monkeypatch, capsys, tmp_path: Path
+) -> None:
+    started: list[list[str]] = []
+    monkeypatch.setattr(
+        "idim_iv_ros.nodes.recorder.node.run", lambda arguments: started.append(arguments) or 0
+    )
+    command = ["idim-iv", "record", "--config", str(ARM2), "--out", str(tmp_path), *given]
+    monkeypatch.setattr("sys.argv", command)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == status
+    assert [arguments[-len(passed or []) :] for arguments in started] == (
+        [passed] if passed else []
+    )
+    assert len(capsys.readouterr().err.splitlines()) == (0 if status == 0 else 1)
 
 
 @pytest.mark.load

@@ -94,6 +94,27 @@ def test_demo_identifies_the_true_parameters_from_a_recorded_motion(
     assert announced.estimates == answer.result.parameters.estimates
 
 
+def test_it_answers_while_it_compiles_and_can_be_interrupted(
+    simulator, observer, monkeypatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    process = simulator()
+    descriptions: list[String] = []
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    heard = observer.node.create_subscription(
+        String, "/robot_description", descriptions.append, latched
+    )
+    observer.until(lambda: descriptions, "the description", START)
+    observer.node.destroy_subscription(heard)
+    refused = move(observer)
+    assert not refused.success
+    assert "the simulation is compiled, once on a new machine" in refused.message
+    text = process.errors.read_text
+    observer.until(lambda: "joint states follow" in text(), "a line that says so")
+    assert process.finish() == 0
+    assert "Traceback" not in text()
+
+
 @pytest.mark.load
 def test_first_move_begins_at_once_where_nothing_was_compiled(
     simulator, observer, monkeypatch, tmp_path: Path

@@ -35,8 +35,8 @@ from idim_iv_ros.nodes.identifier.report import work_diagnosis
 from idim_iv_ros.nodes.identifier.request_server import RequestServer
 from idim_iv_ros.nodes.identifier.result_publisher import ResultPublisher
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
+from idim_iv_ros.nodes.own_topics import with_own_topics
 from idim_iv_ros.nodes.parameters import changed, checked, declare
-from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
 
 _LOOK = 0.1  # s between two looks whether a job takes too long
 _TURNS = 10  # of the executor, in which the last results are sent
@@ -177,13 +177,7 @@ class Identifier:
 
     def _loaded(self) -> Configuration | None:
         path = self._settings.configuration
-        return load_configuration(Path(path)) if path else None
-
-    def _with_own_topics(self, configuration: Configuration) -> Configuration:
-        """Relative topics as this node resolves them: in its namespace, with its remappings."""
-        names = (*configuration.signals.relative_topics, ROBOT_DESCRIPTION)
-        own = {name: self.node.resolve_topic_name(name) for name in names}
-        return configuration.with_own_topics(own)
+        return with_own_topics(self.node, load_configuration(Path(path))) if path else None
 
     def _bag_closed(self, message: BagClosed) -> None:
         if self._settings.auto and self._managed.state == ACTIVE:
@@ -202,7 +196,7 @@ class Identifier:
             if self._managed.state != ACTIVE:
                 raise UsageError(f"the identifier is {self._managed.state}: {self._next_step()}")
             job = requested(request, self._settings, self._configuration, listener)
-            job.configuration = self._with_own_topics(job.configuration)
+            job.configuration = with_own_topics(self.node, job.configuration)
             self._jobs.submit(job)
             return job
         except IdimError as error:
@@ -247,7 +241,14 @@ class Identifier:
         self._diagnostics.publish(message)
 
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        return checked(self._settings, parameters)
+        result = checked(self._settings, parameters)
+        path = changed(self._settings, parameters).configuration if result.successful else ""
+        if path and any(each.name == "configuration" for each in parameters):
+            try:
+                with_own_topics(self.node, load_configuration(Path(path)))
+            except IdimError as error:
+                return SetParametersResult(successful=False, reason=f"configuration: {error}")
+        return result
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         names = {parameter.name for parameter in parameters}
