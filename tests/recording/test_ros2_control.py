@@ -274,6 +274,22 @@ def test_a_field_that_is_not_there_is_refused_with_those_that_are(
     assert "\n" not in str(caught.value)
 
 
+def test_a_field_of_a_relative_topic_is_found_in_the_namespace_of_the_robot(
+    tmp_path: Path,
+) -> None:
+    bag = ControlBag()
+    for stamp in STAMPS:
+        bag.joint_state(stamp, JOINTS, measured(stamp), (), torque(stamp), "/left/joint_states")
+        points = {"feedback": bag.point(stamp, asked(stamp))}
+        bag.state(stamp, JOINTS, "/left/arm/controller_state", **points)
+    recording = read(
+        bag.write(tmp_path / "bag"),
+        joint_states="joint_states",
+        reference="arm/controller_state#feedback",
+    )
+    assert np.array_equal(recording.position_reference.values, column(asked))
+
+
 def test_a_bag_with_an_unused_controller_state_says_so(tmp_path: Path) -> None:
     bag = on_controller(on_states(ControlBag())).write(tmp_path / "bag")
     assert read(bag).unused_references == (STATE,)

@@ -19,11 +19,6 @@ class TopicSet:
     say : callable
         Takes one line, once for each topic that cannot be recorded.
 
-    Attributes
-    ----------
-    topics : list of WatchedTopic
-        Replaced as a whole when it changes, so that another thread may go through it.
-
     Raises
     ------
     UsageError
@@ -35,14 +30,15 @@ class TopicSet:
     ) -> None:
         self._node, self._say = node, say
         self._said: dict[str, str] = {}
+        self._others: list[WatchedTopic] = []
         self._signals = recorder_topics(node, settings)
         self._extra = ExtraTopics(node, settings, say)
         self._others = self._extra.named(self.names)
 
     @property
     def topics(self) -> list[WatchedTopic]:
-        """Signals first."""
-        return [*self._signals, *getattr(self, "_others", [])]
+        """Signals first; a new list each time, so that another thread may go through it."""
+        return [*self._signals, *self._others]
 
     @property
     def names(self) -> set[str]:
