@@ -3,8 +3,13 @@
 import numpy as np
 import pytest
 
+from idim_iv_ros import load_configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.simulator.playback import commanded
+from idim_iv_ros.excitation import Trajectory
+from idim_iv_ros.nodes.simulator.playback import REST as RESTING
+from idim_iv_ros.nodes.simulator.playback import commanded, continued, published
+from idim_iv_ros.simulators.robot import simulated_robot
+from tests.ros.processes import ROOT
 
 RATE = 1000.0  # Hz
 JOINTS = ["a", "b"]
@@ -46,3 +51,31 @@ def test_malformed_trajectory_is_one_line(times, places, speeds, words: str) -> 
     with pytest.raises(UsageError, match=words) as refused:
         commanded(JOINTS, np.array(times), np.array(places), velocities, RATE)
     assert "\n" not in str(refused.value)
+
+
+def test_motion_that_takes_the_place_of_another_goes_on_from_it_without_a_step() -> None:
+    configuration = load_configuration(ROOT / "config" / "arm2.yaml")
+    urdf = configuration.robot.urdf
+    robot = simulated_robot(configuration, urdf.read_text(), urdf.name)
+    joints = tuple(configuration.robot.joints)
+    time = np.arange(2001) / RATE
+    places = np.column_stack([0.5 * (1.0 - np.cos(np.pi * time / 2.0)), 0.0 * time])
+    speeds = np.gradient(places, 1.0 / RATE, axis=0)
+    swing = Trajectory(joints, RATE, places, speeds, np.zeros_like(places))
+    before, references = published(configuration, robot, RATE, np.zeros(2), swing, seed=1)
+    change = 1500  # a second into the swing, behind half a second of approach: at 0.5 rad
+    assert references[change][0] == pytest.approx(0.5, abs=0.01)
+    end = np.array([[0.6, 0.1], [0.6, 0.1]])
+    stop = Trajectory(joints, RATE, end, np.zeros((2, 2)), np.zeros((2, 2)))
+    history = references[: change + 1]
+    after, changed = continued(configuration, robot, RATE, history, 0.1, stop, seed=1)
+    assert np.array_equal(changed[: change + 1], history)
+    assert np.allclose(changed[-1], [0.6, 0.1])
+    fastest = np.abs(speeds).max() / RATE
+    assert np.abs(np.diff(changed, axis=0)).max() <= 1.01 * fastest
+    # The second joint goes 0.1 rad from rest to rest in 0.3 s, a cubic: 6 x / T² at its ends.
+    assert np.abs(np.diff(changed, 2, axis=0)).max() * RATE**2 < 1.05 * 6.0 * 0.1 / 0.3**2
+    assert len(changed) < len(references)
+    assert len(changed) > change + RATE * RESTING
+    same = after[0].time < change / RATE
+    assert np.allclose(after[0].position[same], before[0].position[: same.sum()], atol=2e-4)
