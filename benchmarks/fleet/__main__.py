@@ -10,7 +10,7 @@
 import argparse
 from pathlib import Path
 
-from benchmarks.fleet.coverage import lines
+from benchmarks.fleet.coverage import lines, smallest_changes
 from benchmarks.fleet.make import make
 from benchmarks.fleet.score import score
 from benchmarks.measurement import write_page
@@ -36,7 +36,7 @@ def main() -> None:
         make(given.out, robots=given.robots, bags=given.bags, seconds=given.seconds)
         return
     result = FleetResult.read(given.result)
-    repeated = lines(given.repeats) if given.repeats else []
+    repeated = [*lines(given.repeats), "", *smallest_changes()] if given.repeats else []
     write_page(
         "fleet",
         "A simulated fleet",

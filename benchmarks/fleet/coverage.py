@@ -7,6 +7,7 @@ import numpy as np
 from benchmarks.fleet.synthetic import JOINTS, MEAN, NAMES, SIGMA, Drawn, fleet
 from idim_iv_ros.fleet.fleet_result import fleet_result
 from idim_iv_ros.fleet.result import FleetResult
+from idim_iv_ros.statistics.change_points import change_of
 
 ROBOTS, BAGS, PLANTED, DRIFTING = 20, 8, 2, 2
 EFFECT = 6.0  # of a planted difference, robot-to-robot deviations
@@ -158,4 +159,42 @@ def lines(repeats: int) -> list[str]:
     row("drifting robots found", lambda c: share(c.changed, c.drifting))
     row("date within two bags", lambda c: share(c.dates, c.drifting))
     row("interval of the date covers", lambda c: share(c.dates_in_interval, c.drifting))
+    return said
+
+
+def smallest_changes(draws: int = 100) -> list[str]:
+    """Lines: how often a step in the middle of a robot's bags is found, by its size.
+
+    At the p-value that one changed robot of fifty needs with fifteen quantities.
+    """
+    level = 0.1 / 50.0 / 15.0
+    sizes = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 12.0)
+    said = [
+        "How often a step in the middle of a robot's bags is found where it is the only one of "
+        "fifty robots that changed, by its size in deviations of a bag. Known from others: degrees "
+        "of freedom.",
+        "",
+        "| bags | known from others | " + " | ".join(f"{size:g}" for size in sizes) + " |",
+        "|---|---|" + "---|" * len(sizes),
+    ]
+    for bags, prior in (
+        (6, 0.0),
+        (6, 16.0),
+        (8, 0.0),
+        (8, 16.0),
+        (12, 16.0),
+        (20, 0.0),
+        (20, 48.0),
+    ):
+        random = np.random.default_rng(bags)
+        found = []
+        for size in sizes:
+            count = 0
+            for _ in range(draws):
+                values = random.standard_normal(bags)
+                values[bags // 2 :] += size
+                change = change_of(values, np.ones(bags), np.arange(bags) * 1.0, prior)
+                count += change is not None and change.p_value <= level
+            found.append(f"{100.0 * count / draws:.0f} %")
+        said.append(f"| {bags} | {prior:g} | " + " | ".join(found) + " |")
     return said

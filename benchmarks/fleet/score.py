@@ -40,7 +40,7 @@ def score(fleet: Path, result: FleetResult) -> list[str]:
 def _type_lines(truth: Mapping[str, Any], result: FleetResult) -> list[str]:
     """Mean and scatter of the type, beside those that the robots were drawn from."""
     said = [
-        "| parameter | unit | drawn from: mean, σ | mean, 95 % | σ, 95 % | mean covers | σ covers |",
+        "| parameter | unit | drawn from: mean, σ | mean, 95 % | σ, 95 % | mean in | σ in |",
         "|---|---|---|---|---|---|---|",
     ]
     right = [0, 0]

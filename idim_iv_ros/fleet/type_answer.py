@@ -30,8 +30,9 @@ def fleet_type(judged: Judged) -> FleetType:
         )
     short = sum(int(np.isfinite(robot.times).sum()) < LEAST_BAGS for robot in group.robots)
     if short:
+        verb = "has" if short == 1 else "have"
         notes.append(
-            f"{short} of {robots} robots have fewer than {LEAST_BAGS} bags with a time: whether "
+            f"{short} of {robots} robots {verb} fewer than {LEAST_BAGS} bags with a time: whether "
             "anything changed there is not judged"
         )
     causes = {

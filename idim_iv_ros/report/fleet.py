@@ -76,11 +76,10 @@ def _subtitle(result: FleetResult) -> str:
 
 
 def _attention(result: FleetResult, reports: Mapping[str, str] | None) -> dict[str, Any]:
-    def of(kind: str) -> int:
-        return sum(robot.attention == kind for robot in result.robots)
-
+    ordinary = sum(robot.attention == "none" for robot in result.robots)
     differs = sum(any(q.differs for q in robot.quantities) for robot in result.robots)
     changed = sum(bool(robot.changes) for robot in result.robots)
+    unsteady = sum(any(q.unsteady for q in robot.quantities) for robot in result.robots)
     unused = sum(not bag.used for bag in result.bags)
     corrupt = sum(bag.status == "corrupt" for bag in result.bags)
     rows = [_row(robot, reports or {}) for robot in result.robots]
@@ -94,10 +93,10 @@ def _attention(result: FleetResult, reports: Mapping[str, str] | None) -> dict[s
         "kind": "bad" if differs or changed else "good",
         "headline": headline(result),
         "tiles": [
-            ("Robots", count(len(result.robots)), f"{of('none')} ordinary"),
+            ("Robots", count(len(result.robots)), f"{ordinary} ordinary"),
             ("Differ from their type", count(differs), "in a parameter or a residual"),
             ("Changed over time", count(changed), "a step or a ramp"),
-            ("Unsteady from bag to bag", count(of("unsteady")), "more than the others"),
+            ("Unsteady from bag to bag", count(unsteady), "more than the others"),
             ("Bags used", count(len(result.bags) - unused), f"of {count(len(result.bags))}"),
             ("Bags not used", count(unused), f"{corrupt} corrupt"),
         ],
@@ -143,7 +142,8 @@ def _row(robot: FleetRobot, reports: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _quantities(robot: FleetRobot) -> tuple[str, ...]:
-    return tuple(each.name for each in robot.quantities if each.name[:1].islower())
+    """Names of parameters that begin a sentence as they are written."""
+    return tuple(each.name for each in robot.quantities if not each.name.startswith("residual"))
 
 
 def _types(result: FleetResult) -> dict[str, Any]:

@@ -21,10 +21,11 @@ def distribution_figure(each: FleetType, robots: Sequence[FleetRobot], place: in
 
     None where no quantity has a mean and a scatter.
     """
+    units = [_unit(quantity, column, robots) for column, quantity in enumerate(each.quantities)]
     drawn = [
         (column, quantity)
         for column, quantity in enumerate(each.quantities)
-        if math.isfinite(quantity.sigma) and math.isfinite(quantity.mean) and _unit(quantity) > 0.0
+        if math.isfinite(quantity.mean) and units[column] > 0.0
     ]
     if not drawn:
         return None
@@ -33,10 +34,10 @@ def distribution_figure(each: FleetType, robots: Sequence[FleetRobot], place: in
     differing: list[tuple[float, float, str]] = []
     for row, (column, quantity) in enumerate(drawn):
         height = float(len(drawn) - 1 - row)
-        shapes += _row_shapes(quantity, height)
+        shapes += _row_shapes(quantity, units[column], height)
         for number_of, robot in enumerate(robots):
             own = robot.quantities[column]
-            distance = _deviations(quantity, own.value)
+            distance = _deviations(quantity, units[column], own.value)
             if not math.isfinite(distance):
                 continue
             # Golden ratio: neighbours in the list lie far from each other.
@@ -58,7 +59,7 @@ def distribution_figure(each: FleetType, robots: Sequence[FleetRobot], place: in
     ]
     names = [quantity.name for _, quantity in drawn]
     axes = {
-        "xaxis": axis("Distance from the mean of the type, standard deviations between robots",
+        "xaxis": axis("Distance from the mean of the type, standard deviations of its robots",
                       range=[-_FARTHEST - 0.5, _FARTHEST + 0.5], dtick=2),
         "yaxis": axis("", tickvals=list(range(len(names))), ticktext=names[::-1],
                       range=[-0.6, len(names) - 0.4], showgrid=False),
@@ -74,9 +75,13 @@ def distribution_figure(each: FleetType, robots: Sequence[FleetRobot], place: in
     )
 
 
-def _row_shapes(quantity: TypeQuantity, height: float) -> list[dict[str, Any]]:
-    low, high = (_deviations(quantity, end) for end in (quantity.next_low, quantity.next_high))
-    first, last = (_deviations(quantity, end) for end in (quantity.mean_low, quantity.mean_high))
+def _row_shapes(quantity: TypeQuantity, unit: float, height: float) -> list[dict[str, Any]]:
+    low, high = (
+        _deviations(quantity, unit, end) for end in (quantity.next_low, quantity.next_high)
+    )
+    first, last = (
+        _deviations(quantity, unit, end) for end in (quantity.mean_low, quantity.mean_high)
+    )
     shapes: list[dict[str, Any]] = []
     if math.isfinite(low) and math.isfinite(high):
         shapes.append(
@@ -105,23 +110,18 @@ def _row_shapes(quantity: TypeQuantity, height: float) -> list[dict[str, Any]]:
     return shapes
 
 
-def _unit(quantity: TypeQuantity) -> float:
-    """One deviation; where robots do not scatter, that of the prediction."""
-    if quantity.sigma > 0.0:
-        return quantity.sigma
-    ends = (quantity.next_low, quantity.next_high)
-    if quantity.kind == "residual":
-        ends = tuple(math.log(end) if end > 0.0 else math.nan for end in ends)  # type: ignore[assignment]
-    half = 0.5 * (ends[1] - ends[0]) / _INTERVAL
-    return half if math.isfinite(half) else 0.0
+def _unit(quantity: TypeQuantity, column: int, robots: Sequence[FleetRobot]) -> float:
+    """Deviation of the estimates of the robots that do not differ; 0 where there are too few."""
+    own = [robot.quantities[column] for robot in robots]
+    distances = [_deviations(quantity, 1.0, each.value) for each in own if not each.differs]
+    known = [distance for distance in distances if math.isfinite(distance)]
+    return float(np.sqrt(np.mean(np.square(known)))) if len(known) > 1 else 0.0
 
 
-def _deviations(quantity: TypeQuantity, value: float) -> float:
+def _deviations(quantity: TypeQuantity, unit: float, value: float) -> float:
     if quantity.kind == "residual":
-        if not value > 0.0:
-            return math.nan
-        return math.log(value / quantity.mean) / _unit(quantity)
-    return (value - quantity.mean) / _unit(quantity)
+        return math.log(value / quantity.mean) / unit if value > 0.0 else math.nan
+    return (value - quantity.mean) / unit
 
 
 def change_figure(change: ParameterChange, anchor: str) -> Figure:

@@ -2,8 +2,10 @@
 
 y_k = μ + δ s_k(c) + e_k with s a step from place c on, or a ramp that begins at the one before, and
 e_k independent with variances proportional to those given: estimates of recordings, in the order of
-time, with what recordings of an unchanged robot differ by included. The factor of proportion is
-estimated, so that a robot which scatters more than its variances say is not called changed.
+time, with what recordings of an unchanged robot differ by included. The factor φ of proportion is
+estimated, so that a robot which scatters more than its variances say is not called changed. What
+is known of φ beforehand, from other robots, counts as so many degrees of freedom: ν/φ follows χ²
+with ν of them (Smyth, Stat. Appl. Genet. Mol. Biol. 3, 2004).
 
 The place is searched, so the largest F of all places is judged by its own distribution under no
 change: simulated, and where it lies beyond what simulation resolves, bounded by the sum over places
@@ -68,15 +70,19 @@ class Change:
     fitted: FloatArray
 
 
-def change_of(values: FloatArray, variances: FloatArray, times: FloatArray) -> Change | None:
+def change_of(
+    values: FloatArray, variances: FloatArray, times: FloatArray, prior: float = 0.0
+) -> Change | None:
     """Search a series for a change.
 
     Parameters
     ----------
     values, variances : (k,)
-        Variances matter up to a common factor.
+        Variances matter up to a common factor where `prior` is zero.
     times : (k,)
         Increasing.
+    prior
+        ν: degrees of freedom by which the variances are known already.
 
     Returns
     -------
@@ -87,8 +93,9 @@ def change_of(values: FloatArray, variances: FloatArray, times: FloatArray) -> C
     if count < LEAST:
         return None
     roots = 1.0 / np.sqrt(variances)
-    # A common factor of the variances cancels; without it numbers stay near one.
-    roots = roots / np.sqrt(np.mean(roots**2))
+    if prior == 0.0:
+        # A common factor of the variances cancels; without it numbers stay near one.
+        roots = roots / np.sqrt(np.mean(roots**2))
     mean = roots / np.linalg.norm(roots)
     kinds, places, shapes = _candidates(times)
     whole = float(times[-1] - times[0])
@@ -106,8 +113,8 @@ def change_of(values: FloatArray, variances: FloatArray, times: FloatArray) -> C
     along = directions @ target
     gains = along**2
     best = int(np.argmax(gains))
-    kind, dof = kinds[best], count - 2
-    rests = np.maximum(energy - gains, 0.0)
+    kind, dof = kinds[best], count - 2 + prior
+    rests = np.maximum(energy - gains, 0.0) + prior
     possible = np.flatnonzero(
         (np.array(kinds) == kind)
         & (rests - rests[best] <= _LARGEST_RATIO[kind] * rests[best] / dof + 1e-12 * energy)
@@ -115,9 +122,10 @@ def change_of(values: FloatArray, variances: FloatArray, times: FloatArray) -> C
     sizes = along / norms
     half = float(scipy.stats.t.isf(0.5 * (1.0 - _LEVEL), dof)) * np.sqrt(rests / dof) / norms
     before, before_std = _level_before(values - sizes[best] * shapes[best], roots, shapes[best])
+    before_std *= float(np.sqrt(rests[best] / dof))
     return Change(
         kind=kind,
-        p_value=_p_value(float(gains[best]) / energy, directions, mean),
+        p_value=_p_value(float(gains[best]) / (energy + prior), directions, mean, prior),
         place=int(places[best]),
         place_low=int(places[possible].min()),
         place_high=int(places[possible].max()),
@@ -133,14 +141,12 @@ def change_of(values: FloatArray, variances: FloatArray, times: FloatArray) -> C
 def _level_before(
     unchanged: FloatArray, roots: FloatArray, shape: FloatArray
 ) -> tuple[float, float]:
-    """Level of the series without its change, and its deviation with the change free."""
-    weights = roots**2 / np.sum(roots**2)
-    level = float(weights @ unchanged)
-    squares = float(np.sum((roots * (unchanged - level)) ** 2))
-    variance = squares / (len(unchanged) - 2) / np.sum(roots**2)
-    # The level and the change are estimated together: variance of the first of the two.
+    """Level of the series without its change, and its deviation for φ = 1, the change free."""
+    total = float(np.sum(roots**2))
+    weights = roots**2 / total
     mean, second = float(weights @ shape), float(weights @ shape**2)
-    return level, float(np.sqrt(variance * second / (second - mean**2)))
+    deviation = np.sqrt(second / (second - mean**2) / total)
+    return float(weights @ unchanged), float(deviation)
 
 
 def _candidates(times: FloatArray) -> tuple[list[Kind], IntArray, FloatArray]:
@@ -160,30 +166,36 @@ def _thinned(places: IntArray) -> IntArray:
     return places[:: -(-len(places) // _MOST_PLACES)] if len(places) else places
 
 
-@lru_cache(maxsize=8)
-def _draws(count: int) -> FloatArray:
-    return np.random.default_rng([_SEED, count]).standard_normal((_DRAWS, count))
+@lru_cache(maxsize=16)
+def _draws(count: int, prior: float) -> tuple[FloatArray, FloatArray]:
+    """Series without a change for φ = 1 (d, k), and ν / φ of what was known beforehand (d,)."""
+    random = np.random.default_rng([_SEED, count])
+    drawn = random.standard_normal((_DRAWS, count))
+    return drawn, random.chisquare(prior, _DRAWS) if prior > 0.0 else np.zeros(_DRAWS)
 
 
-def _p_value(ratio: float, directions: FloatArray, mean: FloatArray) -> float:
+def _p_value(ratio: float, directions: FloatArray, mean: FloatArray, prior: float) -> float:
     """Probability of so large a share of the energy in one of the directions."""
-    dof = len(mean) - 2
+    dof = len(mean) - 2 + prior
     if ratio >= 1.0:
         return 0.0
     single = float(scipy.stats.f.sf(ratio / (1.0 - ratio) * dof, 1, dof))
     bound = min(1.0, single * len(directions))
     if single > _WORTH_DRAWING:
         return bound
-    drawn = _draws(len(mean))
-    exceeding = _exceeding(drawn[:_FIRST_DRAWS], ratio, directions, mean)
+    drawn, known = _draws(len(mean), prior)
+    first = slice(_FIRST_DRAWS)
+    exceeding = _exceeding(drawn[first], known[first], ratio, directions, mean)
     if exceeding >= _NO_SURPRISE:
         return min(bound, (1.0 + exceeding) / (_FIRST_DRAWS + 1.0))
-    exceeding = _exceeding(drawn, ratio, directions, mean)
+    exceeding = _exceeding(drawn, known, ratio, directions, mean)
     return min(bound, (1.0 + exceeding) / (_DRAWS + 1.0))
 
 
-def _exceeding(drawn: FloatArray, ratio: float, directions: FloatArray, mean: FloatArray) -> int:
+def _exceeding(
+    drawn: FloatArray, known: FloatArray, ratio: float, directions: FloatArray, mean: FloatArray
+) -> int:
     """Draws without a change whose best direction takes as large a share."""
-    energy = np.sum(drawn**2, axis=1) - (drawn @ mean) ** 2
+    energy = np.sum(drawn**2, axis=1) - (drawn @ mean) ** 2 + known
     largest = np.max((drawn @ directions.T) ** 2, axis=1)
     return int(np.sum(largest >= ratio * energy))

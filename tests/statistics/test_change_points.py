@@ -72,3 +72,31 @@ def test_few_values_are_not_judged(count: int) -> None:
 def test_equal_values_and_equal_times_are_not_judged() -> None:
     assert change_of(np.full(8, 3.7), np.ones(8), np.arange(8.0)) is None
     assert change_of(np.arange(8.0), np.ones(8), np.zeros(8)) is None
+
+
+def test_what_is_known_of_the_scatter_finds_smaller_changes_of_few_values() -> None:
+    shape = np.where(np.arange(6) >= 3, 8.0, 0.0)
+    random = np.random.default_rng(2)
+    p_values = {0.0: [], 20.0: []}
+    for _ in range(10):
+        values = shape + random.normal(size=6)
+        for prior, found in p_values.items():
+            change = change_of(values, np.ones(6), np.arange(6.0), prior)
+            assert change is not None
+            found.append(change.p_value)
+    assert np.median(p_values[0.0]) > 1e-3
+    assert np.median(p_values[20.0]) < 1e-4
+
+
+def test_with_the_scatter_half_known_the_p_value_is_uniform() -> None:
+    random = np.random.default_rng(7)
+    p_values = []
+    for _ in range(300):
+        scatter = np.sqrt(8.0 / random.chisquare(8.0))
+        change = change_of(scatter * random.normal(size=7), np.ones(7), np.arange(7.0), 8.0)
+        assert change is not None
+        p_values.append(change.p_value)
+    for level in (0.05, 0.1):
+        few = np.sum(np.array(p_values) <= level)
+        bounds = scipy.stats.binom.ppf([0.001, 0.999], 300, level)
+        assert bounds[0] <= few <= bounds[1]

@@ -34,7 +34,7 @@ def judge(groups: Sequence[TypeBags]) -> list[Judged]:
     """
     common = [between_bags(group) for group in groups]
     pairs = [
-        (robot, between.variance)
+        (robot, between.variance, between.prior)
         for group, between in zip(groups, common, strict=True)
         for robot in group.robots
     ]

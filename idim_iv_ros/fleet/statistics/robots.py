@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import scipy
@@ -21,6 +22,9 @@ from idim_iv_ros.types import FloatArray
 # Probability that any quantity of any robot of a type is called unsteady although it is not.
 UNSTEADY_LEVEL = 0.01
 _FEWEST_UNSTEADY = 3  # bags
+# Bags of a robot from which on its scatter says how scatters differ, and the smallest that counts.
+_FEWEST_OF_SCATTER, _LEAST_SCATTER = 3, 1e-6
+_PRIORS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0)
 
 
 @dataclass(frozen=True)
@@ -33,10 +37,14 @@ class BetweenBags:
         Common to the robots of the type; NaN where no robot has two bags.
     dof : (m,)
         Bags less robots behind it.
+    prior : (m,)
+        Degrees of freedom by which the scatter of a robot's bags is known from the other robots:
+        many where all scatter as much, none where each does as it likes.
     """
 
     variance: FloatArray
     dof: FloatArray
+    prior: FloatArray
 
 
 @dataclass(frozen=True)
@@ -72,7 +80,38 @@ def between_bags(group: TypeBags) -> BetweenBags:
     pairs = [(robot.values, robot.variances) for robot in group.robots]
     counts = np.array([np.isfinite(v + s).sum(axis=0) for v, s in pairs])
     dof = np.maximum(counts - 1, 0).sum(axis=0).astype(float)
-    return BetweenBags(common_between_variance(pairs), dof)
+    common = common_between_variance(pairs)
+    return BetweenBags(common, dof, _prior(pairs, np.nan_to_num(common), counts))
+
+
+def _prior(
+    pairs: Sequence[tuple[FloatArray, FloatArray]], between: FloatArray, counts: FloatArray
+) -> FloatArray:
+    """Degrees of freedom ν (m,) for which robots' scatters spread as those of F with d and ν.
+
+    By the distance of their quartiles, which a drifting robot does not move. No more than robots
+    less one: few robots say little of how the scatter differs from robot to robot.
+    """
+    q = np.array([generalised_q(v, s, between)[0] for v, s in pairs])
+    found = np.zeros(len(between))
+    for column in range(len(between)):
+        told = counts[:, column] >= _FEWEST_OF_SCATTER
+        most = float(np.sum(told)) - 1.0
+        if most < 1.0:
+            continue
+        dof = counts[told, column] - 1.0
+        scatter = np.log(np.maximum(q[told, column] / dof, _LEAST_SCATTER))
+        spread = float(np.subtract(*np.quantile(scatter, [0.75, 0.25])))
+        able = [nu for nu in _PRIORS if nu <= most and _spread(float(np.median(dof)), nu) >= spread]
+        # The spread falls with ν: the largest that still makes so large a one.
+        found[column] = max(able, default=0.0)
+    return found
+
+
+@cache
+def _spread(dof: float, prior: float) -> float:
+    """Distance of the quartiles of log F."""
+    return float(np.subtract(*np.log(scipy.stats.f.ppf([0.75, 0.25], dof, prior))))
 
 
 def robot_estimates(
