@@ -2,6 +2,7 @@
 
 import itertools
 import logging
+import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -28,6 +29,10 @@ _SETTINGS = {
 }
 
 
+# After an interruption Python's own tracker removes what is left, and would say so below our line.
+_TRACKER = "ignore::UserWarning:multiprocessing.resource_tracker"
+
+
 @contextmanager
 def connected(scheduler: str | None = None, workers: int | None = None) -> Iterator[Any]:
     """Connect to a running scheduler, or start workers on this machine and end them again.
@@ -49,6 +54,7 @@ def connected(scheduler: str | None = None, workers: int | None = None) -> Itera
             folder = tempfile.TemporaryDirectory(prefix="idim_iv_dask_", ignore_cleanup_errors=True)
             stack.enter_context(folder)
             stack.enter_context(undone_if_interrupted(folder.cleanup))
+            os.environ.setdefault("PYTHONWARNINGS", _TRACKER)
             cluster = LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,

@@ -14,9 +14,9 @@ from idim_iv_ros.recording.read import DESCRIPTION, Request, reader_of, recordin
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.types import BoolArray
 
-# s; at 1 kHz and seven joints an identification of so much takes a third of a gigabyte. Filters
+# s; at 1 kHz and seven joints an identification of so much takes less than a gigabyte. Filters
 # lose about a tenth of a second at each edge.
-SEGMENT = 600.0
+SEGMENT = 300.0
 # A topic that is this far behind the others, in segments, has ended: nobody waits for it.
 _BEHIND = 2
 

@@ -1,0 +1,102 @@
+"""`idim-iv fleet` as a user sees it."""
+
+import builtins
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.fleet.identify import BAGS, Machines
+from idim_iv_ros.fleet.remote import file_system
+from idim_iv_ros.fleet.scheduling import connected
+from tests.cli.conftest import run as run
+from tests.fleet.conftest import CONFIG, BagFolder
+from tests.fleet.test_fleet import one_after_the_other
+
+
+def test_identify_writes_the_answer_and_says_what_was_left_out(
+    run: Any, folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Machines, "run", one_after_the_other)
+    arguments = ("fleet", "identify", folder.path, "--config", CONFIG, "--out", tmp_path)
+    outcome = run(*arguments)
+    assert outcome.status == 0, outcome.error
+    assert "3 of 4 bags used, 2 robots" in outcome.out
+    assert f"Not used: {folder.corrupt}: nothing can be read of it" in outcome.out
+    document = json.loads((tmp_path / "fleet.json").read_text(encoding="utf-8"))
+    assert document["format"] == "idim_iv_ros/fleet/1"
+    assert [bag["status"] for bag in document["bags"]] == ["ok", "ok", "ok", "corrupt"]
+    written = {path.name for path in tmp_path.iterdir()}
+    assert written == {BAGS, "fleet.json", "fleet.parquet", "fleet.html"}
+    assert run(*arguments).status == 0  # its own files are replaced
+    (tmp_path / "fleet.parquet").write_bytes(b"PAR1 of somebody else PAR1")
+    refused = run(*arguments)
+    assert refused.status == 2
+    assert "fleet.parquet: exists, and was not written by idim_iv_ros" in refused.error
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nowhere.csv"], "nowhere.csv: no such file, folder or URL"),
+        (["{bags}", "--workers", "0"], "--workers 0: at least one is needed"),
+        (["s3x://bucket/bags"], "s3x://bucket/bags: cannot be opened"),
+    ],
+)
+def test_wrong_use_is_one_line(
+    run: Any, folder: BagFolder, tmp_path: Path, arguments: list[str], words: str
+) -> None:
+    given = [each.format(bags=folder.path) for each in arguments]
+    outcome = run("fleet", "identify", *given, "--config", CONFIG, "--out", tmp_path / "out")
+    assert outcome.status == 2
+    assert words in outcome.error
+    assert outcome.error.count("\n") == 1
+
+
+def test_without_the_extra_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    imported = builtins.__import__
+
+    def missing(name: str, *arguments: Any) -> Any:
+        if name.partition(".")[0] in ("dask", "distributed", "fsspec"):
+            raise ModuleNotFoundError(name)
+        return imported(name, *arguments)
+
+    monkeypatch.setattr(builtins, "__import__", missing)
+    for call in (lambda: file_system("bags"), lambda: connected().__enter__()):
+        with pytest.raises(UsageError, match=r'pip install "idim-iv-ros\[fleet\]"'):
+            call()
+
+
+@pytest.mark.slow
+def test_an_interruption_keeps_what_is_done(folder: BagFolder, tmp_path: Path) -> None:
+    command = [sys.executable, "-c", "from idim_iv_ros.cli.main import main; main()"]
+    arguments = ["fleet", "identify", folder.path, "--config", CONFIG, "--out", tmp_path]
+    process = subprocess.Popen(
+        [*command, *map(str, arguments), "--workers", "1"],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 300.0
+    while not list((tmp_path / BAGS).glob("*.json")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to workers, too
+    _, error = process.communicate(timeout=60.0)
+    assert process.returncode == 130
+    said = [line for line in error.splitlines() if not line[:1].isdigit()]
+    assert len(said) == 1, error
+    assert said[0].startswith("idim-iv: interrupted: ")
+    assert said[0].endswith("of 4 bags are done and kept; the same command goes on from there")
+    kept = list((tmp_path / BAGS).glob("*.json"))
+    assert kept
+    assert all(json.loads(each.read_text())["format"] == "idim_iv_ros/bag/1" for each in kept)
+    time.sleep(5.0)
+    with pytest.raises(ProcessLookupError):  # no worker is left behind
+        os.killpg(process.pid, 0)
