@@ -9,7 +9,7 @@ from idim_iv_ros.fleet.fleet_result import fleet_result
 from idim_iv_ros.fleet.result import FleetResult
 from idim_iv_ros.statistics.change_points import change_of
 
-ROBOTS, BAGS, PLANTED, DRIFTING = 20, 8, 2, 2
+ROBOTS, BAGS, PLANTED, DRIFTING = 30, 8, 3, 2
 EFFECT = 6.0  # of a planted difference, robot-to-robot deviations
 RESIDUAL = 6.0  # the same of a residual's logarithm
 CHANGE = 3.0  # of a drift, robot-to-robot deviations: some ten of those from bag to bag

@@ -92,20 +92,21 @@ def between_variance(
     filled = np.where(known, values, 0.0)[:, open_columns]
     own = np.where(known, variances, np.inf)[:, open_columns]
     wanted = wanted[open_columns]
-    tau = np.zeros(len(open_columns))
-    # Q is convex and falls: Newton's step from below the root never passes it, one from above
-    # lands below or at zero, from where it starts again.
-    for step in range(_NEWTON):
+    total = known[:, open_columns].sum(axis=0)
+    middle = filled.sum(axis=0) / total
+    squares = (np.where(known[:, open_columns], filled - middle, 0.0) ** 2).sum(axis=0)
+    # The root where all variances are equal. Q is convex and falls: Newton's step from below the
+    # root never passes it, and one from above lands below or at zero.
+    tau = np.maximum(squares / wanted - np.where(own < np.inf, own, 0.0).sum(axis=0) / total, 0.0)
+    for _ in range(_NEWTON):
         weights = 1.0 / (own + tau)
-        total = weights.sum(axis=0)
-        rest = filled - (weights * filled).sum(axis=0) / total
+        rest = filled - (weights * filled).sum(axis=0) / weights.sum(axis=0)
         q = (weights * rest**2).sum(axis=0)
         slope = (weights**2 * rest**2).sum(axis=0)
-        change = np.where(slope > 0.0, (q - wanted) / np.where(slope > 0.0, slope, 1.0), 0.0)
+        change = (q - wanted) / np.where(slope > 0.0, slope, np.inf)
+        settled = (tau == 0.0) & (q <= wanted)
         tau = np.maximum(tau + change, 0.0)
-        if step and np.all(np.abs(change) <= _CLOSE * (tau + np.abs(change)) + 1e-300):
-            break
-        if np.all((tau == 0.0) & (q <= wanted)):
+        if np.all(settled | (np.abs(change) <= _CLOSE * tau)):
             break
     found[open_columns] = tau
     return found

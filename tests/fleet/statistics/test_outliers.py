@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy
 import statsmodels.api as sm
 
 from idim_iv_ros.fleet.statistics.multiplicity import choose
@@ -39,9 +40,14 @@ def test_robots_that_hide_each_other_are_found() -> None:
     assert found.robots[3:].sum() <= 1
 
 
-def test_where_nobody_differs_hardly_a_fleet_has_one_called() -> None:
-    called = sum(outlying([population(seed)])[0].robots.any() for seed in range(100, 130))
-    assert called <= 8  # 3 expected, more than 8 with a probability below 1 %
+@pytest.mark.parametrize("robots", [6, 25])
+def test_where_nobody_differs_one_fleet_of_ten_has_a_robot_called(robots: int) -> None:
+    random = np.random.default_rng(robots)
+    called = 0
+    for _ in range(80):
+        values = random.normal(size=(robots, QUANTITIES))
+        called += outlying([Population(values, np.full(values.shape, 0.01))])[0].robots.any()
+    assert called <= scipy.stats.binom.ppf(0.99, 80, 0.1)
 
 
 def test_three_robots_are_too_few() -> None:
