@@ -2,18 +2,24 @@
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
+from idim_iv_ros.nodes.recorder.watched_topic import NeverExecuted
 from idim_iv_ros.types import FloatArray
 
 # The newest message is enough, and a publisher of either reliability is heard.
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+_LOOK = 0.01  # s; a callback for each message of a fast robot would take half a core
 _OLDEST = 1.0  # s that a message is under way; with more the clocks differ
 
 
@@ -51,7 +57,11 @@ class JointPositions:
         self._joints, self._node = tuple(joints), node
         self._stamp: tuple[int, int] | None = None
         self.last: Place | None = None
-        self._subscription = node.create_subscription(JointState, topic, self._heard, _NEWEST)
+        self._subscription = node.create_subscription(
+            JointState, topic, self._heard, _NEWEST, callback_group=NeverExecuted()
+        )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(_LOOK, self._look, clock=steady)
 
     @property
     def topic(self) -> str:
@@ -64,7 +74,15 @@ class JointPositions:
 
     def close(self) -> None:
         """Hear no more."""
+        self._node.destroy_timer(self._timer)
         self._node.destroy_subscription(self._subscription)
+
+    def _look(self) -> None:
+        """Take the newest message."""
+        with suppress(InvalidHandle), self._subscription.handle:
+            taken = self._subscription.handle.take_message(JointState, False)
+            if taken is not None:
+                self._heard(taken[0])
 
     def _heard(self, message: Any) -> None:
         stamp = (message.header.stamp.sec, message.header.stamp.nanosec)
