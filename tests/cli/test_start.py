@@ -99,6 +99,8 @@ def test_ctrl_c_is_one_line_and_leaves_nothing(
         pytest.skip("it was faster")
     process.send_signal(signal.SIGINT)
     printed, error = process.communicate(timeout=120)
+    if "init_import_site" in error:
+        pytest.skip("the machine is so busy that Python itself had not begun")
     lines = [line for line in error.splitlines() if " s: " not in line]  # progress
     if process.returncode == 0:  # it ended before the signal was looked at
         assert printed
