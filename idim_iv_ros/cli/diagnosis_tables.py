@@ -128,12 +128,12 @@ def _print_causes(console: Console, result: GapResult) -> None:
 
 
 def _print_hints(console: Console, result: GapResult) -> None:
-    """What the search accepts and what does not hold without the data that chose it."""
+    """What may be there, and is not sure enough for a cause."""
     columns = [Column(each) for each in ("would be", "chosen in folds", "why it is only a hint")]
     rows = [
         (
             effect_at(each.effect, each.joint, each.other_joint),
-            each.chosen_in_folds,
+            each.chosen_in_folds or "–",
             each.reason,
         )
         for each in result.hints

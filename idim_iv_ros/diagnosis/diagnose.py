@@ -15,6 +15,7 @@ from idim_iv_ros.diagnosis.localisation.where import where
 from idim_iv_ros.diagnosis.nominal import read_nominal_model, with_nominal
 from idim_iv_ros.diagnosis.parametric.agreement import agreement
 from idim_iv_ros.diagnosis.parametric.causes import parametric_causes, parametric_results
+from idim_iv_ros.diagnosis.parametric.doubts import parametric_hints
 from idim_iv_ros.diagnosis.parametric.gain_beside_friction import with_friction
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
 from idim_iv_ros.diagnosis.result import ContrastResult, GapResult
@@ -165,7 +166,7 @@ def concluded(
         held=held,
         tracked=tracked,
         causes=shafts.causes,
-        hints=hints_of(data, attribution, held),
+        hints=(*hints_of(data, attribution, held), *parametric_hints(data, parametric.doubts)),
         transmissions=measured,
         excluded=shafts.notes,
         parametric=parametric,

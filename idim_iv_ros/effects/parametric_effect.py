@@ -173,6 +173,10 @@ class ParametricEffect(Cause):
         """Whether physics allows the estimate: by default anything."""
         return True
 
+    def telling(self, found: Sequence[Estimated]) -> list[Estimated]:
+        """Estimates of which one must differ from zero for the effect to be there; all of them."""
+        return list(found)
+
     def parameters(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
     ) -> dict[str, EffectParameter]:

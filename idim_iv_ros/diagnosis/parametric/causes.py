@@ -7,7 +7,8 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, change_regression
-from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause, causes_of
+from idim_iv_ros.diagnosis.parametric.doubts import ParametricDoubt, doubts_of
+from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause, judged
 from idim_iv_ros.diagnosis.parametric.hypotheses import Hypothesis, changes_of
 from idim_iv_ros.diagnosis.parametric.missing import missing_parameters, without_negative_drives
 from idim_iv_ros.diagnosis.parametric.selection import smallest_set
@@ -92,6 +93,8 @@ class ParametricOutcome:
         The same with the causes, and with new base parameters.
     sizes : (n_joints,)
         RMS of the recorded torque, N m (N).
+    doubts : tuple of ParametricDoubt
+        Parameter errors that may be there: hints.
     """
 
     causes: tuple[ParametricCause, ...]
@@ -100,6 +103,7 @@ class ParametricOutcome:
     after: FloatArray
     refit: FloatArray
     sizes: FloatArray
+    doubts: tuple[ParametricDoubt, ...] = ()
 
 
 def parametric_causes(
@@ -135,7 +139,7 @@ def parametric_causes(
         if physical.space.bare_drives == changes.space.bare_drives:
             break
         changes = physical
-    all_causes = causes_of(data.joints, changes, [*known, *found], catalogue)
+    all_causes, doubtful = judged(data.joints, changes, [*known, *found], catalogue)
     causes = _large_enough(all_causes, changes)
     if not causes and not reason:
         reason = (
@@ -146,7 +150,15 @@ def parametric_causes(
     named = changes.explain([change for cause in causes for change in cause.changes])
     given, after = changes.rms(named.contributions.sum(axis=1))
     _, least = changes.rms(changes.refit().contributions.sum(axis=1))
-    return ParametricOutcome(causes, "" if causes else reason, given, after, least, changes.sizes)
+    return ParametricOutcome(
+        causes,
+        "" if causes else reason,
+        given,
+        after,
+        least,
+        changes.sizes,
+        doubts_of(data.joints, changes, doubtful, causes),
+    )
 
 
 def _other_causes(

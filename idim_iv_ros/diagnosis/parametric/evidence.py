@@ -8,7 +8,7 @@ from scipy import stats
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression, Explained
-from idim_iv_ros.diagnosis.parametric.confirmed import confirmed, takes_nearly_all
+from idim_iv_ros.diagnosis.parametric.confirmed import confirmed
 from idim_iv_ros.diagnosis.parametric.hypotheses import (
     Hypothesis,
     Trial,
@@ -18,8 +18,7 @@ from idim_iv_ros.diagnosis.parametric.hypotheses import (
     trial_of,
     trials,
 )
-from idim_iv_ros.diagnosis.parametric.other_errors import estimated_beside_other_errors
-from idim_iv_ros.diagnosis.parametric.significance import differs
+from idim_iv_ros.diagnosis.parametric.sure import Doubtful, sure_of
 from idim_iv_ros.diagnosis.result import EffectParameter, Indistinguishable
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParametricEffect
 from idim_iv_ros.estimation.qr import independent_basis
@@ -81,7 +80,17 @@ def causes_of(
     kept: Sequence[Hypothesis],
     catalogue: Sequence[ParametricEffect],
 ) -> tuple[ParametricCause, ...]:
-    """Say what each hypothesis explains beside the others; strongest first.
+    """Say what each hypothesis explains beside the others; see `judged`."""
+    return judged(joints, changes, kept, catalogue)[0]
+
+
+def judged(
+    joints: Sequence[str],
+    changes: ChangeRegression,
+    kept: Sequence[Hypothesis],
+    catalogue: Sequence[ParametricEffect],
+) -> tuple[tuple[ParametricCause, ...], tuple[Doubtful, ...]]:
+    """Say what each hypothesis explains beside the others, strongest first, and which are doubtful.
 
     What the configuration itself leaves out comes first; it is indistinguishable only from what no
     recording separates from it.
@@ -94,12 +103,13 @@ def causes_of(
         The smallest set that explains the change.
     """
     count = len({each.key for each in hypotheses(changes, catalogue)})
-    sure, numbers = _sure(changes, kept)
-    if kept and not sure:
+    sure = sure_of(changes, kept)
+    doubtful = sure.doubtful
+    if kept and not sure.kept:
         # Most numbers are in error, and no few of them are significant: joint by joint, then.
         known = [each for each in kept if each.effect.known_to_be_left_out(changes.space)]
-        sure, numbers = _sure(changes, [*known, *of_base_parameters(changes, catalogue, known)])
-    kept = sure
+        sure = sure_of(changes, [*known, *of_base_parameters(changes, catalogue, known)])
+    kept, numbers = sure.kept, sure.numbers
     beside: dict[int, tuple[Trial, Explained, tuple[Estimated, ...]]] = {}
     for number, (hypothesis, own) in enumerate(zip(kept, numbers, strict=True)):
         others = changes.explain(changes_of(_without(kept, hypothesis)))
@@ -134,43 +144,11 @@ def causes_of(
                 torque=_torque(changes, hypothesis, this),
             )
         )
-    return tuple(causes)
+    return tuple(causes), doubtful
 
 
 def _without(kept: Sequence[Hypothesis], hypothesis: Hypothesis) -> list[Hypothesis]:
     return [other for other in kept if other is not hypothesis]
-
-
-def _sure(
-    changes: ChangeRegression, found: Sequence[Hypothesis]
-) -> tuple[list[Hypothesis], list[tuple[Estimated, ...]]]:
-    """Hypotheses whose numbers differ from zero beside errors of all others, and estimates.
-
-    Others are dropped, the least sure first, and the rest is estimated again; but for one that
-    alone takes nearly all that new parameters take of the gap, with at least one number whose
-    interval leaves out zero. Errors of many other numbers would have to conspire to imitate it, and
-    its intervals say what they leave open.
-    """
-    kept = list(found)
-    while kept:
-        beside = estimated_beside_other_errors(changes, changes_of(kept))
-        ends = np.cumsum([len(each.changes) for each in kept])
-        parts = [slice(end - len(each.changes), end) for each, end in zip(kept, ends, strict=True)]
-        numbers = [beside.found[part] for part in parts]
-        sure = [beside.p_value(part) for part in parts]
-        unsure = [
-            place
-            for place, p_value in enumerate(sure)
-            if p_value > settings.PARAMETRIC_LEVEL
-            and not (
-                any(differs(each.value, each.std) for each in numbers[place])
-                and takes_nearly_all(changes, kept[place].changes)
-            )
-        ]
-        if not unsure:
-            return kept, numbers
-        del kept[max(unsure, key=lambda place: sure[place])]
-    return [], []
 
 
 def _name(joints: Sequence[str], hypothesis: Hypothesis) -> str | None:

@@ -82,7 +82,10 @@ class Cause:
 
 @dataclass(frozen=True, kw_only=True)
 class Hint:
-    """What a search over all data finds, and what does not hold without the data that chose it.
+    """What a search over all data finds, and what is not sure enough for a cause.
+
+    An effect that does not hold without the data that chose it, or a parameter error each of whose
+    numbers may be zero beside errors of all other given numbers.
 
     Attributes
     ----------
@@ -96,9 +99,11 @@ class Hint:
     parameters : dict of str to EffectParameter
         If it were a cause.
     chosen_in_folds : str
-        Without how many of the folds a search names it again: ``2 of 5``.
+        Without how many of the folds a search names it again: ``2 of 5``; empty for a parameter
+        error.
     torque_gap : Gap
-        At the joint, on data that did not choose it.
+        At the joint, on data that did not choose it; of a parameter error, by itself and on all
+        data.
     """
 
     effect: str

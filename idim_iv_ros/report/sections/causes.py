@@ -143,7 +143,7 @@ def _hint(result: GapResult, hint: Hint) -> tuple[str, str, str, str]:
         for name, each in surest(hint.parameters, _MOST_NUMBERS).items()
     )
     reason = sentence(hint.reason, result.joints)
-    return title[:1].upper() + title[1:], numbers, hint.chosen_in_folds, reason
+    return title[:1].upper() + title[1:], numbers, hint.chosen_in_folds or "–", reason
 
 
 def _evidence(cause: Cause) -> list[tuple[str, str]]:
