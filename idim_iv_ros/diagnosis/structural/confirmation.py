@@ -275,7 +275,8 @@ def _why_not(tested: HeldOut, number: int, found: Found, chosen: Chosen) -> str:
     sure = gap.after < gap.before if gap.ci95 is None else gap.ci95[0] > 0.0
     drifts = found.candidate.effect.family == "time"
     least = settings.HELD_OUT_LEAST_FOLDS_OF_DRIFT if drifts else settings.HELD_OUT_LEAST_FOLDS
-    if gain < settings.HELD_OUT_LEAST_GAIN:
+    smallest = settings.HELD_OUT_LEAST_GAIN_OF_DRIFT if drifts else settings.HELD_OUT_LEAST_GAIN
+    if gain < smallest:
         return f"it takes only {100.0 * gain:.2g} % of the residual on data that did not choose it"
     if share < least:
         return (
