@@ -275,7 +275,7 @@ class Screened:
     ----------
     robot, type : str
     why : str
-        ``typical``: it stands for its type.
+        ``typical``: it represents its type.
     reason : str
     bags : tuple of str
         URIs to diagnose, newest first.

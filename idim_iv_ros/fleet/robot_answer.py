@@ -1,4 +1,4 @@
-"""What stands out about single robots, as a part of the document."""
+"""What is noticed of single robots, as a part of the document."""
 
 import math
 import re

@@ -231,7 +231,7 @@ def _diagnoses(result: FleetResult) -> dict[str, Any]:
             sentence(words, _robots(result)) for each in result.types for words in each.sentences
         ],
         "rows": [
-            [each.robot, each.type, "stands for its type" if each.why == "typical" else each.reason]
+            [each.robot, each.type, "represents its type" if each.why == "typical" else each.reason]
             for each in result.screen
         ],
     }

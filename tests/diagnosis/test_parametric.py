@@ -268,10 +268,11 @@ def test_a_payload_lies_in_its_interval_though_other_numbers_are_wrong(
     """Every other given number is off by a few percent, as of any data sheet.
 
     At least nine of ten intervals hold the truth (of 95 % claimed; the size of the other errors is
-    known from few directions only); with the deviations of the noise alone it was one of ten.
+    known from few directions only); with the deviations of the noise alone it was one of ten. On a
+    planar arm errors of the last link imitate it: where all its numbers may be zero it has no name.
     """
     given = data.prepared.model.given
-    inside = 0
+    inside, named = 0, 0
     for seed in range(40):
         random = np.random.default_rng(seed)
         error = 0.03 * given * random.standard_normal(len(given))
@@ -286,10 +287,14 @@ def test_a_payload_lies_in_its_interval_though_other_numbers_are_wrong(
         causes = {
             cause.effect.name: cause for cause in parametric_causes(data, wrong, wrong.fit()).causes
         }
+        if "payload" not in causes:
+            continue
+        named += 1
         moment = causes["payload"].parameters["moment_x"]
         assert moment.std is not None
         inside += abs(moment.value - 0.8 * 0.1) < 1.96 * moment.std
-    assert inside >= 36
+    assert named >= 36
+    assert inside >= 0.9 * named
 
 
 def test_a_payload_is_named_beside_friction_that_is_in_the_model(data: Baseline) -> None:

@@ -19,6 +19,7 @@ from idim_iv_ros.diagnosis.parametric.hypotheses import (
     trials,
 )
 from idim_iv_ros.diagnosis.parametric.other_errors import estimated_beside_other_errors
+from idim_iv_ros.diagnosis.parametric.significance import differs
 from idim_iv_ros.diagnosis.result import EffectParameter, Indistinguishable
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParametricEffect
 from idim_iv_ros.estimation.qr import independent_basis
@@ -146,8 +147,9 @@ def _sure(
     """Hypotheses whose numbers differ from zero beside errors of all others, and estimates.
 
     Others are dropped, the least sure first, and the rest is estimated again; but for one that
-    alone takes nearly all that new parameters take of the gap. Errors of many other numbers
-    would have to conspire to imitate it, and its intervals say what they leave open.
+    alone takes nearly all that new parameters take of the gap, with at least one number whose
+    interval leaves out zero. Errors of many other numbers would have to conspire to imitate it, and
+    its intervals say what they leave open.
     """
     kept = list(found)
     while kept:
@@ -160,7 +162,10 @@ def _sure(
             place
             for place, p_value in enumerate(sure)
             if p_value > settings.PARAMETRIC_LEVEL
-            and not takes_nearly_all(changes, kept[place].changes)
+            and not (
+                any(differs(each.value, each.std) for each in numbers[place])
+                and takes_nearly_all(changes, kept[place].changes)
+            )
         ]
         if not unsure:
             return kept, numbers

@@ -130,19 +130,19 @@ def common_between_variance(groups: list[tuple[FloatArray, FloatArray]]) -> Floa
     """
     columns = groups[0][0].shape[1] if groups else 0
     counts = np.array([np.isfinite(v + s).sum(axis=0) for v, s in groups]).reshape(-1, columns)
-    told = counts > 1
+    judged = counts > 1
 
     def median(between: FloatArray) -> FloatArray:
         q = np.array([generalised_q(v, s, between)[0] for v, s in groups])
         below = scipy.stats.chi2.cdf(q, np.maximum(counts - 1, 1))
-        return np.asarray(np.nanmedian(np.where(told, below, np.nan), axis=0))
+        return np.asarray(np.nanmedian(np.where(judged, below, np.nan), axis=0))
 
     result = np.full(columns, np.nan)
-    usable = told.any(axis=0)
+    usable = judged.any(axis=0)
     if not usable.any():
         return result
     groups = [(values[:, usable], variances[:, usable]) for values, variances in groups]
-    told, counts = told[:, usable], counts[:, usable]
+    judged, counts = judged[:, usable], counts[:, usable]
     spread = np.nanmax(
         [np.nan_to_num(np.nanmax(v, axis=0) - np.nanmin(v, axis=0)) for v, _ in groups], axis=0
     )

@@ -95,12 +95,12 @@ def _prior(
     q = np.array([generalised_q(v, s, between)[0] for v, s in pairs])
     found = np.zeros(len(between))
     for column in range(len(between)):
-        told = counts[:, column] >= _FEWEST_OF_SCATTER
-        most = float(np.sum(told)) - 1.0
+        judged = counts[:, column] >= _FEWEST_OF_SCATTER
+        most = float(np.sum(judged)) - 1.0
         if most < 1.0:
             continue
-        dof = counts[told, column] - 1.0
-        scatter = np.log(np.maximum(q[told, column] / dof, _LEAST_SCATTER))
+        dof = counts[judged, column] - 1.0
+        scatter = np.log(np.maximum(q[judged, column] / dof, _LEAST_SCATTER))
         spread = float(np.subtract(*np.quantile(scatter, [0.75, 0.25])))
         able = [nu for nu in _PRIORS if nu <= most and _spread(float(np.median(dof)), nu) >= spread]
         # The spread falls with ν: the largest that still makes so large a one.

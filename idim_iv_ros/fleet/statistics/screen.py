@@ -10,7 +10,7 @@ from idim_iv_ros.fleet.result import CommonCause, Screened, WhyDiagnose
 from idim_iv_ros.fleet.statistics.judged import Judged
 from idim_iv_ros.types import FloatArray
 
-TYPICAL = 3  # ordinary robots that stand for their type
+TYPICAL = 3  # ordinary robots that represent their type
 BAGS = 3  # of a robot, the newest ones
 # Share of the diagnosed ordinary robots in which a cause is one of the type, and the fewest robots.
 _OF_TYPE, _OF_TYPE_LEAST = 2.0 / 3.0, 2
@@ -26,7 +26,7 @@ LIMITS = (
     "An effect that is smaller than what bags of one robot differ by, or than what robots of the "
     "type differ by, is not found here.",
     "Parameters of R factors are those of least squares: noise of the encoders moves those of all "
-    "robots alike, so that differences and changes are right and means may be off by a little.",
+    "robots equally, so that differences and changes are right and means may be off by a little.",
 )
 
 
@@ -128,7 +128,7 @@ def _words(cause: CommonCause) -> str:
 
 
 def screened(judged: Judged) -> list[Screened]:
-    """Robots of a type that deserve a diagnosis, and those that stand for the type."""
+    """Robots of a type that deserve a diagnosis, and those that represent the type."""
     group, found = judged.bags, judged.outlying
     chosen: list[Screened] = []
     quiet: dict[str, FloatArray] = {}
@@ -158,7 +158,7 @@ def screened(judged: Judged) -> list[Screened]:
             name,
             group.type,
             "typical",
-            f"stands for {group.type}: nothing about it is unusual",
+            f"represents {group.type}: nothing about it is unusual",
             newest(bags[name]),
         )
         for name in typical_robots(quiet)

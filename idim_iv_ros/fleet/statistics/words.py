@@ -1,4 +1,4 @@
-"""What stands out about a robot, in sentences."""
+"""What is noticed of a robot, in sentences."""
 
 import math
 
