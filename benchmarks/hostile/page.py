@@ -16,8 +16,8 @@ def page_lines(answers: dict[str, Answer], missing: dict[str, str]) -> list[str]
     cells = list(answers.values())
     apart = sum(bool(cell.unanswerable) for cell in cells)
     return [
-        f"{len(cells)} cells judged, {len(missing)} without an answer. In {apart} of them the control "
-        "law differs and the configuration knows none: it is not asked for.",
+        f"{len(cells)} cells judged, {len(missing)} without an answer. In {apart} of them the "
+        "control law differs and the configuration knows none: it is not asked for.",
         "",
         *_figures(cells),
         "",

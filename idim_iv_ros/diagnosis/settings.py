@@ -227,8 +227,8 @@ MOST_BEYOND_KNEE = Setting(0.5, "rows",
 HELD_OUT_LEAST_GAIN = Setting(0.02, "energy of the whitened residual",
     "what an effect must take on data not used to fit, at least", CHOSEN)
 HELD_OUT_LEAST_GAIN_OF_DRIFT = Setting(0.05, "energy of the whitened residual",
-    "the same for what changes with time: every robot warms up, and a change of less than a quarter "
-    "of the noise (rms) is no cause", CHOSEN)
+    "the same for what changes with time: every robot warms up, and a change of less than a "
+    "quarter of the noise (rms) is no cause", CHOSEN)
 LEAST_FOLDS_CHOSEN = Setting(0.6, "folds",
     "folds without which a search must choose an effect again, at least, or what is "
     "indistinguishable from it: 3 of 5; one that is chosen less often is a hint", CONVENTION)

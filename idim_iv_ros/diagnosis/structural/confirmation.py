@@ -21,7 +21,7 @@ from idim_iv_ros.diagnosis.structural.deviations import (
 )
 from idim_iv_ros.diagnosis.structural.knee import with_knees_refitted
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
-from idim_iv_ros.diagnosis.structural.possible import why_impossible
+from idim_iv_ros.diagnosis.structural.possible import why_impossible, why_of_the_gain
 from idim_iv_ros.signals import AutoregressiveModel
 
 
@@ -190,12 +190,14 @@ def impossible(data: Baseline, model: NamedModel, folds: CrossFitting) -> list[s
     divided = folds.choices(interleaved=drifts).folds
     covered = operating_range(data)
     ends = np.cumsum(model.regression.widths)
-    return [
-        why_impossible(
-            each, model.fit.coefficients[end - each.candidate.width : end], covered, divided
+    reasons = []
+    for each, end in zip(model.found, ends, strict=True):
+        coefficients = model.fit.coefficients[end - each.candidate.width : end]
+        reasons.append(
+            why_impossible(each, coefficients, covered, divided)
+            or why_of_the_gain(data, each, model.fit, coefficients)
         )
-        for each, end in zip(model.found, ends, strict=True)
-    ]
+    return reasons
 
 
 def judged(found: Sequence[Found], result: FoldTest, impossible: Sequence[str]) -> list[Doubtful]:

@@ -144,7 +144,14 @@ def label(*effects: tuple[str, str | None], also_true: tuple[str, ...] = ()) -> 
         "also_true": list(also_true),
         "nuisances": {"knows_controller": True},
         "effects": [
-            {"effect": name, "joint": joint, "joints": [], "kind": "structural", "mass": 1.0, "rho": 1.0}
+            {
+                "effect": name,
+                "joint": joint,
+                "joints": [],
+                "kind": "structural",
+                "mass": 1.0,
+                "rho": 1.0,
+            }
             for name, joint in effects
         ],
     }
@@ -192,4 +199,6 @@ def test_another_law_is_not_asked_for_where_none_is_configured() -> None:
     said = answer(("torque_saturation", "structural", "joint_1", []))
     assert judge(unknown, said, 1.0).false_names == ("torque_saturation[joint_1]",)
     page = page_lines({"a": judge(known, answer(), 1.0), "b": silent}, {})
-    assert any(line.startswith("| right effect and joint, 2 joints") and "0/1" in line for line in page)
+    assert any(
+        line.startswith("| right effect and joint, 2 joints") and "0/1" in line for line in page
+    )
