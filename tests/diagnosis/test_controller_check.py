@@ -95,3 +95,19 @@ def test_one_shock_in_the_commands_is_no_other_law(arm: SimulatedArm) -> None:
     plain, other = (rows.fit(names, with_lag=True) for names in ((), ("kd",)))
     assert acceptable(rows, plain, other)  # all rows together are for another gain
     assert check_law(data).findings == ()
+
+
+@pytest.mark.parametrize(("late", "names"), [(-6e-3, []), (6e-3, ["joint_1"])])
+def test_commands_stamped_too_early_are_no_other_law(
+    arm: SimulatedArm, late: float, names: list[str]
+) -> None:
+    """No law acts before it has measured; one that acts too late is another."""
+    data = diagnosed(arm, 1)
+    (motion,) = data.prepared.motions
+    signals = motion.signals
+    torque = signals.torque.copy()
+    time = np.arange(len(torque)) / signals.rate
+    torque[:, 0] = np.interp(time - late, time, torque[:, 0])
+    shifted = replace(motion, signals=replace(signals, torque=torque))
+    data = replace(data, prepared=replace(data.prepared, motions=(shifted,)))
+    assert [finding.joint for finding in check_law(data).findings] == names

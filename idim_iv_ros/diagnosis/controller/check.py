@@ -233,9 +233,9 @@ def _finding(
         return None
     changes = change.changes
     lag, deviation = changes.pop(LAG)
-    if abs(lag) - settings.LAG_DEVIATIONS * deviation > longest:
-        within = float(np.clip(lag, -longest, longest))
-        short = replace(rows, rest=rows.rest + within * rows.rate)
+    # No law acts before it has measured: a lag below zero is one of the stamps.
+    if lag - settings.LAG_DEVIATIONS * deviation > longest:
+        short = replace(rows, rest=rows.rest + longest * rows.rate)
         if _holds_lag(rows, short, change):
             changes[LAG] = (lag, deviation)
             base = short.fit((), with_lag=False)
