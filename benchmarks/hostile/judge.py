@@ -7,6 +7,7 @@ from typing import Any
 from benchmarks.withheld_effects.verdict import Cause, Verdict, holds
 
 NORMAL_975 = 1.959964
+NEEDS_LAW = ("controller_mismatch",)
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class Answer:
         Whether each of these sets holds a true effect.
     mass_in_interval : bool or None
         Of a true payload; None without one, or where it was not named itself.
+    unanswerable : tuple of str
+        True effects that nothing in the files can show: not asked for, and not in `found`.
     """
 
     label: dict[str, Any]
@@ -46,6 +49,7 @@ class Answer:
     sets: tuple[int, ...]
     covering: tuple[bool, ...]
     mass_in_interval: bool | None
+    unanswerable: tuple[str, ...] = ()
 
     @property
     def outcome(self) -> str:
@@ -53,7 +57,8 @@ class Answer:
         if self.false_names:
             return "false name" if not any(self.found) else "hit and false name"
         if not self.found:
-            return "right: nothing named"
+            cannot = f" (no {' and '.join(self.unanswerable)} can)" if self.unanswerable else ""
+            return f"right: nothing named{cannot}"
         if all(self.found):
             return "hit"
         return "part found" if any(self.found) else "abstained"
@@ -63,6 +68,7 @@ def judge(label: dict[str, Any], document: Mapping[str, Any], seconds: float) ->
     """Compare gap.json with the truth.
 
     Where the nominal model is off, what that makes true is not asked for and is no false name.
+    Another control law is not asked for where the configuration says that the law is unknown.
 
     Raises
     ------
@@ -70,7 +76,12 @@ def judge(label: dict[str, Any], document: Mapping[str, Any], seconds: float) ->
         Another format.
     """
     verdict = Verdict.read(dict(document))
-    truths = [truth for truth in label["effects"] if truth["kind"] != "outside"]
+    unanswerable = _unanswerable(label)
+    truths = [
+        truth
+        for truth in label["effects"]
+        if truth["kind"] != "outside" and truth["effect"] not in unanswerable
+    ]
     asked = {truth["effect"] for truth in truths}
     also = set(label["also_true"]) - asked
     judged = [cause for cause in verdict.causes if _about(cause, truths) or not _also(cause, also)]
@@ -88,7 +99,16 @@ def judge(label: dict[str, Any], document: Mapping[str, Any], seconds: float) ->
         sets=tuple(len(cause.alike) for cause in judged),
         covering=covering,
         mass_in_interval=_mass(truths, document),
+        unanswerable=unanswerable,
     )
+
+
+def _unanswerable(label: Mapping[str, Any]) -> tuple[str, ...]:
+    """Another law than the configured one, where none is configured: one can only abstain."""
+    if label["nuisances"]["knows_controller"]:
+        return ()
+    effects = {truth["effect"] for truth in label["effects"]}
+    return tuple(effect for effect in NEEDS_LAW if effect in effects)
 
 
 def _about(cause: Cause, truths: list[dict[str, Any]]) -> bool:

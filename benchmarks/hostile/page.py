@@ -14,8 +14,10 @@ CLEAR = 0.9 * LEAST_RATIO  # the calibration may miss by a tenth
 def page_lines(answers: dict[str, Answer], missing: dict[str, str]) -> list[str]:
     """Return the page as Markdown lines; `missing` are cells without an answer, with the reason."""
     cells = list(answers.values())
+    apart = sum(bool(cell.unanswerable) for cell in cells)
     return [
-        f"{len(cells)} cells judged, {len(missing)} without an answer.",
+        f"{len(cells)} cells judged, {len(missing)} without an answer. In {apart} of them the "
+        "control law differs and the configuration knows none: it is not asked for.",
         "",
         *_figures(cells),
         "",
@@ -101,8 +103,8 @@ def _small(cell: Answer) -> bool:
 
 
 def _clear(cell: Answer) -> bool:
-    """The effect stands out enough to be asked for."""
-    return bool(cell.label["effects"][0]["rho"] >= CLEAR)
+    """The effect can be named, and stands out enough to be asked for."""
+    return bool(cell.found) and bool(cell.label["effects"][0]["rho"] >= CLEAR)
 
 
 def _seconds(cells: Iterable[Answer]) -> str:

@@ -226,6 +226,9 @@ MOST_BEYOND_KNEE = Setting(0.5, "rows",
 # Held-out confirmation.
 HELD_OUT_LEAST_GAIN = Setting(0.02, "energy of the whitened residual",
     "what an effect must take on data not used to fit, at least", CHOSEN)
+HELD_OUT_LEAST_GAIN_OF_DRIFT = Setting(0.05, "energy of the whitened residual",
+    "the same for what changes with time: every robot warms up, and a change of less than a "
+    "quarter of the noise (rms) is no cause", CHOSEN)
 LEAST_FOLDS_CHOSEN = Setting(0.6, "folds",
     "folds without which a search must choose an effect again, at least, or what is "
     "indistinguishable from it: 3 of 5; one that is chosen less often is a hint", CONVENTION)
@@ -360,6 +363,12 @@ LAW_LEAST_DIFFERENCE = Setting(0.005, "command (rms)",
     "difference from which on commands are not those of the law", CHOSEN)
 LAW_LEAST_SHARE = Setting(0.05, "energy that the law leaves",
     "what a change of the law must take, at least", CHOSEN)
+LAW_BLOCKS = Count(20, "blocks of time",
+    "parts into which the rows of the commands are split, to see that a change of the law lasts",
+    CHOSEN)
+LAW_BLOCKS_LEFT_OUT = Count(2, "blocks of time",
+    "parts without which a change of the law must still be supported: those that speak for it most",
+    CHOSEN)
 LONGEST_LAG = Setting(2.0, "control periods",
     "time from the law to the torque up to which a command is only sampled and held", PHYSICS)
 LAG_DIFFERENCE = Setting(0.5, "control periods",

@@ -82,6 +82,12 @@ def test_a_drift_may_lie_in_half_of_the_session(monkeypatch: pytest.MonkeyPatch)
     assert names([half], [0], monkeypatch) == []
 
 
+def test_a_warm_up_far_below_the_noise_is_a_hint(monkeypatch: pytest.MonkeyPatch) -> None:
+    little = (0.03, 5, 5, 1.0, 0.5, (0.3, 0.6))
+    assert names([little], [0], monkeypatch) == [0]
+    assert names([little], [0], monkeypatch, "time") == []
+
+
 @pytest.mark.parametrize(
     ("times", "folds", "kept"), [(5, 5, True), (3, 5, True), (2, 5, False), (2, 3, True)]
 )

@@ -14,7 +14,11 @@ from idim_iv_ros.diagnosis.controller.check import (
     check_law,
     why_not_checked,
 )
+from idim_iv_ros.diagnosis.controller.command_regression import command_regression
+from idim_iv_ros.diagnosis.controller.law_change import acceptable
+from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.simulation import control_law
 from tests.estimation.test_simulated_arms import recorded
 
 
@@ -69,3 +73,41 @@ def test_what_cannot_be_compared_is_said(arm: SimulatedArm) -> None:
     blind = replace(data, prepared=replace(data.prepared, configuration=lawless))
     assert why_not_checked(blind) == "the configuration names no control law"
     assert check_law(blind).findings == ()
+
+
+def test_one_shock_in_the_commands_is_no_other_law(arm: SimulatedArm) -> None:
+    """Efforts of a slower topic miss a shock: one stretch of time speaks for every other law."""
+    data = diagnosed(arm, 1)
+    (motion,) = data.prepared.motions
+    signals = motion.signals
+    law = control_law(data.prepared.configuration.controller, len(data.joints))
+    position, torque = signals.position.copy(), signals.torque.copy()
+    length = round(0.2 * signals.rate)
+    middle = slice(len(torque) // 2, len(torque) // 2 + length)
+    knock = 0.05 * np.sin(np.pi * np.arange(length) / length) ** 2  # rad
+    position[middle, 0] += knock
+    kp, kd = (gain[0] for gain in law.torque_gains[:2])
+    torque[middle, 0] -= kp * knock + 0.7 * kd * np.gradient(knock, 1.0 / signals.rate)
+    shocked = replace(motion, signals=replace(signals, position=position, torque=torque))
+    data = replace(data, prepared=replace(data.prepared, motions=(shocked,)))
+    rows = command_regression([shocked], law, 0, LawSpeed())
+    assert rows is not None
+    plain, other = (rows.fit(names, with_lag=True) for names in ((), ("kd",)))
+    assert acceptable(rows, plain, other)  # all rows together are for another gain
+    assert check_law(data).findings == ()
+
+
+@pytest.mark.parametrize(("late", "names"), [(-6e-3, []), (6e-3, ["joint_1"])])
+def test_commands_stamped_too_early_are_no_other_law(
+    arm: SimulatedArm, late: float, names: list[str]
+) -> None:
+    """No law acts before it has measured; one that acts too late is another."""
+    data = diagnosed(arm, 1)
+    (motion,) = data.prepared.motions
+    signals = motion.signals
+    torque = signals.torque.copy()
+    time = np.arange(len(torque)) / signals.rate
+    torque[:, 0] = np.interp(time - late, time, torque[:, 0])
+    shifted = replace(motion, signals=replace(signals, torque=torque))
+    data = replace(data, prepared=replace(data.prepared, motions=(shifted,)))
+    assert [finding.joint for finding in check_law(data).findings] == names

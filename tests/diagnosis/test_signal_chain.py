@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from bags import simulated_arms
 from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
-from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
+from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, _chain, aligned
 from idim_iv_ros.recording import Recording
 from tests.estimation.test_simulated_arms import recorded
 
@@ -102,3 +102,10 @@ def test_a_joint_that_is_later_than_the_other_keeps_its_delay(
     assert abs(chain.shift) < 3.0 * chain.std
     assert chain.agreeing.tolist() == [True, False]
     assert "joint_2 differs" in chain.sentence(data.joints)
+
+
+def test_of_two_joints_that_differ_the_earlier_has_the_common_shift() -> None:
+    """A measured effort is a mean over the period before; one drive is late by 0.9 ms beyond it."""
+    chain = _chain(np.array([-0.15e-3, -1.03e-3]), np.array([2e-5, 2e-5]), 2e-3)
+    assert chain.agreeing.tolist() == [False, True]
+    assert chain.shift == pytest.approx(-1.03e-3)

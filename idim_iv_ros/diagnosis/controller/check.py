@@ -7,8 +7,18 @@ import numpy as np
 from scipy import stats
 
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.controller.command_regression import command_regression, rms
-from idim_iv_ros.diagnosis.controller.law_change import LawChange, acceptable, law_change
+from idim_iv_ros.diagnosis.controller.command_regression import (
+    CommandRegression,
+    command_regression,
+    rms,
+)
+from idim_iv_ros.diagnosis.controller.law_change import (
+    LawChange,
+    acceptable,
+    law_change,
+    supported,
+    without_best,
+)
 from idim_iv_ros.diagnosis.controller.law_event import LawEvent
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, law_speed
 from idim_iv_ros.diagnosis.parametric.significance import differs
@@ -203,6 +213,17 @@ def _longest_lag(compared: Sequence[LawChange], period: float, shift: float) -> 
     return min(longest, common + settings.LAG_DIFFERENCE * period)
 
 
+def _holds_lag(rows: CommandRegression, short: CommandRegression, change: LawChange) -> bool:
+    """Whether the lag is needed beyond that of `short`, also without where it helps most."""
+    smaller = short.fit(change.groups, with_lag=False)
+    if not acceptable(rows, smaller, change.fit):
+        return False
+    calm = without_best(smaller, change.fit)
+    rows, short = rows.only(calm), short.only(calm)
+    larger = rows.fit(change.groups, with_lag=True)
+    return supported(rows, short.fit(change.groups, with_lag=False), larger)
+
+
 def _finding(
     data: Baseline, law: ControlLaw, joint: int, change: LawChange, longest: float
 ) -> ControllerFinding | None:
@@ -212,10 +233,10 @@ def _finding(
         return None
     changes = change.changes
     lag, deviation = changes.pop(LAG)
-    if abs(lag) - settings.LAG_DEVIATIONS * deviation > longest:
-        within = float(np.clip(lag, -longest, longest))
-        short = replace(rows, rest=rows.rest + within * rows.rate)
-        if acceptable(rows, short.fit(change.groups, with_lag=False), fit):
+    # No law acts before it has measured: a lag below zero is one of the stamps.
+    if lag - settings.LAG_DEVIATIONS * deviation > longest:
+        short = replace(rows, rest=rows.rest + longest * rows.rate)
+        if _holds_lag(rows, short, change):
             changes[LAG] = (lag, deviation)
             base = short.fit((), with_lag=False)
     if LAG not in changes and rms(base) < little:  # what an ordinary lag leaves

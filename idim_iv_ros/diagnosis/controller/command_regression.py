@@ -59,6 +59,26 @@ class CommandRegression:
         """Whether a group varies."""
         return bool(np.std(self.groups[name]) > 1e-12)
 
+    def only(self, kept: NDArray[np.bool_]) -> "CommandRegression":
+        """Leave out the rows that are not `kept` (r,)."""
+        runs, start = [], 0
+        for run in self.runs:
+            for first, last in _stretches(kept[run]):
+                runs.append(slice(start + first, start + last))
+            start += int(kept[run].sum())
+        constants = self.constants[kept]
+        return replace(
+            self,
+            rest=self.rest[kept],
+            constants=constants[:, constants.any(axis=0)],
+            rate=self.rate[kept],
+            acceleration=self.acceleration[kept],
+            groups={name: torque[kept] for name, torque in self.groups.items()},
+            runs=tuple(runs),
+            recording=self.recording[kept],
+            time=self.time[kept],
+        )
+
     def fit(self, names: Sequence[str], *, with_lag: bool) -> Fit:
         """Fit constants, groups and, where it is asked for, a lag of the command."""
         parts = [self.constants]
@@ -129,7 +149,7 @@ def command_regression(
 
 
 def _stretches(kept: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Places of contiguous rows among those that are kept."""
+    """Stretches of rows without a gap, counted among those that are kept."""
     places = np.flatnonzero(kept)
     if len(places) == 0:
         return []

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.command_regression import CommandRegression, rms
@@ -72,7 +73,10 @@ def _chosen(rows: CommandRegression, law: ControlLaw, joint: int, period: float)
             names = (*chosen, name)
             larger = rows.fit(names, with_lag=True)
             certain = _certain(rows, law, joint, names, larger, period)
-            if certain and acceptable(rows, fit, larger):
+            if not (certain and acceptable(rows, fit, larger)):
+                continue
+            calm = rows.only(without_best(fit, larger))
+            if supported(calm, calm.fit(chosen, with_lag=True), calm.fit(names, with_lag=True)):
                 better[name] = larger
         if not better:
             break
@@ -88,9 +92,26 @@ def _chosen(rows: CommandRegression, law: ControlLaw, joint: int, period: float)
 
 def acceptable(rows: CommandRegression, smaller: Fit, larger: Fit) -> bool:
     """Whether one number more is supported and takes enough of the energy."""
-    gain = larger.log_likelihood - smaller.log_likelihood - 0.5 * float(np.log(len(rows.rest)))
     share = 1.0 - (rms(larger) / max(rms(smaller), 1e-300)) ** 2
-    return bool(gain >= settings.LEAST_SUPPORT and share >= settings.LAW_LEAST_SHARE)
+    return supported(rows, smaller, larger) and bool(share >= settings.LAW_LEAST_SHARE)
+
+
+def supported(rows: CommandRegression, smaller: Fit, larger: Fit) -> bool:
+    """Whether one number more is worth its cost."""
+    gain = larger.log_likelihood - smaller.log_likelihood - 0.5 * float(np.log(len(rows.rest)))
+    return bool(gain >= settings.LEAST_SUPPORT)
+
+
+def without_best(smaller: Fit, larger: Fit) -> NDArray[np.bool_]:
+    """Rows (r,) without the blocks of time in which the larger model gains most.
+
+    Another law acts all the time. In a shock, efforts that are sampled more slowly than the law
+    runs, or at another instant, differ from every law: one row of it can outweigh a recording.
+    """
+    gain = smaller.residuals[0] ** 2 - larger.residuals[0] ** 2
+    block = np.arange(len(gain)) * int(settings.LAW_BLOCKS) // len(gain)
+    order = np.argsort(np.bincount(block, gain))
+    return ~np.isin(block, order[-int(settings.LAW_BLOCKS_LEFT_OUT) :])
 
 
 def _with_late_speed(

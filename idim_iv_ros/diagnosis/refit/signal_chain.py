@@ -137,7 +137,7 @@ def _rate_of_torque(data: Baseline, joint: int) -> Columns:
 
 
 def _chain(shifts: FloatArray, deviations: FloatArray, period: float) -> EffortShift:
-    """Shift that most joints share; of as many, the smallest."""
+    """Shift that most joints share; of as many, the earliest: a joint can only be later."""
     usable = np.isfinite(deviations) & (deviations > 0.0) & (deviations < period)
     likely = (shifts >= settings.EARLIEST_SHIFT * period) & (
         shifts <= settings.LATEST_SHIFT * period
@@ -151,7 +151,7 @@ def _chain(shifts: FloatArray, deviations: FloatArray, period: float) -> EffortS
         agreeing = usable & (np.abs(shifts - shifts[joint]) <= room)
         count = int(agreeing.sum())
         shared = count >= 2 and 2 * count > usable.sum()
-        rank = (count, -abs(float(shifts[joint])))
+        rank = (count, -float(shifts[joint]))
         if (shared or likely[joint]) and rank > preference:
             best, preference = agreeing, rank
     shift, std = 0.0, None

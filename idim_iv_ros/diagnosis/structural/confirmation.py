@@ -21,7 +21,7 @@ from idim_iv_ros.diagnosis.structural.deviations import (
 )
 from idim_iv_ros.diagnosis.structural.knee import with_knees_refitted
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
-from idim_iv_ros.diagnosis.structural.possible import why_impossible
+from idim_iv_ros.diagnosis.structural.possible import why_impossible, why_of_the_gain
 from idim_iv_ros.signals import AutoregressiveModel
 
 
@@ -190,12 +190,14 @@ def impossible(data: Baseline, model: NamedModel, folds: CrossFitting) -> list[s
     divided = folds.choices(interleaved=drifts).folds
     covered = operating_range(data)
     ends = np.cumsum(model.regression.widths)
-    return [
-        why_impossible(
-            each, model.fit.coefficients[end - each.candidate.width : end], covered, divided
+    reasons = []
+    for each, end in zip(model.found, ends, strict=True):
+        coefficients = model.fit.coefficients[end - each.candidate.width : end]
+        reasons.append(
+            why_impossible(each, coefficients, covered, divided)
+            or why_of_the_gain(data, each, model.fit, coefficients)
         )
-        for each, end in zip(model.found, ends, strict=True)
-    ]
+    return reasons
 
 
 def judged(found: Sequence[Found], result: FoldTest, impossible: Sequence[str]) -> list[Doubtful]:
@@ -275,7 +277,8 @@ def _why_not(tested: HeldOut, number: int, found: Found, chosen: Chosen) -> str:
     sure = gap.after < gap.before if gap.ci95 is None else gap.ci95[0] > 0.0
     drifts = found.candidate.effect.family == "time"
     least = settings.HELD_OUT_LEAST_FOLDS_OF_DRIFT if drifts else settings.HELD_OUT_LEAST_FOLDS
-    if gain < settings.HELD_OUT_LEAST_GAIN:
+    smallest = settings.HELD_OUT_LEAST_GAIN_OF_DRIFT if drifts else settings.HELD_OUT_LEAST_GAIN
+    if gain < smallest:
         return f"it takes only {100.0 * gain:.2g} % of the residual on data that did not choose it"
     if share < least:
         return (

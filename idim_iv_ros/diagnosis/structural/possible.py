@@ -5,12 +5,18 @@ name is wrong: the effect is a hint.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.gain_ripple import gain_is_as_likely, measured_as_current
 from idim_iv_ros.diagnosis.structural.attribution import Found
+from idim_iv_ros.diagnosis.structural.likelihood import Fit
 from idim_iv_ros.effects.effect import OperatingRange
+from idim_iv_ros.effects.position_ripple import PositionRipple
+from idim_iv_ros.effects.waves import Waves
 from idim_iv_ros.types import FloatArray, IntArray
 
 _TINY = 1e-3  # of the largest torque beyond the knee: filters leave a trace on the rows around
@@ -34,6 +40,34 @@ def why_impossible(
     if reason or not candidate.effect.beyond_knee:
         return reason
     return why_not_reached(candidate.columns[joint][:, 0], folds[joint])
+
+
+def why_of_the_gain(data: Baseline, found: Found, fit: Fit, coefficients: FloatArray) -> str:
+    """Why a fast ripple of the torque may be one of a measured current's gain; empty if not.
+
+    Parameters
+    ----------
+    fit
+        Of the model with the effect.
+    coefficients
+        (w,) of the effect in it.
+    """
+    candidate = found.candidate
+    shape, joint = candidate.shape, candidate.place.joint
+    if candidate.effect.name != PositionRipple.name or not isinstance(shape, Waves):
+        return ""
+    slow = min(shape.wave_numbers) < settings.LEAST_WAVES
+    if slow or not measured_as_current(data.prepared.configuration):
+        return ""
+    residuals = list(fit.residuals)
+    residuals[joint] = residuals[joint] + candidate.columns[joint] @ coefficients
+    without = replace(fit, residuals=tuple(residuals))
+    if all(gain_is_as_likely(data, without, joint, each) for each in shape.wave_numbers):
+        return (
+            "the effort is a measured current, and a ripple of its gain, a property of the "
+            "recording, explains as much"
+        )
+    return ""
 
 
 def why_not_reached(torque: FloatArray, folds: IntArray) -> str:

@@ -13,6 +13,7 @@ from benchmarks.hostile.cells import SECOND_LACKS, SHARES, HostileCell, hostile_
 from benchmarks.hostile.generate import write_cell
 from benchmarks.hostile.judge import judge
 from benchmarks.hostile.nuisances import drawn
+from benchmarks.hostile.page import page_lines
 from benchmarks.hostile.plants import chain_of, run
 from benchmarks.withheld_effects.cells import Asked
 from benchmarks.withheld_effects.motion import rich_motion
@@ -141,8 +142,16 @@ def label(*effects: tuple[str, str | None], also_true: tuple[str, ...] = ()) -> 
         "plant": "mujoco",
         "seconds": [10.0],
         "also_true": list(also_true),
+        "nuisances": {"knows_controller": True},
         "effects": [
-            {"effect": name, "joint": joint, "joints": [], "kind": "structural", "mass": 1.0}
+            {
+                "effect": name,
+                "joint": joint,
+                "joints": [],
+                "kind": "structural",
+                "mass": 1.0,
+                "rho": 1.0,
+            }
             for name, joint in effects
         ],
     }
@@ -178,3 +187,18 @@ def test_mass_of_a_payload_counts_where_it_is_in_its_interval() -> None:
     heavier = label(("payload", "joint_2"))
     heavier["effects"][0]["mass"] = 1.4
     assert judge(heavier, said, 1.0).mass_in_interval is False
+
+
+def test_another_law_is_not_asked_for_where_none_is_configured() -> None:
+    known = label(("controller_mismatch", "joint_1"))
+    unknown = {**known, "nuisances": {"knows_controller": False}}
+    assert judge(known, answer(), 1.0).outcome == "abstained"
+    silent = judge(unknown, answer(), 1.0)
+    assert silent.unanswerable == ("controller_mismatch",) and not silent.found
+    assert silent.outcome.startswith("right: nothing named")
+    said = answer(("torque_saturation", "structural", "joint_1", []))
+    assert judge(unknown, said, 1.0).false_names == ("torque_saturation[joint_1]",)
+    page = page_lines({"a": judge(known, answer(), 1.0), "b": silent}, {})
+    assert any(
+        line.startswith("| right effect and joint, 2 joints") and "0/1" in line for line in page
+    )
