@@ -74,7 +74,7 @@ class Collector:
         self._actions = DeferredActionServer(
             node, Collect, "~/collect", self._accepted, self._cancel
         )
-        action = node.resolve_service_name("~/collect")
+        self._name = action = node.resolve_service_name("~/collect")
         self._clients = Clients(node, f"{action}/_action/get_result")
         self._looked, self._nobody = 0.0, False
         node.add_on_set_parameters_callback(self._check)
@@ -151,6 +151,11 @@ class Collector:
             )
         if self._goal is not None:
             raise UsageError("busy: another goal moves the robot")
+        if self.node.count_publishers(f"{self._name}/_action/status") > 1:
+            raise UsageError(
+                f"several collectors would obey a goal on {self._name}: end all but one, or give "
+                "each robot a namespace"
+            )
         for name in ("duration", "speed_scale", "timeout"):
             value = getattr(request, name)
             if not math.isfinite(value) or value < 0.0:
