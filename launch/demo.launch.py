@@ -1,4 +1,4 @@
-"""A simulated robot, the recorder and the identifier, on this machine only.
+"""A simulated robot with recorder, identifier, predictor and collector, on this machine only.
 
 ros2 launch idim_iv_ros demo.launch.py
 ros2 launch idim_iv_ros demo.launch.py namespace:=left
@@ -19,16 +19,19 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
 
+SWITCHES = {
+    "simulate": "true: a simulated robot too",
+    "predict": "true: the predictor too, which idim-iv watch shows",
+    "collect": "true: the collector too; it moves nothing before allow_motion is set",
+    "auto": "true: identify every bag that is closed",
+}
+
 
 def generate_launch_description() -> LaunchDescription:
     """Return what robot.launch.py starts for a simulated robot."""
     arm = PathJoinSubstitution([FindPackageShare("idim_iv_ros"), "config", "arm2.yaml"])
-    defaults = {"configuration": arm, "simulate": "true", "auto": "true"}
-    about = {
-        "configuration": "the robot's YAML file",
-        "simulate": "true: a simulated robot too",
-        "auto": "true: identify every bag that is closed",
-    }
+    defaults = {"configuration": arm, **dict.fromkeys(SWITCHES, "true")}
+    about = {"configuration": "the robot's YAML file", **SWITCHES}
     return LaunchDescription(
         [
             *(

@@ -1,9 +1,11 @@
 """Relative topics of a configuration as a node sees them."""
 
+from pathlib import Path
+
 from rclpy.node import Node
 
-from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.errors import UsageError
+from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
 
 
@@ -28,3 +30,17 @@ def with_own_topics(node: Node, configuration: Configuration) -> Configuration:
                 "and _, no digit first, parts separated by /"
             ) from error
     return configuration.with_own_topics(own)
+
+
+def read_own(node: Node, file: str) -> Configuration:
+    """Return the configuration of the parameter ``configuration``, as the node sees its topics.
+
+    Raises
+    ------
+    UsageError
+        It cannot be read, or names what is no topic; one line that names the parameter.
+    """
+    try:
+        return with_own_topics(node, load_configuration(Path(file)))
+    except IdimError as error:
+        raise UsageError(f"configuration: {error}") from error

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import Field, dataclass, field, fields
+from pathlib import Path
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import (
@@ -13,6 +14,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import IdimError, UsageError
 
 Value = TypeVar("Value", bool, int, float, str, tuple[str, ...])
@@ -160,3 +162,17 @@ def _descriptor(described: "Field[Any]") -> ParameterDescriptor:
         else:
             descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
     return descriptor
+
+
+def check_configuration(file: str) -> None:
+    """Check the file of the parameter ``configuration``.
+
+    Raises
+    ------
+    UsageError
+        One line that names parameter and file.
+    """
+    try:
+        load_configuration(Path(file))
+    except IdimError as error:
+        raise UsageError(f"configuration: {error}") from error

@@ -9,10 +9,11 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from idim_iv_interfaces.msg import BagClosed
+from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 
 JOINTS = ["joint_1", "joint_2"]
 PERIOD = 0.01  # s
+STATUS = 0.2  # s
 
 
 class KinematicRobot:
@@ -27,6 +28,8 @@ class KinematicRobot:
         The first joint does not get out between these places, rad.
     recorder : list of str
         Calls of the recorder.
+    state : int or None
+        What the recorder says of itself; None: nothing.
     motion : CubicHermiteSpline or None
         What it follows.
     """
@@ -42,7 +45,11 @@ class KinematicRobot:
             node.create_service(Trigger, "/recorder/start", self._start),
             node.create_service(Trigger, "/recorder/stop", self._stop),
         ]
-        self._timer = node.create_timer(PERIOD, self._publish)
+        self._status = node.create_publisher(RecorderStatus, "/recorder/status", 10)
+        self._timers = [
+            node.create_timer(PERIOD, self._publish),
+            node.create_timer(STATUS, self._report),
+        ]
         self.received: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         self.recorder: list[str] = []
         self.position = np.array([0.2, -0.3])
@@ -51,6 +58,7 @@ class KinematicRobot:
     def reset(self) -> None:
         """Nothing is wrong with it, and it rests."""
         self.obeys = self.publishes = True
+        self.state: int | None = RecorderStatus.IDLE
         self.held: tuple[float, float] | None = None
         self.received.clear()
         self.recorder.clear()
@@ -58,11 +66,12 @@ class KinematicRobot:
         self._begun = 0.0
 
     def close(self) -> None:
-        self.node.destroy_timer(self._timer)
+        for timer in self._timers:
+            self.node.destroy_timer(timer)
         self.node.destroy_subscription(self._heard)
         for service in self._services:
             self.node.destroy_service(service)
-        for publisher in (self._states, self._closed):
+        for publisher in (self._states, self._closed, self._status):
             self.node.destroy_publisher(publisher)
 
     @property
@@ -98,13 +107,19 @@ class KinematicRobot:
             message.header.stamp = self.node.get_clock().now().to_msg()
             self._states.publish(message)
 
+    def _report(self) -> None:
+        if self.state is not None:
+            self._status.publish(RecorderStatus(state=self.state, bag=str(self.bag)))
+
     def _start(self, _, response):
         self.recorder.append("start")
+        self.state = RecorderStatus.RECORDING
         response.success = True
         return response
 
     def _stop(self, _, response):
         self.recorder.append("stop")
+        self.state = RecorderStatus.IDLE
         self._closed.publish(BagClosed(bag=str(self.bag), complete=True))
         response.success = True
         return response

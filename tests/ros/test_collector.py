@@ -4,17 +4,21 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from action_msgs.msg import GoalStatus
+from action_msgs.msg import GoalStatus, GoalStatusArray
 from rclpy.action import ActionClient
 
 from idim_iv_interfaces.action import Collect
+from idim_iv_interfaces.msg import RecorderStatus
 from idim_iv_ros import load_configuration
 from idim_iv_ros.excitation import load_model, motion_limits
+from idim_iv_ros.nodes.collector import neighbours
+from idim_iv_ros.nodes.collector.neighbours import RecorderNeighbour
 from tests.ros.conftest import ARM2
-from tests.ros.kinematic_robot import KinematicRobot
+from tests.ros.kinematic_robot import STATUS, KinematicRobot
 from tests.ros.processes import Observer, Process, start_node
 
 STOPPED = 1.0  # s within which a robot rests; a hundredth of that is the controller's
@@ -126,7 +130,10 @@ def test_goal_is_refused_unless_motion_is_allowed(collector, robot) -> None:
         ({"speed_scale": 1.5}, "speed_scale: 1.5 is more than 1"),
         ({"timeout": float("nan")}, "timeout: nan is not a number from 0 on"),
         ({"estimator": "best"}, "neither idim-iv nor idim-ls"),
-        ({"identify": True}, "no identifier/identify: start the identifier, or leave identify out"),
+        (
+            {"identify": True},
+            "no /identifier/identify: start the identifier, or leave identify out",
+        ),
     ],
 )
 def test_bad_request_is_one_line_and_nothing_moves(collector, robot, request_, words: str) -> None:
@@ -220,6 +227,61 @@ def test_robot_whose_joint_states_end_is_stopped(collector, robot, observer) -> 
     answer = collector.result(goal).result
     assert answer.message.startswith("stopped in slow pass: no joint states on /joint_states for")
     assert robot.recorder == []
+
+
+def heard(observer: Observer, seconds: float = 3 * STATUS) -> None:
+    """Let the recorder of the robot say what it does."""
+    until = time.monotonic() + seconds
+    observer.until(lambda: time.monotonic() > until, "time")
+
+
+def test_robot_is_stopped_when_somebody_else_stops_the_recorder(collector, robot, observer) -> None:
+    goal = collector.send(duration=3.0)
+    collector.until("recording")
+    heard(observer)
+    robot.state = RecorderStatus.IDLE
+    answer = collector.result(goal)
+    assert answer.result.message == (
+        "stopped in recording: the recorder does not record any more: somebody stopped it"
+    )
+    require_rest(robot, observer)
+
+
+def test_nothing_moves_while_the_recorder_writes_another_bag(collector, robot, observer) -> None:
+    robot.state = RecorderStatus.RECORDING
+    heard(observer)
+    answer = collector.collect()
+    assert answer.message == "the recorder writes bag-1.mcap already: call /recorder/stop"
+    assert robot.received == []
+    robot.state = RecorderStatus.IDLE
+    heard(observer)
+
+
+def test_nothing_moves_while_two_collectors_have_one_name(collector, robot, observer) -> None:
+    topic = f"/{collector.process.name}/collect/_action/status"
+    second = observer.node.create_publisher(GoalStatusArray, topic, 1)
+    try:
+        observer.until(lambda: observer.node.count_publishers(topic) == 2, "the second")
+        heard(observer)
+        assert collector.collect().message.startswith("several collectors would obey a goal on /")
+        assert robot.received == []
+    finally:
+        observer.node.destroy_publisher(second)
+
+
+def test_recorder_that_is_silent_is_gone(observer, robot, monkeypatch) -> None:
+    recorder = RecorderNeighbour(observer.node)
+    robot.state = RecorderStatus.RECORDING
+    heard(observer)
+    assert recorder.trouble() == ""
+    now = time.monotonic()
+    monkeypatch.setattr(neighbours, "time", SimpleNamespace(monotonic=lambda: now + 6.0))
+    assert recorder.trouble() == (
+        "the recorder has been silent for 6 s: is it running?; bag-1.mcap holds what was written "
+        "before"
+    )
+    robot.state = RecorderStatus.IDLE
+    heard(observer)
 
 
 def test_robot_is_stopped_when_motion_is_no_longer_allowed(collector, robot, observer) -> None:

@@ -5,21 +5,28 @@ from dataclasses import fields
 
 import pytest
 
+from idim_iv_ros.nodes.collector.settings import CollectorSettings
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
+from idim_iv_ros.nodes.predictor.settings import PredictorSettings
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
 from idim_iv_ros.nodes.simulator.node import SimulatorSettings
 from tests.ros.launch_file import Launched, launch, launched_nodes
 from tests.ros.processes import ROOT
 
-ALL = ["identifier", "recorder", "robot_simulator"]
-NODES = {"demo": ALL, "robot": ALL[:2], "robots": ALL[:2] * 2}
+TWO = ["identifier", "recorder"]
+SIMULATED = [*TWO, "robot_simulator"]
+ALL = ["collector", "predictor", *SIMULATED]
+NODES = {"demo": ALL, "robot": TWO, "robots": TWO * 2}
 GIVEN = {"configuration": "arm.yaml"}
 REQUIRED = {"demo": {}, "robot": GIVEN, "robots": {"robots": "left,right", **GIVEN}}
 PARAMETERS = {
     "recorder": RecorderSettings,
     "identifier": IdentifierSettings,
+    "predictor": PredictorSettings,
+    "collector": CollectorSettings,
     "robot_simulator": SimulatorSettings,
 }
+OF_THE_SIMULATOR = {"controller": "robot_simulator", "start_delay": 60.0}
 FILES = {name: ROOT / "launch" / f"{name}.launch.py" for name in NODES}
 
 
@@ -39,7 +46,9 @@ def test_launch_file_starts_executables_that_exist_with_parameters_they_have(nam
     for executable, node in found.nodes:
         assert os.access(ROOT / "scripts" / executable, os.X_OK)
         types = {each.name: type(each.default) for each in fields(PARAMETERS[executable])}
-        (parameters,) = node["parameters"]
+        *before, parameters = node["parameters"]
+        assert before == ([OF_THE_SIMULATOR] if executable == "collector" else [])
+        assert set(OF_THE_SIMULATOR) <= {each.name for each in fields(CollectorSettings)}
         given = {key: type(value) for key, value in parameters.items()}
         assert given.items() <= {"use_sim_time": bool, **types}.items()
         assert parameters["use_sim_time"] is True
@@ -80,7 +89,7 @@ def test_robots_have_namespaces_and_folders_of_their_own() -> None:
     found = launch(
         FILES["robots"], robots="left, right=ur.yaml", configuration="arm.yaml", simulate="true"
     )
-    assert started(found) == [f"{side}/{name}" for side in ("left", "right") for name in ALL]
+    assert started(found) == [f"{side}/{name}" for side in ("left", "right") for name in SIMULATED]
     given = {f"{node['namespace']}/{name}": node["parameters"][0] for name, node in found.nodes}
     assert given["left/recorder"] == {"configuration": "arm.yaml", "bag_directory": "bags/left"}
     assert given["right/identifier"] == {
@@ -108,13 +117,46 @@ def test_wrong_arguments_are_one_line(name: str, arguments: dict[str, str], word
     assert "\n" not in str(refused.value)
 
 
-def test_what_to_do_next_names_what_the_nodes_offer() -> None:
+def test_collector_and_predictor_are_started_on_request() -> None:
+    given = {**GIVEN, "namespace": "left", "predict": "true", "collect": "true"}
+    found = launch(FILES["robot"], **given, controller="arm_controller", params_file="mine.yaml")
+    layers = {executable: node["parameters"] for executable, node in found.nodes}
+    assert sorted(layers) == ["collector", "identifier", "predictor", "recorder"]
+    own = {"configuration": "arm.yaml", "controller": "arm_controller"}
+    assert layers["collector"] == ["mine.yaml", own]
+    # A simulated robot is the controller, unless a file of parameters names another one.
+    found = launch(FILES["robot"], **given, simulate="true", params_file="mine.yaml")
+    layers = {executable: node["parameters"] for executable, node in found.nodes}
+    assert layers["collector"] == [OF_THE_SIMULATOR, "mine.yaml", {"configuration": "arm.yaml"}]
+    # The predictor looks where the identifier writes.
+    found = launch(FILES["robots"], robots="left", **GIVEN, predict="true")
+    results = {
+        executable: node["parameters"][0].get("output_directory")
+        for executable, node in found.nodes
+    }
+    assert results["predictor"] == results["identifier"] == "results/left"
+
+
+def test_what_to_do_next_with_a_collector_and_a_predictor() -> None:
     said = launch(FILES["demo"], namespace="left").said
+    assert said[0].startswith("next: ros2 param set /left/collector allow_motion true")
+    assert said[1].endswith('/left/collector/collect idim_iv_interfaces/action/Collect "{}"')
+    assert said[2].startswith("ros2 topic echo /left/identifier/result")
+    assert said[3] == "idim-iv watch --namespace left"
+    said = launch(FILES["robot"], **GIVEN, collect="true", predict="true").said
+    assert said[1].endswith('"{identify: true}"')  # nothing else would have it identified
+    assert said[-1] == "idim-iv watch"
+
+
+def test_what_to_do_next_names_what_the_nodes_offer() -> None:
+    by_hand = {"collect": "false", "predict": "false"}
+    said = launch(FILES["demo"], namespace="left", **by_hand).said
     assert said[0] == "next: ros2 service call /left/recorder/start std_srvs/srv/Trigger"
     assert any("/left/robot_simulator/move" in line for line in said)
     assert said[-1].startswith("ros2 topic echo /left/identifier/result")
     said = launch(FILES["robot"], **GIVEN, autostart="false").said
-    assert "ros2 lifecycle set /identifier configure" in said
+    # Before it is activated it would refuse.
+    assert said[0] == "next: ros2 lifecycle set /identifier configure"
     assert not any("robot_simulator" in line for line in said)
     assert said[-1].startswith("ros2 service call /identifier/identify")
 

@@ -1,5 +1,6 @@
 """The files of parameters that are installed beside the launch files."""
 
+import math
 from dataclasses import MISSING, fields
 
 import pytest
@@ -7,8 +8,10 @@ import rclpy
 from rclpy.node import Node
 from ruamel.yaml import YAML
 
+from idim_iv_ros.nodes.collector.settings import CollectorSettings
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
 from idim_iv_ros.nodes.parameters import Settings, declare
+from idim_iv_ros.nodes.predictor.settings import PredictorSettings
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
 from idim_iv_ros.nodes.simulator.node import SimulatorSettings
 from tests.ros.processes import ROOT
@@ -17,6 +20,8 @@ FILE = ROOT / "params" / "nodes.yaml"
 SETTINGS = {
     "recorder": RecorderSettings,
     "identifier": IdentifierSettings,
+    "collector": CollectorSettings,
+    "predictor": PredictorSettings,
     "robot_simulator": SimulatorSettings,
 }
 
@@ -32,11 +37,12 @@ def test_file_lists_every_parameter_with_its_default(node: str) -> None:
         each.name: list(each.default) if isinstance(each.default, tuple) else each.default
         for each in fields(SETTINGS[node])
     }
-    if node == "robot_simulator":
+    if node in ("predictor", "robot_simulator"):
         assert defaults.pop("configuration") == ""  # must be given
     assert MISSING not in defaults.values()
     listed = section(node)
-    assert listed == {"use_sim_time": False, **defaults}
+    # NaN, which means that there is no floor, is not equal to itself.
+    assert repr(sorted(listed.items())) == repr(sorted({"use_sim_time": False, **defaults}.items()))
     assert {key: type(value) for key, value in listed.items()} == {
         "use_sim_time": bool,
         **{key: type(value) for key, value in defaults.items()},
@@ -65,6 +71,11 @@ def test_file_is_for_nodes_in_any_namespace_and_arguments_win(tmp_path) -> None:
     assert settings_of(RecorderSettings, *given, "-p", "bag_prefix:=other").bag_prefix == "other"
 
 
+def test_rcl_reads_that_there_is_no_floor() -> None:
+    whole = ["-r", "__node:=collector", "--params-file", str(FILE)]
+    assert math.isnan(settings_of(CollectorSettings, *whole).floor)
+
+
 def test_groups_of_the_aggregator_hold_every_status() -> None:
     document = YAML(typ="safe").load((FILE.parent / "diagnostics_aggregator.yaml").read_text())
     groups = document["analyzers"]["ros__parameters"]
@@ -75,5 +86,7 @@ def test_groups_of_the_aggregator_hold_every_status() -> None:
 
     for status in ("/recorder: recording", "/left/recorder: /left/joint_states"):
         assert group(status) == ["recordings"]
+    for status in ("/predictor: prediction", "/left/predictor: joint_2"):
+        assert group(status) == ["predictions"]
     for status in ("/identifier: drift", "/left/identifier: joint_2"):
         assert group(status) == ["identifications"]

@@ -181,13 +181,16 @@ class Collection:
     def _record(self, passes: Passes) -> Path:
         self._parts.recorder.start(self._course.wait)
         try:
+            self._course.trouble = self._parts.recorder.trouble
             self._course.pause(_REST)
             self._robot.follow("recording", passes.full, passes)
             self._course.pause(_REST)
         except Exception:
+            self._course.trouble = str
             with contextlib.suppress(IdimError):  # the first reason is the one to name
                 self._close_bag()
             raise
+        self._course.trouble = str
         return self._close_bag()
 
     def _close_bag(self) -> Path:
@@ -212,8 +215,13 @@ class Collection:
         def say(stage: str, share: float) -> None:
             self._course.proceed(done + share * _IDENTIFICATION, stage)
 
-        answer = self._parts.identifier.identify(bag, self._order.estimator, say, self._course.wait)
-        if not answer.success:
-            raise DataError(f"{bag.name} is recorded and usable, but: {answer.message}")
+        try:
+            answer = self._parts.identifier.identify(
+                bag, self._order.estimator, say, self._course.wait
+            )
+            if not answer.success:
+                raise DataError(answer.message)
+        except IdimError as error:  # the bag is not lost with it
+            raise DataError(f"{bag.name} is recorded and usable, but: {error}") from error
         self.collected.result = answer.result
         self.collected.message = f"{bag.name}: {answer.message}"

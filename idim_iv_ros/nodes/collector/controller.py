@@ -157,8 +157,15 @@ def make_controller(node: Node, name: str, interface: str) -> Controller:
     Raises
     ------
     UsageError
-        The action is wanted and control_msgs is not installed.
+        The action is wanted and control_msgs is not installed, or the name is none of ROS.
     """
+    try:
+        node.resolve_topic_name(f"{name}/joint_trajectory")
+    except Exception as error:  # rclpy has one class for each thing that can be wrong
+        raise UsageError(
+            f"parameter controller: {name!r} is no name of ROS: letters, digits and _, no digit "
+            "first, parts separated by /"
+        ) from error
     if interface != TOPIC:
         try:
             from control_msgs.action import FollowJointTrajectory

@@ -32,6 +32,8 @@ class Course:
     ----------
     done, whole : float
         Expected duration of what is done, and of all, s.
+    trouble : callable
+        Says what else ends the course; empty if all is well.
     """
 
     def __init__(
@@ -47,6 +49,7 @@ class Course:
         self._stage, self._worst, self._joint = "", 0.0, ""
         self._said = 0.0
         self.done, self.whole = 0.0, 1.0
+        self.trouble: Callable[[], str] = str
 
     def cancel(self, why: str) -> None:
         """End the course; in any thread."""
@@ -62,7 +65,7 @@ class Course:
             return f"not finished within {self._timeout:g} s"
         if self._gone():
             return "who asked is gone"
-        return ""
+        return self.trouble()
 
     def begin(self, stage: str) -> None:
         """Say what is done from now on."""

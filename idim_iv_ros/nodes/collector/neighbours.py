@@ -1,5 +1,6 @@
 """The recorder and the identifier, as the collector asks them."""
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,29 +10,76 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from idim_iv_interfaces.action import Identify
-from idim_iv_interfaces.msg import BagClosed
+from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 from idim_iv_ros.errors import UsageError
 
 _ANSWER = 15.0  # s; the recorder gives up a disk that hangs after ten
+_SILENT = 5.0  # s, or three periods of its status, after which the recorder is gone
+_PERIODS = 3
 
 # Returns when the first holds, at the latest after seconds; the last says what is waited for.
 Wait = Callable[[Callable[[], bool], float, str], None]
 
 
 class RecorderNeighbour:
-    """Services ``recorder/start`` and ``recorder/stop``."""
+    """Services ``recorder/start`` and ``recorder/stop``, and what the recorder says meanwhile.
+
+    A recorder that was killed is on the list of services for another 20 s: its silence is noticed
+    before.
+    """
 
     def __init__(self, node: Node) -> None:
         self._start = node.create_client(Trigger, "recorder/start")
         self._stop = node.create_client(Trigger, "recorder/stop")
+        self._names = {
+            client: node.resolve_service_name(client.srv_name)
+            for client in (self._start, self._stop)
+        }
         self._closed: list[str] = []
+        self._status: RecorderStatus | None = None
+        self._heard_at, self._period = 0.0, 0.0
+        self._records = False
         node.create_subscription(BagClosed, "recorder/bag_closed", self._heard, 10)
+        node.create_subscription(RecorderStatus, "recorder/status", self._reported, 10)
 
     def missing(self) -> str:
         """Why it cannot be used now; empty if it can."""
-        if self._start.service_is_ready() and self._stop.service_is_ready():
+        if not (self._start.service_is_ready() and self._stop.service_is_ready()):
+            return f"no {self._names[self._start]}: start the recorder"
+        status = self._status
+        if status is None:
             return ""
-        return f"no {self._start.srv_name}: start the recorder"
+        if silent := self._silence():
+            return silent
+        if status.state in (RecorderStatus.RECORDING, RecorderStatus.PAUSED):
+            bag = Path(status.bag).name
+            return f"the recorder writes {bag} already: call {self._names[self._stop]}"
+        return ""
+
+    def trouble(self) -> str:
+        """Why a bag that was begun is not complete; empty if nothing is known of it."""
+        status = self._status
+        if status is None:
+            return ""
+        if silent := self._silence():
+            return f"{silent}; {Path(status.bag).name or 'the bag'} holds what was written before"
+        if status.state == RecorderStatus.RECORDING:
+            self._records = True
+        elif self._records:  # what it said before it began may come later
+            return f"the recorder does not record any more: {status.fault or 'somebody stopped it'}"
+        return ""
+
+    def _silence(self) -> str:
+        silent = time.monotonic() - self._heard_at
+        if silent > max(_SILENT, _PERIODS * self._period):
+            return f"the recorder has been silent for {silent:.0f} s: is it running?"
+        return ""
+
+    def _reported(self, message: RecorderStatus) -> None:
+        now = time.monotonic()
+        if self._status is not None:
+            self._period = now - self._heard_at
+        self._status, self._heard_at = message, now
 
     def start(self, wait: Wait) -> None:
         """Begin a bag.
@@ -42,6 +90,7 @@ class RecorderNeighbour:
             The recorder refuses.
         """
         self._closed.clear()
+        self._records = False
         self._ask(self._start, wait)
 
     def stop(self, wait: Wait) -> Path:
@@ -53,6 +102,7 @@ class RecorderNeighbour:
             The recorder refuses, or does not say which bag it was.
         """
         self._ask(self._stop, wait)
+        self._status = None  # that it records is no longer true
         wait(lambda: bool(self._closed), _ANSWER, "the recorder's word on the bag")
         return Path(self._closed[-1])
 
@@ -61,9 +111,9 @@ class RecorderNeighbour:
 
     def _ask(self, client: Any, wait: Wait) -> None:
         future = client.call_async(Trigger.Request())
-        wait(future.done, _ANSWER, f"an answer of {client.srv_name}")
+        wait(future.done, _ANSWER, f"an answer of {self._names[client]}")
         if not future.result().success:
-            raise UsageError(f"{client.srv_name}: {future.result().message}")
+            raise UsageError(f"{self._names[client]}: {future.result().message}")
 
 
 class IdentifierNeighbour:
@@ -71,7 +121,7 @@ class IdentifierNeighbour:
 
     def __init__(self, node: Node) -> None:
         self._client = ActionClient(node, Identify, "identifier/identify")
-        self._name = "identifier/identify"
+        self._name = node.resolve_service_name("identifier/identify")
 
     def missing(self) -> str:
         """Why it cannot be used now; empty if it can."""
@@ -103,6 +153,8 @@ class IdentifierNeighbour:
         def heard(message: Any) -> None:
             say(message.feedback.stage, message.feedback.progress)
 
+        if missing := self.missing():
+            raise UsageError(missing)
         goal = Identify.Goal(bags=[str(bag)], estimator=estimator)
         sent = self._client.send_goal_async(goal, heard)
         wait(sent.done, _ANSWER, f"an answer of {self._name}")
@@ -110,7 +162,7 @@ class IdentifierNeighbour:
         try:
             wait(lambda: result.done() or bool(self.missing()), float("inf"), "an end")
             if not result.done():
-                raise UsageError(f"{bag.name} is recorded and usable, but the identifier is gone")
+                raise UsageError("the identifier is gone")
         except Exception:
             sent.result().cancel_goal_async()
             raise

@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import fields
-from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -16,7 +15,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from idim_iv_interfaces.action import Collect
-from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.collector.collection import Collected, Collection, Order, Parts
 from idim_iv_ros.nodes.collector.controller import make_controller
@@ -26,7 +25,7 @@ from idim_iv_ros.nodes.collector.settings import CollectorSettings
 from idim_iv_ros.nodes.entry import run_node
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS
 from idim_iv_ros.nodes.identifier.request_server import Clients, DeferredActionServer
-from idim_iv_ros.nodes.own_topics import with_own_topics
+from idim_iv_ros.nodes.own_topics import read_own
 from idim_iv_ros.nodes.parameters import changed, checked, declare
 from idim_iv_ros.signal_source import topic_of
 
@@ -74,7 +73,7 @@ class Collector:
         self._actions = DeferredActionServer(
             node, Collect, "~/collect", self._accepted, self._cancel
         )
-        action = node.resolve_service_name("~/collect")
+        self._name = action = node.resolve_service_name("~/collect")
         self._clients = Clients(node, f"{action}/_action/get_result")
         self._looked, self._nobody = 0.0, False
         node.add_on_set_parameters_callback(self._check)
@@ -108,8 +107,7 @@ class Collector:
         self._configuration = self._positions = self._references = None
         if not self._settings.configuration:
             return
-        configuration = load_configuration(Path(self._settings.configuration))
-        configuration = with_own_topics(self.node, configuration)
+        configuration = read_own(self.node, self._settings.configuration)
         joints, signals = configuration.robot.joints, configuration.signals
         self._configuration = configuration
         self._positions = JointPositions(self.node, topic_of(signals.joint_states), joints)
@@ -151,6 +149,11 @@ class Collector:
             )
         if self._goal is not None:
             raise UsageError("busy: another goal moves the robot")
+        if self.node.count_publishers(f"{self._name}/_action/status") > 1:
+            raise UsageError(
+                f"several collectors would obey a goal on {self._name}: end all but one, or give "
+                "each robot a namespace"
+            )
         for name in ("duration", "speed_scale", "timeout"):
             value = getattr(request, name)
             if not math.isfinite(value) or value < 0.0:
@@ -243,7 +246,14 @@ class Collector:
         if "configuration" in names and self._goal is not None:
             reason = "configuration: a goal is under way; cancel it first"
             return SetParametersResult(successful=False, reason=reason)
-        return checked(self._settings, parameters)
+        result = checked(self._settings, parameters)
+        file = changed(self._settings, parameters).configuration if result.successful else ""
+        if file and "configuration" in names:
+            try:
+                read_own(self.node, file)
+            except UsageError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+        return result
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         names = {parameter.name for parameter in parameters}

@@ -2,12 +2,10 @@
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
-from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.passes import KINDS
-from idim_iv_ros.nodes.parameters import Settings, parameter
+from idim_iv_ros.nodes.parameters import Settings, check_configuration, parameter
 
 TOPIC, ACTION, AUTO = "topic", "action", "auto"
 _LARGEST_SEED = 2**31
@@ -82,4 +80,4 @@ class CollectorSettings(Settings):
         if math.isinf(self.floor):
             raise UsageError("floor: a height in m, or nan")
         if self.configuration:
-            load_configuration(Path(self.configuration))
+            check_configuration(self.configuration)

@@ -21,6 +21,7 @@ from visualization_msgs.msg import MarkerArray
 from idim_iv_interfaces import msg
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.nodes.entry import run_node
+from idim_iv_ros.nodes.own_topics import read_own
 from idim_iv_ros.nodes.parameters import changed, checked, declare
 from idim_iv_ros.nodes.predictor.joint_topic import JointTopic
 from idim_iv_ros.nodes.predictor.markers import residual_markers
@@ -63,6 +64,7 @@ class Predictor:
         self.node = node = Node("predictor")
         self._settings = declare(node, PredictorSettings)
         path = Path(self._settings.configuration)
+        read_own(node, self._settings.configuration)  # in one line, if it names what is no topic
         self._configuration = load_configuration(path)
         self._joints = self._configuration.robot.joints
         self._source = ModelSource(self._configuration, Path(self._settings.output_directory))

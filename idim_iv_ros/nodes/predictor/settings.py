@@ -1,11 +1,9 @@
 """Parameters of the predictor."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
-from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.parameters import Settings, parameter
+from idim_iv_ros.nodes.parameters import Settings, check_configuration, parameter
 
 
 @dataclass(frozen=True)
@@ -43,4 +41,4 @@ class PredictorSettings(Settings):
         """
         if not self.configuration:
             raise UsageError("configuration: name it: --ros-args -p configuration:=ROBOT.yaml")
-        load_configuration(Path(self.configuration))
+        check_configuration(self.configuration)

@@ -17,6 +17,7 @@ from std_srvs.srv import Trigger
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.entry import run_node
+from idim_iv_ros.nodes.own_topics import read_own
 from idim_iv_ros.nodes.parameters import changed, declare
 from idim_iv_ros.nodes.recorder.report import (
     RecentCounts,
@@ -202,6 +203,8 @@ class Recorder:
             new = changed(self._settings, parameters)
             if self._session.bag is not None and new.configuration != self._settings.configuration:
                 raise UsageError("configuration: a bag is open; call stop first")
+            if new.configuration and new.configuration != self._settings.configuration:
+                read_own(self.node, new.configuration)
         except IdimError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from idim_iv_ros.configuration import SignalsSection, load_configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.parameters import Settings, parameter
+from idim_iv_ros.nodes.parameters import Settings, check_configuration, parameter
 from idim_iv_ros.recording.writing.storage import PRESETS
 
 _LARGEST = 1 << 62
@@ -110,7 +110,7 @@ class RecorderSettings(Settings):
             if name and not _TOPIC.fullmatch(name):
                 raise UsageError(f"extra_topics: {name!r} is no name of a topic")
         if self.configuration:
-            load_configuration(Path(self.configuration))
+            check_configuration(self.configuration)
 
 
 def signals(settings: RecorderSettings) -> tuple[SignalsSection, tuple[str, ...]]:

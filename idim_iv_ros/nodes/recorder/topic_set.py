@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
+from idim_iv_ros.nodes.own_topics import read_own
 from idim_iv_ros.nodes.recorder.extra_topics import ExtraTopics
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
 from idim_iv_ros.nodes.recorder.watched_topic import WatchedTopic, recorder_topics
@@ -31,6 +32,8 @@ class TopicSet:
         self._node, self._say = node, say
         self._said: dict[str, str] = {}
         self._others: list[WatchedTopic] = []
+        if settings.configuration:
+            read_own(node, settings.configuration)  # in one line, if it names what is no topic
         self._signals = recorder_topics(node, settings)
         self._extra = ExtraTopics(node, settings, say)
         self._others = self._extra.named(self.names)
