@@ -172,7 +172,8 @@ def test_wrong_start_is_one_line(tmp_path: Path) -> None:
     assert process.process.wait(15) == 2
     lines = process.errors.read_text().splitlines()
     assert len(lines) == 1
-    assert lines[0].startswith("recorder: parameter /nowhere/robot.yaml: cannot read")
+    words = "recorder: parameter configuration: /nowhere/robot.yaml: cannot read"
+    assert lines[0].startswith(words)
 
 
 def test_idim_iv_record_is_the_recorder(
