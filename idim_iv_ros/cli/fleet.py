@@ -168,11 +168,12 @@ def _write_robots(found: Fleet, out: Path, config: Path, force: bool) -> dict[st
 
 def _print(output: Output, found: Fleet, pages: dict[str, Path], verbose: bool) -> None:
     from idim_iv_ros.cli.table import Column, print_table
+    from idim_iv_ros.report.fleet import headline
 
     used = [bag for bag in found.result.bags if bag.used]
     left_out = [bag for bag in found.result.bags if not bag.used]
     output.line(
-        f"{len(used):,} of {len(found.bags):,} bags used, {len(found.result.robots)} robots"
+        f"{len(used):,} of {len(found.bags):,} bags used, {_robots(len(found.result.robots))}"
     )
     noticed = [robot for robot in found.result.robots if robot.attention != "none"]
     if noticed:
@@ -188,7 +189,7 @@ def _print(output: Output, found: Fleet, pages: dict[str, Path], verbose: bool) 
             rest="--verbose prints all, and fleet.json has them",
         )
     else:
-        output.line("No robot differs from its type, and none has changed.")
+        output.line(headline(found.result))
     for kind in found.result.types:
         for sentence in (*kind.sentences, *kind.notes):
             output.line(sentence)
@@ -201,6 +202,10 @@ def _print(output: Output, found: Fleet, pages: dict[str, Path], verbose: bool) 
             output.line(f"Not diagnosed: {each.screened.robot}: {each.reason}")
         elif each.screened.robot in pages:
             output.line(f"{each.screened.robot}: {pages[each.screened.robot]}")
+
+
+def _robots(count: int) -> str:
+    return f"{count:,} robot{'' if count == 1 else 's'}"
 
 
 def _why(reasons: Sequence[str], verbose: bool) -> str:

@@ -10,6 +10,7 @@ from idim_iv_ros.fleet.statistics.judged import Judged
 from idim_iv_ros.fleet.statistics.outliers import LEAST as LEAST_ROBOTS
 from idim_iv_ros.fleet.statistics.quantities import Quantity
 from idim_iv_ros.fleet.statistics.random_effects import type_estimate
+from idim_iv_ros.fleet.statistics.resemblance import resemblance
 from idim_iv_ros.statistics.change_points import LEAST as LEAST_BAGS
 
 
@@ -28,12 +29,19 @@ def fleet_type(judged: Judged) -> FleetType:
             "no robot has two bags: what differs from day to day is unknown and counts as a "
             "difference between robots"
         )
-    short = sum(int(np.isfinite(robot.times).sum()) < LEAST_BAGS for robot in group.robots)
+    short = sum(not math.isfinite(each.p_value) for each in judged.changes)
     if short:
         verb = "has" if short == 1 else "have"
         notes.append(
-            f"{short} of {robots} robots {verb} fewer than {LEAST_BAGS} bags with a time: whether "
-            "anything changed there is not judged"
+            f"{short} of {robots} robot{'s' if robots != 1 else ''} {verb} fewer than {LEAST_BAGS} "
+            "bags with a time, or all at one time: whether anything changed there is not judged"
+        )
+    similar = resemblance(group.robots)
+    if similar is not None:
+        notes.append(
+            "bags that follow each other resemble each other (median correlation "
+            f"{similar:.2f}), as where temperature or season move all of them: what is called a "
+            "change may be such a slow movement, and its p-value and date do not know of it"
         )
     causes = {
         robot.robot: screen.causes_of_robot(robot.bags)

@@ -20,6 +20,16 @@ _BADGES = {
     "recordings": ("open", "?", "recordings"),
     "none": ("good", "✓", "ordinary"),
 }
+# What is said where nothing stands out: whether robots were compared, and followed over time.
+_FEW_ROBOTS = "There are too few robots of each type to say whether one differs"
+_NOTHING = {
+    (True, True): "No robot differs from its type, and none changed over time, beyond chance.",
+    (True, False): "No robot differs from its type beyond chance; whether one changed over time "
+    "is not judged: too few bags at different times.",
+    (False, True): f"{_FEW_ROBOTS}; none changed over time, beyond chance.",
+    (False, False): f"{_FEW_ROBOTS}, and too few bags at different times to say whether one "
+    "changed.",
+}
 _MOST_CHANGES = 60  # drawn; the others are in the table
 
 
@@ -90,7 +100,7 @@ def _attention(result: FleetResult, reports: Mapping[str, str] | None) -> dict[s
         row for row, robot in zip(rows, result.robots, strict=True) if robot.attention == "none"
     ]
     return {
-        "kind": "bad" if differs or changed else "good",
+        "kind": _kind(result),
         "headline": headline(result),
         "tiles": [
             ("Robots", count(len(result.robots)), f"{ordinary} ordinary"),
@@ -104,6 +114,18 @@ def _attention(result: FleetResult, reports: Mapping[str, str] | None) -> dict[s
         "urgent": urgent,
         "rest": rest,
     }
+
+
+def _kind(result: FleetResult) -> str:
+    """Colour of the headline: nothing is good that was not judged."""
+    if any(q.differs for robot in result.robots for q in robot.quantities):
+        return "bad"
+    if any(robot.changes for robot in result.robots):
+        return "bad"
+    judged = [robot for robot in result.robots if robot.quantities]
+    compared = any(math.isfinite(robot.p_value) for robot in judged)
+    followed = any(math.isfinite(robot.change_p_value) for robot in judged)
+    return "good" if compared and followed else "open"
 
 
 def headline(result: FleetResult) -> str:
@@ -120,9 +142,9 @@ def headline(result: FleetResult) -> str:
     if changed:
         parts.append(f"{_plural(len(changed), 'robot')} changed over time ({_names(changed)})")
     if not parts:
-        if all(not math.isfinite(robot.p_value) for robot in judged):
-            return "There are too few robots of each type to say whether one differs."
-        return "No robot differs from its type, and none changed over time, beyond chance."
+        compared = any(math.isfinite(robot.p_value) for robot in judged)
+        followed = any(math.isfinite(robot.change_p_value) for robot in judged)
+        return _NOTHING[compared, followed]
     return f"{'; '.join(parts)}."
 
 

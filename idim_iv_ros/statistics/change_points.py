@@ -80,14 +80,14 @@ def change_of(
     values, variances : (k,)
         Variances matter up to a common factor where `prior` is zero.
     times : (k,)
-        Increasing.
+        Not decreasing.
     prior
         ν: degrees of freedom by which the variances are known already.
 
     Returns
     -------
     Change or None
-        None where there are fewer than five values, or all are equal.
+        None where there are fewer than five values, all are equal, or all are of one time.
     """
     count = len(values)
     if count < LEAST:
@@ -150,10 +150,14 @@ def _level_before(
 
 
 def _candidates(times: FloatArray) -> tuple[list[Kind], IntArray, FloatArray]:
-    """Kind, first changed value and shape (c, k) of each candidate."""
+    """Kind, first changed value and shape (c, k) of each candidate.
+
+    Nothing begins between values of the same time: their order means nothing.
+    """
     count = len(times)
-    steps = _thinned(np.arange(_EACH_SIDE, count - _EACH_SIDE + 1))
-    ramps = _thinned(np.arange(1, count - _EACH_SIDE + 1))
+    begins = np.flatnonzero(np.diff(times, prepend=-np.inf) > 0.0)
+    steps = _thinned(begins[(begins >= _EACH_SIDE) & (begins <= count - _EACH_SIDE)])
+    ramps = _thinned(begins[(begins >= 1) & (begins <= count - _EACH_SIDE)])
     index = np.arange(count)
     shapes = [(index >= place).astype(float) for place in steps]
     shapes += [np.maximum(times - times[place - 1], 0.0) for place in ramps]

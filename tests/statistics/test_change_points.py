@@ -74,6 +74,22 @@ def test_equal_values_and_equal_times_are_not_judged() -> None:
     assert change_of(np.arange(8.0), np.ones(8), np.zeros(8)) is None
 
 
+def test_a_change_begins_where_a_time_does() -> None:
+    """Bags with dates by the day: within a day their order means nothing."""
+    values = np.array([0.0, 0.1, 0.2, 5.0, 5.1, 5.2, 5.1, 5.0])
+    days = np.repeat([0.0, 30.0], 4)
+    with np.errstate(all="raise"):
+        change = change_of(values, np.ones(8), days)
+    assert change is not None and change.kind == "step"
+    assert (change.place, change.place_low, change.place_high) == (4, 4, 4)
+    assert change.before == pytest.approx(np.mean(values[:4]))
+    three = change_of(values, np.ones(8), np.repeat([0.0, 1.0, 30.0], [3, 2, 3]))
+    assert three is not None and three.place == 3
+    # Where only the first value is apart in time, no step is possible that has two on each side.
+    late = change_of(values, np.ones(8), np.array([0.0, *[9.0] * 7]))
+    assert late is None or late.place == 1
+
+
 def test_what_is_known_of_the_scatter_finds_smaller_changes_of_few_values() -> None:
     shape = np.where(np.arange(6) >= 3, 8.0, 0.0)
     random = np.random.default_rng(2)
