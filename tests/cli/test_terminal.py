@@ -62,7 +62,9 @@ def test_a_poor_recording_prints_no_warning_of_a_library(odd, record, tmp_path: 
     bag, config = odd(effort)
     done = started("identify", bag, "--config", config, "--out", tmp_path / "out")
     assert done.returncode in (0, 1)
-    assert all(line.startswith("idim-iv: ") for line in lines(done.stderr)), done.stderr
+    # On a busy machine progress is printed, too: "5 s: validation, 97 %".
+    said = [line for line in lines(done.stderr) if " s: " not in line]
+    assert all(line.startswith("idim-iv: ") for line in said), done.stderr
 
 
 def test_a_joint_that_stands_still_is_named_by_the_diagnosis(
