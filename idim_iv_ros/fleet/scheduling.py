@@ -26,6 +26,8 @@ _SETTINGS = {
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.terminate": False,
     "distributed.scheduler.allowed-failures": 3,
+    # Call stacks of the last hour, which nobody looks at, would grow by 100 MB on each worker.
+    "distributed.worker.profile.enabled": False,
 }
 
 

@@ -100,3 +100,16 @@ def test_an_interruption_keeps_what_is_done(folder: BagFolder, tmp_path: Path) -
     time.sleep(5.0)
     with pytest.raises(ProcessLookupError):  # no worker is left behind
         os.killpg(process.pid, 0)
+
+
+def test_workers_keep_no_call_stacks() -> None:
+    """Dask's profiler keeps those of an hour: a worker would grow with every bag."""
+    with connected(workers=1) as client:
+        settings = client.run(_profiler)
+    assert list(settings.values()) == [False]
+
+
+def _profiler() -> bool:
+    import dask
+
+    return bool(dask.config.get("distributed.worker.profile.enabled"))
