@@ -97,6 +97,7 @@ def identify_the_arm(environment: Path, empty: Path) -> None:
     assert "<html" in (empty / "results" / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_wheel_identifies_the_arm_of_the_demo(built: Path, folders: tuple[Path, Path]) -> None:
     """The project from the wheel alone; what it depends on from the environment of the tests."""
     environment, empty = folders
