@@ -29,7 +29,7 @@ _LONGEST_METADATA = 1 << 24  # bytes
 
 @dataclass
 class Bag:
-    """One recording on disk, or somewhere else; stands wherever the path of a bag does.
+    """One recording on disk, or somewhere else; taken wherever the path of a bag is.
 
     Attributes
     ----------
