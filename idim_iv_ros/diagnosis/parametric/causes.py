@@ -85,8 +85,6 @@ class ParametricOutcome:
     ----------
     causes : tuple of ParametricCause
         Strongest first; empty where nothing is wrong.
-    reason : str
-        Why there are no causes; empty otherwise.
     given : (n_joints,) or None
         RMS of the nominal model's residual, N m (N); None without a nominal model.
     after, refit : (n_joints,)
@@ -98,7 +96,6 @@ class ParametricOutcome:
     """
 
     causes: tuple[ParametricCause, ...]
-    reason: str
     given: FloatArray | None
     after: FloatArray
     refit: FloatArray
@@ -124,35 +121,27 @@ def parametric_causes(
         Of that regression.
     catalogue
     """
-    reason = data.prepared.why_no_given
-    if reason:
+    if data.prepared.why_no_given:
         nothing = np.full(len(data.joints), np.nan)
-        return ParametricOutcome((), reason, None, nothing, nothing, nothing)
+        return ParametricOutcome((), None, nothing, nothing, nothing)
     changes = change_regression(data, regression, fit)
     least_share = (
         settings.REFIT_LEAST_SHARE_BESIDE if regression.added else settings.REFIT_LEAST_SHARE
     )
     while True:
         known = missing_parameters(changes, catalogue)
-        found, reason = _other_causes(changes, known, least_share, catalogue)
+        found = _other_causes(changes, known, least_share, catalogue)
         physical = without_negative_drives(changes, known, found)
         if physical.space.bare_drives == changes.space.bare_drives:
             break
         changes = physical
     all_causes, doubtful = judged(data.joints, changes, [*known, *found], catalogue)
     causes = _large_enough(all_causes, changes)
-    if not causes and not reason:
-        reason = (
-            "each parameter error is too small to matter at any joint"
-            if all_causes
-            else "no cause of the catalogue explains the change"
-        )
     named = changes.explain([change for cause in causes for change in cause.changes])
     given, after = changes.rms(named.contributions.sum(axis=1))
     _, least = changes.rms(changes.refit().contributions.sum(axis=1))
     return ParametricOutcome(
         causes,
-        "" if causes else reason,
         given,
         after,
         least,
@@ -166,15 +155,18 @@ def _other_causes(
     known: Sequence[Hypothesis],
     least: float,
     catalogue: Sequence[ParametricEffect],
-) -> tuple[list[Hypothesis], str]:
-    """Causes beside the known ones, as if the nominal model had these; or why there are none."""
+) -> list[Hypothesis]:
+    """Causes beside the known ones, as if the nominal model had these.
+
+    None where new parameters take too little of the gap.
+    """
     refit, start = changes.refit(), changes.explain(changes_of(known))
     share, taken = (changes.share(each.contributions.sum(axis=1)) for each in (refit, start))
     beyond = (refit.statistic - start.statistic) - (refit.rank - start.rank)
     too_little = beyond < least * (changes.energy - start.statistic)
     if too_little or share - taken < least * (1.0 - taken):
-        return [], f"new parameters take {100.0 * max(share, 0.0):.2g} % of the gap's energy"
-    return smallest_set(changes, refit, catalogue, known), ""
+        return []
+    return smallest_set(changes, refit, catalogue, known)
 
 
 def _large_enough(

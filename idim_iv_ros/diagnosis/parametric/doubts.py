@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from idim_iv_ros.diagnosis import sentences
 from idim_iv_ros.diagnosis.parametric.change_regression import ChangeRegression
 from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause
-from idim_iv_ros.diagnosis.parametric.sure import Doubtful
+from idim_iv_ros.diagnosis.parametric.sure import SureOnlyTogether
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter, Gap, Hint
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
@@ -41,7 +41,7 @@ class ParametricDoubt:
 def doubts_of(
     joints: Sequence[str],
     changes: ChangeRegression,
-    doubtful: Sequence[Doubtful],
+    doubtful: Sequence[SureOnlyTogether],
     causes: Sequence[ParametricCause],
 ) -> tuple[ParametricDoubt, ...]:
     """Doubtful errors of single joints; not those that are named among all given numbers."""
@@ -54,7 +54,7 @@ def doubts_of(
     )
 
 
-def _doubt(changes: ChangeRegression, doubtful: Doubtful, joint: int) -> ParametricDoubt:
+def _doubt(changes: ChangeRegression, doubtful: SureOnlyTogether, joint: int) -> ParametricDoubt:
     """What it would be at its joint, by itself."""
     effect = doubtful.hypothesis.effect
     alone = changes.explain(doubtful.hypothesis.changes).contributions.sum(axis=1)

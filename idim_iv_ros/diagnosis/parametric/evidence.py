@@ -18,7 +18,7 @@ from idim_iv_ros.diagnosis.parametric.hypotheses import (
     trial_of,
     trials,
 )
-from idim_iv_ros.diagnosis.parametric.sure import Doubtful, sure_of
+from idim_iv_ros.diagnosis.parametric.sure import SureOnlyTogether, sure_of
 from idim_iv_ros.diagnosis.result import EffectParameter, Indistinguishable
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParametricEffect
 from idim_iv_ros.estimation.qr import independent_basis
@@ -89,7 +89,7 @@ def judged(
     changes: ChangeRegression,
     kept: Sequence[Hypothesis],
     catalogue: Sequence[ParametricEffect],
-) -> tuple[tuple[ParametricCause, ...], tuple[Doubtful, ...]]:
+) -> tuple[tuple[ParametricCause, ...], tuple[SureOnlyTogether, ...]]:
     """Say what each hypothesis explains beside the others, strongest first, and which are doubtful.
 
     What the configuration itself leaves out comes first; it is indistinguishable only from what no

@@ -15,7 +15,7 @@ from idim_iv_ros.effects.parametric_effect import Estimated
 
 
 @dataclass(frozen=True)
-class Doubtful:
+class SureOnlyTogether:
     """A hypothesis whose numbers differ from zero together, while each of them may be zero."""
 
     hypothesis: Hypothesis
@@ -28,7 +28,7 @@ class Sure:
 
     kept: tuple[Hypothesis, ...]
     numbers: tuple[tuple[Estimated, ...], ...]
-    doubtful: tuple[Doubtful, ...]
+    doubtful: tuple[SureOnlyTogether, ...]
 
 
 def sure_of(changes: ChangeRegression, found: Sequence[Hypothesis]) -> Sure:
@@ -44,7 +44,7 @@ def sure_of(changes: ChangeRegression, found: Sequence[Hypothesis]) -> Sure:
     its intervals say what they leave open.
     """
     kept = list(found)
-    doubtful: list[Doubtful] = []
+    doubtful: list[SureOnlyTogether] = []
     while kept:
         beside = estimated_beside_other_errors(changes, changes_of(kept))
         ends = np.cumsum([len(each.changes) for each in kept])
@@ -65,7 +65,7 @@ def sure_of(changes: ChangeRegression, found: Sequence[Hypothesis]) -> Sure:
         least = max(unsure, key=lambda place: p_values[place])
         together = p_values[least] <= settings.PARAMETRIC_LEVEL
         if together and not any(differs(each.value, each.std) for each in numbers[least]):
-            doubtful.append(Doubtful(kept[least], numbers[least]))
+            doubtful.append(SureOnlyTogether(kept[least], numbers[least]))
         del kept[least]
     return Sure((), (), tuple(doubtful))
 

@@ -42,7 +42,7 @@ class FoldTest:
 
 
 @dataclass(frozen=True)
-class Doubtful:
+class UnconfirmedEffect:
     """An effect that the search accepted and that does not hold without the data that chose it.
 
     Attributes
@@ -75,7 +75,7 @@ class Confirmed:
         One for each joint.
     chosen : tuple of Chosen
         In how many folds each of its effects is chosen.
-    doubtful : tuple of Doubtful
+    doubtful : tuple of UnconfirmedEffect
         Effects that were accepted and do not hold.
     folds : CrossFitting
     """
@@ -84,7 +84,7 @@ class Confirmed:
     tested: HeldOut
     floors: tuple[NoiseFloor, ...]
     chosen: tuple[Chosen, ...]
-    doubtful: tuple[Doubtful, ...]
+    doubtful: tuple[UnconfirmedEffect, ...]
     folds: CrossFitting
 
     def noise(self, refit: Fit) -> tuple[AutoregressiveModel, ...]:
@@ -144,8 +144,8 @@ def confirmed(
         Of the noise of each joint.
     """
     left_out: list[Found] = []
-    doubtful: list[Doubtful] = []
-    unsure: list[Doubtful] = []
+    doubtful: list[UnconfirmedEffect] = []
+    unsure: list[UnconfirmedEffect] = []
     while True:
         result = tested(data, model, floors, folds)
         weak = judged(model.found, result, impossible(data, model, folds))
@@ -200,7 +200,9 @@ def impossible(data: Baseline, model: NamedModel, folds: CrossFitting) -> list[s
     return reasons
 
 
-def judged(found: Sequence[Found], result: FoldTest, impossible: Sequence[str]) -> list[Doubtful]:
+def judged(
+    found: Sequence[Found], result: FoldTest, impossible: Sequence[str]
+) -> list[UnconfirmedEffect]:
     """Effects that do not hold without the data that chose them, each with the reason.
 
     Parameters
@@ -208,7 +210,7 @@ def judged(found: Sequence[Found], result: FoldTest, impossible: Sequence[str]) 
     impossible
         Why each cannot be what it is named; empty where it may be.
     """
-    weak: list[Doubtful] = []
+    weak: list[UnconfirmedEffect] = []
     joints: dict[int, Found] = {}  # where what came later may correct what does not hold
     for number, (each, chosen, no_such) in enumerate(
         zip(found, result.chosen, impossible, strict=True)
@@ -222,7 +224,9 @@ def judged(found: Sequence[Found], result: FoldTest, impossible: Sequence[str]) 
         if reason:
             joints.setdefault(joint, each)
             weak.append(
-                Doubtful(each, chosen, reason, nonparametric=not doubt and reason == no_such)
+                UnconfirmedEffect(
+                    each, chosen, reason, nonparametric=not doubt and reason == no_such
+                )
             )
     return weak
 
@@ -237,7 +241,9 @@ def sized(data: Baseline, model: NamedModel) -> list[Found]:
     ]
 
 
-def blurred_names(data: Baseline, model: NamedModel, chosen: Sequence[Chosen]) -> list[Doubtful]:
+def blurred_names(
+    data: Baseline, model: NamedModel, chosen: Sequence[Chosen]
+) -> list[UnconfirmedEffect]:
     """Effects that are there, but neither their numbers nor what else is excluded give the name.
 
     Where each of its numbers may be zero, an effect is named only if nothing of another family
@@ -253,7 +259,7 @@ def blurred_names(data: Baseline, model: NamedModel, chosen: Sequence[Chosen]) -
         ):
             name = others[0].effect.name.replace("_", " ")
             made.append(
-                Doubtful(
+                UnconfirmedEffect(
                     each,
                     times,
                     f"each of its numbers may be zero, and {name} at "
