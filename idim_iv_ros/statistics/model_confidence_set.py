@@ -58,7 +58,8 @@ def model_confidence_set(
     remaining = list(range(models))
     largest = 0.0
     while len(remaining) > 1:
-        differences = losses[:, remaining] - losses[:, remaining].mean(axis=1, keepdims=True)
+        table = _scaled(losses[:, remaining])
+        differences = table - table.mean(axis=1, keepdims=True)
         mean = differences.mean(axis=0)
         drawn = weights @ differences - mean
         # Resampled blocks scatter by (b − 1) / b of what new ones would.
@@ -72,3 +73,12 @@ def model_confidence_set(
         del remaining[worst]
     included = tuple(int(each) for each in np.flatnonzero(p_values >= size))
     return ModelConfidenceSet(included, p_values)
+
+
+def _scaled(losses: FloatArray) -> FloatArray:
+    """Losses below one: their unit decides nothing, and squares of large ones have no number.
+
+    By a power of two, which changes no digit.
+    """
+    _, exponent = np.frexp(np.abs(losses).max())
+    return np.asarray(np.ldexp(losses, -int(exponent)))

@@ -19,9 +19,11 @@ from idim_iv_ros.diagnosis.structural.calibration import (
     p_value,
 )
 from idim_iv_ros.diagnosis.structural.candidate import operating_range
+from idim_iv_ros.diagnosis.structural.confidence import held_out_losses, included
 from idim_iv_ros.diagnosis.structural.cross_fitting import CrossFitting
 from idim_iv_ros.diagnosis.structural.fold_model import FoldModel
 from idim_iv_ros.diagnosis.structural.fold_products import FoldProducts
+from idim_iv_ros.diagnosis.structural.fold_search import FoldSearch
 from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression
 from idim_iv_ros.diagnosis.structural.menu import Menu, menu_of
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC, Nonparametric
@@ -31,6 +33,7 @@ from idim_iv_ros.effects.load_dependent_friction import LoadDependentFriction
 from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.effects.stribeck import Stribeck, StribeckShape
 from idim_iv_ros.effects.torque_saturation import TorqueSaturation
+from idim_iv_ros.signals import AutoregressiveModel
 from tests.diagnosis.test_attribution import SINGLE, world
 from tests.estimation.test_simulated_arms import recorded
 
@@ -149,6 +152,34 @@ def test_beside_accepted_effects_too(
     stack = products.stack("third", [third.rows[0]])
     scores, _ = model.scores_of(stack)
     assert scores[0] == pytest.approx(model.energies().sum() - after.sum(), rel=1e-6)
+
+
+def test_an_effect_that_explains_everything_leaves_what_rounding_leaves(
+    data: Baseline, found: Attribution, menu: Menu, products: FoldProducts
+) -> None:
+    """As in a simulation without noise: no digit of the energy is known, and it is not zero."""
+    entry = next(each for each in menu.entries if each.effect.name == "joint_coupling")
+    torque = {joint: columns.sum(axis=1) for joint, columns in entry.rows[0].items()}
+    exact = Regression(
+        tuple(
+            replace(
+                rows, torque=rows.matrix @ data.estimate.linear.values[rows.columns] + torque[joint]
+            )
+            for joint, rows in enumerate(found.regression.joints)
+        ),
+        found.regression.parameters,
+    )
+    quiet = (AutoregressiveModel(np.zeros(0), 1e-24),) * 2  # (1e-12 N m)², as noise_model has it
+    values = exact.fit(quiet, steps=0).values
+    noiseless = FoldProducts(exact, quiet, values, products.folds, menu)
+    search = FoldSearch(data, operating_range(data), noiseless, noiseless)
+    gains = {each.effect.name: each.gain for each in search.candidates(search.model(OUT), set())}
+    # Sixteen digits of the energy: ln 10 of half the rows each.
+    digits = gains["joint_coupling"] / (0.5 * np.log(10.0) * noiseless.rows.sum())
+    assert 10.0 < digits < 16.0
+    assert gains["joint_coupling"] == max(gains.values())
+    losses = held_out_losses(noiseless, [], [entry.rows[0], menu.entries[0].rows[0]])
+    assert included(losses) == {0}
 
 
 def test_a_true_effect_is_chosen_without_every_fold(data: Baseline, found: Attribution) -> None:

@@ -48,6 +48,23 @@ def test_models_that_are_the_same_stay() -> None:
     assert model_confidence_set(table, 0.05, seed=3).included == (0, 1, 2)
 
 
+@pytest.mark.parametrize("unit", [2.0**-700, 2.0**700])
+def test_the_unit_of_the_losses_decides_nothing(unit: float) -> None:
+    found, other = (
+        model_confidence_set(each, 0.05, seed=1) for each in (losses(), unit * losses())
+    )
+    assert other.p_values == pytest.approx(found.p_values, abs=0.0)
+
+
+def test_a_model_of_no_chance_leaves_the_others_as_they_are() -> None:
+    table = np.column_stack([losses(), losses()[:, 0] + 1e200])
+    found = model_confidence_set(table, 0.05, seed=1)
+    assert found.p_values[:-1] == pytest.approx(
+        model_confidence_set(losses(), 0.05, seed=1).p_values, abs=0.0
+    )
+    assert found.p_values[-1] == 0.0
+
+
 @pytest.mark.parametrize("table", [np.ones((1, 2)), np.array([[1.0, np.nan], [2.0, 1.0]])])
 def test_what_cannot_be_compared_is_refused(table: np.ndarray) -> None:
     with pytest.raises(ValueError, match="finite losses on two blocks"):

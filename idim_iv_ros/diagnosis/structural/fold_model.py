@@ -18,6 +18,8 @@ from idim_iv_ros.estimation.qr import NOT_SHOWN, Basis, independent_basis
 from idim_iv_ros.types import FloatArray
 
 _LEAST_ENERGY = 1e-30
+_ROUNDING = float(np.finfo(float).eps)  # of a sum, relative to its largest terms
+_NOTHING = 1e-300  # energy of a joint without any torque
 _LEAST_DIRECTION = 1e-6  # as `scan`: energy of a direction of unit columns
 
 
@@ -248,15 +250,20 @@ class FoldModel:
         return self.at_joints(self.values)
 
     def energies(self) -> FloatArray:
-        """(n_joints,) of the weighted residual."""
+        """(n_joints,) of the weighted residual; no less than what rounding leaves of it."""
         made = []
         for gram, theta in zip(self.gram, self.theta, strict=True):
             signed = np.append(-theta, 1.0)
-            made.append(float(signed @ gram @ signed))
+            least = rounding(np.abs(signed) @ norms(gram))
+            made.append(float(np.maximum(signed @ gram @ signed, least)))
         return np.array(made)
 
     def with_candidates(self, views: Sequence[View]) -> tuple[list[FloatArray], FloatArray]:
-        """Coefficients of each candidate, and energies (m, n_joints) with it in the model."""
+        """Coefficients of each candidate, and energies (m, n_joints) with it in the model.
+
+        An energy is a difference of products: where a candidate explains everything, as in a
+        simulation without noise, no digit of it is known. It is then as large as its rounding.
+        """
         if not views:
             return [], np.zeros((0, len(self.gram)))
         coefficients = [least_squares(each.left, each.right, each.energy) for each in views]
@@ -266,6 +273,8 @@ class FoldModel:
             zip(self.gram, self.theta, changes, strict=True)
         ):
             slope = gram[:-1, -1] - gram[:-1, :-1] @ theta
+            sizes = norms(gram)
+            terms = sizes[-1] + sizes[:-1] @ np.abs(theta[:, None] + change)
             energies[:, joint] += np.einsum("pm,pm->m", change, gram[:-1, :-1] @ change)
             energies[:, joint] -= 2.0 * slope @ change
             for k, (each, c) in enumerate(zip(views, coefficients, strict=True)):
@@ -275,7 +284,9 @@ class FoldModel:
                         - 2.0 * each.residual[joint]
                         + 2.0 * each.inner[joint].T @ change[:, k]
                     )
-        return coefficients, np.maximum(energies, 1e-300)
+                    terms[k] += norms(each.own[joint]) @ np.abs(c)
+            energies[:, joint] = np.maximum(energies[:, joint], rounding(terms))
+        return coefficients, energies
 
     def changes(
         self, views: Sequence[View], coefficients: Sequence[FloatArray]
@@ -346,6 +357,19 @@ class FoldModel:
             for k in range(width):
                 made[starts + k] = left[starts + k, k]
         return made
+
+
+def norms(products: FloatArray) -> FloatArray:
+    """Norms (p,) of columns with these products (p, p)."""
+    return np.asarray(np.sqrt(np.maximum(np.diag(products), 0.0)))
+
+
+def rounding(terms: FloatArray) -> FloatArray:
+    """Energy that rounding may leave of a sum of vectors whose norms add up to `terms`.
+
+    By the inequality of Cauchy and Schwarz no product in it is larger than the square of `terms`.
+    """
+    return np.maximum(_ROUNDING * np.square(terms), _NOTHING)
 
 
 def orthonormal(left: FloatArray, energy: FloatArray, *, stacked: bool = False) -> FloatArray:
