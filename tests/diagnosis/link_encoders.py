@@ -1,7 +1,9 @@
 """A pendulum behind a gear, simulated with SciPy alone: what both its encoders read."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -86,26 +88,40 @@ def motor_motion(time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     )
 
 
-def transmitted(gear: Gear, twist: FloatArray, rate: FloatArray) -> FloatArray:
-    """Torque through shaft and play, N m."""
-    bent = twist - np.clip(twist, -gear.gap / 2, gear.gap / 2)
-    return np.where(bent == 0.0, 0.0, gear.stiffness * bent + gear.damping * rate)
+def motor_at(time: float) -> tuple[float, float]:
+    """Angle and speed of the motor at one time: the solver asks so often that arrays are slow."""
+    angle = speed = 0.0
+    for number, (frequency, size) in enumerate(WAVES):
+        rate = 2.0 * math.pi * frequency
+        angle += size * math.sin(rate * time + number)
+        speed += size * rate * math.cos(rate * time + number)
+    return angle, speed
 
 
-def link_motion(gear: Gear, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Angle of the link and the torque through the gear at `time` (n,) s."""
-    if not np.isfinite(gear.stiffness):
+@cache
+def link_motion(
+    stiffness: float, damping: float, gap: float, samples: int
+) -> tuple[FloatArray, FloatArray]:
+    """Angle of the link and the torque through the gear at `samples` times of `RATE`.
+
+    Encoders change neither: gears that differ in theirs alone share one motion.
+    """
+    time = np.arange(samples) / RATE
+    if not np.isfinite(stiffness):
         angle, _, acceleration = motor_motion(time)
         return angle, ABOUT_JOINT * acceleration + MASS * 9.81 * LEVER * np.sin(angle)
 
     def motion(t: float, state: FloatArray) -> list[float]:
-        motor, speed, _ = (each[0] for each in motor_motion(np.array([t])))
-        torque = float(transmitted(gear, np.array(motor - state[0]), np.array(speed - state[1])))
-        return [state[1], (torque - MASS * 9.81 * LEVER * np.sin(state[0])) / ABOUT_JOINT]
+        link, link_speed = float(state[0]), float(state[1])
+        motor, speed = motor_at(t)
+        twist = motor - link
+        bent = twist - min(max(twist, -gap / 2), gap / 2)
+        torque = stiffness * bent + damping * (speed - link_speed) if bent else 0.0
+        return [link_speed, (torque - MASS * 9.81 * LEVER * math.sin(link)) / ABOUT_JOINT]
 
-    angle, speed, _ = (float(each[0]) for each in motor_motion(time[:1]))
-    load = MASS * 9.81 * LEVER * np.sin(angle)
-    start = angle - load / gear.stiffness - np.sign(load) * gear.gap / 2
+    angle, speed = motor_at(0.0)
+    load = MASS * 9.81 * LEVER * math.sin(angle)
+    start = angle - load / stiffness - np.sign(load) * gap / 2
     solved = solve_ivp(
         motion,
         (time[0], time[-1]),
@@ -116,8 +132,10 @@ def link_motion(gear: Gear, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         atol=1e-9,
     )
     motor, motor_speed, _ = motor_motion(time)
-    torque = transmitted(gear, motor - solved.y[0], motor_speed - solved.y[1])
-    return solved.y[0], torque
+    twist = motor - solved.y[0]
+    bent = twist - np.clip(twist, -gap / 2, gap / 2)
+    rate = motor_speed - solved.y[1]
+    return solved.y[0], np.where(bent == 0.0, 0.0, stiffness * bent + damping * rate)
 
 
 def pendulum_bag(folder: Path, gear: Gear, seed: int = 1) -> tuple[Path, Configuration]:
@@ -127,7 +145,7 @@ def pendulum_bag(folder: Path, gear: Gear, seed: int = 1) -> tuple[Path, Configu
     begin = 0.5  # s, so that what is late was simulated
     motor, speed, acceleration = motor_motion(time + begin)
     fine = np.arange(round(RATE * (SECONDS + begin))) / RATE
-    angle, through = link_motion(gear, fine)
+    angle, through = link_motion(gear.stiffness, gear.damping, gear.gap, len(fine))
     torque = np.interp(time + begin, fine, through) + MOTOR * acceleration
     torque = torque + VISCOUS * speed + COULOMB * np.sign(speed)
     late = CubicSpline(fine, angle)(time + begin - gear.late)

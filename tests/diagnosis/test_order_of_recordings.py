@@ -1,6 +1,7 @@
 """The same recordings in another order, with whatever stamps, give the same diagnosis."""
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -32,21 +33,19 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> Bags:
     """Three runs of the arm whose first stamps are given."""
     records = [record(arm2(seconds=SECONDS, seed=seed), seed) for seed in (1, 2, 3)]
 
-    def write(starts: Sequence[float]) -> list[Path]:
-        folder = tmp_path_factory.mktemp("bags")
-        paths = []
-        for number, (start, one) in enumerate(zip(starts, records, strict=True)):
-            time = one.time - one.time[0] + start
-            path = folder / f"run{number}.mcap"
-            topics = [
-                JointTopic("/joint_states", JOINTS, time, one.position, None, one.effort),
-                JointTopic("/joint_reference", JOINTS, time, one.position_reference),
-            ]
-            write_bag(path, topics)
-            paths.append(path)
-        return paths
+    @cache
+    def bag(number: int, start: float) -> Path:
+        one = records[number]
+        time = one.time - one.time[0] + start
+        path = tmp_path_factory.mktemp("bags") / f"run{number}.mcap"
+        topics = [
+            JointTopic("/joint_states", JOINTS, time, one.position, None, one.effort),
+            JointTopic("/joint_reference", JOINTS, time, one.position_reference),
+        ]
+        write_bag(path, topics)
+        return path
 
-    return write
+    return lambda starts: [bag(number, start) for number, start in enumerate(starts)]
 
 
 def without_timing(document: dict[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, Transmission
@@ -24,10 +25,19 @@ COARSE = 2.0 * np.pi / 2**14
 
 
 @pytest.fixture(scope="module")
-def measure(tmp_path_factory: pytest.TempPathFactory):
+def record(tmp_path_factory: pytest.TempPathFactory):
+    @cache
+    def recorded(gear: Gear, seed: int = 1) -> tuple[Path, Configuration]:
+        return pendulum_bag(tmp_path_factory.mktemp("gear"), gear, seed)
+
+    return recorded
+
+
+@pytest.fixture(scope="module")
+def measure(record):
     @cache
     def measured(gear: Gear, seed: int = 1) -> Transmission:
-        bag, configuration = pendulum_bag(tmp_path_factory.mktemp("gear"), gear, seed)
+        bag, configuration = record(gear, seed)
         refit = refitted(read_configured([bag], configuration), configuration, ())
         (found,) = measured_transmissions(refit.data, refit.regression)
         return found.result
@@ -150,10 +160,10 @@ def test_no_elasticity_is_named_where_there_is_none(measure):
 
 
 @pytest.fixture(scope="module")
-def diagnosed(tmp_path_factory: pytest.TempPathFactory):
+def diagnosed(record):
     @cache
     def result(gear: Gear, without: tuple[str, ...] = ()) -> GapResult:
-        bag, configuration = pendulum_bag(tmp_path_factory.mktemp("gap"), gear)
+        bag, configuration = record(gear)
         return diagnose([bag], configuration, without=without)
 
     return result
