@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.held_out.held_out import held_out
 from idim_iv_ros.diagnosis.localisation.unexplained import unexplained
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.structural import search
@@ -30,7 +29,7 @@ from idim_iv_ros.effects.position_ripple import PositionRipple
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.effects.stribeck import Stribeck
 from idim_iv_ros.effects.torque_saturation import TorqueSaturation
-from tests.estimation.test_simulated_arms import recorded
+from tests.diagnosis.simulated_sessions import arm2_session
 
 NOISE = (0.15, 0.05)  # N m, of a row
 Torque = Callable[[SmoothMotion], np.ndarray]
@@ -39,8 +38,7 @@ EVERYTHING = (*STRUCTURAL, *NONPARAMETRIC)
 
 @pytest.fixture(scope="module")
 def data() -> Baseline:
-    arm = arm2(seconds=24.0)  # a shorter session shows no drift
-    return baseline([recorded(arm, 1)], arm.configuration)
+    return arm2_session(24.0)  # a shorter session shows no drift
 
 
 @pytest.fixture(scope="module", autouse=True)

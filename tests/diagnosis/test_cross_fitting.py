@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.held_out.held_out import folds_of, held_out
 from idim_iv_ros.diagnosis.parametric.errors_beyond_base import ErrorBeyondBase
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.attribution import Attribution, attribute
 from idim_iv_ros.diagnosis.structural.calibration import (
     largest_support,
@@ -34,8 +33,8 @@ from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.effects.stribeck import Stribeck, StribeckShape
 from idim_iv_ros.effects.torque_saturation import TorqueSaturation
 from idim_iv_ros.signals import AutoregressiveModel
+from tests.diagnosis.simulated_sessions import arm2_session
 from tests.diagnosis.test_attribution import SINGLE, world
-from tests.estimation.test_simulated_arms import recorded
 
 CATALOGUE: list[Effect] = [
     Stribeck(), LoadDependentFriction(), JointCoupling(), TorqueSaturation(), *NONPARAMETRIC
@@ -45,8 +44,7 @@ OUT = 1  # the fold that is left out
 
 @pytest.fixture(scope="module")
 def data() -> Baseline:
-    arm = arm2(seconds=24.0)
-    return baseline([recorded(arm, 1)], arm.configuration)
+    return arm2_session(24.0)
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bags.simulated_arms import arm2
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.attribution import attribute
 from idim_iv_ros.diagnosis.structural.causes import built_model, effect_parameters, named_model
 from idim_iv_ros.diagnosis.structural.confirmation import sized
@@ -19,8 +18,8 @@ from idim_iv_ros.effects.spring import Spring
 from idim_iv_ros.effects.stribeck import Stribeck
 from idim_iv_ros.effects.torque_saturation import TorqueSaturation
 from idim_iv_ros.types import FloatArray
+from tests.diagnosis.simulated_sessions import arm2_session
 from tests.diagnosis.test_attribution import Torque, world
-from tests.estimation.test_simulated_arms import recorded
 
 # Effect, joint, torque, its true numbers.
 WORLDS: list[tuple[Effect, int, Torque, dict[str, float]]] = [
@@ -40,8 +39,7 @@ SEEDS = range(50, 58)
 
 @pytest.fixture(scope="module")
 def data() -> Baseline:
-    arm = arm2(seconds=24.0)
-    return baseline([recorded(arm, 1)], arm.configuration)
+    return arm2_session(24.0)
 
 
 @pytest.mark.parametrize(

@@ -5,22 +5,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.parametric.gain_beside_friction import with_friction, with_gains
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.result import Indistinguishable
 from idim_iv_ros.diagnosis.structural.attribution import attribute
 from idim_iv_ros.diagnosis.structural.causes import named_model
 from idim_iv_ros.effects.load_dependent_friction import LoadDependentFriction
+from tests.diagnosis.simulated_sessions import arm2_session
 from tests.diagnosis.test_attribution import world
-from tests.estimation.test_simulated_arms import recorded
 
 
 @pytest.fixture(scope="module")
 def data() -> Baseline:
-    arm = arm2(seconds=24.0)
-    return baseline([recorded(arm, 1)], arm.configuration)
+    return arm2_session(24.0)
 
 
 def sets(data: Baseline, gain: float) -> list[list[tuple[str, int]]]:

@@ -5,24 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.parametric.causes import ParametricOutcome, parametric_causes
 from idim_iv_ros.diagnosis.parametric.change_regression import change_regression
 from idim_iv_ros.diagnosis.parametric.confirmed import confirmed
 from idim_iv_ros.diagnosis.parametric.other_errors import errors_of_drives, errors_of_links
 from idim_iv_ros.diagnosis.parametric.significance import differs
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, smooth_regression
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.effects.parametric_effect import Change
-from tests.estimation.test_simulated_arms import recorded
+from tests.diagnosis.simulated_sessions import arm2_session
 
 NOISE = (0.15, 0.05)  # N m, of a row
 
 
 @pytest.fixture(scope="module")
 def data() -> Baseline:
-    arm = arm2(seconds=12.0)
-    return baseline([recorded(arm, 1)], arm.configuration)
+    return arm2_session(12.0)
 
 
 def world(

@@ -5,23 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bags.simulated_arms import arm2
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, with_parameters
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, with_parameters
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.structural.attribution import attribute
 from idim_iv_ros.diagnosis.structural.causes import effect_parameters, named_model
 from idim_iv_ros.diagnosis.structural.knee import with_knees_refitted
 from idim_iv_ros.effects.torque_saturation import TorqueSaturation
+from tests.diagnosis.simulated_sessions import arm2_session
 from tests.diagnosis.test_attribution import world
-from tests.estimation.test_simulated_arms import recorded
 
 KNEE, SLOPE = 8.0, 0.5  # N m
 
 
 @pytest.fixture(scope="module")
 def data() -> Baseline:
-    arm = arm2(seconds=12.0)
-    return baseline([recorded(arm, 1)], arm.configuration)
+    return arm2_session(12.0)
 
 
 def command(motion: SmoothMotion) -> np.ndarray:

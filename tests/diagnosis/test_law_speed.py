@@ -12,9 +12,9 @@ import pytest
 from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.controller.check import check_law
 from idim_iv_ros.diagnosis.controller.law_speed import law_speed
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.signals import JointSignals
-from tests.estimation.test_simulated_arms import recorded
+from tests.diagnosis.simulated_sessions import arm2_session
 
 
 @pytest.fixture(scope="module")
@@ -23,8 +23,8 @@ def arm() -> SimulatedArm:
 
 
 @pytest.fixture(scope="module")
-def data(arm: SimulatedArm) -> Baseline:
-    return baseline([recorded(arm, 1)], arm.configuration)
+def data() -> Baseline:
+    return arm2_session(12.0)
 
 
 def commanded(data: Baseline, effort: np.ndarray, velocity: np.ndarray | None = None) -> Baseline:

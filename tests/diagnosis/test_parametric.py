@@ -10,7 +10,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.identifiability.testability import cannot_show, too_little
 from idim_iv_ros.diagnosis.parametric.causes import (
     ParametricOutcome,
@@ -22,7 +21,7 @@ from idim_iv_ros.diagnosis.parametric.change_regression import change_regression
 from idim_iv_ros.diagnosis.parametric.doubts import parametric_hints
 from idim_iv_ros.diagnosis.parametric.hypotheses import changes_of, of_base_parameters
 from idim_iv_ros.diagnosis.parametric.missing import missing_gravity
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, smooth_regression
 from idim_iv_ros.diagnosis.structural.attribution import attribute
 from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
@@ -32,15 +31,14 @@ from idim_iv_ros.effects.friction_level import FrictionLevel
 from idim_iv_ros.effects.parametric_effect import Change, ParameterSpace, ParametricEffect
 from idim_iv_ros.effects.presliding import Presliding
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
-from tests.estimation.test_simulated_arms import recorded
+from tests.diagnosis.simulated_sessions import arm2_session
 
 NOISE = (0.15, 0.05)  # N m, of a row
 
 
 @pytest.fixture(scope="module")
 def data() -> Baseline:
-    arm = arm2(seconds=12.0)
-    return baseline([recorded(arm, 1)], arm.configuration)
+    return arm2_session(12.0)
 
 
 def rows(data: Baseline, joint: int, torque: np.ndarray) -> np.ndarray:

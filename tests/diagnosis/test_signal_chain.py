@@ -12,9 +12,10 @@ from scipy.interpolate import CubicSpline
 
 from bags import simulated_arms
 from bags.simulated_arms import SimulatedArm, arm2
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, _chain, aligned
 from idim_iv_ros.recording import Recording
+from tests.diagnosis.simulated_sessions import arm2_session
 from tests.estimation.test_simulated_arms import recorded
 
 PERIOD = 1e-3
@@ -26,8 +27,8 @@ def arm() -> SimulatedArm:
 
 
 @pytest.fixture(scope="module")
-def data(arm: SimulatedArm) -> Baseline:
-    return baseline([recorded(arm, 1)], arm.configuration)
+def data() -> Baseline:
+    return arm2_session(12.0)
 
 
 def with_effort(data: Baseline, effort: np.ndarray) -> Baseline:

@@ -1,0 +1,14 @@
+"""Sessions of the two-joint arm that many tests start from: made once in a process."""
+
+from functools import cache
+
+from bags.simulated_arms import arm2
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from tests.estimation.test_simulated_arms import recorded
+
+
+@cache
+def arm2_session(seconds: float) -> Baseline:
+    """One recording, refitted; what the arm really is differs from its configuration."""
+    arm = arm2(seconds=seconds)
+    return baseline([recorded(arm, 1)], arm.configuration)
