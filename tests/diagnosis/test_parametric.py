@@ -322,7 +322,8 @@ def test_a_payload_whose_mass_and_moments_may_be_zero_is_a_hint(data: Baseline) 
             assert "may be zero" in hint.sentence
             if hint.effect == "payload":
                 assert hint.joint == "joint_2"
-                assert (hint.torque_gap.after or 0.0) < 0.5 * hint.torque_gap.before
+                assert hint.torque_gap.after is not None
+                assert hint.torque_gap.after < 0.5 * hint.torque_gap.before
                 hinted += 1
     assert hinted >= 3
 
