@@ -31,7 +31,7 @@ class ParameterSpec:
     Attributes
     ----------
     name : str
-        As in gap.json; one that ends in _k stands for _1, _2, … that belong together.
+        As in gap.json; one that ends in _k means _1, _2, … that belong together.
     unit : str
         Of a revolute joint.
     words : str

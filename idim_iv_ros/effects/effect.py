@@ -151,7 +151,7 @@ class StructuralEffect(Cause, Generic[S]):
     # Whether its torque is made of high derivatives: noise of the encoders is then in both sides,
     # and the diagnosis asks for more support.
     of_high_derivatives: ClassVar[bool] = False
-    # Whether the shape may vary beside the coefficients; not where one stands for its change.
+    # Whether the shape may vary beside the coefficients; not where one is its change.
     free_shape: ClassVar[bool] = True
     # Where its size sits: in the coefficients, in one coefficient that scales a shape (which holds
     # for factors about one only), or in the shape alone, the coefficient being one.

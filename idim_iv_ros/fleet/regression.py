@@ -1,4 +1,4 @@
-"""One bag identified: its own estimate, and the R factor that stands for it among others."""
+"""One bag identified: its own estimate, and the R factor that represents it among others."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -92,7 +92,7 @@ def identify_task(uri: str, content: str, key: str, robot: Robot) -> BagResult:
         request = configured_request(configuration)
         fields = bag_fields(read_segments(bag, request), configuration)
     except IdimError as error:
-        # The name of the bag stands beside it.
+        # The name of the bag is beside it.
         reason = str(error).removeprefix(f"{bag.path}: ")
         return without_estimate(uri, content, key, _status(bag, error), reason)
     return BagResult(uri=uri, content=content, key=key, robot="", type="", status="ok", **fields)

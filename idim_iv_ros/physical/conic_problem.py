@@ -5,7 +5,7 @@
 
 x holds the lower triangles of all J̃ (pseudo-inertias over the nominal ones), then the parameters d
 of drives and friction. clarabel knows quadratic objectives and the cones of semidefinite matrices
-and of exponentials, so that it is given the problem as it stands: no modelling language, whose
+and of exponentials, so that it is given the problem itself: no modelling language, whose
 import and compilation would take ten times as long as the solution. log det J̃ ≥ Σ t_k holds where
 [[J̃, Z], [Zᵀ, diag Z]] is positive semidefinite with Z lower triangular and t_k ≤ log Z_kk.
 """

@@ -61,7 +61,7 @@ def count(value: int) -> str:
 
 
 def measured(value: float | None, std: float | None) -> tuple[str, str]:
-    """Return a value and the half-width of its 95 % interval, rounded alike.
+    """Return a value and the half-width of its 95 % interval, rounded to the same digit.
 
     The half-width is 1.96 σ with two significant digits; it is empty where there is no σ.
     """

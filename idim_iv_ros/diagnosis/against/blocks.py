@@ -97,7 +97,7 @@ def clearly_better(gains: FloatArray) -> bool:
     """Whether held-out blocks speak for a model: most of those that say anything, not one alone.
 
     An effect shows where its motion is: in a chirp, and not in slow sweeps beside it. Blocks where
-    two models predict the same have no vote, and a mean over all would ask that all gain alike.
+    two models predict the same have no vote, and a mean over all would ask that all gain.
     """
     votes = gains[np.abs(gains) >= settings.CONTRAST_LEAST_VOTE]
     positive = int(np.sum(votes > 0.0))

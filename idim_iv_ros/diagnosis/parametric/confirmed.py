@@ -2,8 +2,8 @@
 
 A wrong torque gain of a joint changes its torque much as errors of the links beyond it, of its
 friction and of its drive do together: with all inertials of a nominal model off by a little, the
-gain that fits best is many deviations of the noise away from one. It is told from them by what no
-base parameters can do: the other joints feel the same links with a gain of one.
+gain that fits best is many deviations of the noise away from one. It is distinguished from them by
+what no base parameters can do: the other joints feel the same links with a gain of one.
 """
 
 from collections.abc import Sequence

@@ -60,8 +60,8 @@ def with_sets(data: Baseline, search: FoldSearch, found: Sequence[Found]) -> tup
             if number in kept
         ]
         # What shares no torque with it does not take its place: it would be one cause more.
-        alike = [pair for pair in pairs if pair[1] >= settings.ALTERNATIVE_CORRELATION]
-        made.append(replace(this, indistinguishable_from=tuple(alike)))
+        close = [pair for pair in pairs if pair[1] >= settings.ALTERNATIVE_CORRELATION]
+        made.append(replace(this, indistinguishable_from=tuple(close)))
     return tuple(made)
 
 

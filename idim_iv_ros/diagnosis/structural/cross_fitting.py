@@ -98,9 +98,9 @@ class CrossFit:
         for each in chosen:
             if each.key == found.candidate.key:
                 return each
-        alike = {other.key for other, _ in found.indistinguishable_from}
-        alike -= {other.candidate.key for other in others}
-        return next((each for each in chosen if each.key in alike), None)
+        others_in_set = {other.key for other, _ in found.indistinguishable_from}
+        others_in_set -= {other.candidate.key for other in others}
+        return next((each for each in chosen if each.key in others_in_set), None)
 
     def held_out(
         self,

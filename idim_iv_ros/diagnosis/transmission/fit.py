@@ -200,7 +200,7 @@ def _part(
 def held_out(found: TwistFit, term: str) -> tuple[float | None, int, int]:
     """Share of the whitened twist's energy that a term takes on blocks that were not fitted.
 
-    Blocks lie alike in every recording, so that its constant is fitted from the others.
+    Blocks lie at the same places of every recording: its constant is fitted from the others.
 
     Returns
     -------

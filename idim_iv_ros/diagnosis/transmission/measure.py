@@ -173,11 +173,11 @@ def _undecided(fit: TwistFit, *, sure: bool, large: bool, measured: bool) -> str
     if rows.resolution > 0.0 and (fit.accepted(LOAD) or not _could_be_seen(fit)) and not large:
         return (
             f"the twist under the load stays below the encoders' step of {rows.resolution:.2g}: "
-            "it cannot be told"
+            "it cannot be determined"
         )
     largest = max(float(np.abs(rows.load).max()), 1e-300)
     if float(np.std(rows.load)) <= settings.LEAST_LOAD_VARIATION * largest:
-        return "the load hardly varies: it cannot be told"
+        return "the load hardly varies: it cannot be determined"
     if fit.accepted(LOAD) and not sure:
         return "what the encoders' errors and the load's leave open is as large as the twist"
     return "no twist follows the load"

@@ -33,7 +33,7 @@ def described(found: Transmission) -> str:
     elif found.backlash_at_most is not None:
         text += f"; no play is seen, at most {1e3 * found.backlash_at_most:.2g} {small} (95 %)"
     else:
-        text += "; play cannot be told, the load hardly changes its side"
+        text += "; play cannot be determined, the load hardly changes its side"
     if found.lost_motion is not None:
         text += (
             f"; {number(found.lost_motion, 1e3, small)} follow the direction of motion (play that "

@@ -30,7 +30,7 @@ _LONGEST_METADATA = 1 << 24  # bytes
 
 @dataclass
 class Bag:
-    """One recording on disk, or somewhere else; given wherever the path of a bag is.
+    """One recording on disk, or somewhere else; taken wherever the path of a bag is.
 
     Attributes
     ----------
