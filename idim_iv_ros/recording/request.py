@@ -67,8 +67,7 @@ class Request:
 
     def likeliest(self, descriptions: Mapping[str, str]) -> str | None:
         """Of the descriptions that a bag holds, by topic, that of the robot."""
-        known = (descriptions[name] for name in self.descriptions if name in descriptions)
-        return next(known, None)
+        return next(filter(None, map(descriptions.get, self.descriptions)), None)
 
     def sources(self, topic: str) -> list[str]:
         """Sources that are read from a topic."""

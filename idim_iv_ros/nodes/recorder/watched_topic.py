@@ -17,8 +17,7 @@ from idim_iv_ros.nodes.recorder.settings import RecorderSettings, signals
 from idim_iv_ros.nodes.recorder.topic_monitor import JointContent, Taken, TopicMonitor
 from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE
 from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
-from idim_iv_ros.recording.read import DESCRIPTION
-from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
+from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION, in_root
 from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
 from idim_iv_ros.signal_source import field_of, topic_of
 
@@ -259,9 +258,10 @@ def recorder_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic
         resolved = node.resolve_topic_name(name)
         depth = settings.queue_depth
         topics.append(WatchedTopic(node, resolved, types, joints, sorted(set(fields)), depth))
-    names_of_it = [node.resolve_topic_name(name) for name in (ROBOT_DESCRIPTION, DESCRIPTION)]
+    names_of_it = (ROBOT_DESCRIPTION, in_root(ROBOT_DESCRIPTION))
     descriptions = [
-        WatchedTopic(node, name, [_STRING], (), (), _FEW) for name in dict.fromkeys(names_of_it)
+        WatchedTopic(node, name, [_STRING], (), (), _FEW)
+        for name in dict.fromkeys(map(node.resolve_topic_name, names_of_it))
     ]
     for topic in descriptions:
         topic.substitutes = [other for other in descriptions if other is not topic]

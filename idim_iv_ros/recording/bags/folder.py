@@ -284,7 +284,7 @@ def loss_sentence(bag: Bag, topics: Iterable[str]) -> str:
 def with_loss(error: DataError, bag: Bag, topics: Iterable[str]) -> DataError:
     """Return an error with what the bag has lost: as far as anybody can know, that is why."""
     loss = loss_sentence(bag, topics)
-    return DataError(f"{error} ({loss})") if loss else error
+    return DataError(f"{error} ({loss})" if loss else str(error))
 
 
 def loss_notes(bag: Bag, topics: Iterable[str]) -> list[Note]:
