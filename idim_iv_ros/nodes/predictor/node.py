@@ -21,9 +21,9 @@ from visualization_msgs.msg import MarkerArray
 from idim_iv_interfaces import msg
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.nodes.entry import run_node
+from idim_iv_ros.nodes.joint_topic import JointTopic
 from idim_iv_ros.nodes.own_topics import read_own
 from idim_iv_ros.nodes.parameters import changed, checked, declare
-from idim_iv_ros.nodes.predictor.joint_topic import JointTopic
 from idim_iv_ros.nodes.predictor.markers import residual_markers
 from idim_iv_ros.nodes.predictor.model_source import ModelSource
 from idim_iv_ros.nodes.predictor.report import (

@@ -4,7 +4,6 @@ import threading
 from collections.abc import Sequence
 from contextlib import suppress
 
-from rclpy.callback_groups import CallbackGroup
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -12,6 +11,7 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.nodes.never_executed import NeverExecuted
 from idim_iv_ros.nodes.recorder.installed_types import definition, has_header, python_type
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings, signals
 from idim_iv_ros.nodes.recorder.topic_monitor import JointContent, Taken, TopicMonitor
@@ -25,21 +25,6 @@ _AT_ONCE = 20_000
 
 _STRING = "std_msgs/msg/String"
 _FEW = 10  # descriptions that wait
-
-
-class NeverExecuted(CallbackGroup):
-    """Keeps its subscriptions out of every executor: they are emptied by hand."""
-
-    def can_execute(self, entity: object) -> bool:
-        """Return False."""
-        return False
-
-    def beginning_execution(self, entity: object) -> bool:
-        """Return False."""
-        return False
-
-    def ending_execution(self, entity: object) -> None:
-        """Nothing was begun."""
 
 
 class WatchedTopic:
@@ -56,6 +41,9 @@ class WatchedTopic:
         As in JointContent.
     depth : int
         Messages that the middleware keeps.
+    best_effort : bool
+        Whether nothing is sent again for this subscription, nor a message from before it, whatever
+        the publishers offer.
 
     Attributes
     ----------
@@ -78,6 +66,8 @@ class WatchedTopic:
         joints: Sequence[str],
         needed: Sequence[str],
         depth: int,
+        *,
+        best_effort: bool = False,
     ) -> None:
         self.name = name
         self.joints, self.needed = joints, needed
@@ -88,6 +78,7 @@ class WatchedTopic:
         self.monitor = TopicMonitor(None, has_header=False)
         self.channel: TopicChannel | None = None
         self._node, self._types, self._depth = node, types, depth
+        self._best_effort = best_effort
         self._group = NeverExecuted()
         self._lock = threading.Lock()
         self._subscription: Subscription | None = None
@@ -166,7 +157,8 @@ class WatchedTopic:
             else ""
         )
         if before is not None and self._subscription is not None:
-            if before.message_type == message_type and _request(before) == _request(channel):
+            same = self._request(before) == self._request(channel)
+            if same and before.message_type == message_type:
                 return
             self.note = self.note or "the QoS of its publisher changed: subscribed anew"
         if before is None or before.message_type != message_type:
@@ -177,7 +169,14 @@ class WatchedTopic:
             )
             self.monitor = TopicMonitor(content, has_header=has_header(message_type))
             self.monitor.new_publishers(len(publishers))
-        self._replace(message_type, _request(channel))
+        self._replace(message_type, self._request(channel))
+
+    def _request(self, channel: TopicChannel) -> tuple[bool, bool]:
+        """Whether to subscribe reliable, and transient local."""
+        if self._best_effort:
+            return False, False
+        reliable = all(qos.reliability == "reliable" for qos in channel.offered)
+        return reliable, channel.latched
 
     def _replace(self, message_type: str, request: tuple[bool, bool]) -> None:
         reliable, transient_local = request
@@ -220,11 +219,6 @@ def _offered(publisher: TopicEndpointInfo) -> OfferedQos:
         "transient_local" if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL else "volatile",
         qos.depth or 10,
     )
-
-
-def _request(channel: TopicChannel) -> tuple[bool, bool]:
-    reliable = all(qos.reliability == "reliable" for qos in channel.offered)
-    return reliable, channel.latched
 
 
 def recorder_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
