@@ -13,8 +13,9 @@ from typing import Any
 import pytest
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.fleet.identify import BAGS, Machines
+from idim_iv_ros.fleet.identify import BAGS
 from idim_iv_ros.fleet.remote import file_system
+from idim_iv_ros.fleet.run import FleetRun
 from idim_iv_ros.fleet.scheduling import connected
 from tests.cli.conftest import run as run
 from tests.fleet.conftest import CONFIG, BagFolder
@@ -24,7 +25,7 @@ from tests.fleet.test_fleet import one_after_the_other
 def test_identify_writes_the_answer_and_says_what_was_left_out(
     run: Any, folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Machines, "run", one_after_the_other)
+    monkeypatch.setattr(FleetRun, "tasks", one_after_the_other)
     arguments = ("fleet", "identify", folder.path, "--config", CONFIG, "--out", tmp_path)
     outcome = run(*arguments)
     assert outcome.status == 0, outcome.error
