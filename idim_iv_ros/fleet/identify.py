@@ -75,10 +75,10 @@ class _Bags:
         count = Counted("looking at", len(self.entries), self.progress, 0.0, _DIGESTS)
         with ThreadPoolExecutor(_THREADS) as pool:
             answers = pool.map(content_task, [entry.uri for entry in self.entries])
-            for place, (content, problem) in enumerate(answers):
+            for place, (content, status, problem) in enumerate(answers):
                 contents[place] = content
                 if not content:
-                    self._fail(place, "", "corrupt", problem)
+                    self._fail(place, "", status, problem)
                 count.one_more()
         return contents
 
