@@ -3,12 +3,11 @@
 import time
 from contextlib import ExitStack
 
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from idim_iv_ros.nodes.collector.joint_positions import JointPositions
-from tests.ros.processes import Observer
+from tests.ros.processes import LATCHED, Observer
 
 JOINTS = ["a", "b"]
 PAUSE = 0.3  # s; a message takes milliseconds
@@ -45,8 +44,7 @@ def test_positions_are_read_from_a_named_field_of_any_type(
 def test_old_news_is_no_news(observer: Observer, stack: ExitStack) -> None:
     """Neither a message from before anybody listened, nor one that is repeated."""
     node = observer.node
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    publisher = node.create_publisher(JointState, "/arm/latched", latched)
+    publisher = node.create_publisher(JointState, "/arm/latched", LATCHED)
     stack.callback(node.destroy_publisher, publisher)
     message = JointState(name=["b", "a"], position=[2.0, 1.0])
     message.header.stamp = node.get_clock().now().to_msg()
