@@ -6,7 +6,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import fields
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -255,10 +254,8 @@ class Collector:
         return result
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
-        names = {parameter.name for parameter in parameters}
-        if names & {field.name for field in fields(CollectorSettings)}:
-            self._settings = changed(self._settings, parameters)
-        if "configuration" in names:
+        self._settings = changed(self._settings, parameters)
+        if any(each.name == "configuration" for each in parameters):
             self._load()
 
 

@@ -3,7 +3,6 @@
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
 
@@ -196,9 +195,8 @@ class Predictor:
         return checked(self._settings, parameters)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
-        own = {field.name for field in fields(PredictorSettings)}
-        if own & {parameter.name for parameter in parameters}:
-            self._settings = changed(self._settings, parameters)
+        before, self._settings = self._settings, changed(self._settings, parameters)
+        if self._settings is not before:
             self._look()
 
 
