@@ -145,7 +145,7 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
         new.check()
         new.check_files()
     except IdimError as error:
-        names = ", ".join(each.name for each in parameters)
+        names = ", ".join(given)
         text = str(error)
         raise UsageError(text if text.startswith(names) else f"{names}: {text}") from error
     return new
