@@ -12,28 +12,31 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 from benchmarks.measurement import write_page
 
 ROOT = Path(__file__).resolve().parents[1]
 SECONDS, REQUESTS, IDLE = 30.0, 5, 15.0
+# s; a wait that is longer ends the benchmark, with one line.
+START_LIMIT, REQUEST_LIMIT, END_LIMIT = 120.0, 300.0, 30.0
 DOMAIN = "98"
 
 
 class Identifier:
-    """One node, asked by its service."""
+    """One node, asked by its service; it ends with the stack."""
 
-    def __init__(self, checkout: Path, bags: Path, out: Path, name: str) -> None:
+    def __init__(self, checkout: Path, folder: Path, name: str, stack: ExitStack) -> None:
         import rclpy
 
         from idim_iv_interfaces.srv import Identify
 
-        self._rclpy, self._kind = rclpy, Identify
+        self._rclpy, self._kind, self._checkout = rclpy, Identify, checkout
         given = {
             "configuration": checkout / "config" / "arm2.yaml",
-            "bag_directory": bags,
-            "output_directory": out,
+            "bag_directory": folder,
+            "output_directory": folder / name,
         }
         arguments = ["--ros-args", "-r", f"__node:={name}"]
         for key, value in given.items():
@@ -44,20 +47,23 @@ class Identifier:
             env={**os.environ, "PYTHONPATH": str(checkout)},
             stderr=subprocess.DEVNULL,
         )
+        stack.callback(self.end)
         self.node = rclpy.create_node(f"asking_{name}")
         self._client = self.node.create_client(Identify, f"/{name}/identify")
-        if not self._client.wait_for_service(120.0):
-            raise SystemExit(f"{checkout}: the identifier does not start")
+        if not self._client.wait_for_service(START_LIMIT):
+            raise SystemExit(f"{checkout}: no service of the identifier within {START_LIMIT:g} s")
         self.start = time.perf_counter() - begun
 
     def ask(self) -> tuple[float, float]:
         """Seconds of a request, and those of its identification."""
         begun = time.perf_counter()
         future = self._client.call_async(self._kind.Request(bags=["bag.mcap"]))
-        self._rclpy.spin_until_future_complete(self.node, future)
+        self._rclpy.spin_until_future_complete(self.node, future, timeout_sec=REQUEST_LIMIT)
         seconds, answer = time.perf_counter() - begun, future.result()
+        if answer is None:
+            raise SystemExit(f"{self._checkout}: no answer to a request within {REQUEST_LIMIT:g} s")
         if not answer.success:
-            raise SystemExit(answer.message)
+            raise SystemExit(f"{self._checkout}: {answer.message}")
         return seconds, answer.result.duration
 
     def memory(self) -> float:
@@ -71,9 +77,13 @@ class Identifier:
         return sum(int(line.split()[1]) for line in lines) / 1000.0
 
     def end(self) -> None:
-        """Interrupt it."""
+        """Interrupt it, and kill it if it does not end."""
         self.process.terminate()
-        self.process.wait(30)
+        try:
+            self.process.wait(END_LIMIT)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait(END_LIMIT)
 
 
 def main() -> None:
@@ -89,10 +99,12 @@ def main() -> None:
     configuration = load_configuration(ROOT / "config" / "arm2.yaml")
     motion = random_motion(configuration, duration=SECONDS, rate=1000.0, seed=1)
     rclpy.init()
-    with tempfile.TemporaryDirectory() as folder:
-        simulate(configuration, Path(folder) / "bag.mcap", motion)
+    with ExitStack() as stack:
+        stack.callback(rclpy.try_shutdown)
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        simulate(configuration, folder / "bag.mcap", motion)
         nodes = {
-            name: Identifier(checkout, Path(folder), Path(folder) / name, f"identifier_{name}")
+            name: Identifier(checkout, folder, f"identifier_{name}", stack)
             for name, checkout in checkouts.items()
         }
         time.sleep(IDLE)
@@ -115,10 +127,8 @@ def main() -> None:
                 f"{statistics.median(beside):.2f}, {max(beside):.2f} | {node.start:.1f} | "
                 f"{node.memory():.0f} |"
             )
-            node.end()
     lines += ["", f"Load of the machine meanwhile: {os.getloadavg()[0]:.1f}."]
     write_page("requests", "A request beside its identification", lines)
-    rclpy.try_shutdown()
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from idim_iv_ros.excitation import Trajectory, excite, read_trajectory
     from idim_iv_ros.first_configuration import propose_configuration, write_configuration
     from idim_iv_ros.fleet.diagnose import Fleet, diagnose_fleet, identify_fleet
+    from idim_iv_ros.fleet.run import FleetRun
     from idim_iv_ros.identification.check import CheckReport, check
     from idim_iv_ros.identification.identify import identify, identify_recordings
     from idim_iv_ros.identification.result import IdentificationResult
@@ -31,6 +32,7 @@ __all__ = [
     "DataError",
     "Exported",
     "Fleet",
+    "FleetRun",
     "GapResult",
     "IdentificationResult",
     "IdimError",
@@ -68,6 +70,7 @@ _MODULES = {
     "diagnosis.diagnose": ("diagnose",),
     "diagnosis.result": ("GapResult",),
     "fleet.diagnose": ("Fleet", "diagnose_fleet", "identify_fleet"),
+    "fleet.run": ("FleetRun",),
     "identification.identify": ("identify", "identify_recordings"),
     "recording": ("Recording", "import_table", "read_recordings", "write_bag"),
     "report": ("write_gap_report", "write_replay_report", "write_report"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Protocol
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,9 +12,8 @@ from idim_iv_ros.cli.arguments import Force, Out, Quiet, Verbose
 
 if TYPE_CHECKING:
     from idim_iv_ros.cli.output import Output
-    from idim_iv_ros.files import FilePath
     from idim_iv_ros.fleet.diagnose import Fleet
-    from idim_iv_ros.progress import Progress
+    from idim_iv_ros.fleet.run import FleetRun
 
 fleet = typer.Typer(
     no_args_is_help=True,
@@ -55,118 +54,89 @@ Workers = Annotated[
 ]
 
 
-class FleetFunction(Protocol):
-    """The public functions `identify_fleet` and `diagnose_fleet`."""
+_IDENTIFY = """\
+Identify every bag; compare the robots of each type, and each robot over time.
 
-    def __call__(
-        self,
-        source: str,
-        config: FilePath,
-        out: FilePath,
-        *,
-        scheduler: str | None = None,
-        workers: int | None = None,
-        progress: Progress | None = None,
-    ) -> Fleet:
-        """Work through a fleet."""
+Writes fleet.json, fleet.parquet and fleet.html. What was done before is kept, so that the same
+command goes on after an interruption, or with new bags.
 
+Example: idim-iv fleet identify manifest.csv --config arm.yaml --out fleet
+"""
+_DIAGNOSE = """\
+Identify every bag, then say why robots differ or have changed, and what their type lacks.
 
-@fleet.command("identify")
-def identify_command(
-    source: Source,
-    config: FleetConfig,
-    out: Out,
-    scheduler: Scheduler = None,
-    workers: Workers = None,
-    force: Force = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
-    """Identify every bag; compare the robots of each type, and each robot over time.
+The full diagnosis is made of robots that differ, changed or scatter, and of a few ordinary
+ones for their type; each has a report of its own in robots/ROBOT/.
 
-    Writes fleet.json, fleet.parquet and fleet.html. What was done before is kept, so that the same
-    command goes on after an interruption, or with new bags.
-
-    Example: idim-iv fleet identify manifest.csv --config arm.yaml --out fleet
-    """
-    from idim_iv_ros.fleet.diagnose import identify_fleet
-
-    _run(identify_fleet, source, config, out, scheduler, workers, force, quiet, verbose)
+Example: idim-iv fleet diagnose s3://robots/2026 --config robots --out fleet
+"""
 
 
-@fleet.command("diagnose")
-def diagnose_command(
-    source: Source,
-    config: FleetConfig,
-    out: Out,
-    scheduler: Scheduler = None,
-    workers: Workers = None,
-    force: Force = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
-    """Identify every bag, then say why robots differ or have changed, and what their type lacks.
+def _add(name: str, about: str) -> None:
+    """Make a command of a public function; both have the same arguments."""
 
-    The full diagnosis is made of robots that differ, changed or scatter, and of a few ordinary
-    ones for their type; each has a report of its own in robots/ROBOT/.
+    @fleet.command(name, help=about)
+    def command(
+        source: Source,
+        config: FleetConfig,
+        out: Out,
+        scheduler: Scheduler = None,
+        workers: Workers = None,
+        force: Force = False,
+        quiet: Quiet = False,
+        verbose: Verbose = False,
+    ) -> None:
+        from idim_iv_ros.cli.output import Output
+        from idim_iv_ros.fleet.run import FleetRun
 
-    Example: idim-iv fleet diagnose s3://robots/2026 --config robots --out fleet
-    """
-    from idim_iv_ros.fleet.diagnose import diagnose_fleet
-
-    _run(diagnose_fleet, source, config, out, scheduler, workers, force, quiet, verbose)
+        run = FleetRun(source, config, out, scheduler, workers)
+        _run(name, run, Output(quiet=quiet, verbose=verbose), force)
 
 
-def _run(
-    function: FleetFunction,
-    source: str,
-    config: Path,
-    out: Path,
-    scheduler: str | None,
-    workers: int | None,
-    force: bool,
-    quiet: bool,
-    verbose: bool,
-) -> None:
-    from idim_iv_ros.cli.output import Output, report_warnings
+_add("identify", _IDENTIFY)
+_add("diagnose", _DIAGNOSE)
+
+
+def _run(name: str, run: FleetRun, output: Output, force: bool) -> None:
+    from idim_iv_ros.cli.output import report_warnings
     from idim_iv_ros.files import FLEET, FLEET_PAGE
+    from idim_iv_ros.fleet.diagnose import diagnose_fleet, identify_fleet
     from idim_iv_ros.fleet.table import FILE, write_table
     from idim_iv_ros.report import require_writable
     from idim_iv_ros.report.write import write_fleet_report
 
-    output = Output(quiet=quiet)
+    function = {"identify": identify_fleet, "diagnose": diagnose_fleet}[name]
+    out = Path(run.out)
     with output.progress() as progress:
         with require_writable(out, (FILE, FLEET, FLEET_PAGE), force=force):
-            found = function(
-                source, config, out, scheduler=scheduler, workers=workers, progress=progress
-            )
+            found = function(run, progress)
             write_table(found.bags, out / FILE)
         with report_warnings():
-            pages = _write_robots(found, out, config, force)
+            pages = _write_robots(found, run, force)
             reports = {robot: page.relative_to(out).as_posix() for robot, page in pages.items()}
             _, page = write_fleet_report(found.result, out, reports=reports, force=force)
-    _print(output, found, pages, verbose)
+    _print(output, found, pages)
     output.line(f"Numbers: {out / FLEET}; a row for each bag and parameter: {out / FILE}")
     if page is not None:
         output.line(f"Report: {page}")
 
 
-def _write_robots(found: Fleet, out: Path, config: Path, force: bool) -> dict[str, Path]:
+def _write_robots(found: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
     """Reports of the robots that were diagnosed, by robot."""
     from idim_iv_ros.report import write_gap_report
 
     pages = {}
     for each in found.diagnoses:
-        folder = out / "robots" / each.screened.robot
+        folder = Path(run.out) / "robots" / each.screened.robot
         page: Path | None = folder / "report.html"
         if each.gap is not None and each.fresh:
-            _, page = write_gap_report(each.gap, folder, force=force, config=config)
+            _, page = write_gap_report(each.gap, folder, force=force, config=run.config)
         if page is not None and page.is_file():
             pages[each.screened.robot] = page
     return pages
 
 
-def _print(output: Output, found: Fleet, pages: dict[str, Path], verbose: bool) -> None:
+def _print(output: Output, found: Fleet, pages: dict[str, Path]) -> None:
     from idim_iv_ros.cli.table import Column, print_table
     from idim_iv_ros.report.fleet import headline
 
@@ -182,10 +152,10 @@ def _print(output: Output, found: Fleet, pages: dict[str, Path], verbose: bool) 
             "Robots that need attention, most urgent first",
             [Column("robot"), Column("type"), Column("why"), Column("bags", right=True)],
             [
-                [robot.robot, robot.type, _why(robot.reasons, verbose), str(robot.bags)]
+                [robot.robot, robot.type, _why(robot.reasons, output.verbose), str(robot.bags)]
                 for robot in noticed
             ],
-            whole=verbose,
+            whole=output.verbose,
             rest="--verbose prints all, and fleet.json has them",
         )
     else:
@@ -193,9 +163,9 @@ def _print(output: Output, found: Fleet, pages: dict[str, Path], verbose: bool) 
     for kind in found.result.types:
         for sentence in (*kind.sentences, *kind.notes):
             output.line(sentence)
-    for bag in left_out if verbose else left_out[:5]:
+    for bag in left_out if output.verbose else left_out[:5]:
         output.line(f"Not used: {bag.uri}: {bag.why_not}")
-    if len(left_out) > 5 and not verbose:
+    if len(left_out) > 5 and not output.verbose:
         output.line(f"… and {len(left_out) - 5} more bags are not used; --verbose prints all")
     for each in found.diagnoses:
         if each.gap is None:

@@ -13,7 +13,9 @@ from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
 from idim_iv_ros.recording.other_topics import robot_description, sounds_like_reference
-from idim_iv_ros.recording.read import DESCRIPTION
+from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION, in_root
+
+_DESCRIPTION = in_root(ROBOT_DESCRIPTION)
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,7 @@ def read_contents(path: Path) -> BagContents:
         No such bag, or not one.
     """
     bag = Bag(path)
-    described = {name for name in bag.known_topics() if name.endswith(DESCRIPTION)}
+    described = {name for name in bag.known_topics() if name.endswith(_DESCRIPTION)}
     descriptions: dict[str, str] = {}
     for topic, batch in bag.batches(described):
         text = robot_description(batch)
@@ -146,7 +148,7 @@ def read_contents(path: Path) -> BagContents:
 def _of_one_robot(descriptions: Mapping[str, str]) -> str | None:
     """The global description, or that of the one namespace that has any."""
     texts = set(descriptions.values())
-    return descriptions.get(DESCRIPTION, texts.pop() if len(texts) == 1 else None)
+    return descriptions.get(_DESCRIPTION, texts.pop() if len(texts) == 1 else None)
 
 
 def _kind(bag: Bag, topic: str, *, asked: bool = False) -> JointMessageType:

@@ -13,7 +13,7 @@ from idim_iv_ros.statistics.verdict import Verdict
 
 BAG_FORMAT: Final = "idim_iv_ros/bag/1"
 
-Status = Literal["ok", "corrupt", "unusable"]
+Status = Literal["ok", "missing", "corrupt", "unusable"]
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,8 @@ class BagResult(Document):
     labels : dict of str to str
         Other columns of the manifest.
     status : str
-        ``ok``; ``corrupt``: cannot be read; ``unusable``: can be read and supports no estimate.
+        ``ok``; ``missing``: no such file; ``corrupt``: cannot be read; ``unusable``: can be read
+        and supports no estimate.
     reason : str
         In words, where it is not ok.
     duration : float

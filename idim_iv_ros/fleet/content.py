@@ -1,13 +1,16 @@
 """Digests: of the content of a bag, and of everything else that a result depends on."""
 
+import errno
 import hashlib
 import json
+import os
 from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.files import is_there
 from idim_iv_ros.fleet.remote import bag_parts, file_system, is_local, local_path, reachable
 from idim_iv_ros.recording.bags.folder import bag_files
 
@@ -32,11 +35,14 @@ def content_of(uri: str) -> str:
     """
     digest = hashlib.sha256()
     if is_local(uri):
-        for file in bag_files(local_path(uri)):
+        path = local_path(uri)
+        if not is_there(path):
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+        for file in bag_files(path):
             digest.update(_of_file(file))
         return digest.hexdigest()
-    system, path = file_system(uri)
-    for part in bag_parts(system, path):
+    system, name = file_system(uri)
+    for part in bag_parts(system, name):
         # A listing may say less than the store knows of one object.
         known = reachable(system.info, part["name"])
         digest.update(f"{known['size']} {_says(known)}\n".encode())

@@ -4,21 +4,21 @@ Robots of a type are compared by R factors first. Only those that differ or chan
 each from its newest bags together, and a few ordinary ones for what all of the type share.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import IdimError
-from idim_iv_ros.files import FilePath
 from idim_iv_ros.fleet.bag_result import BagResult, CauseSummary, GapSummary
 from idim_iv_ros.fleet.content import code_version, key_of
 from idim_iv_ros.fleet.fleet_result import fleet_result
-from idim_iv_ros.fleet.identify import Counted, Machines, identify_bags, machines_of
+from idim_iv_ros.fleet.identify import Counted, identify_bags
 from idim_iv_ros.fleet.remote import open_bag
 from idim_iv_ros.fleet.result import FleetResult, Screened
 from idim_iv_ros.fleet.robots import robots_of
+from idim_iv_ros.fleet.run import FleetRun
 from idim_iv_ros.fleet.source import find_bags
 from idim_iv_ros.fleet.store import Store
 from idim_iv_ros.fleet.task import Robot
@@ -68,57 +68,30 @@ class Fleet:
     diagnoses: tuple[RobotDiagnosis, ...] = ()
 
 
-def identify_fleet(
-    source: str,
-    config: FilePath,
-    out: FilePath,
-    *,
-    scheduler: str | None = None,
-    workers: int | None = None,
-    progress: Progress | None = None,
-) -> Fleet:
+def identify_fleet(run: FleetRun, progress: Progress | None = None) -> Fleet:
     """Identify every bag of a fleet, and say what they say together; see `identify_bags`."""
-    bags = identify_bags(
-        source, config, out, scheduler=scheduler, workers=workers, progress=progress
-    )
+    bags = identify_bags(run, progress)
     if progress is not None:
         progress("comparing the robots", 1.0)
     return Fleet(bags, fleet_result(bags))
 
 
-def diagnose_fleet(
-    source: str,
-    config: FilePath,
-    out: FilePath,
-    *,
-    scheduler: str | None = None,
-    workers: int | None = None,
-    progress: Progress | None = None,
-) -> Fleet:
-    """Identify every bag, then diagnose the robots that need it and some that stand for their type.
+def diagnose_fleet(run: FleetRun, progress: Progress | None = None) -> Fleet:
+    """Identify every bag, then diagnose the robots that need it and some that represent their type.
 
     Parameters, errors: as `identify_bags`. What was diagnosed before is kept.
     """
-    machines = machines_of(scheduler, workers)
-    identified = part_of(progress, 0.0, _IDENTIFIED)
-    found = identify_fleet(
-        source, config, out, scheduler=scheduler, workers=workers, progress=identified
-    )
-    _, robots = robots_of(find_bags(source), Path(config))
-    store = Store(Path(out) / DIAGNOSES, GapResult)
-    rest = part_of(progress, _IDENTIFIED, 1.0)
-    diagnoses = _diagnosed(found, robots, store, machines, rest)
+    found = identify_fleet(run, part_of(progress, 0.0, _IDENTIFIED))
+    diagnoses = _diagnosed(run, found, part_of(progress, _IDENTIFIED, 1.0))
     bags = _with_summaries(found.bags, diagnoses)
     return Fleet(bags, fleet_result(bags), diagnoses)
 
 
 def _diagnosed(
-    found: Fleet,
-    robots: Mapping[str, Robot],
-    store: Store[GapResult],
-    machines: Machines,
-    progress: Progress | None,
+    run: FleetRun, found: Fleet, progress: Progress | None
 ) -> tuple[RobotDiagnosis, ...]:
+    _, robots = robots_of(find_bags(run.source), Path(run.config))
+    store = Store(Path(run.out) / DIAGNOSES, GapResult)
     contents = {bag.uri: bag.content for bag in found.bags}
     screen = found.result.screen
     keys = [
@@ -147,7 +120,7 @@ def _diagnosed(
 
     with count.said():
         tasks = [(screen[place].bags, robots[screen[place].robot]) for place in waiting]
-        machines.run(diagnose_task, tasks, done)
+        run.tasks(diagnose_task, tasks, done)
     return tuple(diagnoses)
 
 

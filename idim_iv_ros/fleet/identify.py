@@ -1,19 +1,16 @@
 """All bags of a fleet identified, each by itself: what `idim-iv fleet` does before statistics."""
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import FilePath
 from idim_iv_ros.fleet.bag_result import BagResult, Status
 from idim_iv_ros.fleet.content import code_version, key_of
 from idim_iv_ros.fleet.robots import robots_of
-from idim_iv_ros.fleet.scheduling import connected, run_tasks
+from idim_iv_ros.fleet.run import FleetRun
 from idim_iv_ros.fleet.source import BagEntry, find_bags
 from idim_iv_ros.fleet.store import Store
 from idim_iv_ros.fleet.task import Robot, content_task, identify_task, without_estimate
@@ -28,29 +25,12 @@ _THREADS = 8
 _DIGESTS = 0.03
 
 
-def identify_bags(
-    source: str,
-    config: FilePath,
-    out: FilePath,
-    *,
-    scheduler: str | None = None,
-    workers: int | None = None,
-    progress: Progress | None = None,
-) -> tuple[BagResult, ...]:
+def identify_bags(run: FleetRun, progress: Progress | None = None) -> tuple[BagResult, ...]:
     """Identify every bag of a fleet that was not identified before.
 
     Parameters
     ----------
-    source
-        See `find_bags`.
-    config
-        See `robots_of`.
-    out
-        Folder of the results; those of bags are kept in ``bags/`` below it.
-    scheduler
-        Address of a running Dask scheduler; None starts workers on this machine.
-    workers
-        How many on this machine; None: one for each core.
+    run
     progress
         Called with a stage in words and the share that is done, 0 to 1.
 
@@ -64,59 +44,22 @@ def identify_bags(
     UsageError
         Source, configuration, output or scheduler are wrong.
     """
-    machines = machines_of(scheduler, workers)
-    entries, robots = robots_of(find_bags(source), Path(config))
-    store = Store(Path(out) / BAGS, BagResult)
-    return _Fleet(entries, robots, store, machines, progress).results()
+    entries, robots = robots_of(find_bags(run.source), Path(run.config))
+    return _Bags(run, entries, robots, progress).results()
 
 
-@dataclass(frozen=True)
-class Machines:
-    """Where tasks run: a running scheduler by its address, or workers on this machine."""
-
-    scheduler: str | None = None
-    workers: int | None = None
-
-    def run(
-        self,
-        function: Callable[..., Any],
-        arguments: Sequence[tuple[Any, ...]],
-        done: Callable[[int, Any, str], None],
-    ) -> None:
-        """See `run_tasks`; nothing is started where there is nothing to do."""
-        if arguments:
-            with connected(self.scheduler, self.workers) as client:
-                run_tasks(client, function, arguments, done)
-
-
-def machines_of(scheduler: str | None, workers: int | None) -> Machines:
-    """Return where tasks run.
-
-    Raises
-    ------
-    UsageError
-        Both are given, or no worker.
-    """
-    if scheduler is not None and workers is not None:
-        raise UsageError("--workers is for this machine; a running scheduler has its own")
-    if workers is not None and workers < 1:
-        raise UsageError(f"--workers {workers}: at least one is needed")
-    return Machines(scheduler, workers)
-
-
-class _Fleet:
-    """One run over all bags."""
+class _Bags:
+    """All bags of one run."""
 
     def __init__(
         self,
+        run: FleetRun,
         entries: Sequence[BagEntry],
         robots: dict[str, Robot],
-        store: Store[BagResult],
-        machines: Machines,
         progress: Progress | None,
     ):
-        self.entries, self.robots, self.store = entries, robots, store
-        self.machines, self.progress = machines, progress
+        self.run, self.entries, self.robots, self.progress = run, entries, robots, progress
+        self.store = Store(Path(run.out) / BAGS, BagResult)
         self.found: dict[int, BagResult] = {}
 
     def results(self) -> tuple[BagResult, ...]:
@@ -132,10 +75,10 @@ class _Fleet:
         count = Counted("looking at", len(self.entries), self.progress, 0.0, _DIGESTS)
         with ThreadPoolExecutor(_THREADS) as pool:
             answers = pool.map(content_task, [entry.uri for entry in self.entries])
-            for place, (content, problem) in enumerate(answers):
+            for place, (content, status, problem) in enumerate(answers):
                 contents[place] = content
                 if not content:
-                    self._fail(place, "", "corrupt", problem)
+                    self._fail(place, "", status, problem)
                 count.one_more()
         return contents
 
@@ -174,7 +117,7 @@ class _Fleet:
             count.one_more()
 
         with count.said():
-            self.machines.run(identify_task, tasks, done)
+            self.run.tasks(identify_task, tasks, done)
 
     def _key(self, place: int, content: str) -> str:
         robot = self.robots[self.entries[place].robot]

@@ -5,10 +5,9 @@ from typing import Any
 
 from idim_iv_ros.errors import UsageError, one_line
 from idim_iv_ros.recording.bags.byte_source import ByteSource
-from idim_iv_ros.recording.bags.folder import Bag
+from idim_iv_ros.recording.bags.folder import SUFFIXES, Bag
 
 INSTALL = 'a fleet needs Dask: pip install "idim-iv-ros[fleet]"'
-SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
 
 
 class FetchedFile:

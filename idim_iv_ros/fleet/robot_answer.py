@@ -204,9 +204,10 @@ def _agreement(
 
 
 def _unused_words(unused: Sequence[BagResult], used: int) -> str:
-    corrupt = sum(bag.status == "corrupt" for bag in unused)
-    detail = f", {corrupt} of them corrupt" if 0 < corrupt < len(unused) else ""
-    detail = ": corrupt" if corrupt == len(unused) else detail
+    counts = [(sum(bag.status == each for bag in unused), each) for each in ("missing", "corrupt")]
+    parts = [f"{count} of them {each}" for count, each in counts if 0 < count < len(unused)]
+    only = [each for count, each in counts if count == len(unused)]
+    detail = f": {only[0]}" if only else "".join(f", {part}" for part in parts)
     return f"{len(unused)} of {len(unused) + used} bags could not be used{detail}"
 
 

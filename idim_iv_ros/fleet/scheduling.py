@@ -4,8 +4,9 @@ import itertools
 import logging
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 from idim_iv_ros.errors import UsageError, one_line
@@ -70,28 +71,49 @@ def connected(scheduler: str | None = None, workers: int | None = None) -> Itera
             client = stack.enter_context(Client(scheduler, timeout=f"{_WAIT} s"))
         except Exception as error:
             raise UsageError(f"--scheduler {scheduler}: {one_line(error)}") from error
-        _require_same_version(client, scheduler)
+        _require_worker(client, scheduler)
+        _require_same_version(client)
         yield client
 
 
-def _require_same_version(client: Any, scheduler: str) -> None:
+def _require_worker(client: Any, scheduler: str) -> None:
     try:
         client.wait_for_workers(1, timeout=_WAIT)
     except TimeoutError as error:
         raise UsageError(f"--scheduler {scheduler}: it has no worker after {_WAIT} s") from error
-    try:
-        versions = set(client.run(code_version).values())
-    except Exception as error:
+
+
+def _require_same_version(client: Any) -> None:
+    """Refuse workers of another version, or without this program; lost ones are passed over."""
+    answers = client.run(code_version, on_error="return")
+    for answer in answers.values():
+        if isinstance(answer, Exception) and not isinstance(answer, OSError):
+            raise UsageError(
+                f"--scheduler {client.scheduler.address}: its workers cannot run idim_iv_ros "
+                f"({one_line(answer)}); install the same version there"
+            )
+    _require_version(client, {answer for answer in answers.values() if isinstance(answer, str)})
+
+
+def _require_version(client: Any, versions: Collection[str]) -> None:
+    others = sorted(set(versions) - {code_version()})
+    if others:
         raise UsageError(
-            f"--scheduler {scheduler}: its workers cannot run idim_iv_ros ({one_line(error)}); "
-            "install the same version there"
-        ) from error
-    if versions != {code_version()}:
-        listed = ", ".join(sorted(versions))
-        raise UsageError(
-            f"--scheduler {scheduler}: its workers run {listed}, this machine {code_version()}; "
-            "install the same version everywhere"
+            f"--scheduler {client.scheduler.address}: workers run {', '.join(others)}, this "
+            f"machine {code_version()}; install the same version everywhere"
         )
+
+
+@dataclass(frozen=True)
+class OtherVersion:
+    """What a worker answers that runs another version: it may have come after the first look."""
+
+    version: str
+
+
+def of_version(version: str, function: Callable[..., Any], *arguments: Any) -> Any:
+    """Call a function, on a worker; `OtherVersion` where the worker runs another one."""
+    return function(*arguments) if code_version() == version else OtherVersion(code_version())
 
 
 def run_tasks(
@@ -107,6 +129,11 @@ def run_tasks(
     done
         Called here with the place among the arguments, and what the function returned, or None and
         why there is nothing.
+
+    Raises
+    ------
+    UsageError
+        A worker runs another version of this program.
     """
     from distributed import as_completed
 
@@ -116,7 +143,9 @@ def run_tasks(
 
     def submit(count: int) -> None:
         for place, values in itertools.islice(waiting, count):
-            future = client.submit(function, *values, pure=False, retries=_RETRIES)
+            future = client.submit(
+                of_version, code_version(), function, *values, pure=False, retries=_RETRIES
+            )
             places[future.key] = place
             finished.add(future)
 
@@ -124,9 +153,15 @@ def run_tasks(
     for future in finished:
         place = places.pop(future.key)
         if future.status == "finished":
-            done(place, future.result(), "")
+            answer = future.result()
+            if isinstance(answer, OtherVersion):
+                _require_version(client, {answer.version})
+            done(place, answer, "")
         else:
-            done(place, None, _why(future))
+            error = future.exception() if future.status == "error" else None
+            if isinstance(error, (ImportError, AttributeError)):  # of a worker that came later?
+                _require_same_version(client)
+            done(place, None, _why(error))
         future.release()
         # Workers may have come.
         submit(max(1, _ahead(client) - len(places)))
@@ -137,10 +172,9 @@ def _ahead(client: Any) -> int:
     return max(1, _AHEAD * threads)
 
 
-def _why(future: Any) -> str:
+def _why(error: BaseException | None) -> str:
     from distributed import KilledWorker
 
-    error = future.exception() if future.status == "error" else None
     if isinstance(error, KilledWorker):
         return "its worker died each time (out of memory?)"
     return "the task was cancelled" if error is None else one_line(error)

@@ -9,7 +9,8 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.fleet.remote import SUFFIXES, file_system, is_local, local_path, reachable
+from idim_iv_ros.fleet.remote import file_system, is_local, local_path, reachable
+from idim_iv_ros.recording.bags.folder import SUFFIXES
 
 _COLUMNS = ("uri", "robot", "type", "time")
 METADATA = "metadata.yaml"  # of a rosbag2 folder

@@ -6,7 +6,7 @@ column          content
 uri             of the bag, as in the source
 robot, type     whose it is
 time            start of the recording, UTC; null where nothing says it
-status          ``ok``, ``corrupt`` or ``unusable``
+status          ``ok``, ``missing``, ``corrupt`` or ``unusable``
 reason          in words where it is not ok: the bag then has one row, without a parameter
 duration        s
 rows            whitened rows of the regression, all joints

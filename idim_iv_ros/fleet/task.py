@@ -10,7 +10,7 @@ from idim_iv_ros.errors import DataError, IdimError
 from idim_iv_ros.fleet.bag_result import BagResult, Status
 from idim_iv_ros.fleet.content import configuration_digest, content_of
 from idim_iv_ros.fleet.regression import bag_fields
-from idim_iv_ros.fleet.remote import open_bag
+from idim_iv_ros.fleet.remote import local_path, open_bag
 from idim_iv_ros.identification.prepare import configured_request
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.segments import read_segments
@@ -67,14 +67,15 @@ def _kept(name: str, description: bytes) -> Path:
     return path
 
 
-def content_task(uri: str) -> tuple[str, str]:
-    """Digest of a bag's content, or nothing and why it cannot be read."""
+def content_task(uri: str) -> tuple[str, Status, str]:
+    """Digest of a bag's content; empty where it cannot be read, then with the reason."""
     try:
-        return content_of(uri), ""
+        return content_of(uri), "ok", ""
     except FileNotFoundError:
-        return "", "no such file"
+        return "", "missing", "no such file"
     except (OSError, IdimError) as error:
-        return "", getattr(error, "strerror", None) or str(error)
+        reason = getattr(error, "strerror", None) or str(error)
+        return "", "corrupt", reason.removeprefix(f"{local_path(uri)}: ")
 
 
 def identify_task(uri: str, content: str, key: str, robot: Robot) -> BagResult:

@@ -16,7 +16,7 @@ from idim_iv_ros.recording import (
     read_recordings,
     session_of,
 )
-from idim_iv_ros.recording.read import Request
+from idim_iv_ros.recording.request import Request
 from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
 from idim_iv_ros.types import FloatArray
 

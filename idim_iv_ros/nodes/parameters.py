@@ -32,6 +32,10 @@ class Settings:
         UsageError
             One line that names the parameter.
         """
+        self._check()
+
+    def _check(self) -> None:
+        """What a child checks."""
 
     def check_files(self) -> None:
         """Check what is read when the node is configured, where that is not at the start.
@@ -64,6 +68,12 @@ def parameter(
     metadata = {"about": about, "span": span, "read_only": read_only}
     made: Value = field(default=default, metadata=metadata)
     return made
+
+
+def period_of_status(topics: str = "/diagnostics") -> float:
+    """Return the field of the parameter ``status_period``."""
+    about = f"time between two messages on {topics}, s"
+    return parameter(1.0, about, (0.1, 60.0), read_only=True)
 
 
 def declare(node: Node, kind: type[Kind]) -> Kind:
@@ -118,7 +128,7 @@ def _as_double(given: Parameter, doubles: Collection[str]) -> Parameter:
 
 
 def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
-    """Return the settings with new values.
+    """Return the settings with new values; parameters of others change nothing.
 
     Raises
     ------
@@ -126,13 +136,16 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
         A value is not allowed.
     """
     values = {each.name: getattr(settings, each.name) for each in fields(settings)}
-    values.update({each.name: each.value for each in parameters if each.name in values})
+    given = {each.name: each.value for each in parameters if each.name in values}
+    if not given:
+        return settings
+    values.update(given)
     new = type(settings)(**values)
     try:
         new.check()
         new.check_files()
     except IdimError as error:
-        names = ", ".join(each.name for each in parameters)
+        names = ", ".join(given)
         text = str(error)
         raise UsageError(text if text.startswith(names) else f"{names}: {text}") from error
     return new

@@ -1,7 +1,7 @@
 """From bags to recordings: the door through which everything enters."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +10,8 @@ from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import FilePaths
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
-from idim_iv_ros.recording.bags.folder import Bag, bags_of, loss_notes, loss_sentence
-from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
+from idim_iv_ros.recording.bags.folder import Bag, bags_of, loss_notes, with_loss
+from idim_iv_ros.recording.bags.joint_message_type import may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
 from idim_iv_ros.recording.clock import StampedMessages, stamp_messages
 from idim_iv_ros.recording.grid import Grid, make_grid, on_grid, without_pauses
@@ -24,74 +24,14 @@ from idim_iv_ros.recording.other_topics import (
 )
 from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import Note, Recording, Signal
-from idim_iv_ros.recording.topic_names import descriptions_of, topics_in_bag
+from idim_iv_ros.recording.request import Request, add_batch, in_bag
 from idim_iv_ros.recording.wraps import without_wraps
-from idim_iv_ros.signal_source import field_of, topic_of, with_field
+from idim_iv_ros.signal_source import topic_of
 
-DESCRIPTION = "/robot_description"
 LEAST_SAMPLES = 20
 # A grid may be longer than its messages by so much: more is holes.
 _NOTED = 0.1  # s that are cut off without a word
 _SAMPLES_A_MESSAGE, _SAMPLES_MORE = 20, 100_000
-
-
-@dataclass(frozen=True)
-class Request:
-    """What to read of a bag: joints, topics, and which joints are known to be prismatic.
-
-    A topic may be named with a field, ``topic#field``.
-    """
-
-    joints: Sequence[str]
-    joint_states: str
-    effort: str
-    reference: str | None
-    prismatic: Collection[str] = ()
-    link_states: str | None = None
-    own_topics: Mapping[str, str] = field(default_factory=dict)
-
-    @property
-    def named(self) -> dict[str, str]:
-        """Topic of each key of a configuration that names one."""
-        keys = ("joint_states", "effort", "reference", "link_states")
-        return {key: name for key in keys if (name := getattr(self, key)) is not None}
-
-    @property
-    def fields(self) -> dict[str, set[str]]:
-        """Fields to read of each topic."""
-        fields: dict[str, set[str]] = {self.joint_states: {"position", "velocity"}}
-        fields.setdefault(self.effort, set()).add("effort")
-        if self.reference is not None:
-            fields.setdefault(self.reference, set()).update(("position", "velocity"))
-        if self.link_states is not None:
-            fields.setdefault(self.link_states, set()).add("position")
-        return fields
-
-    @property
-    def own(self) -> "Request":
-        """The same with a source of its own for the reference.
-
-        One controller_state may hold what was asked for and what was measured.
-        """
-        reference = self.reference
-        measured = (self.joint_states, self.effort, self.link_states)
-        if reference is None or reference not in measured or field_of(reference) is not None:
-            return self
-        return replace(self, reference=with_field(reference, "reference"))
-
-    @property
-    def topics(self) -> list[str]:
-        """Topics that are read."""
-        return list(dict.fromkeys(map(topic_of, self.fields)))
-
-    @property
-    def descriptions(self) -> list[str]:
-        """Topics that may hold the robot's description, the likeliest first."""
-        return descriptions_of(topic_of(self.joint_states), self.own_topics)
-
-    def sources(self, topic: str) -> list[str]:
-        """Sources that are read from a topic."""
-        return [source for source in self.fields if topic_of(source) == topic]
 
 
 def read_recordings(
@@ -168,37 +108,6 @@ def _require_new(recording: Recording, before: Sequence[Recording]) -> None:
             )
 
 
-def in_bag(bag: Bag, request: Request) -> Request:
-    """Return the request with the full names of its topics in this bag.
-
-    Raises
-    ------
-    UsageError, DataError
-        No such bag, or several topics may be meant.
-    """
-    if all(name.startswith("/") for name in request.named.values()):
-        return request.own
-    # A field that is named may belong to any type.
-    any_type = any(field_of(name) for name in request.named.values())
-    kinds = bag.unread().known_topics().items()
-    topics = [name for name, kind in kinds if any_type or may_hold_joints(kind)]
-    named = {key: topic_of(name) for key, name in request.named.items()}
-    found = topics_in_bag(bag.path, named, topics, request.own_topics)
-
-    def full(source: str) -> str:
-        field_, topic = field_of(source), found[topic_of(source)]
-        return topic if field_ is None else with_field(topic, field_)
-
-    reference, link_states = request.reference, request.link_states
-    return replace(
-        request,
-        joint_states=full(request.joint_states),
-        effort=full(request.effort),
-        reference=None if reference is None else full(reference),
-        link_states=None if link_states is None else full(link_states),
-    ).own
-
-
 def read_bag(bag: Bag, request: Request) -> Recording:
     """Read the recording of one bag; see `read_recordings`."""
     path = bag.path
@@ -210,9 +119,7 @@ def read_bag(bag: Bag, request: Request) -> Recording:
             raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
         recording = recording_of(bag, request, readers, description)
     except DataError as error:
-        # What is missing from a damaged bag is damaged, as far as anybody can know.
-        loss = loss_sentence(bag, request.topics)
-        raise DataError(f"{error} ({loss})" if loss else str(error)) from error
+        raise with_loss(error, bag, request.topics) from error
     if request.reference is not None:
         return recording
     unused = unused_references(bag, list(request.fields), request.joints)
@@ -252,27 +159,9 @@ def _messages(bag: Bag, request: Request) -> tuple[dict[str, JointMessageReader]
         if topic in likely:
             text = robot_description(batch)
             descriptions.update({} if text is None else {topic: text})
-            continue
-        for source in request.sources(topic):
-            if source not in readers:
-                readers[source] = reader_of(bag, source, request)
-            readers[source].add(batch)
-    return readers, next((descriptions[name] for name in likely if name in descriptions), None)
-
-
-def reader_of(bag: Bag, source: str, request: Request) -> JointMessageReader:
-    """Return an empty reader for a source whose topic was just met.
-
-    Raises
-    ------
-    UsageError, DataError
-        Its messages hold no quantities of joints, or not in the field that is named.
-    """
-    name = bag.topics[topic_of(source)]
-    asked = source == request.reference
-    kind = JointMessageType(name, bag.definitions.get(name), field_of(source), asked)
-    kind.require_readable(bag.path, topic_of(source))
-    return JointMessageReader(source, kind, request.joints, sorted(request.fields[source]))
+        else:
+            add_batch(readers, bag, request, topic, batch)
+    return readers, request.likeliest(descriptions)
 
 
 def _checked(

@@ -7,11 +7,12 @@ import numpy as np
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.cdr import MessageBatch
-from idim_iv_ros.recording.bags.folder import Bag, loss_sentence
+from idim_iv_ros.recording.bags.folder import Bag, with_loss
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
 from idim_iv_ros.recording.other_topics import robot_description
-from idim_iv_ros.recording.read import Request, in_bag, reader_of, recording_of
+from idim_iv_ros.recording.read import recording_of
 from idim_iv_ros.recording.recording import Recording
+from idim_iv_ros.recording.request import Request, add_batch, in_bag
 from idim_iv_ros.types import BoolArray
 
 # s; at 1 kHz and seven joints an identification of so much takes less than a gigabyte. Filters
@@ -115,22 +116,16 @@ class _Parts:
         return finished
 
     def _read(self, topic: str, batch: MessageBatch) -> None:
-        if not len(batch):
-            return
-        for source in self.request.sources(topic):
-            if source not in self.readers:
-                self.readers[source] = reader_of(self.bag, source, self.request)
-            self.readers[source].add(batch)
+        if len(batch):
+            add_batch(self.readers, self.bag, self.request, topic, batch)
 
     def _finish(self) -> Recording | DataError:
         readers, self.readers = self.readers, {}
         try:
-            known = (self.descriptions.get(name) for name in self.request.descriptions)
-            description = next(filter(None, known), None)
+            description = self.request.likeliest(self.descriptions)
             return recording_of(self.bag, self.request, readers, description)
         except DataError as error:
-            loss = loss_sentence(self.bag, self.request.topics)
-            return DataError(f"{error} ({loss})" if loss else str(error))
+            return with_loss(error, self.bag, self.request.topics)
 
 
 def _part(batch: MessageBatch, chosen: BoolArray) -> MessageBatch:

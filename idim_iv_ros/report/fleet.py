@@ -92,6 +92,8 @@ def _attention(result: FleetResult, reports: Mapping[str, str] | None) -> dict[s
     unsteady = sum(any(q.unsteady for q in robot.quantities) for robot in result.robots)
     unused = sum(not bag.used for bag in result.bags)
     corrupt = sum(bag.status == "corrupt" for bag in result.bags)
+    missing = sum(bag.status == "missing" for bag in result.bags)
+    why = f"{corrupt} corrupt, {missing} missing" if missing else f"{corrupt} corrupt"
     rows = [_row(robot, reports or {}) for robot in result.robots]
     urgent = [
         row for row, robot in zip(rows, result.robots, strict=True) if robot.attention != "none"
@@ -108,7 +110,7 @@ def _attention(result: FleetResult, reports: Mapping[str, str] | None) -> dict[s
             ("Changed over time", count(changed), "a step or a ramp"),
             ("Unsteady from bag to bag", count(unsteady), "more than the others"),
             ("Bags used", count(len(result.bags) - unused), f"of {count(len(result.bags))}"),
-            ("Bags not used", count(unused), f"{corrupt} corrupt"),
+            ("Bags not used", count(unused), why),
         ],
         "share": f"{100.0 * result.false_discoveries:g}{THIN}%",
         "urgent": urgent,

@@ -13,8 +13,9 @@ from typing import Any
 import pytest
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.fleet.identify import BAGS, Machines
+from idim_iv_ros.fleet.identify import BAGS
 from idim_iv_ros.fleet.remote import file_system
+from idim_iv_ros.fleet.run import FleetRun
 from idim_iv_ros.fleet.scheduling import connected
 from tests.cli.conftest import run as run
 from tests.fleet.conftest import CONFIG, BagFolder
@@ -24,7 +25,7 @@ from tests.fleet.test_fleet import one_after_the_other
 def test_identify_writes_the_answer_and_says_what_was_left_out(
     run: Any, folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Machines, "run", one_after_the_other)
+    monkeypatch.setattr(FleetRun, "tasks", one_after_the_other)
     arguments = ("fleet", "identify", folder.path, "--config", CONFIG, "--out", tmp_path)
     outcome = run(*arguments)
     assert outcome.status == 0, outcome.error
@@ -40,6 +41,27 @@ def test_identify_writes_the_answer_and_says_what_was_left_out(
     refused = run(*arguments)
     assert refused.status == 2
     assert "fleet.parquet: exists, and was not written by idim_iv_ros" in refused.error
+
+
+def test_a_bag_that_is_not_there_is_missing_and_not_corrupt(
+    folder: BagFolder, tmp_path: Path, run: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(FleetRun, "tasks", one_after_the_other)
+    manifest = tmp_path / "manifest.csv"
+    lines = ["uri,robot", f"{folder.corrupt},arm-2", "gone/run-1.mcap,arm-3", "gone,arm-3"]
+    manifest.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    outcome = run("fleet", "identify", manifest, "--config", CONFIG, "--out", tmp_path / "out")
+    assert outcome.status == 0, outcome.error
+    said = [line for line in outcome.out.splitlines() if "gone" in line]
+    assert said == [
+        f"Not used: {tmp_path / 'gone' / 'run-1.mcap'}: no such file",
+        f"Not used: {tmp_path / 'gone'}: no such file",
+    ]
+    document = json.loads((tmp_path / "out" / "fleet.json").read_text(encoding="utf-8"))
+    assert [bag["status"] for bag in document["bags"]] == ["corrupt", "missing", "missing"]
+    assert "2 of 2 bags could not be used: missing" in str(document["robots"])
+    page = (tmp_path / "out" / "fleet.html").read_text(encoding="utf-8")
+    assert "1 corrupt, 2 missing" in page
 
 
 @pytest.mark.parametrize(
@@ -100,16 +122,3 @@ def test_an_interruption_keeps_what_is_done(folder: BagFolder, tmp_path: Path) -
     time.sleep(5.0)
     with pytest.raises(ProcessLookupError):  # no worker is left behind
         os.killpg(process.pid, 0)
-
-
-def test_workers_keep_no_call_stacks() -> None:
-    """Dask's profiler keeps those of an hour: a worker would grow with every bag."""
-    with connected(workers=1) as client:
-        settings = client.run(_profiler)
-    assert list(settings.values()) == [False]
-
-
-def _profiler() -> bool:
-    import dask
-
-    return bool(dask.config.get("distributed.worker.profile.enabled"))

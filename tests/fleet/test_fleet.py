@@ -16,8 +16,9 @@ from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.fleet.bag_result import BagResult
 from idim_iv_ros.fleet.content import configuration_digest, content_of
-from idim_iv_ros.fleet.identify import BAGS, Machines, identify_bags, owned_by
+from idim_iv_ros.fleet.identify import BAGS, identify_bags, owned_by
 from idim_iv_ros.fleet.robots import robots_of
+from idim_iv_ros.fleet.run import FleetRun
 from idim_iv_ros.fleet.source import find_bags
 from idim_iv_ros.fleet.table import FILE, write_table
 from idim_iv_ros.fleet.task import Robot, identify_task
@@ -26,12 +27,12 @@ from tests.fleet.conftest import CONFIG, BagFolder
 
 
 def one_after_the_other(
-    machines: Machines,
+    run: FleetRun,
     function: Callable[..., Any],
     arguments: Sequence[tuple[Any, ...]],
     done: Callable[[int, Any, str], None],
 ) -> None:
-    """`Machines.run` without any machine."""
+    """`FleetRun.tasks` without any machine."""
     for place, values in enumerate(arguments):
         done(place, function(*values), "")
 
@@ -71,7 +72,7 @@ def test_a_worker_that_is_killed_changes_nothing(
         if stage.startswith("identifying 1 of") and not killed:
             killed.append(kill_workers())
 
-    results = identify_bags(str(folder.path), CONFIG, tmp_path, workers=1, progress=kill_once)
+    results = identify_bags(FleetRun(str(folder.path), CONFIG, tmp_path, workers=1), kill_once)
     assert killed == [1]
     (tmp_path / "serial").mkdir()
     found, expected = rows_of(results, tmp_path), rows_of(serial, tmp_path / "serial")
@@ -123,7 +124,7 @@ def test_a_corrupt_bag_is_a_row_with_its_reason(
 def test_a_second_run_does_only_what_is_missing(
     folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Machines, "run", one_after_the_other)
+    monkeypatch.setattr(FleetRun, "tasks", one_after_the_other)
     bags, out = tmp_path / "bags", tmp_path / "out"
     shutil.copytree(folder.path, bags)
     stages: list[str] = []
@@ -131,7 +132,7 @@ def test_a_second_run_does_only_what_is_missing(
     def run() -> tuple[BagResult, ...]:
         stages.clear()
         return identify_bags(
-            str(bags), CONFIG, out, progress=lambda stage, share: stages.append(stage)
+            FleetRun(str(bags), CONFIG, out), lambda stage, share: stages.append(stage)
         )
 
     first = run()
@@ -151,10 +152,10 @@ def test_a_second_run_does_only_what_is_missing(
 def test_a_recording_that_is_there_twice_counts_once(
     folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Machines, "run", one_after_the_other)
+    monkeypatch.setattr(FleetRun, "tasks", one_after_the_other)
     for name in ("a.mcap", "b.mcap"):
         shutil.copy(folder.bags[0], tmp_path / name)
-    first, second = identify_bags(str(tmp_path), CONFIG, tmp_path / "out")
+    first, second = identify_bags(FleetRun(str(tmp_path), CONFIG, tmp_path / "out"))
     assert (first.status, second.status) == ("ok", "unusable")
     assert second.reason == f"the same recording as {tmp_path / 'a.mcap'}"
 
@@ -182,8 +183,8 @@ def test_a_worker_without_the_file_of_the_robot_uses_its_text(folder: BagFolder)
     assert path.read_bytes() == robot.description
 
 
-def test_workers_and_scheduler_exclude_each_other(folder: BagFolder, tmp_path: Path) -> None:
+def test_workers_and_scheduler_exclude_each_other() -> None:
     with pytest.raises(UsageError, match="--workers is for this machine"):
-        identify_bags(str(folder.path), CONFIG, tmp_path, scheduler="tcp://x:1", workers=2)
+        FleetRun("bags", CONFIG, "out", scheduler="tcp://x:1", workers=2)
     with pytest.raises(UsageError, match="--workers 0: at least one"):
-        identify_bags(str(folder.path), CONFIG, tmp_path, workers=0)
+        FleetRun("bags", CONFIG, "out", workers=0)

@@ -83,14 +83,24 @@ def robot(robots: Robot) -> Iterator[Robot]:
 
 
 @pytest.fixture
-def configuration(tmp_path: Path) -> Path:
+def robot_file(tmp_path: Path) -> Callable[[str], Path]:
+    """Write the configuration of a robot."""
+
+    def write(text: str) -> Path:
+        path = tmp_path / "robot.yaml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.fixture
+def configuration(robot_file: Callable[[str], Path]) -> Path:
     """Two joints and a reference."""
-    path = tmp_path / "robot.yaml"
-    path.write_text(
+    return robot_file(
         "robot:\n  joints: [a, b]\n"
         "signals:\n  joint_states: /joint_states\n  reference: /joint_reference\n"
     )
-    return path
 
 
 @pytest.fixture

@@ -9,14 +9,12 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from idim_iv_interfaces.action import Identify as IdentifyAction
 from idim_iv_interfaces.msg import IdentificationResult
 from idim_iv_interfaces.srv import Identify
-from tests.ros.processes import Observer, Process
+from tests.ros.processes import LATCHED, Observer, Process
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 JOB = 60.0  # s; on a new machine the simulation is compiled first
 
 

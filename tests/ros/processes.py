@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rclpy
@@ -17,6 +18,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_srvs.srv import Trigger
 
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
@@ -25,6 +27,8 @@ from idim_iv_ros.recording.bags.folder import Bag
 
 ROOT = Path(__file__).resolve().parents[2]
 TIMEOUT = 15.0
+START = 90.0  # s: on a new machine the simulation is compiled first
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _numbers = itertools.count()
 
 
@@ -195,6 +199,14 @@ class Observer:
                 f"not within {timeout} s: {what}\n{self.status}\n{self.diagnostics}"
             )
             self.executor.spin_once(timeout_sec=0.05)
+
+    def latched(self, kind: type, topic: str) -> Any:
+        """Wait for the message of a topic that keeps its last one for those who come later."""
+        heard: list = []
+        subscription = self.node.create_subscription(kind, topic, heard.append, LATCHED)
+        self.until(lambda: heard, topic, START)
+        self.node.destroy_subscription(subscription)
+        return heard[0]
 
     def next_status(self) -> RecorderStatus:
         self.status = None

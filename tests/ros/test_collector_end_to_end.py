@@ -6,16 +6,14 @@ from pathlib import Path
 
 import pytest
 from rclpy.action import ActionClient
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from idim_iv_interfaces.action import Collect
 from tests.ros.conftest import ARM2
 from tests.ros.identifier_client import JOB
-from tests.ros.processes import start_launched
+from tests.ros.processes import START, start_launched
 from tests.ros.true_parameters import require_truth
 
-START = 90.0  # s: on a new machine the simulation is compiled first
 LONGEST_SILENCE = 2.0  # s
 
 
@@ -50,12 +48,7 @@ def collect(tmp_path: Path, stack, observer) -> ActionClient:
 def test_one_goal_moves_records_checks_and_identifies_the_true_parameters(
     collect, observer, tmp_path: Path
 ) -> None:
-    truths: list[String] = []
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    heard = observer.node.create_subscription(
-        String, "/robot_simulator/truth", truths.append, latched
-    )
-    observer.until(lambda: truths, "the truth", START)
+    truth = json.loads(observer.latched(String, "/robot_simulator/truth").data)
     places = observer.node.count_publishers
     observer.until(lambda: places("/joint_reference"), "references", START)
     feedback: list[tuple[float, Collect.Feedback]] = []
@@ -70,12 +63,11 @@ def test_one_goal_moves_records_checks_and_identifies_the_true_parameters(
     future = sent.result().get_result_async()
     observer.until(future.done, "the result", 2 * JOB)
     answer = future.result().result
-    observer.node.destroy_subscription(heard)
     assert answer.success, answer.message
     assert answer.usable
     assert (tmp_path / "bags" / answer.bag).is_dir()
     assert answer.message.startswith(f"{answer.bag}: ")
-    require_truth(answer.result.parameters, json.loads(truths[0].data))
+    require_truth(answer.result.parameters, truth)
     times = [time for time, _ in feedback]
     assert max(after - before for before, after in pairwise(times)) < LONGEST_SILENCE
     stages = {each.stage for _, each in feedback}

@@ -1,13 +1,15 @@
 """Messages of a topic become numbers in the order of the joints, whatever else it holds."""
 
+from collections.abc import Callable
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from idim_iv_ros.nodes.predictor import joint_topic
-from idim_iv_ros.nodes.predictor.joint_topic import JointTopic
-from tests.recording.control_messages import DYNAMIC, STATE, ControlBag
+from idim_iv_ros.nodes import joint_topic
+from idim_iv_ros.nodes.joint_topic import JointTopic
+from idim_iv_ros.recording.writing.write import Definition, TopicChannel
+from tests.recording.control_messages import DYNAMIC, LBR, STATE, ControlBag
 
 JOINTS = ["a", "b"]
 FLOATS = "std_msgs/msg/Float64MultiArray"
@@ -18,8 +20,8 @@ class Waiting:
 
     problem, publishers = "", 1
 
-    def __init__(self, *_: object) -> None:
-        self.channel = SimpleNamespace(message_type="")
+    def __init__(self, *_: object, best_effort: bool) -> None:
+        self.channel = TopicChannel("/states", "")
         self.messages: list = []
 
     def take(self, largest: int) -> list:
@@ -29,15 +31,16 @@ class Waiting:
 
 
 @pytest.fixture
-def topic(monkeypatch: pytest.MonkeyPatch):
+def topic(monkeypatch: pytest.MonkeyPatch) -> Callable[..., JointTopic]:
     """Make a topic and put messages of a bag on it."""
     monkeypatch.setattr(joint_topic, "WatchedTopic", Waiting)
     node = SimpleNamespace(resolve_topic_name=lambda name: f"/{name.strip('/')}")
 
-    def make(bag: ControlBag, fields: dict) -> JointTopic:
-        made = JointTopic(node, "states", JOINTS, fields)
+    def make(bag: ControlBag, fields: dict, **options: bool) -> JointTopic:
+        made = JointTopic(node, "states", JOINTS, fields, **options)
         kinds = [message.__msgtype__ for _, _, message in bag.messages]
-        made._topic.channel.message_type = kinds[0]
+        text, _ = bag.store.generate_msgdef(kinds[0], ros_version=2)
+        made._topic.channel = TopicChannel("/states", kinds[0], defined=Definition(text, ""))
         made._topic.messages = [
             bytes(bag.store.serialize_cdr(message, kind))
             for (_, _, message), kind in zip(bag.messages, kinds, strict=True)
@@ -98,6 +101,30 @@ def test_states_of_a_controller_are_read_by_field(topic) -> None:
         taken = topic(bag, fields).take()
         assert np.array_equal(taken["position"].values, [[1.0, 2.0]] * 2)
         assert np.array_equal(taken["effort"].values, [[10.0, 20.0]] * 2)
+
+
+def test_reference_of_a_controller_is_what_it_was_asked_for(topic) -> None:
+    bag = ControlBag()
+    asked, measured = bag.point(1.0, [7.0, 8.0]), bag.point(1.0, [1.0, 2.0])
+    bag.state(1.0, JOINTS, reference=asked, feedback=measured)
+    for reference, expected in ((True, [7.0, 8.0]), (False, [1.0, 2.0])):
+        taken = topic(bag, {"position": None}, reference=reference, newest=True).take()
+        assert taken["position"].values.tolist() == [expected]
+
+
+def test_field_of_a_driver_s_own_type_is_read_by_its_definition(topic) -> None:
+    bag = ControlBag()
+    commanded, measured = np.array([1.0, 2.0]), np.array([10.0, 20.0])
+    bag.add("/states", 1.0, bag.store.types[LBR](0, 0.01, commanded, measured, 0))
+    taken = topic(bag, {"position": "commanded_joint_position", "effort": "measured_torque"}).take()
+    assert taken["position"].values.tolist() == [[1.0, 2.0]]
+    assert taken["effort"].values.tolist() == [[10.0, 20.0]]
+    made = topic(bag, {"position": "joint_position"})
+    assert len(made.take()["position"]) == 0
+    assert made.problem.startswith(
+        "/states: it is lbr_fri_idl/msg/LBRState, which has no numbers in joint_position; its "
+        "fields are session_state,"
+    )
 
 
 def test_dynamic_joint_states_are_read_by_interface(topic) -> None:

@@ -1,5 +1,6 @@
 """The identifier as a managed node: configured and activated when it is asked to be."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -26,11 +27,9 @@ def log(client: IdentifierClient) -> str:
 
 
 @pytest.fixture
-def arm(tmp_path: Path) -> Path:
+def arm(robot_file: Callable[[str], Path]) -> Path:
     """A configuration that cannot be read yet."""
-    path = tmp_path / "arm.yaml"
-    path.write_text("robot:\n  joints: [a]\nnonsense: 1\n")
-    return path
+    return robot_file("robot:\n  joints: [a]\nnonsense: 1\n")
 
 
 def test_requests_are_accepted_between_activation_and_deactivation(

@@ -1,5 +1,6 @@
 """High rates: nothing is lost, and how much of a core it takes."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +12,10 @@ JOINTS = [f"joint_{k}" for k in range(1, 8)]
 
 
 @pytest.fixture
-def seven_joints(tmp_path: Path) -> Path:
-    path = tmp_path / "seven.yaml"
-    path.write_text(
+def seven_joints(robot_file: Callable[[str], Path]) -> Path:
+    return robot_file(
         f"robot:\n  joints: [{', '.join(JOINTS)}]\nsignals:\n  reference: /joint_reference\n"
     )
-    return path
 
 
 @pytest.mark.load

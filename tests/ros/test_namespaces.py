@@ -19,8 +19,8 @@ from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.simulators.recording import recorded_topics
 from idim_iv_ros.simulators.robot import simulated_robot
 from tests.ros.conftest import ARM2
-from tests.ros.identifier_client import JOB, LATCHED, IdentifierClient
-from tests.ros.processes import Observer, Process, Robot, only_bag, start_node
+from tests.ros.identifier_client import JOB, IdentifierClient
+from tests.ros.processes import LATCHED, Observer, Process, Robot, only_bag, start_node
 from tests.ros.true_parameters import require_truth
 
 SIDES = ("left", "right")
@@ -40,10 +40,8 @@ def start(stack: ExitStack, tmp_path: Path) -> Callable[..., Process]:
 
 
 @pytest.fixture
-def relative(tmp_path: Path) -> Path:
-    path = tmp_path / "robot.yaml"
-    path.write_text("robot:\n  joints: [a, b]\nsignals:\n  reference: joint_reference\n")
-    return path
+def relative(robot_file: Callable[[str], Path]) -> Path:
+    return robot_file("robot:\n  joints: [a, b]\nsignals:\n  reference: joint_reference\n")
 
 
 def test_two_recorders_record_each_its_own_robot(

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
@@ -17,10 +16,9 @@ from idim_iv_ros import load_configuration
 from idim_iv_ros.recording import read_recordings
 from tests.ros.identifier_client import JOB, IdentifierClient
 from tests.ros.launch_file import launched_nodes
-from tests.ros.processes import ROOT, Process, only_bag, start_launched
+from tests.ros.processes import LATCHED, ROOT, START, Process, only_bag, start_launched
 from tests.ros.true_parameters import require_truth
 
-START = 90.0  # s: on a new machine the simulation is compiled first
 CONFIG = ROOT / "config" / "arm2.yaml"
 
 
@@ -60,23 +58,17 @@ def test_demo_identifies_the_true_parameters_from_a_recorded_motion(
     demo, observer, tmp_path: Path
 ) -> None:
     """Simulator, recorder, bag, identifier: as announced, and once more on request."""
-    truths: list[String] = []
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    heard = observer.node.create_subscription(
-        String, "/robot_simulator/truth", truths.append, latched
-    )
-    observer.until(lambda: truths, "the truth", START)
+    truth = json.loads(observer.latched(String, "/robot_simulator/truth").data)
     observer.until(lambda: observer.topic("/joint_reference").received > 200, "references")
     assert observer.call("start").success
     assert move(observer).success
     moving: list[bool] = []
     heard_moving = observer.node.create_subscription(
-        Bool, "/robot_simulator/moving", lambda message: moving.append(message.data), latched
+        Bool, "/robot_simulator/moving", lambda message: moving.append(message.data), LATCHED
     )
     observer.until(lambda: moving[-2:] == [True, False], "the motion", 60)
     observer.node.destroy_subscription(heard_moving)
     assert observer.call("stop").success
-    observer.node.destroy_subscription(heard)
     bag = only_bag(tmp_path / "bags")
     status = observer.next_status()
     assert sum(topic.lost for topic in status.topics) == 0
@@ -89,7 +81,7 @@ def test_demo_identifies_the_true_parameters_from_a_recorded_motion(
     announced = demo.latched().parameters
     answer = demo.identify(bag.name)
     assert answer.success, answer.message
-    require_truth(answer.result.parameters, json.loads(truths[0].data))
+    require_truth(answer.result.parameters, truth)
     assert list(announced.bags) == [bag.name]
     assert announced.estimates == answer.result.parameters.estimates
 
@@ -99,13 +91,7 @@ def test_it_answers_while_it_compiles_and_can_be_interrupted(
 ) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     process = simulator()
-    descriptions: list[String] = []
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    heard = observer.node.create_subscription(
-        String, "/robot_description", descriptions.append, latched
-    )
-    observer.until(lambda: descriptions, "the description", START)
-    observer.node.destroy_subscription(heard)
+    observer.latched(String, "/robot_description")
     refused = move(observer)
     assert not refused.success
     assert "the simulation is compiled, once on a new machine" in refused.message

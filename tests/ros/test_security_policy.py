@@ -7,6 +7,8 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 from tests.ros.processes import ROOT, start_node
 
@@ -17,6 +19,13 @@ VERBS = {
     "actions": ("execute", "call"),
 }
 EVERYWHERE = {"/clock", "/parameter_events"}  # with use_sim_time only; rclpy's own
+
+# What a node subscribes once it is published.
+PUBLISHED = {
+    "/joint_states": JointState,
+    "/joint_reference": JointState,
+    "/robot_description": String,
+}
 
 
 def allowed(node: str, name: str) -> dict[str, set[str]]:
@@ -36,6 +45,8 @@ def test_policy_allows_what_the_node_uses_and_no_more(node: str, observer, stack
     process = start_node(node, tmp_path, configuration=configuration)
     stack.callback(process.end)
     name, seen = process.name, observer.node
+    for topic, kind in PUBLISHED.items():
+        stack.callback(seen.destroy_publisher, seen.create_publisher(kind, topic, 1))
     observer.until(lambda: name in seen.get_node_names(), name, 60.0)
     rules = allowed(node, name)
     actions = {f"{action}/_action/" for action in rules["execute"] | rules["call"]}
@@ -62,10 +73,8 @@ def test_policy_allows_what_the_node_uses_and_no_more(node: str, observer, stack
     def subscribed() -> set[str]:
         return plain(seen.get_subscriber_names_and_types_by_node(name, "/"))
 
-    # Recorder and predictor subscribe what is published, and nobody publishes here.
-    if node not in ("recorder", "predictor"):
-        needed = rules["subscribe"] - EVERYWHERE
-        observer.until(lambda: needed <= subscribed(), f"{needed - subscribed()}")
+    needed = rules["subscribe"] - EVERYWHERE
+    observer.until(lambda: needed <= subscribed(), f"{needed - subscribed()}")
     assert subscribed() - rules["subscribe"] == set()
 
 

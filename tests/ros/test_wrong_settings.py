@@ -6,12 +6,13 @@ from pathlib import Path
 import pytest
 import rclpy
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.collector.controller import make_controller
 from idim_iv_ros.nodes.collector.settings import CollectorSettings
 from idim_iv_ros.nodes.own_topics import read_own
-from idim_iv_ros.nodes.parameters import Settings, declare
+from idim_iv_ros.nodes.parameters import Settings, changed, declare
 from idim_iv_ros.nodes.predictor.settings import PredictorSettings
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
 from idim_iv_ros.nodes.recorder.topic_set import TopicSet
@@ -44,6 +45,16 @@ def test_a_file_that_is_not_there_is_named_with_its_parameter(
     words = "^parameter configuration: /no/such.yaml: cannot read the configuration"
     with pytest.raises(UsageError, match=words):
         declare(node, kind)
+
+
+@pytest.mark.parametrize("kind", [CollectorSettings, PredictorSettings, RecorderSettings])
+def test_a_file_that_is_gone_by_now_refuses_only_what_reads_it(kind: type[Settings]) -> None:
+    settings = kind(**{"configuration": "/no/such.yaml"})
+    clock = Parameter("use_sim_time", Parameter.Type.BOOL, True)
+    assert changed(settings, [clock]) is settings
+    file = Parameter("configuration", Parameter.Type.STRING, "/no/other.yaml")
+    with pytest.raises(UsageError, match=r"^configuration: /no/other\.yaml: cannot read"):
+        changed(settings, [clock, file])
 
 
 def test_what_is_no_topic_is_named_with_its_file(node: Node, no_topic: Path) -> None:

@@ -129,7 +129,8 @@ class Collection:
         def problem() -> str:
             problems = [missing() for missing in wanted]
             if parts.positions.age() > parts.settings().stale_after:
-                problems.append(f"no joint states of all joints on {parts.positions.topic}")
+                why = f" ({parts.positions.problem})" if parts.positions.problem else ""
+                problems.append(f"no joint states of all joints on {parts.positions.topic}{why}")
             return next(filter(None, problems), "")
 
         while problem():

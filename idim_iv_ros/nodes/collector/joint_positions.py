@@ -2,24 +2,19 @@
 
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import JointState
 
-from idim_iv_ros.nodes.recorder.watched_topic import NeverExecuted
+from idim_iv_ros.nodes.joint_topic import JointTopic
+from idim_iv_ros.signal_source import field_of, topic_of
 from idim_iv_ros.types import FloatArray
 
-# The newest message is enough, and a publisher of either reliability is heard.
-_NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _LOOK = 0.01  # s; a callback for each message of a fast robot would take half a core
+_SEARCH = 0.1  # s between two looks for publishers
 _OLDEST = 1.0  # s that a message is under way; with more the clocks differ
 
 
@@ -48,25 +43,48 @@ class JointPositions:
     A message with the stamp of the one before is no news: some drivers repeat the last one when the
     robot is gone.
 
+    Parameters
+    ----------
+    node : Node
+    source : str
+        A topic of any type that recordings are read from, or ``topic#field``.
+    joints : sequence of str
+    reference : bool
+        Whether it is what the controller was asked for, rather than what was measured.
+
     Attributes
     ----------
     last : Place or None
     """
 
-    def __init__(self, node: Node, topic: str, joints: Sequence[str]) -> None:
-        self._joints, self._node = tuple(joints), node
-        self._stamp: tuple[int, int] | None = None
-        self.last: Place | None = None
-        self._subscription = node.create_subscription(
-            JointState, topic, self._heard, _NEWEST, callback_group=NeverExecuted()
+    def __init__(
+        self, node: Node, source: str, joints: Sequence[str], *, reference: bool = False
+    ) -> None:
+        self._node = node
+        fields = {"position": field_of(source)}
+        self._topic = JointTopic(
+            node, topic_of(source), joints, fields, reference=reference, newest=True
         )
+        self._joints, self._absent = tuple(joints), ""
+        self._stamp: int | None = None
+        self.last: Place | None = None
+        self._topic.look()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(_LOOK, self._look, clock=steady)
+        self._timers = (
+            node.create_timer(_LOOK, self._look, clock=steady),
+            node.create_timer(_SEARCH, self._topic.look, clock=steady),
+        )
 
     @property
     def topic(self) -> str:
         """Its full name."""
-        return str(self._subscription.topic_name)
+        return self._topic.name
+
+    @property
+    def problem(self) -> str:
+        """Why nothing can come from here; empty where there is no reason."""
+        absent = f"{self.topic}: no position of {self._absent}" if self._absent else ""
+        return self._topic.problem or absent
 
     def age(self) -> float:
         """Seconds since the last message; infinite before the first."""
@@ -74,27 +92,22 @@ class JointPositions:
 
     def close(self) -> None:
         """Hear no more."""
-        self._node.destroy_timer(self._timer)
-        self._node.destroy_subscription(self._subscription)
+        for timer in self._timers:
+            self._node.destroy_timer(timer)
+        self._topic.close()
 
     def _look(self) -> None:
         """Take the newest message."""
-        with suppress(InvalidHandle), self._subscription.handle:
-            taken = self._subscription.handle.take_message(JointState, False)
-            if taken is not None:
-                self._heard(taken[0])
-
-    def _heard(self, message: Any) -> None:
-        stamp = (message.header.stamp.sec, message.header.stamp.nanosec)
-        if stamp == self._stamp and stamp != (0, 0):
+        taken = self._topic.take()["position"]
+        if not len(taken):
             return
-        places = dict(zip(message.name, message.position, strict=False))
-        try:
-            position = np.array([places[joint] for joint in self._joints], dtype=float)
-        except KeyError:
-            return
-        if np.isfinite(position).all():
+        stamp, position = int(taken.time[-1]), taken.values[-1]
+        known = np.isfinite(position)
+        self._absent = ", ".join(
+            joint for joint, there in zip(self._joints, known, strict=True) if not there
+        )
+        if stamp != self._stamp and known.all():
             self._stamp = stamp
             now = time.monotonic()
-            ago = self._node.get_clock().now().nanoseconds * 1e-9 - (stamp[0] + 1e-9 * stamp[1])
+            ago = 1e-9 * (self._node.get_clock().now().nanoseconds - stamp)
             self.last = Place(position, now, now - ago if 0.0 <= ago < _OLDEST else now)

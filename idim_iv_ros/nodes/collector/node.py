@@ -6,7 +6,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import fields
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -27,7 +26,6 @@ from idim_iv_ros.nodes.identifier.job import ESTIMATORS
 from idim_iv_ros.nodes.identifier.request_server import Clients, DeferredActionServer
 from idim_iv_ros.nodes.own_topics import read_own
 from idim_iv_ros.nodes.parameters import changed, checked, declare
-from idim_iv_ros.signal_source import topic_of
 
 _GONE_LOOK = 0.5  # s between two looks whether the client is there
 _TURNS = 10  # of the executor, in which the last result is sent
@@ -110,9 +108,9 @@ class Collector:
         configuration = read_own(self.node, self._settings.configuration)
         joints, signals = configuration.robot.joints, configuration.signals
         self._configuration = configuration
-        self._positions = JointPositions(self.node, topic_of(signals.joint_states), joints)
+        self._positions = JointPositions(self.node, signals.joint_states, joints)
         if signals.reference is not None:
-            self._references = JointPositions(self.node, topic_of(signals.reference), joints)
+            self._references = JointPositions(self.node, signals.reference, joints, reference=True)
 
     def _accepted(self, goal: ServerGoalHandle) -> None:
         try:
@@ -256,10 +254,8 @@ class Collector:
         return result
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
-        names = {parameter.name for parameter in parameters}
-        if names & {field.name for field in fields(CollectorSettings)}:
-            self._settings = changed(self._settings, parameters)
-        if "configuration" in names:
+        self._settings = changed(self._settings, parameters)
+        if any(each.name == "configuration" for each in parameters):
             self._load()
 
 

@@ -63,14 +63,7 @@ class CollectorSettings(Settings):
         3600.0, "a goal ends after this time, s; that of a request may be shorter", (1.0, 86_400.0)
     )
 
-    def check(self) -> None:
-        """Check what a range cannot express.
-
-        Raises
-        ------
-        UsageError
-            One line that names the parameter.
-        """
+    def _check(self) -> None:
         if self.motion not in KINDS:
             raise UsageError(f"motion: {self.motion!r} is neither {' nor '.join(KINDS)}")
         if self.interface not in (TOPIC, ACTION, AUTO):

@@ -3,7 +3,6 @@
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -253,8 +252,7 @@ class Identifier:
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         names = {parameter.name for parameter in parameters}
-        if names & {field.name for field in fields(IdentifierSettings)}:
-            self._settings = changed(self._settings, parameters)
+        self._settings = changed(self._settings, parameters)
         if "configuration" in names and self._managed.state in (INACTIVE, ACTIVE):
             self._configuration = self._loaded()
 

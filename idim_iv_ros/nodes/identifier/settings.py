@@ -5,7 +5,7 @@ from pathlib import Path
 
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.parameters import Settings, parameter
+from idim_iv_ros.nodes.parameters import Settings, parameter, period_of_status
 
 _LARGEST = 1 << 62
 WAIT, REFUSE = "wait", "refuse"
@@ -54,18 +54,9 @@ class IdentifierSettings(Settings):
         "probability that any parameter of a bag is flagged although none has changed",
         (1e-9, 0.5),
     )
-    status_period: float = parameter(
-        1.0, "time between two messages on /diagnostics, s", (0.1, 60.0), read_only=True
-    )
+    status_period: float = period_of_status()
 
-    def check(self) -> None:
-        """Check what a range cannot express.
-
-        Raises
-        ------
-        UsageError
-            One line that names the parameter.
-        """
+    def _check(self) -> None:
         if self.when_busy not in (WAIT, REFUSE):
             raise UsageError(f"when_busy: {self.when_busy!r} is neither {WAIT} nor {REFUSE}")
 

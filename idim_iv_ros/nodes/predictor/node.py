@@ -3,7 +3,6 @@
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
 
@@ -21,9 +20,9 @@ from visualization_msgs.msg import MarkerArray
 from idim_iv_interfaces import msg
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.nodes.entry import run_node
+from idim_iv_ros.nodes.joint_topic import JointTopic
 from idim_iv_ros.nodes.own_topics import read_own
 from idim_iv_ros.nodes.parameters import changed, checked, declare
-from idim_iv_ros.nodes.predictor.joint_topic import JointTopic
 from idim_iv_ros.nodes.predictor.markers import residual_markers
 from idim_iv_ros.nodes.predictor.model_source import ModelSource
 from idim_iv_ros.nodes.predictor.report import (
@@ -196,9 +195,8 @@ class Predictor:
         return checked(self._settings, parameters)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
-        own = {field.name for field in fields(PredictorSettings)}
-        if own & {parameter.name for parameter in parameters}:
-            self._settings = changed(self._settings, parameters)
+        before, self._settings = self._settings, changed(self._settings, parameters)
+        if self._settings is not before:
             self._look()
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.parameters import Settings, check_configuration, parameter
+from idim_iv_ros.nodes.parameters import Settings, check_configuration, parameter, period_of_status
 
 
 @dataclass(frozen=True)
@@ -27,18 +27,9 @@ class PredictorSettings(Settings):
         "warnings a day of motion that are accepted while the model fits, all joints together",
         (1e-6, 1000.0),
     )
-    status_period: float = parameter(
-        1.0, "time between two messages on /diagnostics, s", (0.1, 60.0), read_only=True
-    )
+    status_period: float = period_of_status()
 
-    def check(self) -> None:
-        """Check what a range cannot express.
-
-        Raises
-        ------
-        UsageError
-            One line that names the parameter.
-        """
+    def _check(self) -> None:
         if not self.configuration:
             raise UsageError("configuration: name it: --ros-args -p configuration:=ROBOT.yaml")
         check_configuration(self.configuration)

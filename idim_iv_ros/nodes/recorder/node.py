@@ -3,7 +3,6 @@
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import fields
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -210,9 +209,6 @@ class Recorder:
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
-        own = {field.name for field in fields(RecorderSettings)}
-        if not own & {parameter.name for parameter in parameters}:
-            return
         self._settings = settings = changed(self._settings, parameters)
         self._session.settings = settings
         ring = self._session.ring

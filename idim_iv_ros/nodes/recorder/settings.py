@@ -6,7 +6,7 @@ from pathlib import Path
 
 from idim_iv_ros.configuration import SignalsSection, load_configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.parameters import Settings, check_configuration, parameter
+from idim_iv_ros.nodes.parameters import Settings, check_configuration, parameter, period_of_status
 from idim_iv_ros.recording.writing.storage import PRESETS
 
 _LARGEST = 1 << 62
@@ -81,21 +81,9 @@ class RecorderSettings(Settings):
     gap_factor: float = parameter(
         5.0, "a pause is a gap if it is so many usual periods long", (1.5, 1000.0)
     )
-    status_period: float = parameter(
-        1.0,
-        "time between two messages on ~/status and /diagnostics, s",
-        (0.1, 60.0),
-        read_only=True,
-    )
+    status_period: float = period_of_status("~/status and /diagnostics")
 
-    def check(self) -> None:
-        """Check what a range cannot express.
-
-        Raises
-        ------
-        UsageError
-            One line that names the parameter.
-        """
+    def _check(self) -> None:
         if not self.bag_prefix or self.bag_prefix != Path(self.bag_prefix).name:
             raise UsageError(f"bag_prefix: {self.bag_prefix!r} is not the name of a folder")
         if self.storage_preset not in PRESETS:

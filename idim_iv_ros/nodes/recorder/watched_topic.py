@@ -4,7 +4,6 @@ import threading
 from collections.abc import Sequence
 from contextlib import suppress
 
-from rclpy.callback_groups import CallbackGroup
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -12,13 +11,13 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.nodes.never_executed import NeverExecuted
 from idim_iv_ros.nodes.recorder.installed_types import definition, has_header, python_type
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings, signals
 from idim_iv_ros.nodes.recorder.topic_monitor import JointContent, Taken, TopicMonitor
 from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE
 from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
-from idim_iv_ros.recording.read import DESCRIPTION
-from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
+from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION, in_root
 from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
 from idim_iv_ros.signal_source import field_of, topic_of
 
@@ -26,21 +25,6 @@ _AT_ONCE = 20_000
 
 _STRING = "std_msgs/msg/String"
 _FEW = 10  # descriptions that wait
-
-
-class NeverExecuted(CallbackGroup):
-    """Keeps its subscriptions out of every executor: they are emptied by hand."""
-
-    def can_execute(self, entity: object) -> bool:
-        """Return False."""
-        return False
-
-    def beginning_execution(self, entity: object) -> bool:
-        """Return False."""
-        return False
-
-    def ending_execution(self, entity: object) -> None:
-        """Nothing was begun."""
 
 
 class WatchedTopic:
@@ -57,6 +41,9 @@ class WatchedTopic:
         As in JointContent.
     depth : int
         Messages that the middleware keeps.
+    best_effort : bool
+        Whether nothing is sent again for this subscription, nor a message from before it, whatever
+        the publishers offer.
 
     Attributes
     ----------
@@ -79,6 +66,8 @@ class WatchedTopic:
         joints: Sequence[str],
         needed: Sequence[str],
         depth: int,
+        *,
+        best_effort: bool = False,
     ) -> None:
         self.name = name
         self.joints, self.needed = joints, needed
@@ -89,6 +78,7 @@ class WatchedTopic:
         self.monitor = TopicMonitor(None, has_header=False)
         self.channel: TopicChannel | None = None
         self._node, self._types, self._depth = node, types, depth
+        self._best_effort = best_effort
         self._group = NeverExecuted()
         self._lock = threading.Lock()
         self._subscription: Subscription | None = None
@@ -167,7 +157,8 @@ class WatchedTopic:
             else ""
         )
         if before is not None and self._subscription is not None:
-            if before.message_type == message_type and _request(before) == _request(channel):
+            same = self._request(before) == self._request(channel)
+            if same and before.message_type == message_type:
                 return
             self.note = self.note or "the QoS of its publisher changed: subscribed anew"
         if before is None or before.message_type != message_type:
@@ -178,7 +169,14 @@ class WatchedTopic:
             )
             self.monitor = TopicMonitor(content, has_header=has_header(message_type))
             self.monitor.new_publishers(len(publishers))
-        self._replace(message_type, _request(channel))
+        self._replace(message_type, self._request(channel))
+
+    def _request(self, channel: TopicChannel) -> tuple[bool, bool]:
+        """Whether to subscribe reliable, and transient local."""
+        if self._best_effort:
+            return False, False
+        reliable = all(qos.reliability == "reliable" for qos in channel.offered)
+        return reliable, channel.latched
 
     def _replace(self, message_type: str, request: tuple[bool, bool]) -> None:
         reliable, transient_local = request
@@ -223,11 +221,6 @@ def _offered(publisher: TopicEndpointInfo) -> OfferedQos:
     )
 
 
-def _request(channel: TopicChannel) -> tuple[bool, bool]:
-    reliable = all(qos.reliability == "reliable" for qos in channel.offered)
-    return reliable, channel.latched
-
-
 def recorder_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
     """Return joint states, effort, reference, link states and robot description, remapped.
 
@@ -259,9 +252,10 @@ def recorder_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic
         resolved = node.resolve_topic_name(name)
         depth = settings.queue_depth
         topics.append(WatchedTopic(node, resolved, types, joints, sorted(set(fields)), depth))
-    names_of_it = [node.resolve_topic_name(name) for name in (ROBOT_DESCRIPTION, DESCRIPTION)]
+    names_of_it = (ROBOT_DESCRIPTION, in_root(ROBOT_DESCRIPTION))
     descriptions = [
-        WatchedTopic(node, name, [_STRING], (), (), _FEW) for name in dict.fromkeys(names_of_it)
+        WatchedTopic(node, name, [_STRING], (), (), _FEW)
+        for name in dict.fromkeys(map(node.resolve_topic_name, names_of_it))
     ]
     for topic in descriptions:
         topic.substitutes = [other for other in descriptions if other is not topic]

@@ -68,14 +68,7 @@ class SimulatorSettings(Settings):
     motion_seed: int = parameter(1, "seed of the random motion", (0, _LARGEST_SEED))
     seed: int = parameter(1, "seed of the noise", (0, _LARGEST_SEED))
 
-    def check(self) -> None:
-        """Check what a range cannot express.
-
-        Raises
-        ------
-        UsageError
-            No configuration, or a trajectory that cannot be read.
-        """
+    def _check(self) -> None:
         if not self.configuration:
             raise UsageError("configuration: name it: --ros-args -p configuration:=ROBOT.yaml")
         if self.trajectory:

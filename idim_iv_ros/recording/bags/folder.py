@@ -24,6 +24,7 @@ from idim_iv_ros.recording.bags.mcap import McapFile
 from idim_iv_ros.recording.bags.sqlite import SqliteFile
 from idim_iv_ros.recording.recording import Note
 
+SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
 _LONGEST_METADATA = 1 << 24  # bytes
 
 
@@ -158,9 +159,8 @@ def bags_of(bags: FilePaths) -> tuple[Bag, ...]:
         There is none.
     """
     given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
-    if not given:
-        as_paths(given)
-    return tuple(each if isinstance(each, Bag) else Bag(Path(each)) for each in given)
+    pairs = zip(given, as_paths(given), strict=True)
+    return tuple(each if isinstance(each, Bag) else Bag(path) for each, path in pairs)
 
 
 def _met(file: McapFile | SqliteFile) -> dict[str, str]:
@@ -192,18 +192,14 @@ def bag_files(path: Path) -> list[Path]:
     if not is_there(path):
         raise UsageError(f"{path}: no such file or folder")
     if path.is_file():
-        if not path.name.endswith((".mcap", ".db3", ".mcap.zstd", ".db3.zstd")):
+        if not path.name.endswith(SUFFIXES):
             raise DataError(
                 f"{path}: not a bag (an .mcap or .db3 file, or a rosbag2 folder); tables come in "
                 "through idim-iv import"
             )
         return [path]
     listed = _listed(path)
-    files = listed or sorted(
-        file
-        for pattern in ("*.mcap", "*.db3", "*.mcap.zstd", "*.db3.zstd")
-        for file in path.glob(pattern)
-    )
+    files = listed or sorted(file for suffix in SUFFIXES for file in path.glob(f"*{suffix}"))
     if not files:
         raise DataError(f"{path}: no .mcap or .db3 file in this folder")
     return files
@@ -283,6 +279,12 @@ def loss_sentence(bag: Bag, topics: Iterable[str]) -> str:
         return ""
     parts = "; ".join(_topic_sentence(bag, topic) for topic in topics)
     return f"{' and '.join(bag.damages)}: {parts}"
+
+
+def with_loss(error: DataError, bag: Bag, topics: Iterable[str]) -> DataError:
+    """Return an error with what the bag has lost: as far as anybody can know, that is why."""
+    loss = loss_sentence(bag, topics)
+    return DataError(f"{error} ({loss})" if loss else str(error))
 
 
 def loss_notes(bag: Bag, topics: Iterable[str]) -> list[Note]:

@@ -94,18 +94,23 @@ class TopicChannel:
         )
 
     @property
+    def definition(self) -> Definition:
+        """Of its type, which may be one of ROS 2's own."""
+        return self.defined or _definition(self.message_type)
+
+    @property
     def type_hash(self) -> str:
         """Hash of the type's description (REP 2011)."""
-        return (self.defined or _definition(self.message_type)).hash
+        return self.definition.hash
 
     def register(self, writer: Writer) -> int:
         """Describe the topic in an MCAP file and return its channel."""
-        defined = self.defined or _definition(self.message_type)
-        schema = writer.register_schema(self.message_type, "ros2msg", defined.text.encode())
+        text = self.definition.text.encode()
+        schema = writer.register_schema(self.message_type, "ros2msg", text)
         metadata = {
             # Every reader of YAML reads JSON.
             "offered_qos_profiles": json.dumps([qos.document for qos in self.offered]),
-            "topic_type_hash": defined.hash,
+            "topic_type_hash": self.type_hash,
         }
         return int(writer.register_channel(self.name, "cdr", schema, metadata))
 

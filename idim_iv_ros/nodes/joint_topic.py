@@ -5,12 +5,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from rclpy.node import Node
 
-from idim_iv_ros.errors import DataError
+from idim_iv_ros.errors import IdimError
 from idim_iv_ros.nodes.recorder.topic_monitor import batch_of
 from idim_iv_ros.nodes.recorder.watched_topic import WatchedTopic
 from idim_iv_ros.prediction import JointSamples
 from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE, MessageBatch
-from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
+from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL, SchemaText
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
 
@@ -30,6 +30,10 @@ class JointTopic:
     fields : mapping of str to (str or None)
         ``position``, ``effort`` or both, and the field of the message that holds each where the
         configuration names one.
+    reference : bool
+        Whether it is what the controller was asked for, rather than what was measured.
+    newest : bool
+        Whether the newest message is enough: those before are dropped, and nothing is sent again.
 
     Attributes
     ----------
@@ -40,15 +44,25 @@ class JointTopic:
     """
 
     def __init__(
-        self, node: Node, name: str, joints: Sequence[str], fields: Mapping[str, str | None]
+        self,
+        node: Node,
+        name: str,
+        joints: Sequence[str],
+        fields: Mapping[str, str | None],
+        *,
+        reference: bool = False,
+        newest: bool = False,
     ) -> None:
         self.name = node.resolve_topic_name(name)
         # A field that is named may belong to any type.
         types = None if any(fields.values()) else [JOINT_STATE, *ROS2_CONTROL]
         if types is not None and list(fields) == ["effort"]:
             types.append(FLOAT_ARRAY)
-        self._topic = WatchedTopic(node, self.name, types, joints, list(fields), _DEPTH)
-        self._joints, self._fields = list(joints), dict(fields)
+        depth = 1 if newest else _DEPTH
+        self._topic = WatchedTopic(
+            node, self.name, types, joints, list(fields), depth, best_effort=newest
+        )
+        self._joints, self._fields, self._reference = list(joints), dict(fields), reference
         self.damaged = 0
         self._lacks = ""
 
@@ -85,22 +99,24 @@ class JointTopic:
             np.where(arrived.sent > 0, arrived.sent, arrived.received),
         )
         self._lacks = ""
+        schema = SchemaText("ros2msg", channel.definition.text)
         samples: dict[str, JointSamples] = {}
         for field in dict.fromkeys(self._fields.values()):
             quantities = [each for each, own in self._fields.items() if own == field]
-            samples.update(self._read(batch, channel.message_type, field, quantities))
+            kind = JointMessageType(channel.message_type, schema, field, self._reference)
+            samples.update(self._read(batch, kind, quantities))
         return samples
 
     def _read(
-        self, batch: MessageBatch, kind: str, field: str | None, quantities: list[str]
+        self, batch: MessageBatch, kind: JointMessageType, quantities: list[str]
     ) -> dict[str, JointSamples]:
-        reader = JointMessageReader(
-            self.name, JointMessageType(kind, field=field), self._joints, quantities
-        )
+        reader = JointMessageReader(self.name, kind, self._joints, quantities)
         try:
+            kind.require_readable(self.name, self.name)
             reader.add(batch)
-        except DataError as error:
-            self._lacks = str(error).removeprefix(f"{self.name}: ")
+        except IdimError as error:
+            reason = str(error).removeprefix(f"{self.name}: ")
+            self._lacks = reason.replace(f"{self.name} is ", "it is ", 1)
         messages = reader.finish()
         self.damaged += messages.damaged
         time = np.where(messages.stamps != 0, messages.stamps, messages.arrival)
