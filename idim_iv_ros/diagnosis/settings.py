@@ -137,6 +137,9 @@ GAIN_RIPPLE_ALONE = Setting(3.0, "chi-square of the next likely ripple of the ga
     "many waves, a ripple with one", CHOSEN)
 SIDE_LOBES = Setting(15.0, "resolution of wave numbers, 2 π over the range of the joint",
     "distance of that next ripple, at least: slow motion covers a part of the range", CHOSEN)
+SOFT_FRICTION_SUPPORT = Setting(25.0, "ln likelihood",
+    "gain of dry friction that turns before the joint, over friction that sticks, at which it is "
+    "taken for a simulator's", CHOSEN)
 MOST_GAIN_RIPPLES = Count(2, "waves", "ripples of a joint's gain that are taken out", CHOSEN)
 
 # Gravity that the configuration leaves out.

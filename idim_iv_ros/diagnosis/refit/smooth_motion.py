@@ -10,7 +10,7 @@ as the friction, for tens of milliseconds, and filters smear that over the rows 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -191,9 +191,7 @@ def smooth_motions(
     joined = _joined(measured, motions, instruments, slips, cutoff)
     for motion, start, states, slip in zip(motions, starts, joined, slips, strict=True):
         samples, rate = motion.span.stop - motion.span.start, motion.signals.rate
-        kept = motion.decimation.kept
-        stride = _stride(motion.decimation.factor)
-        grid = slice(int(kept[0]), int(kept[-1]) + 1 + motion.decimation.factor // 2, stride)
+        stride, grid = _stride(motion.decimation.factor), _grid(motion)
         time = start + (motion.span.start + np.arange(samples)[grid]) / rate
         made.append(
             SmoothMotion(
@@ -213,6 +211,20 @@ def smooth_motions(
             )
         )
     return tuple(made)
+
+
+def measured_motion(smooth: SmoothMotion, motion: Motion) -> SmoothMotion:
+    """Return the smooth motion with the measured one in its whole band."""
+    states = motion.derivatives(0, motion.span.stop - motion.span.start)
+    grid = _grid(motion)
+    position, velocity, acceleration = (values[grid] for values in states)
+    return replace(smooth, position=position, velocity=velocity, acceleration=acceleration)
+
+
+def _grid(motion: Motion) -> slice:
+    """Samples of the span on the grid of the smooth motion."""
+    kept, factor = motion.decimation.kept, motion.decimation.factor
+    return slice(int(kept[0]), int(kept[-1]) + 1 + factor // 2, _stride(factor))
 
 
 def _joined(
