@@ -3,6 +3,8 @@
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.parametric.missing import MissingGravity, missing_gravity
@@ -12,9 +14,10 @@ from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction, soft_friction
-from idim_iv_ros.diagnosis.result import Cause
+from idim_iv_ros.diagnosis.result import Cause, NotTestable
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.effects.gravity_direction import GravityDirection
+from idim_iv_ros.effects.presliding import Presliding
 from idim_iv_ros.recording import Recording
 
 
@@ -46,6 +49,28 @@ class Refit:
     softened: SoftFriction | None = None
     gravity: MissingGravity | None = None
     weightless: HeldOut | None = None
+
+    @property
+    def hidden(self) -> tuple[tuple[str, int], ...]:
+        """Effects that act where joints turn, at joints whose dry friction a solver softens."""
+        if self.softened is None:
+            return ()
+        soft = np.flatnonzero(np.isfinite(self.softened.leads))
+        return tuple((Presliding.name, int(joint)) for joint in soft)
+
+    @property
+    def not_testable(self) -> tuple[NotTestable, ...]:
+        """The same in words."""
+        return tuple(
+            NotTestable(
+                name,
+                self.data.joints[joint],
+                "dry friction turns before the joint, as a simulator solves it: what friction does "
+                "at a reversal is its solver's",
+                "a recording of a robot, or of a simulator without softened friction",
+            )
+            for name, joint in self.hidden
+        )
 
     def gravity_causes(self, tested: HeldOut) -> list[Cause]:
         """Missing gravity as a cause, if it is one; `tested`: the models with gravity."""

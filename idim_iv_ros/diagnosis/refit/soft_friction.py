@@ -28,6 +28,7 @@ from idim_iv_ros.types import FloatArray
 _LEADS = (0.005, 0.0065, 0.008, 0.0095, 0.011, 0.014, 0.019)
 # (1 − d) / d: MuJoCo's default is 1/9. What the motion leaves of its noise widens the crossing.
 _SOFTNESS = (1.0 / 9.0, 0.25, 0.5, 1.0)
+_FINER = (1.08, 1.04, 1.02)  # factors of a lead; of the softness their third power
 _PARTS = 8  # of a step of the motion's grid, over which the direction of the friction is averaged
 _STATES = 50  # from which the inertia of a joint is taken
 _STILL = 1e-6  # rad/s (m/s): width of the crossing, at least
@@ -92,19 +93,26 @@ def soft_friction(data: Baseline, regression: Regression) -> SoftFriction | None
     inertia = np.abs(joint_inertia(data.prepared.model.robot, whole, sample))
     width = level / np.maximum(inertia, 1e-12)  # per unit of lead and softness
     tried = _Tried(data, regression, width)
-    best = max(
-        ((lead, soft) for lead in _LEADS for soft in _SOFTNESS),
-        key=lambda each: float(tried.gains(dict.fromkeys(rubbing.tolist(), each)).sum()),
-    )
-    chosen = dict.fromkeys(rubbing.tolist(), best)
-    for joint in rubbing.tolist():
-        chosen[joint] = max(
-            ((lead, soft) for lead in _LEADS for soft in _SOFTNESS),
-            key=lambda each: float(tried.gains({**chosen, joint: each}).sum()),
-        )
+    grid = [(lead, soft) for lead in _LEADS for soft in _SOFTNESS]
+    every = rubbing.tolist()
+    best = max(grid, key=lambda each: float(tried.gains(dict.fromkeys(every, each)).sum()))
+    chosen = dict.fromkeys(every, best)
+    for joint in every:
+        chosen[joint] = tried.best_of(chosen, joint, grid)
+    if float(tried.gains(chosen).sum()) < settings.SOFT_FRICTION_SUPPORT:
+        return None
+    for step in _FINER:
+        for joint in every:
+            lead, soft = chosen[joint]
+            near = [
+                (lead * a, soft * b)
+                for a in (1 / step, 1.0, step)
+                for b in (1 / step**3, 1.0, step**3)
+            ]
+            chosen[joint] = tried.best_of(chosen, joint, near)
     gains = tried.gains(chosen)
     turning = [joint for joint in rubbing.tolist() if gains[joint] > 0.0]
-    if gains.sum() < settings.SOFT_FRICTION_SUPPORT or 2 * len(turning) <= len(rubbing):
+    if 2 * len(turning) <= len(rubbing):
         return None
     leads, widths = np.full(len(data.joints), np.nan), np.zeros(len(data.joints))
     for joint in turning:
@@ -135,6 +143,15 @@ class _Tried:
         after = self._energies(changed.fit(self.fit.noise_models, steps=0), changed)
         rows = np.array([len(each.torque) for each in joints])
         return np.asarray(0.5 * rows * np.log(self.before / after))
+
+    def best_of(
+        self,
+        chosen: dict[int, tuple[float, float]],
+        joint: int,
+        options: Sequence[tuple[float, float]],
+    ) -> tuple[float, float]:
+        """Lead and softness of one joint beside those of the others."""
+        return max(options, key=lambda each: float(self.gains({**chosen, joint: each}).sum()))
 
     def _rows(self, joint: int, lead: float, soft: float) -> FloatArray:
         key = (joint, lead, soft)
