@@ -243,11 +243,12 @@ def _series(refit: Refit, model: NamedModel) -> tuple[GapSeries, ...]:
 
 def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
     """What could not be done and why, each once."""
-    data, tested = found.refit.data, found.held.tested
+    data, tested, softened = found.refit.data, found.held.tested, found.refit.softened
     prepared = data.prepared
     notes = [
         found.refit.shift.sentence(data.joints),
         *(ripple.sentence(data.joints) for ripple in found.refit.ripples),
+        softened and softened.sentence(data.joints),
         law_speed and f"the speed in the control law: {law_speed}",
         *(described(each.result) for each in found.transmissions),
         *found.excluded,

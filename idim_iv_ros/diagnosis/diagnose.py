@@ -81,7 +81,9 @@ def diagnose(
         refit = refitted(recordings, configuration, excluded, beside)
         return_freed_memory()
         watch.stage("attribution", 0.2)
-        attribution = attributed(refit.data, refit.regression, excluded, watch.progress)
+        attribution = attributed(
+            refit.data, refit.regression, excluded, watch.progress, hidden=refit.hidden
+        )
         return_freed_memory()
         result = assembled(concluded(refit, attribution, configuration, excluded, watch))
         if identified is not None:
@@ -174,5 +176,5 @@ def concluded(
         agreement=agreed,
         where=where(data, regression, attribution.refit, held.floors),
         confusability=shown,
-        not_testable=not_testable,
+        not_testable=(*not_testable, *refit.not_testable),
     )

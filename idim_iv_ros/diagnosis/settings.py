@@ -64,6 +64,9 @@ class Count(int):
 WIDEST_BAND = Setting(25.0, "Hz",
     "decimation cut-off that is proposed at most: arms have no rigid-body torque beyond, and "
     "loops are slower", PHYSICS)
+NARROWEST_BAND = Setting(5.0, "Hz",
+    "the same at least, where no loop can be simulated and the encoders' noise asks for less",
+    PHYSICS)
 POSITION_OVER_DECIMATION = Setting(2.5, "",
     "cut-off of the positions over that of the decimation", PAPER)
 NYQUIST_MARGIN = Setting(1.3, "",
@@ -77,9 +80,12 @@ NOISE_SEGMENT = Setting(2.0, "s",
 LEAST_SPEED_SHARE = Setting(0.005, "largest speed of the joint",
     "speed below which the direction of a joint is unknown, where the configuration names none",
     CHOSEN)
-MEASURED_BELOW = Setting(0.9, "decimation cut-off",
+MEASURED_BELOW = Setting(0.6, "decimation cut-off",
     "frequency below which candidates see the measured motion, above it the simulated one", CHOSEN)
 JOINING_ORDER = Count(2, "", "order of the filter that joins the two motions", NUMERICAL)
+ROWS_PER_MOTION_COEFFICIENT = Count(15, "rows",
+    "rows for each coefficient that brings the simulated motion closer to the measured one, where "
+    "the motion of all joints counts; with fewer that of the joint alone does", NUMERICAL)
 SAMPLES_PER_ROW = Count(5, "samples",
     "samples for each row at which candidates are computed, at least", NUMERICAL)
 SLOPE_STEP = Setting(1e-5, "rad or m", "step of the numerical slope of the torques", NUMERICAL)
@@ -131,6 +137,9 @@ GAIN_RIPPLE_ALONE = Setting(3.0, "chi-square of the next likely ripple of the ga
     "many waves, a ripple with one", CHOSEN)
 SIDE_LOBES = Setting(15.0, "resolution of wave numbers, 2 π over the range of the joint",
     "distance of that next ripple, at least: slow motion covers a part of the range", CHOSEN)
+SOFT_FRICTION_SUPPORT = Setting(25.0, "ln likelihood",
+    "gain of dry friction that turns before the joint, over friction that sticks, at which it is "
+    "taken for a simulator's", CHOSEN)
 MOST_GAIN_RIPPLES = Count(2, "waves", "ripples of a joint's gain that are taken out", CHOSEN)
 
 # Gravity that the configuration leaves out.

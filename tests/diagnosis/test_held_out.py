@@ -150,3 +150,17 @@ def test_an_effect_that_is_not_there_seldom_helps_where_it_acts() -> None:
         share, beside_best = found.helped(0)
         held += share >= 0.75 and beside_best
     assert held <= 10  # and all other conditions beside it
+
+
+@pytest.mark.parametrize(("size", "least", "most"), [(0.3, 20, 20), (0.0, 0, 1)])
+def test_help_is_sure_where_an_effect_acts_and_not_by_chance(
+    size: float, least: int, most: int
+) -> None:
+    """Of 20 recordings each; the level is one-sided 2.5 %."""
+    floor = [NoiseFloor(0.5, "repeats", "")]
+    sure = 0
+    for seed in range(20):
+        regression = _regression(6, seed, size)
+        found = held_out(_data(6), regression, regression.fit(steps=0), ["+x"], floor)
+        sure += found.surely_helped(0)
+    assert least <= sure <= most

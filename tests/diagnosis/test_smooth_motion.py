@@ -12,6 +12,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.processing import widened
 from idim_iv_ros.diagnosis.refit.smooth_motion import simulated_slips
+from idim_iv_ros.identification.prepare import prepare
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.diagnosis.motions import synthetic
@@ -273,3 +274,15 @@ def test_without_a_simulated_loop_it_is_the_measured_motion_in_the_whole_band() 
     places = np.round((motion.time - motion.time[0]) * measured.signals.rate).astype(int)
     first = measured.span.start + int(measured.decimation.kept[0])
     np.testing.assert_array_equal(motion.position, measured.position[first + places])
+
+
+@pytest.mark.parametrize("world", [unreferenced, lawless])
+def test_without_a_simulated_loop_the_band_is_no_wider_than_the_motion(
+    arm: SimulatedArm, world: Callable[[SimulatedArm], tuple[Recording, Configuration]]
+) -> None:
+    """Above the motion's own band its acceleration is noise, which then is in every column."""
+    recording, configuration = world(arm)
+    own = prepare([recording], configuration).cutoffs.decimation
+    simulated = baseline([recorded(arm, 1)], arm.configuration).prepared.cutoffs.decimation
+    found = baseline([recording], configuration).prepared.cutoffs.decimation
+    assert found <= own < simulated

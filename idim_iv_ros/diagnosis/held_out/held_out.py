@@ -136,6 +136,20 @@ class HeldOut:
         beyond_noise = float(change[others].sum()) >= settings.NORMAL_95**2
         return share, beyond_noise and bool(gains[others].sum() > 0.0)
 
+    def surely_helped(self, effect: int) -> bool:
+        """Whether what an effect takes of the whitened residual is no chance, over blocks of time.
+
+        95 % of the resampled sessions, one limit of the interval. The whitened residual, not the
+        torque gap itself: slow noise makes most of that, and it is no part of the effect.
+        """
+        blocks = max(int(block.max()) for block in self.blocks) + 1
+        gains = np.zeros(blocks)
+        for j in self.own_joints[effect]:
+            used = self.folds[j] != GUARD_FOLD
+            one, two = (self.whitened[stage][j][used] for stage in (effect, effect + 1))
+            gains += np.bincount(self.blocks[j][used], weights=one**2 - two**2, minlength=blocks)
+        return interval(resampled(gains[:, None])[:, 0])[0] > 0.0
+
     def _of_effect(self, effect: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Energies of each fold, over an effect's joints: without it, with it, of the change."""
         joints = self.own_joints[effect]

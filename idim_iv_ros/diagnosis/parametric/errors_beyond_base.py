@@ -84,4 +84,29 @@ class GravityError(ErrorBeyondBase):
         }
 
 
+class CommonShift(ErrorBeyondBase):
+    """An effort that is late at all joints by what effects hid when it was aligned.
+
+    A soft shaft or a coupling changes the shift that is estimated without it. What remains is of
+    the recording, and no delay of one joint: beside this, a delay must be a joint's own.
+    """
+
+    name = "effort_shift"
+    family = "frequency"
+
+    def places(self, joints: int) -> list[Place]:
+        """One place: all joints, where there are several."""
+        return [Place(0)] if joints > 1 else []
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        """Early or late by what a few periods of a slow control make."""
+        return bool(np.all(np.abs(coefficients) < _LONGEST_SHIFT))
+
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """Rate of change of every joint's torque, N m/s."""
+        rates = np.gradient(motion.torque, 1.0 / motion.rate, axis=0)
+        return {joint: rates[:, [joint]] for joint in range(rates.shape[1])}
+
+
+_LONGEST_SHIFT = 0.02  # s
 ERRORS_BEYOND_BASE: tuple[ErrorBeyondBase, ...] = (GainError(), GravityError())

@@ -32,6 +32,11 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
     White noise of standard deviation σ_q at the positions gives the torque of an inertia J the
     density J² σ_q² (2πf)⁴; up to f its power is a share s² of the torque's own noise for
     (2πf)² = √5 s σ_τ / (J σ_q).
+
+    Where no loop can be simulated, the acceleration of the whole band is the measured one. Above
+    the motion's own band it is noise, which is in the torque of the inertias and, differentiated
+    again, in the candidates: a torque that follows its rate of change would be seen. There the band
+    only becomes narrower.
     """
     processing = configuration.processing
     if processing.decimation_cutoff is not None:
@@ -43,7 +48,12 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
         settings.WIDEST_BAND,
         measured / (2.0 * settings.POSITION_OVER_DECIMATION * settings.NYQUIST_MARGIN),
     )
-    cutoff = max(min(_noise_limit(prepared), highest), prepared.cutoffs.decimation)
+    cutoff = min(_noise_limit(prepared), highest)
+    if may_simulate(configuration, recordings):
+        cutoff = max(cutoff, prepared.cutoffs.decimation)
+    else:
+        narrowest = min(settings.NARROWEST_BAND, prepared.cutoffs.decimation)
+        cutoff = float(np.clip(cutoff, narrowest, prepared.cutoffs.decimation))
     edge = processing.decimation_edge
     factor = max(1, int(edge * rate / (2.0 * cutoff)))
     if factor > settings.SAMPLES_PER_ROW:  # a multiple, so that candidates need a coarse grid only
@@ -100,10 +110,15 @@ def _noise(motions: Sequence[Motion], quantity: str) -> FloatArray:
 
 def may_count(configuration: Configuration, recordings: Sequence[Recording]) -> bool:
     """Whether the loop may be simulated with a configured law, and the user leaves it open."""
-    return (
-        configuration.processing.reversal_margin is None
-        and configuration.controller.type != "unknown"
-        and all(recording.position_reference is not None for recording in recordings)
+    return configuration.processing.reversal_margin is None and may_simulate(
+        configuration, recordings
+    )
+
+
+def may_simulate(configuration: Configuration, recordings: Sequence[Recording]) -> bool:
+    """Whether the law is configured and every recording has a reference."""
+    return configuration.controller.type != "unknown" and all(
+        recording.position_reference is not None for recording in recordings
     )
 
 

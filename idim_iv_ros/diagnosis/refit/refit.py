@@ -3,6 +3,8 @@
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.parametric.missing import MissingGravity, missing_gravity
@@ -10,9 +12,12 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regr
 from idim_iv_ros.diagnosis.refit.gain_ripple import GainRipple, without_gain_ripples
 from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
-from idim_iv_ros.diagnosis.result import Cause
+from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion
+from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction, soft_friction
+from idim_iv_ros.diagnosis.result import Cause, NotTestable
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.effects.gravity_direction import GravityDirection
+from idim_iv_ros.effects.presliding import Presliding
 from idim_iv_ros.recording import Recording
 
 
@@ -29,6 +34,8 @@ class Refit:
         Taken out of the effort of both.
     ripples : tuple of GainRipple
         Of efforts that are currents, taken out as well.
+    softened : SoftFriction or None
+        Of a simulator's solver, in the place of dry friction that sticks.
     gravity : MissingGravity or None
         Which the nominal model lacks; `data` has it.
     weightless : HeldOut or None
@@ -39,8 +46,31 @@ class Refit:
     regression: Regression
     shift: EffortShift
     ripples: tuple[GainRipple, ...] = ()
+    softened: SoftFriction | None = None
     gravity: MissingGravity | None = None
     weightless: HeldOut | None = None
+
+    @property
+    def hidden(self) -> tuple[tuple[str, int], ...]:
+        """Effects that act where joints turn, at joints whose dry friction a solver softens."""
+        if self.softened is None:
+            return ()
+        soft = np.flatnonzero(np.isfinite(self.softened.leads))
+        return tuple((Presliding.name, int(joint)) for joint in soft)
+
+    @property
+    def not_testable(self) -> tuple[NotTestable, ...]:
+        """The same in words."""
+        return tuple(
+            NotTestable(
+                name,
+                self.data.joints[joint],
+                "dry friction turns before the joint, as a simulator solves it: what friction does "
+                "at a reversal is its solver's",
+                "a recording of a robot, or of a simulator without softened friction",
+            )
+            for name, joint in self.hidden
+        )
 
     def gravity_causes(self, tested: HeldOut) -> list[Cause]:
         """Missing gravity as a cause, if it is one; `tested`: the models with gravity."""
@@ -73,7 +103,7 @@ def refitted(
     data = baseline(recordings, configuration)
     if beside is not None:
         data = beside(data)
-        return Refit(*aligned(data, smooth_regression(data)))
+        return _aligned(data, smooth_regression(data))
     regression = smooth_regression(data)
     may_lack = GravityDirection.name not in without
     gravity = missing_gravity(data, regression) if may_lack else None
@@ -87,9 +117,34 @@ def refitted(
 
 def _chain_taken_out(data: Baseline, regression: Regression) -> Refit:
     """Align the effort, and take the ripple of its gain out of it."""
-    data, regression, shift = aligned(data, regression)
-    data, regression, ripples = without_gain_ripples(data, regression)
-    return Refit(data, regression, shift, ripples)
+    refit = _aligned(data, regression)
+    data, regression, ripples = without_gain_ripples(refit.data, refit.regression)
+    return replace(refit, data=data, regression=regression, ripples=ripples)
+
+
+def _aligned(data: Baseline, regression: Regression) -> Refit:
+    """Align the effort on the motion that is likelier: joined with the simulated one, or measured.
+
+    Where friction or loop are not what is simulated, the simulated part of the motion is wrong;
+    where encoders are coarse, the measured one is.
+    """
+    joined = _with_friction(data, regression)
+    if not data.sticking:
+        return joined
+    motions = tuple(map(measured_motion, data.motions, data.prepared.motions))
+    other = replace(data, motions=motions)
+    measured = _with_friction(other, smooth_regression(other))
+    return max(joined, measured, key=lambda refit: refit.regression.fit().log_likelihood)
+
+
+def _with_friction(data: Baseline, regression: Regression) -> Refit:
+    """Align the effort; once more where dry friction turns early, as simulators solve it."""
+    own, rows, shift = aligned(data, regression)
+    softened = soft_friction(own, rows)
+    if softened is not None:
+        data = softened.put_into(data)
+        own, rows, shift = aligned(data, smooth_regression(data))
+    return Refit(own, rows, shift, softened=softened)
 
 
 def _nominal_and_refit(data: Baseline, regression: Regression) -> HeldOut:

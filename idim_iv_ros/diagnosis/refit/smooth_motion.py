@@ -10,7 +10,7 @@ as the friction, for tens of milliseconds, and filters smear that over the rows 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.refit.simulated_motion import above, corrected_motions
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
 from idim_iv_ros.estimation.instruments import Instruments, SimulatedLoop
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
-from idim_iv_ros.signals import Motion, ParallelDecimation, zero_phase_butterworth
+from idim_iv_ros.signals import Motion, ParallelDecimation
 from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, mass_matrix
 from idim_iv_ros.simulation.replay import replay
 from idim_iv_ros.types import FloatArray
@@ -186,15 +187,11 @@ def smooth_motions(
         Of the decimation, Hz.
     """
     made = []
-    for motion, start, states, slip in zip(motions, starts, instruments.states, slips, strict=True):
-        samples = motion.span.stop - motion.span.start
-        measured = motion.derivatives(0, samples)
-        simulated = states(0, samples)
-        rate = motion.signals.rate
-        joined = list(measured) if slip is None else _joined(measured, simulated, rate, cutoff)
-        kept = motion.decimation.kept
-        stride = _stride(motion.decimation.factor)
-        grid = slice(int(kept[0]), int(kept[-1]) + 1 + motion.decimation.factor // 2, stride)
+    measured = [motion.derivatives(0, motion.span.stop - motion.span.start) for motion in motions]
+    joined = _joined(measured, motions, instruments, slips, cutoff)
+    for motion, start, states, slip in zip(motions, starts, joined, slips, strict=True):
+        samples, rate = motion.span.stop - motion.span.start, motion.signals.rate
+        stride, grid = _stride(motion.decimation.factor), _grid(motion)
         time = start + (motion.span.start + np.arange(samples)[grid]) / rate
         made.append(
             SmoothMotion(
@@ -203,10 +200,10 @@ def smooth_motions(
                 whole=whole,
                 rate=rate / stride,
                 time=time,
-                position=joined[0][grid],
-                velocity=joined[1][grid],
-                acceleration=joined[2][grid],
-                slip=_averaged(np.sign(joined[1]) if slip is None else slip, stride)[grid],
+                position=states[0][grid],
+                velocity=states[1][grid],
+                acceleration=states[2][grid],
+                slip=_averaged(np.sign(states[1]) if slip is None else slip, stride)[grid],
                 decimation=ParallelDecimation(
                     motion.decimation.factor // stride, len(time), motion.decimation.edge
                 ),
@@ -216,21 +213,49 @@ def smooth_motions(
     return tuple(made)
 
 
+def measured_motion(smooth: SmoothMotion, motion: Motion) -> SmoothMotion:
+    """Return the smooth motion with the measured one in its whole band."""
+    states = motion.derivatives(0, motion.span.stop - motion.span.start)
+    grid = _grid(motion)
+    position, velocity, acceleration = (values[grid] for values in states)
+    return replace(smooth, position=position, velocity=velocity, acceleration=acceleration)
+
+
+def _grid(motion: Motion) -> slice:
+    """Samples of the span on the grid of the smooth motion."""
+    kept, factor = motion.decimation.kept, motion.decimation.factor
+    return slice(int(kept[0]), int(kept[-1]) + 1 + factor // 2, _stride(factor))
+
+
 def _joined(
-    measured: Sequence[FloatArray], simulated: Sequence[FloatArray], rate: float, cutoff: float
-) -> list[FloatArray]:
+    measured: Sequence[Sequence[FloatArray]],
+    motions: Sequence[Motion],
+    instruments: Instruments,
+    slips: Sequence[FloatArray | None],
+    cutoff: float,
+) -> list[Sequence[FloatArray]]:
     """Measured motion below a share of the cut-off, simulated motion above it.
 
     What stands in for a simulated motion where there is none lacks the upper part of the band: with
     it an acceleration at 0.7 of the cut-off would be a quarter too small, as behind a soft shaft.
     """
-    below = [
-        zero_phase_butterworth(
-            m - s, rate=rate, cutoff=settings.MEASURED_BELOW * cutoff, order=settings.JOINING_ORDER
-        )
-        for m, s in zip(measured, simulated, strict=True)
-    ]
-    return [s + d for s, d in zip(simulated, below, strict=True)]
+    made = list(measured)
+    able = [number for number, slip in enumerate(slips) if slip is not None]
+    if not able:
+        return made
+    corrected = corrected_motions(
+        [measured[k] for k in able],
+        [instruments.states[k](0, len(measured[k][0])) for k in able],
+        [motions[k].decimation for k in able],
+        [motions[k].signals.rate for k in able],
+        cutoff,
+    )
+    for k, simulated in zip(able, corrected, strict=True):
+        rate = motions[k].signals.rate
+        made[k] = [
+            m - above(m - s, rate, cutoff) for m, s in zip(measured[k], simulated, strict=True)
+        ]
+    return made
 
 
 def _averaged(slip: FloatArray, stride: int) -> FloatArray:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.identifiability.testability import cannot_show
-from idim_iv_ros.diagnosis.parametric.errors_beyond_base import ERRORS_BEYOND_BASE
+from idim_iv_ros.diagnosis.parametric.errors_beyond_base import ERRORS_BEYOND_BASE, CommonShift
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.candidate import Candidate, operating_range
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
@@ -81,11 +81,12 @@ def attributed(
     without: Collection[str],
     progress: Progress | None = None,
     grids: Grids | None = None,
+    hidden: Collection[tuple[str, int]] = (),
 ) -> Attribution:
     """Look for effects of the catalogue beside the refit, and for nonparametric alternatives."""
-    structural = [*STRUCTURAL, *ERRORS_BEYOND_BASE]
+    structural = [*STRUCTURAL, *ERRORS_BEYOND_BASE, CommonShift()]
     effects = [effect for effect in structural if effect.name not in without]
-    return attribute(data, regression, [*effects, *NONPARAMETRIC], progress, grids)
+    return attribute(data, regression, [*effects, *NONPARAMETRIC], progress, grids, hidden)
 
 
 def attribute(
@@ -94,6 +95,7 @@ def attribute(
     catalogue: Sequence[Effect],
     progress: Progress | None = None,
     grids: Grids | None = None,
+    hidden: Collection[tuple[str, int]] = (),
 ) -> Attribution:
     """Accept the best effect beside those accepted before, until none is acceptable.
 
@@ -101,6 +103,8 @@ def attribute(
     ----------
     grids
         Rows of shapes of another search on the same motion.
+    hidden
+        Effects and joints where nothing can be told of them.
     """
     refit = regression.fit()
     covered = operating_range(data)
@@ -113,7 +117,7 @@ def attribute(
         if len(found) >= settings.MOST_EFFECTS:
             break
         search = Search(data, covered, current, fit, grids)
-        candidates = _all(search, catalogue, found, known, progress)
+        candidates = _all(search, catalogue, found, known, hidden, progress)
         tried = tried or sum(each.tried for each in candidates)
         accepted = [each.candidate for each in found]
         candidates = [each for each in candidates if own_cause(each, accepted)]
@@ -125,7 +129,7 @@ def attribute(
         found.append(Found(best, alternatives=_alternatives(best, candidates)))
         current = current.with_columns(best.columns)
         if len(found) > 1:
-            found, current, fit = _revised(search, regression, refit, found, catalogue)
+            found, current, fit = _revised(search, regression, refit, found, catalogue, hidden)
         _forget(known, set(best.columns))
     # Most of the memory, and only folds that judge what was found need it.
     kept = grids if found else {}
@@ -148,6 +152,7 @@ def _all(
     catalogue: Sequence[Effect],
     found: Sequence[Found],
     known: dict[tuple[Effect, Place], Candidate | None],
+    hidden: Collection[tuple[str, int]],
     progress: Progress | None,
 ) -> list[Candidate]:
     taken = {each.candidate.key for each in found}
@@ -156,6 +161,7 @@ def _all(
         for effect in catalogue
         for place in effect.places(len(search.data.joints))
         if (effect.name, place.joint, place.other) not in taken
+        and (effect.name, place.joint) not in hidden
         and not cannot_show(effect, place.joint, search.covered)
     ]
     for number, (effect, place) in enumerate(jobs):
@@ -182,6 +188,7 @@ def _revised(
     refit: Fit,
     found: list[Found],
     catalogue: Sequence[Effect],
+    hidden: Collection[tuple[str, int]],
 ) -> tuple[list[Found], Regression, Fit]:
     """Look at each effect again beside the others: its shape, alternatives, if it is needed."""
     data, covered, grids = before.data, before.covered, before.grids
@@ -211,7 +218,7 @@ def _revised(
         again = [
             search.best(effect, place)
             for key, (effect, place) in options.items()
-            if key not in taken
+            if key not in taken and key[:2] not in hidden
         ]
         usable = [candidate for candidate in again if candidate is not None]
         best = preferred(with_most_of_gap(usable))

@@ -280,7 +280,7 @@ def _why_not(tested: HeldOut, number: int, found: Found, chosen: Chosen) -> str:
     gap = tested.gap(stage, stage + 1, found.candidate.place.joint)
     gain, folds, _ = tested.gain(number)
     share, beside_best = tested.helped(number)
-    sure = gap.after < gap.before if gap.ci95 is None else gap.ci95[0] > 0.0
+    sure = gap.after < gap.before and tested.surely_helped(number)
     drifts = found.candidate.effect.family == "time"
     least = settings.HELD_OUT_LEAST_FOLDS_OF_DRIFT if drifts else settings.HELD_OUT_LEAST_FOLDS
     smallest = settings.HELD_OUT_LEAST_GAIN_OF_DRIFT if drifts else settings.HELD_OUT_LEAST_GAIN

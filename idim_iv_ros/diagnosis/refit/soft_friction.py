@@ -1,0 +1,204 @@
+"""Dry friction that a simulator's solver softens: a property of the recording, no cause.
+
+Solvers make dry friction a soft constraint. MuJoCo's asks for the acceleration −b v of a joint in
+reach of its friction loss, b = 2 / (d T_ref), and grants a share d of it: the torque is
+−M d / (1 − d) (dv/dt + b v) within ± the loss (Computation chapter of its documentation, softness
+of constraints). With d near one the direction of the friction is that of v + (dv/dt) / b: it turns
+1/b before the joint does, 9.5 ms with the default of T_ref. A model that sticks is wrong there by
+twice the friction, which passes for another friction at low speed, or a soft shaft.
+
+A robot's own friction turns with the joint or after it. A lead at most joints is therefore taken
+for the solver's, and its friction put in the place of the one that sticks.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
+from idim_iv_ros.simulation import joint_inertia
+from idim_iv_ros.types import FloatArray
+
+# 1/b, s: half to twice that of MuJoCo's default (a time constant of 20 ms, d of 0.95).
+_LEADS = (0.005, 0.0065, 0.008, 0.0095, 0.011, 0.014, 0.019)
+# (1 − d) / d: MuJoCo's default is 1/9. What the motion leaves of its noise widens the crossing.
+_SOFTNESS = (1.0 / 9.0, 0.25, 0.5, 1.0)
+_FINER = (1.08, 1.04, 1.02)  # factors of a lead; of the softness their third power
+_PARTS = 8  # of a step of the motion's grid, over which the direction of the friction is averaged
+_STATES = 50  # from which the inertia of a joint is taken
+_STILL = 1e-6  # rad/s (m/s): width of the crossing, at least
+
+
+@dataclass(frozen=True)
+class SoftFriction:
+    """How early dry friction turns.
+
+    Attributes
+    ----------
+    leads : (n_joints,) s
+        Time from the change of the friction to that of the joint; NaN where it sticks.
+    widths : (n_joints,) rad/s (m/s)
+        Of v + lead · dv/dt, within which the friction crosses from one level to the other.
+    """
+
+    leads: FloatArray
+    widths: FloatArray
+
+    def put_into(self, data: Baseline) -> Baseline:
+        """Return the same motions with this friction."""
+        motions = []
+        for motion in data.motions:
+            slip = motion.slip.copy()
+            fine = _fine(motion)
+            for joint in np.flatnonzero(np.isfinite(self.leads)):
+                slip[:, joint] = _crossing(*fine, joint, self.leads[joint], self.widths[joint])
+            motions.append(replace(motion, slip=slip))
+        return replace(data, motions=tuple(motions))
+
+    def sentence(self, joints: Sequence[str]) -> str:
+        """Say it for the notes."""
+        soft = np.isfinite(self.leads)
+        low, high = 1e3 * self.leads[soft].min(), 1e3 * self.leads[soft].max()
+        times = f"{low:.2g} ms" if low == high else f"{low:.2g} to {high:.2g} ms"
+        names = ", ".join(name for name, is_soft in zip(joints, soft, strict=True) if is_soft)
+        return (
+            f"dry friction of {names} turns {times} before the joint: a soft constraint, as "
+            "simulators solve friction (MuJoCo's frictionloss with its default solreffriction: "
+            "9.5 ms); a robot's own friction does not, and this is taken for no cause"
+        )
+
+
+def soft_friction(data: Baseline, regression: Regression) -> SoftFriction | None:
+    """Look for dry friction that turns early at most joints; None where it sticks.
+
+    Parameters
+    ----------
+    data, regression
+        On the smooth motion, with the effort aligned: an effort that is recorded before it acts
+        would turn early, too.
+    """
+    whole = data.motions[0].whole
+    level = np.maximum(whole.coulomb, 0.0)
+    rubbing = np.flatnonzero(level > settings.LEAST_DRY_FRICTION * np.array(data.torque_sizes))
+    rubbing = np.array([j for j in rubbing if _column(data, regression, int(j)) is not None])
+    if not len(rubbing):
+        return None
+    position = data.motions[0].position
+    sample = position[:: max(1, len(position) // _STATES)]
+    inertia = np.abs(joint_inertia(data.prepared.model.robot, whole, sample))
+    width = level / np.maximum(inertia, 1e-12)  # per unit of lead and softness
+    tried = _Tried(data, regression, width)
+    grid = [(lead, soft) for lead in _LEADS for soft in _SOFTNESS]
+    every = rubbing.tolist()
+    best = max(grid, key=lambda each: float(tried.gains(dict.fromkeys(every, each)).sum()))
+    chosen = dict.fromkeys(every, best)
+    for joint in every:
+        chosen[joint] = tried.best_of(chosen, joint, grid)
+    if float(tried.gains(chosen).sum()) < settings.SOFT_FRICTION_SUPPORT:
+        return None
+    for step in _FINER:
+        for joint in every:
+            lead, soft = chosen[joint]
+            near = [
+                (lead * a, soft * b)
+                for a in (1 / step, 1.0, step)
+                for b in (1 / step**3, 1.0, step**3)
+            ]
+            chosen[joint] = tried.best_of(chosen, joint, near)
+    gains = tried.gains(chosen)
+    turning = [joint for joint in rubbing.tolist() if gains[joint] > 0.0]
+    if 2 * len(turning) <= len(rubbing):
+        return None
+    leads, widths = np.full(len(data.joints), np.nan), np.zeros(len(data.joints))
+    for joint in turning:
+        leads[joint], soft = chosen[joint]
+        widths[joint] = max(leads[joint] * soft * width[joint], _STILL)
+    return SoftFriction(leads, widths)
+
+
+class _Tried:
+    """Gains of the likelihood with friction that turns early, each column made once."""
+
+    def __init__(self, data: Baseline, regression: Regression, width: FloatArray) -> None:
+        self.data, self.regression, self.width = data, regression, width
+        self.fit: Fit = regression.fit()
+        self.fine = [_fine(motion) for motion in data.motions]
+        self.columns: dict[tuple[int, float, float], FloatArray] = {}
+        self.before = self._energies(self.fit, regression)
+
+    def gains(self, chosen: dict[int, tuple[float, float]]) -> FloatArray:
+        """Gain (n_joints,) of the ln likelihood of each joint, with the noise of the refit."""
+        joints = list(self.regression.joints)
+        for joint, (lead, soft) in chosen.items():
+            place = _column(self.data, self.regression, joint)
+            matrix = joints[joint].matrix.copy()
+            matrix[:, place] = self._rows(joint, lead, soft)
+            joints[joint] = replace(joints[joint], matrix=matrix)
+        changed = replace(self.regression, joints=tuple(joints))
+        after = self._energies(changed.fit(self.fit.noise_models, steps=0), changed)
+        rows = np.array([len(each.torque) for each in joints])
+        return np.asarray(0.5 * rows * np.log(self.before / after))
+
+    def best_of(
+        self,
+        chosen: dict[int, tuple[float, float]],
+        joint: int,
+        options: Sequence[tuple[float, float]],
+    ) -> tuple[float, float]:
+        """Lead and softness of one joint beside those of the others."""
+        return max(options, key=lambda each: float(self.gains({**chosen, joint: each}).sum()))
+
+    def _rows(self, joint: int, lead: float, soft: float) -> FloatArray:
+        key = (joint, lead, soft)
+        if key not in self.columns:
+            width = max(lead * soft * self.width[joint], _STILL)
+            self.columns[key] = self.data.counting(
+                joint,
+                [
+                    motion.rows(_crossing(*fine, joint, lead, width)[:, None])[:, 0]
+                    for motion, fine in zip(self.data.motions, self.fine, strict=True)
+                ],
+            )
+        return self.columns[key]
+
+    def _energies(self, fit: Fit, regression: Regression) -> FloatArray:
+        """Energy (n_joints,) of the whitened residuals."""
+        return np.array(
+            [
+                max(
+                    float(np.sum(noise.standardized(residual[:, None], rows.segments) ** 2)), 1e-300
+                )
+                for residual, noise, rows in zip(
+                    fit.residuals, self.fit.noise_models, regression.joints, strict=True
+                )
+            ]
+        )
+
+
+def _column(data: Baseline, regression: Regression, joint: int) -> int | None:
+    """Which column of a joint's rows is its Coulomb friction."""
+    names = [data.prepared.model.base.names[k] for k in regression.joints[joint].columns]
+    return names.index(f"Fc{joint + 1}") if f"Fc{joint + 1}" in names else None
+
+
+def _fine(motion: SmoothMotion) -> tuple[FloatArray, FloatArray]:
+    """Velocity and acceleration (s, parts, n_joints) within each step of the motion's grid."""
+    steps = np.arange(len(motion.time), dtype=float)
+    within = steps[:, None] + (np.arange(_PARTS) + 0.5) / _PARTS - 0.5
+    made = []
+    for values in (motion.velocity, motion.acceleration):
+        made.append(CubicSpline(steps, values)(np.clip(within, 0.0, steps[-1])))
+    return made[0], made[1]
+
+
+def _crossing(
+    velocity: FloatArray, acceleration: FloatArray, joint: int, lead: float, width: float
+) -> FloatArray:
+    """Friction (s,) as a share of its level, mean over each step of the grid."""
+    ahead = velocity[:, :, joint] + lead * acceleration[:, :, joint]
+    return np.asarray(np.clip(ahead / width, -1.0, 1.0).mean(axis=1))
