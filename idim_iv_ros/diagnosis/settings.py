@@ -64,9 +64,9 @@ class Count(int):
 WIDEST_BAND = Setting(25.0, "Hz",
     "decimation cut-off that is proposed at most: arms have no rigid-body torque beyond, and "
     "loops are slower", PHYSICS)
-NARROWEST_BAND = Setting(5.0, "Hz",
+NARROWEST_BAND = Setting(0.5, "decimation cut-off of the identification",
     "the same at least, where no loop can be simulated and the encoders' noise asks for less",
-    PHYSICS)
+    CHOSEN)
 POSITION_OVER_DECIMATION = Setting(2.5, "",
     "cut-off of the positions over that of the decimation", PAPER)
 NYQUIST_MARGIN = Setting(1.3, "",

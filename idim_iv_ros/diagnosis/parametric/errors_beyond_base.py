@@ -6,21 +6,25 @@ named for them; what they are is then read from the change of the parameters.
 """
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.result import EffectParameter
+from idim_iv_ros.effects.cause import Family
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
 
+_LONGEST_SHIFT = 0.02  # s
+
 
 class ErrorBeyondBase(Effect):
     """One that belongs to the given numbers."""
 
-    family = "load"
+    family: ClassVar[Family] = "load"
     excitation = ""
 
     def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
@@ -92,7 +96,7 @@ class CommonShift(ErrorBeyondBase):
     """
 
     name = "effort_shift"
-    family = "frequency"
+    family: ClassVar[Family] = "frequency"
 
     def places(self, joints: int) -> list[Place]:
         """One place: all joints, where there are several."""
@@ -104,9 +108,8 @@ class CommonShift(ErrorBeyondBase):
 
     def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """Rate of change of every joint's torque, N m/s."""
-        rates = np.gradient(motion.torque, 1.0 / motion.rate, axis=0)
-        return {joint: rates[:, [joint]] for joint in range(rates.shape[1])}
+        rates = np.asarray(np.gradient(motion.torque, 1.0 / motion.rate, axis=0))
+        return {joint: rates[:, [joint]] for joint in range(motion.torque.shape[1])}
 
 
-_LONGEST_SHIFT = 0.02  # s
 ERRORS_BEYOND_BASE: tuple[ErrorBeyondBase, ...] = (GainError(), GravityError())

@@ -52,8 +52,8 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
     if may_simulate(configuration, recordings):
         cutoff = max(cutoff, prepared.cutoffs.decimation)
     else:
-        narrowest = min(settings.NARROWEST_BAND, prepared.cutoffs.decimation)
-        cutoff = float(np.clip(cutoff, narrowest, prepared.cutoffs.decimation))
+        own = prepared.cutoffs.decimation
+        cutoff = float(np.clip(cutoff, settings.NARROWEST_BAND * own, own))
     edge = processing.decimation_edge
     factor = max(1, int(edge * rate / (2.0 * cutoff)))
     if factor > settings.SAMPLES_PER_ROW:  # a multiple, so that candidates need a coarse grid only

@@ -55,7 +55,7 @@ class SoftFriction:
         for motion in data.motions:
             slip = motion.slip.copy()
             fine = _fine(motion)
-            for joint in np.flatnonzero(np.isfinite(self.leads)):
+            for joint in np.flatnonzero(np.isfinite(self.leads)).tolist():
                 slip[:, joint] = _crossing(*fine, joint, self.leads[joint], self.widths[joint])
             motions.append(replace(motion, slip=slip))
         return replace(data, motions=tuple(motions))
@@ -94,9 +94,9 @@ def soft_friction(data: Baseline, regression: Regression) -> SoftFriction | None
     width = level / np.maximum(inertia, 1e-12)  # per unit of lead and softness
     tried = _Tried(data, regression, width)
     grid = [(lead, soft) for lead in _LEADS for soft in _SOFTNESS]
-    every = rubbing.tolist()
-    best = max(grid, key=lambda each: float(tried.gains(dict.fromkeys(every, each)).sum()))
-    chosen = dict.fromkeys(every, best)
+    every: list[int] = rubbing.tolist()
+    best = max(grid, key=lambda each: tried.gain_of_all(every, each))
+    chosen: dict[int, tuple[float, float]] = dict.fromkeys(every, best)
     for joint in every:
         chosen[joint] = tried.best_of(chosen, joint, grid)
     if float(tried.gains(chosen).sum()) < settings.SOFT_FRICTION_SUPPORT:
@@ -143,6 +143,10 @@ class _Tried:
         after = self._energies(changed.fit(self.fit.noise_models, steps=0), changed)
         rows = np.array([len(each.torque) for each in joints])
         return np.asarray(0.5 * rows * np.log(self.before / after))
+
+    def gain_of_all(self, joints: Sequence[int], each: tuple[float, float]) -> float:
+        """Gain with the same lead and softness at all of these joints."""
+        return float(self.gains(dict.fromkeys(joints, each)).sum())
 
     def best_of(
         self,
