@@ -65,7 +65,10 @@ def structural_cause(
         text += "; it does not help on held-out data, so do not rely on it"
     elif gap.ci95 is not None and gap.ci95[0] <= 0.0:
         low, high = (100.0 * limit for limit in gap.ci95)
-        text += f"; the reduction of {low:.0f} to {high:.0f} % (95 %) may be chance"
+        text += (
+            f"; that it is there is sure, how much of the gap goes is not: {low:.0f} to "
+            f"{high:.0f} % (95 %)"
+        )
     return text
 
 
