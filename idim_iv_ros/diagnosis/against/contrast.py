@@ -157,6 +157,7 @@ class _Assembly:
         apart = [self._bags[number] for number in self._parametric.reference_disagrees]
         return [
             words.shift(self._shift),
+            *words.softened(self._sets.softened, self._data.joints),
             words.groups(groups),
             words.reference_disagrees(apart),
             why_no_law,

@@ -20,7 +20,9 @@ from idim_iv_ros.diagnosis.refit.baseline import (
     with_offsets,
 )
 from idim_iv_ros.diagnosis.refit.processing import may_count, widened, with_margin
-from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
+from idim_iv_ros.diagnosis.refit.refit import on_likelier_motion
+from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift
+from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare
@@ -42,12 +44,15 @@ class TwoSets:
         Reference and second set by themselves.
     shifts : (EffortShift, EffortShift)
         Taken out of the effort of each set.
+    softened : (SoftFriction or None, SoftFriction or None)
+        Of a simulator's solver, in the motions of each set.
     """
 
     data: Baseline
     regression: Regression
     sets: tuple[Baseline, Baseline]
     shifts: tuple[EffortShift, EffortShift]
+    softened: tuple[SoftFriction | None, SoftFriction | None] = (None, None)
 
     @property
     def second(self) -> frozenset[int]:
@@ -93,10 +98,15 @@ def two_sets(
     if sets is None:
         whole = prepare(every, section)
         sets = [refit_of(_part(whole, part)) for part in (reference, against)]
-    first, _, one = aligned(sets[0], smooth_regression(sets[0]))
-    second, _, other = aligned(sets[1], smooth_regression(sets[1]))
-    data = _together(first, second)
-    return TwoSets(data, smooth_regression(data), (first, second), (one, other))
+    one, other = (on_likelier_motion(each, smooth_regression(each)) for each in sets)
+    data = _together(one.data, other.data)
+    return TwoSets(
+        data,
+        smooth_regression(data),
+        (one.data, other.data),
+        (one.shift, other.shift),
+        (one.softened, other.softened),
+    )
 
 
 def _narrower(

@@ -9,6 +9,7 @@ from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause
 from idim_iv_ros.diagnosis.parametric.hypotheses import Hypothesis
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction
 from idim_iv_ros.diagnosis.result import (
     ContrastCause,
     EffectParameter,
@@ -163,6 +164,16 @@ def shift(difference: ShiftDifference) -> str:
         "second set: each was aligned by its own, since a command that is held over its period "
         "makes half a period"
     )
+
+
+def softened(found: Sequence[SoftFriction | None], joints: Sequence[str]) -> list[str]:
+    """Dry friction that the solver of a simulator softens, of each set that has it."""
+    names = ("the reference", "the second set")
+    return [
+        f"{name}: {each.sentence(joints)}"
+        for name, each in zip(names, found, strict=True)
+        if each is not None
+    ]
 
 
 def groups(groups: Sequence[Sequence[str]]) -> str:

@@ -52,12 +52,11 @@ def law_change(rows: CommandRegression, law: ControlLaw, joint: int, period: flo
 
 
 def _change_of(rows: CommandRegression, law: ControlLaw, joint: int, period: float) -> LawChange:
-    longest = settings.LONGEST_LAG * period
-    change = _chosen(_with_late_speed(rows, law, joint, longest, ()), law, joint, period)
+    change = _chosen(_with_late_speed(rows, law, joint, period, ()), law, joint, period)
     if not change.groups:
         return change
     # How late the speed is shows only beside the group that differs most.
-    again = _with_late_speed(rows, law, joint, longest, change.groups[:1])
+    again = _with_late_speed(rows, law, joint, period, change.groups[:1])
     better = _chosen(again, law, joint, period)
     return better if better.groups else change
 
@@ -115,12 +114,14 @@ def without_best(smaller: Fit, larger: Fit) -> NDArray[np.bool_]:
 
 
 def _with_late_speed(
-    rows: CommandRegression, law: ControlLaw, joint: int, longest: float, groups: Sequence[str]
+    rows: CommandRegression, law: ControlLaw, joint: int, period: float, groups: Sequence[str]
 ) -> CommandRegression:
     """Compute the command with a speed that is as late as the recording says, beside groups.
 
-    Speeds come from differences of positions: one to two periods late are no mismatch.
+    Speeds come from differences of positions: one to two periods late are no mismatch. Nor is one
+    that is a little earlier than the speed that was found for all joints.
     """
+    earliest, longest = -settings.LAG_DIFFERENCE * period, settings.LONGEST_LAG * period
     _, kd, _ = (float(gain[joint]) for gain in law.torque_gains)
     late = kd * rows.acceleration
     name = "late speed"
@@ -129,7 +130,7 @@ def _with_late_speed(
         return rows
     names = (*groups, name)
     lag, deviation = rows.changes(with_late.fit(names, with_lag=True), names)[name]
-    if not 0.0 < lag < longest + settings.LAG_DEVIATIONS * deviation:
+    if not earliest < lag < longest + settings.LAG_DEVIATIONS * deviation:
         return rows
     return replace(rows, rest=rows.rest - lag * late)
 

@@ -103,7 +103,7 @@ def refitted(
     data = baseline(recordings, configuration)
     if beside is not None:
         data = beside(data)
-        return _aligned(data, smooth_regression(data))
+        return on_likelier_motion(data, smooth_regression(data))
     regression = smooth_regression(data)
     may_lack = GravityDirection.name not in without
     gravity = missing_gravity(data, regression) if may_lack else None
@@ -117,12 +117,12 @@ def refitted(
 
 def _chain_taken_out(data: Baseline, regression: Regression) -> Refit:
     """Align the effort, and take the ripple of its gain out of it."""
-    refit = _aligned(data, regression)
+    refit = on_likelier_motion(data, regression)
     data, regression, ripples = without_gain_ripples(refit.data, refit.regression)
     return replace(refit, data=data, regression=regression, ripples=ripples)
 
 
-def _aligned(data: Baseline, regression: Regression) -> Refit:
+def on_likelier_motion(data: Baseline, regression: Regression) -> Refit:
     """Align the effort on the motion that is likelier: joined with the simulated one, or measured.
 
     Where friction or loop are not what is simulated, the simulated part of the motion is wrong;
