@@ -28,7 +28,7 @@ from idim_iv_ros.types import FloatArray
 _LEADS = (0.005, 0.0065, 0.008, 0.0095, 0.011, 0.014, 0.019)
 # (1 − d) / d: MuJoCo's default is 1/9. What the motion leaves of its noise widens the crossing.
 _SOFTNESS = (1.0 / 9.0, 0.25, 0.5, 1.0)
-_FINER = (1.08, 1.04, 1.02)  # factors of a lead; of the softness their third power
+_FINER = (1.1, 1.05, 1.025)  # factors of a lead; of the softness their third power
 _PARTS = 8  # of a step of the motion's grid, over which the direction of the friction is averaged
 _STATES = 50  # from which the inertia of a joint is taken
 _STILL = 1e-6  # rad/s (m/s): width of the crossing, at least
@@ -93,22 +93,17 @@ def soft_friction(data: Baseline, regression: Regression) -> SoftFriction | None
     inertia = np.abs(joint_inertia(data.prepared.model.robot, whole, sample))
     width = level / np.maximum(inertia, 1e-12)  # per unit of lead and softness
     tried = _Tried(data, regression, width)
-    grid = [(lead, soft) for lead in _LEADS for soft in _SOFTNESS]
     every: list[int] = rubbing.tolist()
-    best = max(grid, key=lambda each: tried.gain_of_all(every, each))
-    chosen: dict[int, tuple[float, float]] = dict.fromkeys(every, best)
-    for joint in every:
-        chosen[joint] = tried.best_of(chosen, joint, grid)
-    if float(tried.gains(chosen).sum()) < settings.SOFT_FRICTION_SUPPORT:
+    best = tried.best_of_all(every, [(lead, _SOFTNESS[1]) for lead in _LEADS])
+    best = tried.best_of_all(every, [(best[0], soft) for soft in _SOFTNESS])
+    if tried.gain_of_all(every, best) < settings.SOFT_FRICTION_SUPPORT:
         return None
+    chosen: dict[int, tuple[float, float]] = dict.fromkeys(every, best)
     for step in _FINER:
         for joint in every:
             lead, soft = chosen[joint]
-            near = [
-                (lead * a, soft * b)
-                for a in (1 / step, 1.0, step)
-                for b in (1 / step**3, 1.0, step**3)
-            ]
+            near = [(lead * step, soft), (lead / step, soft)]
+            near += [(lead, soft * step**3), (lead, soft / step**3), (lead, soft)]
             chosen[joint] = tried.best_of(chosen, joint, near)
     gains = tried.gains(chosen)
     turning = [joint for joint in rubbing.tolist() if gains[joint] > 0.0]
@@ -147,6 +142,12 @@ class _Tried:
     def gain_of_all(self, joints: Sequence[int], each: tuple[float, float]) -> float:
         """Gain with the same lead and softness at all of these joints."""
         return float(self.gains(dict.fromkeys(joints, each)).sum())
+
+    def best_of_all(
+        self, joints: Sequence[int], options: Sequence[tuple[float, float]]
+    ) -> tuple[float, float]:
+        """Lead and softness that all of these joints have."""
+        return max(options, key=lambda each: self.gain_of_all(joints, each))
 
     def best_of(
         self,
