@@ -1,6 +1,6 @@
 """A parameter error all of whose numbers may be zero is not named, whichever it is."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 import pytest
@@ -38,7 +38,13 @@ def every(changes: ChangeRegression) -> list[Hypothesis]:
 def estimates(monkeypatch: pytest.MonkeyPatch, values: np.ndarray, covariance: np.ndarray) -> None:
     """Let the estimates beside all other errors be these, whatever is named."""
 
-    def beside(changes: ChangeRegression, named: Sequence[Change]) -> Beside:
+    def beside(
+        changes: ChangeRegression,
+        named: Sequence[Change],
+        known: Collection[int] = (),
+        *,
+        one_size: bool = False,
+    ) -> Beside:
         deviations = np.sqrt(np.diag(covariance))
         found = tuple(
             Estimated(change, float(value), float(std))
@@ -62,7 +68,7 @@ def test_numbers_that_are_sure_together_only_name_nothing(
             count
         )
         estimates(monkeypatch, values, covariance)
-        judged = sure.sure_of(changes, [each])
+        judged = sure.sure_of(changes, [each], with_own_links=True)
         assert judged.kept == ()
         assert [doubtful.hypothesis for doubtful in judged.doubtful] == [each]
         tried.add(each.effect.name)
