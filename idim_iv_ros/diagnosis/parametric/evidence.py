@@ -105,7 +105,8 @@ def judged(
     count = len({each.key for each in hypotheses(changes, catalogue)})
     known = [each for each in kept if each.effect.known_to_be_left_out(changes.space)]
     few = len(kept) - len(known) <= settings.MOST_PARAMETRIC_CAUSES
-    sure = sure_of(changes, kept, with_own_links=few)
+    # Between recordings errors of the nominal model cancel, those of the link, too.
+    sure = sure_of(changes, kept, with_own_links=few and not changes.space.difference)
     doubtful = sure.doubtful
     if kept and not sure.kept:
         # Most numbers are in error, and no few of them are significant: joint by joint, then.
