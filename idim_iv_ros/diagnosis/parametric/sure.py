@@ -53,7 +53,7 @@ def sure_of(
     found
     with_own_links
         Whether a body that is not sure beside errors of its own link may be so beside errors of
-        all other numbers; see `_beside_its_link`.
+        all other numbers; see `_beside_its_link`. Of each body what is sure then takes most.
     """
     kept = list(found)
     doubtful: list[Doubtful] = []
@@ -70,7 +70,7 @@ def sure_of(
             if not _shown(kept[place], numbers[place])
             or (
                 _is_body(kept[place])
-                and kept[place].joint in known
+                and with_own_links
                 and not _mostly_sure(changes, numbers[place])
             )
             or (
