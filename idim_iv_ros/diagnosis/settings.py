@@ -299,6 +299,8 @@ CHANGE_DEVIATIONS = Setting(2.0, "standard deviations",
 PARAMETRIC_LEVEL = Setting(0.01, "",
     "level of Wald's test of a parameter error beside errors of all other numbers: their sizes are "
     "estimated, and the surest of a dozen causes is looked at", CHOSEN)
+LEAST_SURE_SHARE = Setting(0.75, "gap that a payload or a link takes",
+    "what those of its numbers must take that leave out zero, for it to be named", CHOSEN)
 LEAST_CONFIRMED = Setting(0.5, "size of the estimate",
     "what must remain of a wrong gain or gravity beside errors of all base parameters, or these "
     "imitate it", CHOSEN)

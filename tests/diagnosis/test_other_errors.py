@@ -100,3 +100,26 @@ def test_masses_that_are_off_while_shapes_are_known_are_no_payload() -> None:
         named += beside.p_value(slice(0, 4)) <= settings.PARAMETRIC_LEVEL
     assert held >= 17
     assert named <= 1
+
+
+def test_a_body_holds_what_its_own_link_is_off_by() -> None:
+    """A link that is 10 % too heavy is a payload of as much, where it has no error of its own."""
+    arm = arm6(seconds=8.0)
+    data = baseline([recorded(arm, 1)], arm.configuration)
+    regression = smooth_regression(data)
+    given = change_regression(data, regression, regression.fit())
+    model, random = given.space.model, np.random.default_rng(5)
+    body = Payload().variants(given.space, 5)[-1]
+    place = [change.name for change in body].index("mass")
+    base = given.factor[:, : len(given.space.given)] @ model.base.grouping
+    error = 0.1 * errors_of_links(model)[:, 50 + MASS]
+    changes = replace(given, right=base @ error + random.standard_normal(len(given.right)))
+    added = 0.1 * float(model.robot.given.inertial[5, 0])
+    with_link = estimated_beside_other_errors(changes, body, {5}).found[place]
+    without = estimated_beside_other_errors(changes, body).found[place]
+    exact = estimated_beside_other_errors(changes, body, one_size=True).found[place]
+    assert with_link.std is not None and without.std is not None and exact.std is not None
+    assert abs(with_link.value - added) <= 1.96 * with_link.std
+    assert with_link.std < 0.95 * without.std
+    # Friction and drives are exact: errors of the same size hardly move the mass.
+    assert exact.std < 0.5 * without.std

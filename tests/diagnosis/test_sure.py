@@ -1,6 +1,7 @@
 """A parameter error all of whose numbers may be zero is not named, whichever it is."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -38,7 +39,13 @@ def every(changes: ChangeRegression) -> list[Hypothesis]:
 def estimates(monkeypatch: pytest.MonkeyPatch, values: np.ndarray, covariance: np.ndarray) -> None:
     """Let the estimates beside all other errors be these, whatever is named."""
 
-    def beside(changes: ChangeRegression, named: Sequence[Change]) -> Beside:
+    def beside(
+        changes: ChangeRegression,
+        named: Sequence[Change],
+        known: Collection[int] = (),
+        *,
+        one_size: bool = False,
+    ) -> Beside:
         deviations = np.sqrt(np.diag(covariance))
         found = tuple(
             Estimated(change, float(value), float(std))
@@ -62,7 +69,7 @@ def test_numbers_that_are_sure_together_only_name_nothing(
             count
         )
         estimates(monkeypatch, values, covariance)
-        judged = sure.sure_of(changes, [each])
+        judged = sure.sure_of(changes, [each], with_own_links=True)
         assert judged.kept == ()
         assert [doubtful.hypothesis for doubtful in judged.doubtful] == [each]
         tried.add(each.effect.name)
@@ -100,3 +107,67 @@ def test_a_moment_of_inertia_alone_is_no_payload(
     values = np.array([9.0 if name == "moment_x" else 1.0 for name in names])
     estimates(monkeypatch, values, np.eye(len(names)))
     assert sure.sure_of(changes, [body]).kept == (body,)
+
+
+def beside_a_link(
+    monkeypatch: pytest.MonkeyPatch, with_link: np.ndarray, one_size: np.ndarray
+) -> None:
+    """Numbers of deviation one: 0.5 each, but without errors of the link, and of one size."""
+
+    def beside(
+        changes: ChangeRegression,
+        named: Sequence[Change],
+        known: Collection[int] = (),
+        **of_size: bool,
+    ) -> Beside:
+        values = with_link if known else np.full(len(named), 0.5)
+        if of_size.get("one_size"):
+            values = one_size
+        found = tuple(
+            Estimated(change, float(value), 1.0)
+            for change, value in zip(named, values, strict=True)
+        )
+        return Beside(found, np.ones(1), values[None], np.eye(len(named))[None])
+
+    monkeypatch.setattr(sure, "estimated_beside_other_errors", beside)
+
+
+def only(changes: ChangeRegression, body: Hypothesis) -> ChangeRegression:
+    """A gap that is all of a body, each number by as much torque."""
+    directions = np.column_stack([change.direction for change in body.changes])
+    change = directions @ (1.0 / np.linalg.norm(changes.factor @ directions, axis=0))
+    return replace(
+        changes,
+        right=changes.factor @ change,
+        residuals=tuple(columns @ change for columns in changes.columns),
+    )
+
+
+def test_what_a_links_error_may_be_is_named_with_the_link(
+    changes: ChangeRegression, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bodies = [each for each in hypotheses(changes, PARAMETRIC) if each.effect.name == "payload"]
+    body = max(bodies, key=lambda each: len(each.changes))
+    gap, count = only(changes, body), len(body.changes)
+    little, much = np.full(count, 0.5), np.full(count, 6.0)
+    for one_size, name in ((much, "payload"), (little, "link_inertia")):
+        beside_a_link(monkeypatch, much, one_size)
+        assert sure.sure_of(gap, [body]).kept == ()
+        judged = sure.sure_of(gap, [body], with_own_links=True)
+        assert [each.effect.name for each in judged.kept] == [name]
+        assert [each.value for each in judged.numbers[0]] == much.tolist()
+        assert len(judged.kept[0].changes) == count
+    beside_a_link(monkeypatch, little, much)
+    assert sure.sure_of(gap, [body], with_own_links=True).kept == ()
+
+
+def test_a_sure_number_that_takes_little_of_the_gap_names_no_body(
+    changes: ChangeRegression, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The mass may be zero, an error of the link before; beside it a moment is sure."""
+    bodies = [each for each in hypotheses(changes, PARAMETRIC) if each.effect.name == "payload"]
+    body = max(bodies, key=lambda each: len(each.changes))
+    names = [change.name for change in body.changes]
+    mass = replace(body, changes=(body.changes[names.index("mass")],))
+    beside_a_link(monkeypatch, np.where(np.array(names) == "mass", 0.5, 6.0), np.full(4, 6.0))
+    assert sure.sure_of(only(changes, mass), [body], with_own_links=True).kept == ()

@@ -103,11 +103,13 @@ def judged(
         The smallest set that explains the change.
     """
     count = len({each.key for each in hypotheses(changes, catalogue)})
-    sure = sure_of(changes, kept)
+    known = [each for each in kept if each.effect.known_to_be_left_out(changes.space)]
+    few = len(kept) - len(known) <= settings.MOST_PARAMETRIC_CAUSES
+    # Between recordings errors of the nominal model cancel, those of the link, too.
+    sure = sure_of(changes, kept, with_own_links=few and not changes.space.difference)
     doubtful = sure.doubtful
     if kept and not sure.kept:
         # Most numbers are in error, and no few of them are significant: joint by joint, then.
-        known = [each for each in kept if each.effect.known_to_be_left_out(changes.space)]
         sure = sure_of(changes, [*known, *of_base_parameters(changes, catalogue, known)])
     kept, numbers = sure.kept, sure.numbers
     beside: dict[int, tuple[Trial, Explained, tuple[Estimated, ...]]] = {}

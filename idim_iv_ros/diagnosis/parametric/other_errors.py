@@ -12,7 +12,7 @@ generalised least squares, averaged over what both may be, by their restricted l
 and what is usual of nominal models.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -44,7 +44,8 @@ _LEAST_WEIGHT = 1e-4  # of a test: together they are less than a hundredth
 class _RandomEffects:
     """Whitened columns of causes (e, m), target (e,), and the covariance of a unit of each error.
 
-    `covariances`: (e, e) of the links' masses, of their shapes and of drives. `difference`: of one
+    `covariances`: (e, e) of the links' masses, of their shapes and of drives, or of all together.
+    `difference`: of one
     robot between recordings, where errors of the nominal model cancel; nothing is then known
     beforehand of what is left.
     """
@@ -136,8 +137,23 @@ class Beside:
         )
 
 
-def estimated_beside_other_errors(changes: ChangeRegression, named: Sequence[Change]) -> Beside:
+def estimated_beside_other_errors(
+    changes: ChangeRegression,
+    named: Sequence[Change],
+    known: Collection[int | None] = (),
+    *,
+    one_size: bool = False,
+) -> Beside:
     """Estimate changes beside relative errors of all other given parameters.
+
+    Parameters
+    ----------
+    changes
+    named
+    known
+        Joints whose links have no errors of their own beside the named changes: these hold them.
+    one_size
+        Links and drives have the same relative error; each its own otherwise.
 
     Where the causes leave fewer than three directions, there is nothing to learn ρ from and the
     estimates are those of `ChangeRegression.explain`.
@@ -148,7 +164,7 @@ def estimated_beside_other_errors(changes: ChangeRegression, named: Sequence[Cha
         values = np.array([each.value for each in explained.found])
         deviations = np.array([each.std or 0.0 for each in explained.found])
         return Beside(explained.found, np.ones(1), values[None], np.diag(deviations**2)[None])
-    weights, values, covariances = _over_errors(_random_effects(changes, named))
+    weights, values, covariances = _over_errors(_random_effects(changes, named, known, one_size))
     mean = weights @ values
     apart = weights @ (values - mean) ** 2
     deviations = np.sqrt(weights @ np.einsum("kii->ki", covariances) + apart)
@@ -164,8 +180,8 @@ def _over_errors(effects: _RandomEffects) -> tuple[FloatArray, FloatArray, Float
 
     They are known from so few directions that the likeliest alone are too sure of themselves.
     """
-    start = _likeliest(effects)
-    solved = [effects.solved(_within_range(start + np.array(step))) for step in product(*_AROUND)]
+    start, around = _likeliest(effects), _AROUND[: len(effects.covariances)]
+    solved = [effects.solved(_within_range(start + np.array(step))) for step in product(*around)]
     densities = np.array([each.density for each in solved])
     weights = np.exp(densities - densities.max())
     return (
@@ -176,7 +192,7 @@ def _over_errors(effects: _RandomEffects) -> tuple[FloatArray, FloatArray, Float
 
 
 def _likeliest(effects: _RandomEffects) -> FloatArray:
-    """Logarithms of the relative errors (3,) of about the highest density, one after the other."""
+    """Logarithms of the relative errors of each kind of about the highest density, in turn."""
     best = np.full(len(effects.covariances), np.log(float(settings.USUAL_RELATIVE_ERROR)))
     highest = effects.solved(_within_range(best)).density
     for sweep in range(_SWEEPS):
@@ -194,14 +210,20 @@ def _within_range(logarithms: FloatArray) -> FloatArray:
     return np.asarray(np.clip(np.exp(logarithms), *_RANGE))
 
 
-def _random_effects(changes: ChangeRegression, named: Sequence[Change]) -> _RandomEffects:
+def _random_effects(
+    changes: ChangeRegression,
+    named: Sequence[Change],
+    known: Collection[int | None],
+    one_size: bool,
+) -> _RandomEffects:
     model = changes.space.model
     directions = np.column_stack([change.direction for change in named])
     base = changes.factor[:, : len(changes.space.given)] @ model.base.grouping
     links = errors_of_links(model)
-    masses = np.arange(links.shape[1]) % _ERRORS_OF_LINK == 0
-    kinds = links[:, masses], links[:, ~masses], errors_of_drives(model)
-    parts = [base @ errors for errors in kinds]
+    joint, number = np.divmod(np.arange(links.shape[1]), _ERRORS_OF_LINK)
+    masses, free = number == 0, np.array([each not in known for each in joint])
+    kinds = links[:, masses & free], links[:, ~masses & free], errors_of_drives(model)
+    parts = [base @ errors for errors in ((np.hstack(kinds),) if one_size else kinds)]
     return _RandomEffects(
         changes.factor @ directions,
         changes.right,
