@@ -18,7 +18,7 @@ from idim_iv_ros.diagnosis.controller.command_regression import command_regressi
 from idim_iv_ros.diagnosis.controller.law_change import acceptable
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.simulation import control_law
+from idim_iv_ros.simulation import control_law, simulate_closed_loop
 from tests.estimation.test_simulated_arms import recorded
 
 
@@ -111,3 +111,37 @@ def test_commands_stamped_too_early_are_no_other_law(
     shifted = replace(motion, signals=replace(signals, torque=torque))
     data = replace(data, prepared=replace(data.prepared, motions=(shifted,)))
     assert [finding.joint for finding in check_law(data).findings] == names
+
+
+def test_pulses_in_the_command_are_no_other_law(arm: SimulatedArm) -> None:
+    """They push the robot, and the errors that the law answers follow each of them."""
+    rng = np.random.default_rng(4)
+    samples = len(arm.position_reference)
+    pulses = np.zeros((samples, 2))
+    for start in rng.choice(np.arange(200, samples - 200, 400), 10, replace=False):
+        pulses[start : start + 20, 0] = rng.choice([-25.0, 25.0])
+    result = simulate_closed_loop(
+        arm.robot,
+        arm.truth,
+        arm.law,
+        rate=arm.rate,
+        position_reference=arm.position_reference,
+        velocity_reference=arm.velocity_reference,
+        initial_position=arm.position_reference[0],
+        initial_velocity=np.zeros(2),
+        disturbance=pulses,
+    )
+    noise = rng.standard_normal(pulses.shape) * [0.2, 0.08]
+    plain = recorded(arm, 1)
+    moved = replace(
+        plain,
+        position=replace(plain.position, values=result.position),
+        velocity=None,
+        effort=replace(plain.effort, values=result.torque + pulses + noise),
+    )
+    check = check_law(baseline([moved], arm.configuration))
+    assert check.findings == ()
+    (sentence,) = check.beyond
+    assert sentence.startswith("the commands of joint_1 hold")
+    gains = arm.law.kd * [0.7, 1.0]
+    assert [each.joint for each in found(arm, 1, kd=gains)] == ["joint_1"]

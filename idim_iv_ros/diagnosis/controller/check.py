@@ -19,7 +19,7 @@ from idim_iv_ros.diagnosis.controller.law_change import (
     supported,
     without_best,
 )
-from idim_iv_ros.diagnosis.controller.law_event import LawEvent
+from idim_iv_ros.diagnosis.controller.law_event import LawEvent, excess_kurtosis
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, law_speed
 from idim_iv_ros.diagnosis.parametric.significance import differs
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
@@ -34,6 +34,7 @@ from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
 from idim_iv_ros.effects.encoder_eccentricity import EncoderEccentricity
 from idim_iv_ros.simulation import ControlLaw, control_law, control_period
+from idim_iv_ros.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -113,14 +114,17 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
     rates = [motion.signals.rate for motion in data.prepared.motions]
     period = control_period(configuration.controller, rates)
     speed = law_speed(data.prepared.motions, law)
-    compared = {}
+    compared, every = {}, {}
     for joint in range(len(data.joints)):
         rows = command_regression(data.prepared.motions, law, joint, speed)
         if rows is not None:
             compared[joint] = law_change(rows, law, joint, period)
+            every[joint] = rows
     longest = _longest_lag(list(compared.values()), period, shift)
     found = [_finding(data, law, joint, change, longest) for joint, change in compared.items()]
-    beyond = [_beyond_the_law(data, joint, change) for joint, change in compared.items()]
+    beyond = [
+        _beyond_the_law(data, joint, change, every[joint]) for joint, change in compared.items()
+    ]
     return LawCheck(
         findings=tuple(finding for finding in found if finding is not None),
         speed=speed,
@@ -160,29 +164,28 @@ def _cause(data: Baseline, joint: int, found: ControllerFinding) -> Cause:
     )
 
 
-def _beyond_the_law(data: Baseline, joint: int, change: LawChange) -> str:
+def _beyond_the_law(data: Baseline, joint: int, change: LawChange, rows: CommandRegression) -> str:
     """What the commands hold beyond the law and its smallest change; empty where it is little."""
-    size, command = rms(change.fit), change.rows.size
+    rest = change.beyond(rows)
+    size, command = float(np.sqrt(np.mean(rest**2))), rows.size
     if size < settings.MUCH_BEYOND_LAW * command:
         return ""
-    return sentences.beyond_the_law(data, joint, (size, command), _events(change))
+    return sentences.beyond_the_law(data, joint, (size, command), _events(rest, rows))
 
 
-def _events(change: LawChange) -> list[LawEvent]:
+def _events(rest: FloatArray, rows: CommandRegression) -> list[LawEvent]:
     """The largest first; none where it acts all the time.
 
     An event begins and ends where it falls below a share of its own peak: filters smear it, and
     the loop swings after it.
     """
-    rest = change.fit.residuals[0]
     energy = rest**2
-    kurtosis = float(np.mean(energy**2) / max(float(np.mean(energy)) ** 2, 1e-300)) - 3.0
-    if kurtosis < settings.LAW_EVENT_KURTOSIS:
+    if excess_kurtosis(rest) < settings.LAW_EVENT_KURTOSIS:
         return []
     large = np.flatnonzero(np.abs(rest) > settings.LAW_EVENT_SIZE * np.median(np.abs(rest)))
     if len(large) == 0:
         return []
-    time, which = change.rows.time, change.rows.recording
+    time, which = rows.time, rows.recording
     apart = np.diff(time[large]) > settings.LAW_EVENTS_APART
     parts = np.split(large, np.flatnonzero((np.diff(which[large]) != 0) | apart) + 1)
     events = []

@@ -8,9 +8,11 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.command_regression import CommandRegression, rms
+from idim_iv_ros.diagnosis.controller.law_event import beside_no_event
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
-from idim_iv_ros.effects.controller_mismatch import GROUPS
+from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG
 from idim_iv_ros.simulation import ControlLaw
+from idim_iv_ros.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,24 @@ class LawChange:
         """(value, std) of the lag and of each group."""
         return self.rows.changes(self.fit, self.groups)
 
+    def beyond(self, rows: CommandRegression) -> FloatArray:
+        """What the commands of all rows (r,) hold beyond the law and its change, N m (N).
+
+        Parameters
+        ----------
+        rows
+            All of the joint, those beside events too.
+        """
+        if len(rows.rest) == len(self.rows.rest):
+            return self.fit.residuals[0]
+        rest = rows.rest.copy()
+        for name, (value, _) in self.changes.items():
+            rest -= value * (-rows.rate if name == LAG else rows.groups[name])
+        for number in np.unique(rows.recording):
+            own = rows.recording == number
+            rest[own] -= np.median(rest[own])
+        return rest
+
 
 def law_change(rows: CommandRegression, law: ControlLaw, joint: int, period: float) -> LawChange:
     """Add the best group until none is acceptable, and drop those that are not needed.
@@ -48,7 +68,10 @@ def law_change(rows: CommandRegression, law: ControlLaw, joint: int, period: flo
     """
     change = _change_of(rows, law, joint, period)
     on_time = _with_reference_on_time(change, rows, law, joint, period)
-    return change if on_time is None else _change_of(on_time, law, joint, period)
+    if on_time is not None:
+        change = _change_of(on_time, law, joint, period)
+    steady = _steady(change, rows if on_time is None else on_time)
+    return change if steady is None else _change_of(steady, law, joint, period)
 
 
 def _change_of(rows: CommandRegression, law: ControlLaw, joint: int, period: float) -> LawChange:
@@ -111,6 +134,18 @@ def without_best(smaller: Fit, larger: Fit) -> NDArray[np.bool_]:
     block = np.arange(len(gain)) * int(settings.LAW_BLOCKS) // len(gain)
     order = np.argsort(np.bincount(block, gain))
     return ~np.isin(block, order[-int(settings.LAW_BLOCKS_LEFT_OUT) :])
+
+
+def _steady(change: LawChange, rows: CommandRegression) -> CommandRegression | None:
+    """Rows beside no event that law and change leave; None where they are all, or little is left.
+
+    Another law differs between events, too, and leaves nothing of what it explains. `rows` are
+    those of the change before their speed was made late.
+    """
+    if rms(change.fit) < settings.LAW_LEAST_DIFFERENCE * rows.size:
+        return None
+    kept = beside_no_event(change.fit.residuals[0], rows.recording, rows.time)
+    return None if kept.all() else rows.only(kept)
 
 
 def _with_late_speed(

@@ -2,6 +2,12 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.types import FloatArray
+
 
 @dataclass(frozen=True)
 class LawEvent:
@@ -23,3 +29,34 @@ class LawEvent:
     recording: int
     size: float
     energy: float
+
+
+def excess_kurtosis(values: FloatArray) -> float:
+    """Of values (r,) about zero: large where they act at certain times only."""
+    energy = values**2
+    return float(np.mean(energy**2) / max(float(np.mean(energy)) ** 2, 1e-300)) - 3.0
+
+
+def beside_no_event(
+    residual: FloatArray, recording: NDArray[np.int64], time: FloatArray
+) -> NDArray[np.bool_]:
+    """Rows (r,) half a second or more from what commands hold beyond their law, if that is brief.
+
+    A pulse in the command pushes the robot, and the law answers: errors follow pulses, so that any
+    gain, a lag and a late speed take a part of them. What the law is shows between them.
+
+    Parameters
+    ----------
+    residual, recording, time
+        (r,) what the law leaves, N m (N); which recording a row belongs to; s.
+    """
+    kept = np.ones(len(residual), dtype=bool)
+    if excess_kurtosis(residual) <= settings.LAW_EVENT_KURTOSIS:
+        return kept
+    size = np.abs(residual)
+    event = size > settings.LAW_EVENT_SIZE * float(np.median(size))
+    for number in np.unique(recording):
+        own = np.flatnonzero(recording == number)
+        for begin in time[own][event[own]]:
+            kept[own] &= np.abs(time[own] - begin) > settings.LAW_EVENTS_APART
+    return kept if int(kept.sum()) >= settings.LAW_LEAST_ROWS else np.ones_like(kept)

@@ -14,6 +14,7 @@ import scipy
 from numpy.typing import NDArray
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.controller.law_event import beside_no_event
 from idim_iv_ros.effects.controller_mismatch import CommandParts, ControllerMismatch
 from idim_iv_ros.signals import JointSignals, Motion
 from idim_iv_ros.signals.motion import all_around
@@ -136,7 +137,7 @@ def _shares(
     """Share of the energy of one joint's command that the law with each speed leaves."""
     plain = LawSpeed()
     gain = float(law.torque_gains[1][joint])
-    tables, constants = [], []
+    tables, constants, times = [], [], []
     for number, motion in enumerate(motions):
         signals = motion.signals
         central = plain.of(signals, joint)
@@ -147,14 +148,20 @@ def _shares(
         error, slip = parts.groups["kp"], parts.groups["kd"]
         rest = recorded - parts.command
         table = np.column_stack([recorded, rest, parts.rate, error, slip, *later])
-        rows = motion.decimation.whole(table[motion.span])[comparable_rows(motion, law, joint)]
+        kept = comparable_rows(motion, law, joint)
+        rows = motion.decimation.whole(table[motion.span])[kept]
         tables.append(rows)
+        times.append(motion.time[kept])
         constants.append(np.full(len(rows), number))
     table = np.concatenate(tables)
     if len(table) < settings.LAW_LEAST_ROWS:
         return None
     which = np.concatenate(constants)
     plain_columns = np.column_stack([which[:, None] == np.unique(which), table[:, 2:4]])
+    first = np.column_stack([plain_columns, table[:, 4]])
+    rest = table[:, 1] - first @ np.linalg.lstsq(first, table[:, 1])[0]
+    steady = beside_no_event(rest, which, np.concatenate(times))
+    table, plain_columns = table[steady], plain_columns[steady]
     left = []
     for change in table[:, 5:].T:
         matrix = np.column_stack([plain_columns, table[:, 4] - change])

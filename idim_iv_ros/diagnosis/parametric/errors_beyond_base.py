@@ -19,6 +19,8 @@ from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
 
 _LONGEST_SHIFT = 0.02  # s
+# Weight at a joint, as a share of that at the others, below which its axis is vertical.
+_NO_WEIGHT = 1e-6
 
 
 class ErrorBeyondBase(Effect):
@@ -86,6 +88,33 @@ class GravityError(ErrorBeyondBase):
             joint: np.column_stack([part[:, joint] for part in parts])
             for joint in range(motion.position.shape[1])
         }
+
+
+class TiltedMoments(ErrorBeyondBase):
+    """First moments about the first joint of a base that is tilted.
+
+    About a vertical axis gravity does not show them, so that no base parameter holds them; under a
+    tilt they turn with the joint. Nothing without a tilt: they are looked for beside it alone.
+    """
+
+    name = "first_moments_under_tilt"
+
+    def places(self, joints: int) -> list[Place]:
+        """One place: the first joint."""
+        return [Place(0)]
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        """Moments of any size."""
+        return True
+
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """Cosine and sine of the first joint's position; zero where gravity shows them."""
+        still = np.zeros_like(motion.position)
+        weight = inverse_dynamics(motion.robot, motion.links, motion.position, still, still)
+        position = motion.position[:, 0]
+        turning = np.column_stack([np.cos(position), np.sin(position)])
+        upright = np.abs(weight[:, 0]).max() < _NO_WEIGHT * max(np.abs(weight).max(), 1e-300)
+        return {0: turning if upright else np.zeros_like(turning)}
 
 
 class CommonShift(ErrorBeyondBase):

@@ -5,7 +5,11 @@ from dataclasses import dataclass, field
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.identifiability.testability import cannot_show
-from idim_iv_ros.diagnosis.parametric.errors_beyond_base import ERRORS_BEYOND_BASE, CommonShift
+from idim_iv_ros.diagnosis.parametric.errors_beyond_base import (
+    ERRORS_BEYOND_BASE,
+    CommonShift,
+    TiltedMoments,
+)
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.candidate import Candidate, operating_range
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
@@ -84,7 +88,8 @@ def attributed(
     hidden: Collection[tuple[str, int]] = (),
 ) -> Attribution:
     """Look for effects of the catalogue beside the refit, and for nonparametric alternatives."""
-    structural = [*STRUCTURAL, *ERRORS_BEYOND_BASE, CommonShift()]
+    beyond = (*ERRORS_BEYOND_BASE, TiltedMoments(), CommonShift())
+    structural = [*STRUCTURAL, *beyond]
     effects = [effect for effect in structural if effect.name not in without]
     return attribute(data, regression, [*effects, *NONPARAMETRIC], progress, grids, hidden)
 

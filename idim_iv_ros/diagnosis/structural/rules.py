@@ -6,6 +6,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.parametric.errors_beyond_base import GravityError, TiltedMoments
 from idim_iv_ros.diagnosis.structural.likelihood import Columns
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
 from idim_iv_ros.effects.effect import Effect, Place, Shape
@@ -111,9 +112,12 @@ def acceptable(candidate: Judged) -> bool:
 def own_cause(candidate: Judged, accepted: Sequence[Judged]) -> bool:
     """Whether a nonparametric function is more than the misfit of an accepted effect.
 
-    The shape of an effect is never exactly that of the catalogue: what a flexible function of the
-    same family explains beside it, or a little beside it at the same joint, is no other cause.
+    And whether first moments lie under a tilt that is accepted. The shape of an effect is never
+    exactly that of the catalogue: what a flexible function of the same family explains beside it,
+    or a little beside it at the same joint, is no other cause.
     """
+    if isinstance(candidate.effect, TiltedMoments):
+        return any(isinstance(other.effect, GravityError) for other in accepted)
     if not isinstance(candidate.effect, Nonparametric):
         return True
     for other in accepted:
