@@ -39,10 +39,12 @@ from idim_iv_ros.diagnosis.result import (
 )
 from idim_iv_ros.diagnosis.structural.causes import NamedModel
 from idim_iv_ros.diagnosis.structural.confirmation import Confirmed
+from idim_iv_ros.diagnosis.structural.likelihood import Fit
 from idim_iv_ros.diagnosis.tracking import Tracking, tracking_series, with_tracking
 from idim_iv_ros.diagnosis.transmission.measure import Measured
 from idim_iv_ros.diagnosis.transmission.words import described, measured_behind
 from idim_iv_ros.diagnosis.verdict import leading, strongest_first, verdict_of
+from idim_iv_ros.effects.gravity_direction import GravityDirection
 from idim_iv_ros.identification.consistency import consistent_parameters
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING
 from idim_iv_ros.model import kinematics_digest
@@ -68,6 +70,8 @@ class Diagnosis:
     refit : Refit
     held : Confirmed
         The effects that hold on data not used to fit.
+    accepted : Fit
+        With all that the search accepted, errors beyond the base parameters among them.
     tracked : sequence of Tracking
         Simulated motion of every stage.
     causes : sequence of Cause
@@ -88,6 +92,7 @@ class Diagnosis:
     without: tuple[str, ...]
     refit: Refit
     held: Confirmed
+    accepted: Fit
     tracked: Sequence[Tracking]
     causes: Sequence[Cause]
     hints: tuple[Hint, ...]
@@ -106,13 +111,19 @@ def assembled(found: Diagnosis) -> GapResult:
     refit, model = found.refit, found.held.model
     data, law = refit.data, found.law
     causes = strongest_first(found.causes, data)
-    outside = unexplained(data, model)
+    tilted = any(cause.effect == GravityDirection.name for cause in causes)
+    outside = unexplained(data, model, found.accepted if tilted else None)
     session = data.prepared.session.parts
     physical, why_not = _consistent(refit, model)
     errors = parameter_errors(data, found.parametric)
     not_named = remaining(errors)
     stages = with_tracking(found.held.tested.stages(), found.tracked)
     residual = unexplained_residual(data, stages, found.held.floors)
+    if tilted:  # which no base parameters hold, so that no stage of the refit has it
+        left = [float(np.std(each)) for each in found.accepted.residuals]
+        residual = [
+            each for each in residual if left[each[0]] > settings.UNEXPLAINED_OVER_NOISE * each[3]
+        ]
     verdict = verdict_of(causes, outside, parameters=bool(not_named), unexplained=bool(residual))
     listed = leading(causes, data)
     summary = [

@@ -166,6 +166,7 @@ def concluded(
         without=without,
         refit=refit,
         held=held,
+        accepted=attribution.fit,
         tracked=tracked,
         causes=shafts.causes,
         hints=(*hints_of(data, attribution, held), *parametric_hints(data, parametric.doubts)),

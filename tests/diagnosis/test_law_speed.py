@@ -178,3 +178,22 @@ def test_commands_far_beyond_the_limit_do_not_reach_the_samples_beside_them(
     check = check_law(changed)
     assert check.findings == ()
     assert check.beyond == ()
+
+
+def test_a_feedforward_over_the_acceleration_is_no_late_speed(
+    arm: SimulatedArm, data: Baseline
+) -> None:
+    """Of 10 ms times kd, it looks like one of a speed that is filtered as much."""
+    signals = data.prepared.motions[0].signals
+    assert signals.velocity_reference is not None
+    forward = 10e-3 * arm.law.kd
+    wanted = np.gradient(signals.velocity_reference, 1.0 / signals.rate, axis=0)
+    effort, speed = commands(arm, signals, 1.0)
+    changed = commanded(data, effort + forward * wanted, speed)
+    assert law_speed(changed.prepared.motions, arm.law).kind != "filtered"
+    findings = {finding.joint: finding for finding in check_law(changed).findings}
+    assert set(findings) == set(data.joints)
+    for joint, expected in zip(data.joints, forward, strict=True):
+        (name,) = findings[joint].parameters
+        assert name == "feedforward_acceleration"
+        assert findings[joint].parameters[name].value == pytest.approx(expected, rel=0.03)

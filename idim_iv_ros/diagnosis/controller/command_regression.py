@@ -42,6 +42,8 @@ class CommandRegression:
         Which recording each row belongs to.
     time : s
         From the start of the recording.
+    step : float
+        Time between two samples of the slowest recording, s.
     """
 
     rest: FloatArray
@@ -54,6 +56,7 @@ class CommandRegression:
     runs: tuple[slice, ...]
     recording: NDArray[np.int64]
     time: FloatArray
+    step: float
 
     def usable(self, name: str) -> bool:
         """Whether a group varies."""
@@ -145,6 +148,7 @@ def command_regression(
         runs=tuple(runs),
         recording=which,
         time=np.concatenate(times),
+        step=1.0 / min(motion.signals.rate for motion in motions),
     )
 
 

@@ -154,9 +154,11 @@ def _with_late_speed(
     """Compute the command with a speed that is as late as the recording says, beside groups.
 
     Speeds come from differences of positions: one to two periods late are no mismatch. Nor is one
-    that is a little earlier than the speed that was found for all joints.
+    that is half a sample earlier than the speed that was found for all joints: of a law that runs
+    faster than its record, that is no closer.
     """
-    earliest, longest = -settings.LAG_DIFFERENCE * period, settings.LONGEST_LAG * period
+    earliest = -settings.LAG_DIFFERENCE * max(period, rows.step)
+    longest = settings.LONGEST_LAG * period
     _, kd, _ = (float(gain[joint]) for gain in law.torque_gains)
     late = kd * rows.acceleration
     name = "late speed"

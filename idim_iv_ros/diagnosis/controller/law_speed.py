@@ -113,10 +113,24 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = Fa
         )
         if found.fun < score:
             chosen, score = LawSpeed("filtered", float(found.x)), float(found.fun)
-    return chosen if score < (1.0 - settings.LAW_SPEED_GAIN) * scores[0] else options[0]
+    if score >= (1.0 - settings.LAW_SPEED_GAIN) * scores[0]:
+        return options[0]
+    if chosen.kind != "filtered":
+        return chosen
+    # A feedforward over the acceleration looks like a late speed: beside one, is it still late?
+    early = law_speeds(recorded)[: 2 if recorded else 1]
+    *forward, late = _scores(motions, law, [*early, chosen], feedforward=True)
+    best = int(np.argmin(forward))
+    return early[best] if forward[best] < (1.0 - settings.LAW_SPEED_GAIN) * late else chosen
 
 
-def _scores(motions: Sequence[Motion], law: ControlLaw, speeds: Sequence[LawSpeed]) -> FloatArray:
+def _scores(
+    motions: Sequence[Motion],
+    law: ControlLaw,
+    speeds: Sequence[LawSpeed],
+    *,
+    feedforward: bool = False,
+) -> FloatArray:
     """What each speed leaves of the commands: share of their size, geometric mean over joints.
 
     Each joint counts by its own noise, as in a likelihood: one whose efforts are much off, whatever
@@ -124,7 +138,9 @@ def _scores(motions: Sequence[Motion], law: ControlLaw, speeds: Sequence[LawSpee
     """
     joints = [joint for joint in range(len(law.kp)) if law.torque_gains[1][joint] > 0.0]
     shares = [
-        share for joint in joints if (share := _shares(motions, law, joint, speeds)) is not None
+        share
+        for joint in joints
+        if (share := _shares(motions, law, joint, speeds, feedforward=feedforward)) is not None
     ]
     if not shares:
         return np.zeros(len(speeds))
@@ -132,9 +148,17 @@ def _scores(motions: Sequence[Motion], law: ControlLaw, speeds: Sequence[LawSpee
 
 
 def _shares(
-    motions: Sequence[Motion], law: ControlLaw, joint: int, speeds: Sequence[LawSpeed]
+    motions: Sequence[Motion],
+    law: ControlLaw,
+    joint: int,
+    speeds: Sequence[LawSpeed],
+    *,
+    feedforward: bool,
 ) -> FloatArray | None:
-    """Share of the energy of one joint's command that the law with each speed leaves."""
+    """Share of the energy of one joint's command that the law with each speed leaves.
+
+    With a feedforward over the acceleration of the reference beside it, where that is asked for.
+    """
     plain = LawSpeed()
     gain = float(law.torque_gains[1][joint])
     tables, constants, times = [], [], []
@@ -146,8 +170,9 @@ def _shares(
         recorded = signals.torque[:, joint]
         later = [(speed.of(signals, joint) - central) * free for speed in speeds]
         error, slip = parts.groups["kp"], parts.groups["kd"]
+        forward = parts.groups["feedforward_acceleration"]
         rest = recorded - parts.command
-        table = np.column_stack([recorded, rest, parts.rate, error, slip, *later])
+        table = np.column_stack([recorded, rest, parts.rate, error, slip, forward, *later])
         kept = comparable_rows(motion, law, joint)
         rows = motion.decimation.whole(table[motion.span])[kept]
         tables.append(rows)
@@ -157,13 +182,14 @@ def _shares(
     if len(table) < settings.LAW_LEAST_ROWS:
         return None
     which = np.concatenate(constants)
-    plain_columns = np.column_stack([which[:, None] == np.unique(which), table[:, 2:4]])
+    known = [2, 3, 5] if feedforward else [2, 3]
+    plain_columns = np.column_stack([which[:, None] == np.unique(which), table[:, known]])
     first = np.column_stack([plain_columns, table[:, 4]])
     rest = table[:, 1] - first @ np.linalg.lstsq(first, table[:, 1])[0]
     steady = beside_no_event(rest, which, np.concatenate(times))
     table, plain_columns = table[steady], plain_columns[steady]
     left = []
-    for change in table[:, 5:].T:
+    for change in table[:, 6:].T:
         matrix = np.column_stack([plain_columns, table[:, 4] - change])
         rest = table[:, 1] + gain * change
         left.append(float(np.sum((rest - matrix @ np.linalg.lstsq(matrix, rest)[0]) ** 2)))

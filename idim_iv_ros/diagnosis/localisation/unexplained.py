@@ -13,8 +13,15 @@ from idim_iv_ros.diagnosis.structural.causes import NamedModel
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
 
 
-def unexplained(data: Baseline, model: NamedModel) -> Unexplained | None:
-    """Describe the largest residual outside the catalogue; None where there is none."""
+def unexplained(data: Baseline, model: NamedModel, fit: Fit | None = None) -> Unexplained | None:
+    """Describe the largest residual outside the catalogue; None where there is none.
+
+    Parameters
+    ----------
+    data, model
+    fit
+        Of all that explains the torques, where more than `model` does.
+    """
     sizes = data.torque_sizes
     large = [
         each
@@ -23,7 +30,7 @@ def unexplained(data: Baseline, model: NamedModel) -> Unexplained | None:
     ]
     if large:
         return _described(data, max(large, key=lambda each: each.candidate.gain))
-    found = [_events(data, model.fit, joint) for joint in range(len(data.joints))]
+    found = [_events(data, fit or model.fit, joint) for joint in range(len(data.joints))]
     present = [each for each in found if each is not None]
     return max(present, key=lambda each: each.share, default=None)
 
@@ -43,7 +50,8 @@ def unexplained_residual(
 ) -> list[tuple[int, float, float, float]]:
     """Joints at which the last model misses much: (joint, rms, share of the torque, noise).
 
-    The largest share first.
+    The largest share first. Less than a percent of the torque is not much, however little the
+    nominal model misses.
     """
     first, last = stages[0], stages[-1]
     found = []
@@ -55,6 +63,7 @@ def unexplained_residual(
             or rest > settings.UNEXPLAINED_OF_GAP * first.torque_rms[name]
         )
         noise = floor.sigma
+        much = much and share >= settings.LEAST_NONPARAMETRIC
         if noise is not None and rest > settings.UNEXPLAINED_OVER_NOISE * noise and much:
             found.append((joint, rest, share, noise))
     return sorted(found, key=lambda each: -each[2])
