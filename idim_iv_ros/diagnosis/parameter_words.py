@@ -15,8 +15,11 @@ def parameter_words(effect: str, name: str) -> str:
 def surest(parameters: Mapping[str, EffectParameter], most: int) -> dict[str, EffectParameter]:
     """Return at most so many numbers, in their order: those that differ from zero most surely.
 
-    All where no number is fitted.
+    A mass is first, and always among them: it is what a payload is known by. All where no number
+    is fitted.
     """
     ratios = {name: abs(each.value) / each.std for name, each in parameters.items() if each.std}
-    chosen = sorted(ratios, key=lambda name: -ratios[name])[:most] or list(parameters)
-    return {name: each for name, each in parameters.items() if name in chosen}
+    ordered = sorted(ratios, key=lambda name: (name != "mass", -ratios[name]))
+    chosen = ordered[:most] or list(parameters)
+    shown = {name: each for name, each in parameters.items() if name in chosen}
+    return {name: shown[name] for name in sorted(shown, key=lambda name: name != "mass")}

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.parameter_words import parameter_words
+from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
+from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParameterSpace
 from idim_iv_ros.effects.registry import PARAMETRIC
@@ -48,3 +49,12 @@ def test_names_that_are_made_have_words(effect: str, name: str, words: str) -> N
 def test_effects_of_the_catalogue_are_known() -> None:
     named = {"payload", "gravity_direction", "torque_gain", "torque_offset", "friction_level"}
     assert named | {"drive_inertia", "link_inertia"} == {each.name for each in PARAMETRIC}
+
+
+def test_a_mass_comes_first_however_sure_moments_of_inertia_are() -> None:
+    numbers = {
+        **{f"inertia_{axes}": EffectParameter(1.0, 0.01, "kg m²") for axes in ("xx", "yy", "zz")},
+        "moment_x": EffectParameter(0.2, 0.01, "kg m"),
+        "mass": EffectParameter(1.5, 0.5, "kg"),
+    }
+    assert list(surest(numbers, 3)) == ["mass", "inertia_xx", "inertia_yy"]
