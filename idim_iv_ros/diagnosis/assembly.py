@@ -124,6 +124,7 @@ def assembled(found: Diagnosis) -> GapResult:
         residual = [
             each for each in residual if left[each[0]] > settings.UNEXPLAINED_OVER_NOISE * each[3]
         ]
+    small = [] if causes else remaining(errors, settings.PARAMETRIC_LEAST_TORQUE)
     verdict = verdict_of(causes, outside, parameters=bool(not_named), unexplained=bool(residual))
     listed = leading(causes, data)
     summary = [
@@ -136,7 +137,7 @@ def assembled(found: Diagnosis) -> GapResult:
             found.without,
             more=len(causes) - len(listed),
             model="refit" if data.prepared.given is None else "nominal model",
-            remaining=sentences.remaining_parameter_errors(data, not_named),
+            remaining=sentences.remaining_parameter_errors(data, not_named or small),
             residual=sentences.unexplained_residual(data, residual),
         ),
         *(sentences.capitalised(sentence) + "." for sentence in law.beyond),

@@ -321,9 +321,10 @@ def summary(
             f"{worst.joint}, where the gap is largest."
         )
     if verdict == "none":
+        rest = ": the rest is noise, or too small for these recordings to show"
         parts.append(
-            "No effect of the catalogue explains more of it than chance: the rest is noise, or "
-            "too small for these recordings to show."
+            "No effect of the catalogue explains more of it than chance"
+            f"{'' if remaining else rest}."
         )
     parts += [f"{capitalised(cause.sentence)}." for cause in causes]
     if more:

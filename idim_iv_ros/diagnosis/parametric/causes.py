@@ -210,13 +210,21 @@ def parameter_errors(data: Baseline, outcome: ParametricOutcome) -> tuple[Parame
     return tuple(errors)
 
 
-def remaining(errors: Sequence[ParameterError]) -> list[ParameterError]:
-    """Joints at which a parameter error remains that no cause names, the largest share first."""
+def remaining(errors: Sequence[ParameterError], least: float | None = None) -> list[ParameterError]:
+    """Joints at which a parameter error remains that no cause names, the largest share first.
+
+    Parameters
+    ----------
+    errors
+    least
+        Share of a joint's torque that counts; None: `LEAST_PARAMETER_ERROR`.
+    """
+    least = float(settings.LEAST_PARAMETER_ERROR) if least is None else least
     return sorted(
         (
             each
             for each in errors
-            if each.share_of_torque > settings.LEAST_PARAMETER_ERROR
+            if each.share_of_torque > least
             and each.named > settings.PARAMETER_ERROR_OVER_REFIT * each.refit
         ),
         key=lambda each: -each.share_of_torque,
