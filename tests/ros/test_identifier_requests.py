@@ -1,6 +1,7 @@
 """What the identifier refuses, and what it does with what others announce."""
 
 import os
+import signal
 import time
 from pathlib import Path
 
@@ -191,7 +192,7 @@ def test_every_request_of_a_burst_is_answered(served) -> None:
 def test_queue_limit_refuses_and_a_timeout_counts_from_the_request(served) -> None:
     with served.parameters(queue_limit=2):
         working = served.goal("bag-1.mcap")
-        served.worker()
+        os.kill(served.worker(), signal.SIGSTOP)  # or it is done before the others are asked for
         begun = time.monotonic()
         waiting = served.ask("bag-2.mcap", timeout=0.3)
         served.observer.until(waiting.done, "the answer to the request that waits")
@@ -199,6 +200,7 @@ def test_queue_limit_refuses_and_a_timeout_counts_from_the_request(served) -> No
         assert waiting.result().message == "not begun within 0.3 s: 1 job was before it"
         patient, second = served.goal("bag-2.mcap"), served.goal("bag-2.mcap")
         refused = served.wait(served.goal("bag-2.mcap").get_result_async())
+        os.kill(served.worker(), signal.SIGCONT)
         assert "2 jobs wait already" in refused.result.message
         for goal in (second, patient, working):
             served.wait(goal.cancel_goal_async())
