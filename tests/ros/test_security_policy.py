@@ -66,8 +66,8 @@ def test_policy_allows_what_the_node_uses_and_no_more(node: str, observer, stack
         f"{plain(publishers(name, '/')) ^ rules['publish']} "
         f"{plain(services(name, '/')) ^ rules['reply']}",
     )
-    served = {each for each, _ in seen.get_service_names_and_types_by_node(name, "/")}
-    assert {f"{action}/_action/send_goal" for action in rules["execute"]} <= served
+    goals = {f"{action}/_action/send_goal" for action in rules["execute"]}
+    observer.until(lambda: goals <= {each for each, _ in services(name, "/")}, f"{goals}")
     assert plain(seen.get_client_names_and_types_by_node(name, "/")) == rules["request"]
 
     def subscribed() -> set[str]:
