@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from rclpy.action import ActionClient
+from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 
 from idim_iv_interfaces.action import Identify as IdentifyAction
@@ -118,6 +119,8 @@ def test_announced_bag_is_identified_with_auto_only(served, simulated_bags: Path
     publisher = served.node.create_publisher(BagClosed, "/announced", 10)
     served.observer.until(lambda: publisher.get_subscription_count() == 1, "the identifier")
     publisher.publish(BagClosed(bag=str(simulated_bags / "missing-1")))
+    publisher.wait_for_all_acked(Duration(seconds=10))
+    time.sleep(1.0)  # a call may overtake a message that is received and not yet read
     with served.parameters(auto=True):
         publisher.publish(BagClosed(bag="/etc/passwd"))
         served.observer.until(lambda: "/etc/passwd" in served.failure(), "the refusal")
