@@ -210,6 +210,12 @@ def _sigma_understatement(model: AutoregressiveModel, rows: JointRows) -> float:
     return float(np.median(ratio))
 
 
+def excess_kurtosis(values: FloatArray) -> float:
+    """Of values (r,) about zero: large where a few of them hold the energy, −3 where all are 0."""
+    energy = values**2
+    return float(np.mean(energy**2) / max(float(np.mean(energy)) ** 2, 1e-300)) - 3.0
+
+
 def _shape(series: FloatArray) -> tuple[float, float]:
     """Skewness and excess kurtosis; 0 where the series does not vary."""
     centred = series - series.mean() if len(series) else series

@@ -30,19 +30,32 @@ def synthetic(seconds: float = 6.0, rate: float = RATE, still: int | None = None
     if still is not None:
         position[:, still] = 0.3
         velocity[:, still] = acceleration[:, still] = 0.0
-    truth = arm().truth
-    nothing = np.zeros(2)
+    return smooth_motion(arm(), position, velocity, acceleration, rate)
+
+
+def smooth_motion(
+    arm: SimulatedArm,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
+    rate: float,
+    *,
+    factor: int = 5,
+) -> SmoothMotion:
+    """A motion (s, n_joints) of what an arm really is; every row counts."""
+    nothing = np.zeros(position.shape[1])
+    truth, samples = arm.truth, len(position)
     links = replace(truth, drive_inertia=nothing, viscous=nothing, coulomb=nothing, offset=nothing)
     return SmoothMotion(
-        robot=arm().robot,
+        robot=arm.robot,
         links=links,
         whole=truth,
         rate=rate,
-        time=time,
+        time=np.arange(samples) / rate,
         position=position,
         velocity=velocity,
         acceleration=acceleration,
         slip=np.sign(velocity),
-        decimation=ParallelDecimation(5, len(time), 0.95),
-        kept=np.ones((len(time) // 5, 2), bool),
+        decimation=ParallelDecimation(factor, samples, 0.95),
+        kept=np.ones((samples // factor, position.shape[1]), bool),
     )

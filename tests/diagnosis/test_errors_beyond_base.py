@@ -14,35 +14,23 @@ from idim_iv_ros.diagnosis.parametric.errors_beyond_base import (
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.structural.rules import own_cause
 from idim_iv_ros.effects.effect import Place, Shape
-from idim_iv_ros.signals import ParallelDecimation
 from idim_iv_ros.simulation import inverse_dynamics
-from tests.diagnosis.motions import synthetic
+from tests.diagnosis.motions import smooth_motion, synthetic
 
 RATE = 200.0
 
 
 def moving(arm: SimulatedArm, seconds: float = 5.0) -> SmoothMotion:
     """All joints on a sine of their own."""
-    n = len(arm.robot.joints)
     time = np.arange(round(seconds * RATE)) / RATE
-    pulsation = np.linspace(1.3, 4.1, n)
+    pulsation = np.linspace(1.3, 4.1, len(arm.robot.joints))
     angle = time[:, None] * pulsation
-    nothing = np.zeros(n)
-    links = replace(
-        arm.truth, drive_inertia=nothing, viscous=nothing, coulomb=nothing, offset=nothing
-    )
-    return SmoothMotion(
-        robot=arm.robot,
-        links=links,
-        whole=arm.truth,
-        rate=RATE,
-        time=time,
-        position=0.2 + 0.6 * np.sin(angle),
-        velocity=0.6 * pulsation * np.cos(angle),
-        acceleration=-0.6 * pulsation**2 * np.sin(angle),
-        slip=np.sign(np.cos(angle)),
-        decimation=ParallelDecimation(5, len(time), 0.95),
-        kept=np.ones((len(time) // 5, n), bool),
+    return smooth_motion(
+        arm,
+        0.2 + 0.6 * np.sin(angle),
+        0.6 * pulsation * np.cos(angle),
+        -0.6 * pulsation**2 * np.sin(angle),
+        RATE,
     )
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from bags.simulated_arms import arm2
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.effects.backlash import BacklashShape
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape
 from idim_iv_ros.effects.elasticity import ShaftShape
@@ -26,9 +25,9 @@ from idim_iv_ros.effects.stribeck import StribeckShape
 from idim_iv_ros.effects.time_delay import DelayShape
 from idim_iv_ros.effects.torque_saturation import KneeShape
 from idim_iv_ros.effects.waves import Waves
-from idim_iv_ros.signals import ParallelDecimation
 from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, simulate_closed_loop
 from idim_iv_ros.simulation.effects import joint_effects
+from tests.diagnosis.motions import smooth_motion
 
 BY_NAME = {effect.name: effect for effect in STRUCTURAL}
 JOINTS = ("joint_1", "joint_2")
@@ -43,24 +42,7 @@ def arm():
 
 
 def smooth(position, velocity, acceleration, rate):
-    one = arm()
-    nothing = np.zeros(2)
-    links = dataclasses.replace(
-        one.truth, drive_inertia=nothing, viscous=nothing, coulomb=nothing, offset=nothing
-    )
-    return SmoothMotion(
-        robot=one.robot,
-        links=links,
-        whole=one.truth,
-        rate=rate,
-        time=np.arange(len(position)) / rate,
-        position=position,
-        velocity=velocity,
-        acceleration=acceleration,
-        slip=np.sign(velocity),
-        decimation=ParallelDecimation(1, len(position), 0.8),
-        kept=np.ones(position.shape, dtype=bool),
-    )
+    return smooth_motion(arm(), position, velocity, acceleration, rate, factor=1)
 
 
 def reference_motion(samples):

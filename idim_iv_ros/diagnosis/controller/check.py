@@ -19,7 +19,7 @@ from idim_iv_ros.diagnosis.controller.law_change import (
     supported,
     without_best,
 )
-from idim_iv_ros.diagnosis.controller.law_event import LawEvent, excess_kurtosis
+from idim_iv_ros.diagnosis.controller.law_event import LawEvent
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, law_speed
 from idim_iv_ros.diagnosis.parametric.significance import differs
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
@@ -34,6 +34,7 @@ from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
 from idim_iv_ros.effects.encoder_eccentricity import EncoderEccentricity
 from idim_iv_ros.simulation import ControlLaw, control_law, control_period
+from idim_iv_ros.statistics.residuals import excess_kurtosis
 from idim_iv_ros.types import FloatArray
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.statistics.residuals import excess_kurtosis
 from idim_iv_ros.types import FloatArray
 
 
@@ -29,12 +30,6 @@ class LawEvent:
     recording: int
     size: float
     energy: float
-
-
-def excess_kurtosis(values: FloatArray) -> float:
-    """Of values (r,) about zero: large where they act at certain times only."""
-    energy = values**2
-    return float(np.mean(energy**2) / max(float(np.mean(energy)) ** 2, 1e-300)) - 3.0
 
 
 def beside_no_event(

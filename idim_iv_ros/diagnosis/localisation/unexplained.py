@@ -11,6 +11,7 @@ from idim_iv_ros.diagnosis.result import Stage, Unexplained
 from idim_iv_ros.diagnosis.structural.attribution import Found
 from idim_iv_ros.diagnosis.structural.causes import NamedModel
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
+from idim_iv_ros.statistics.residuals import excess_kurtosis
 
 
 def unexplained(data: Baseline, model: NamedModel, fit: Fit | None = None) -> Unexplained | None:
@@ -89,10 +90,9 @@ def _events(data: Baseline, fit: Fit, joint: int) -> Unexplained | None:
     total = float(energy.sum())
     if total <= 0.0 or len(white) < settings.EVENT_LEAST_ROWS:
         return None
-    kurtosis = float(np.mean(white**4) / np.mean(energy) ** 2) - 3.0
     most = np.sort(energy)[-max(1, round(settings.EVENT_SAMPLES * len(energy))) :]
     share = float(most.sum()) / total
-    if kurtosis < settings.EVENT_KURTOSIS or share < settings.EVENT_ENERGY:
+    if excess_kurtosis(white) < settings.EVENT_KURTOSIS or share < settings.EVENT_ENERGY:
         return None
     size = float(np.sqrt(share * np.mean(fit.residuals[joint] ** 2)))
     if size < settings.LEAST_NONPARAMETRIC * data.torque_sizes[joint]:

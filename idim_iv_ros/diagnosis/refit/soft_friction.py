@@ -63,8 +63,8 @@ class SoftFriction:
     def sentence(self, joints: Sequence[str]) -> str:
         """Say it for the notes."""
         soft = np.isfinite(self.leads)
-        low, high = 1e3 * self.leads[soft].min(), 1e3 * self.leads[soft].max()
-        times = f"{low:.2g} ms" if low == high else f"{low:.2g} to {high:.2g} ms"
+        low, high = (f"{1e3 * lead:.2g}" for lead in (min(self.leads[soft]), max(self.leads[soft])))
+        times = f"{low} ms" if low == high else f"{low} to {high} ms"
         names = ", ".join(name for name, is_soft in zip(joints, soft, strict=True) if is_soft)
         return (
             f"dry friction of {names} turns {times} before the joint: a soft constraint, as "

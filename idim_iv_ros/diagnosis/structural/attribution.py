@@ -109,7 +109,7 @@ def attribute(
     grids
         Rows of shapes of another search on the same motion.
     hidden
-        Effects and joints where nothing can be told of them.
+        Effects and joints where the recording cannot show them.
     """
     refit = regression.fit()
     covered = operating_range(data)
