@@ -41,6 +41,7 @@ from idim_iv_ros.identification.result import (
 from idim_iv_ros.identification.validate import Validation
 from idim_iv_ros.model import kinematics_digest
 from idim_iv_ros.physical import PhysicalParameters
+from idim_iv_ros.signals import torque_noise
 from idim_iv_ros.statistics import OverallVerdict, judge_all, judge_joint
 from idim_iv_ros.statistics.drift import in_deviations
 from idim_iv_ros.statistics.level import mean_square_freedom
@@ -99,9 +100,13 @@ def assemble_result(
     covariance = AutocorrelatedCovariance(rows, linear.sigma, validation.models, count)
     parameters = _parameters(prepared, estimates, covariance, essential)
     verdicts = tuple(
-        judge_joint(test, residual, specification)
-        for test, residual, specification in zip(
-            validation.tests[1:], validation.residuals, validation.specification, strict=True
+        judge_joint(test, residual, specification, float(noise))
+        for test, residual, specification, noise in zip(
+            validation.tests[1:],
+            validation.residuals,
+            validation.specification,
+            torque_noise(prepared.motions),
+            strict=True,
         )
     )
     alpha = configuration.identification.significance

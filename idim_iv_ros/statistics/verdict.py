@@ -1,14 +1,19 @@
 """The paper's verdict in words: may the estimates of a joint be believed (section IV.C)?"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
+
+import numpy as np
 
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.residuals import ResidualDiagnosis
 
 Verdict = Literal["valid", "autocorrelated", "misspecified", "inconclusive"]
 
+# Share of a joint's torque below which what the tests reject for is said as a note: no simulator is
+# wrong because of it. It counts where the residual itself, less the noise of the sensors, is below
+# it too: a stiff loop holds the simulated motion to the measured one whatever the model is.
 SMALL_TORQUE_PERCENT = 1.0
 # What the filters smear around a reversal, where a joint sticks, reaches 1.4 % of the torque on a
 # simulated arm whose model is right; what the residual holds of the motion is judged from this on.
@@ -17,11 +22,19 @@ LEAST_LEFT_PERCENT = 2.0
 
 @dataclass(frozen=True)
 class JointVerdict:
-    """The verdict on one joint and a sentence that an engineer can act on."""
+    """The verdict on one joint and a sentence that an engineer can act on.
+
+    `torque_percent`: the residual less the noise of the sensors, in percent of the joint's torque;
+    None where it is unknown. `rejected_percent`: the largest deviation that a test rejects for,
+    likewise. `note`: what was rejected and is too small to matter.
+    """
 
     joint: str
     verdict: Verdict
     sentence: str
+    torque_percent: float | None = None
+    rejected_percent: float = 0.0
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -36,8 +49,12 @@ def judge_joint(
     instruments: HypothesisTest,
     residual: ResidualDiagnosis,
     specification: Sequence[HypothesisTest] = (),
+    noise: float | None = None,
 ) -> JointVerdict:
     """Join the instrument test, the residual and the specification tests of one joint.
+
+    Where tests reject and both the deviation and the residual beyond the noise are below 1 % of
+    the torque, that is a note.
 
     Parameters
     ----------
@@ -48,7 +65,31 @@ def judge_joint(
     specification : sequence of HypothesisTest
         Whether it follows the position, the speed or the acceleration. A rejection whose effect
         is below 2 % of the torque is not judged: reversals alone leave that much.
+    noise : float, optional
+        Standard deviation that the sensors' noise gives the torque, N m (N). Without it no
+        deviation counts as small.
     """
+    beyond = _beyond(residual, noise)
+    verdict = _judged(instruments, residual, specification, beyond)
+    rejected = [test for test in (instruments, *specification) if test.accepted is False]
+    largest = max((test.torque_deviation_percent or 0.0 for test in rejected), default=0.0)
+    return replace(verdict, torque_percent=beyond, rejected_percent=largest)
+
+
+def _beyond(residual: ResidualDiagnosis, noise: float | None) -> float | None:
+    """Residual less the noise of the sensors, in percent of the joint's torque."""
+    if noise is None or residual.relative_percent is None or residual.rms <= 0.0:
+        return None
+    share = 1.0 - min(noise / residual.rms, 1.0) ** 2
+    return float(residual.relative_percent * np.sqrt(share))
+
+
+def _judged(
+    instruments: HypothesisTest,
+    residual: ResidualDiagnosis,
+    specification: Sequence[HypothesisTest],
+    beyond: float | None,
+) -> JointVerdict:
     joint = residual.joint
     if instruments.accepted is None:
         return JointVerdict(
@@ -62,29 +103,47 @@ def judge_joint(
         for test in specification
         if test.accepted is False and (test.torque_deviation_percent or 0.0) >= LEAST_LEFT_PERCENT
     ]
-    if not instruments.accepted:
+    deviation = instruments.torque_deviation_percent
+    sizes = [size for size in (beyond, deviation) if size is not None]
+    small = len(sizes) == 2 and max(sizes) < SMALL_TORQUE_PERCENT
+    if not instruments.accepted and not small:
         sentence = _rejected(instruments, joint)
         if left:
             sentence += f" The residual follows {_families(left)}."
         return JointVerdict(joint, "misspecified", sentence)
     if left:
         return JointVerdict(joint, "misspecified", _left(left, joint))
+    note = _small_deviations(instruments, specification)
+    head = f"{joint}: {'the instruments are valid' if instruments.accepted else note}"
+    more = f" Small beside the torque: {note}." if note and instruments.accepted else ""
     if residual.white is None:
         reason = residual.whiteness.reason
         return JointVerdict(
             joint,
             "inconclusive",
-            f"{joint}: the instruments are valid, but the autocorrelation of the residual was not "
-            f"tested ({reason}), so the standard deviations cannot be judged.",
+            f"{head}, but the autocorrelation of the residual was not tested ({reason}), so the "
+            f"standard deviations cannot be judged.{more}",
         )
     if residual.white:
-        return JointVerdict(
-            joint,
-            "valid",
-            f"{joint}: the instruments are valid and the residual may be treated as white: "
-            "the estimates and their standard deviations hold.",
+        sentence = (
+            f"{head}, and the residual may be treated as white: the estimates and their standard "
+            f"deviations hold.{more}"
         )
-    return JointVerdict(joint, "autocorrelated", _autocorrelated(residual))
+        return JointVerdict(joint, "valid", sentence, note=note)
+    return JointVerdict(joint, "autocorrelated", _autocorrelated(residual, head) + more, note=note)
+
+
+def _small_deviations(instruments: HypothesisTest, specification: Sequence[HypothesisTest]) -> str:
+    """What tests reject for that is too small to matter, in words; empty where they reject none."""
+    left = [test for test in specification if test.accepted is False]
+    parts = [f"the residual follows {_families(left)}"] if left else []
+    if instruments.accepted is False:
+        parts.insert(
+            0,
+            "simulated and measured motion differ by more than noise, by "
+            f"{instruments.torque_deviation_percent or 0.0:.2g} % of the torque",
+        )
+    return " and ".join(parts)
 
 
 def _rejected(instruments: HypothesisTest, joint: str) -> str:
@@ -131,12 +190,9 @@ def _families(left: Sequence[HypothesisTest]) -> str:
     )
 
 
-def _autocorrelated(residual: ResidualDiagnosis) -> str:
+def _autocorrelated(residual: ResidualDiagnosis, head: str) -> str:
     times = residual.sigma_understatement
-    order = residual.ar_order
-    head = (
-        f"{residual.joint}: the instruments are valid, the residual is autocorrelated, AR({order})"
-    )
+    head = f"{head}, the residual is autocorrelated, AR({residual.ar_order})"
     if times >= 1.0:
         sentence = (
             f"{head}: the data are oversampled for the bandwidth of the loop. Use the refined "
@@ -173,17 +229,18 @@ def judge_all(
         [each.joint for each in joints if each.verdict == kind]
         for kind in ("misspecified", "inconclusive", "autocorrelated")
     )
+    largest = sorted(joints, key=lambda joint: -joint.rejected_percent)
+    small = _small(largest, instruments)
     if wrong:
+        wrong = [each.joint for each in largest if each.verdict == "misspecified"]
         sentence = (
             f"The model is wrong at {_names(wrong)}: a physical effect is missing there, or the "
             "control law is another; the reason is given with each joint."
         )
-        if len(wrong) + len(inconclusive) < len(joints):
-            sentence += " Nothing speaks against the other joints."
         if inconclusive:
             sentence += f" The tests are inconclusive at {_names(inconclusive)}."
-        return OverallVerdict("misspecified", sentence)
-    if instruments is not None and instruments.accepted is False:
+        return OverallVerdict("misspecified", sentence + small)
+    if instruments is not None and instruments.accepted is False and not small:
         return OverallVerdict(
             "misspecified",
             "No joint alone rejects its instruments, but all rows together do "
@@ -195,18 +252,36 @@ def judge_all(
         sentence = f"The estimates could not be tested at {where}"
         reason = None if instruments is None else instruments.reason
         sentence += f": {reason}." if reason else "; the reason is given with each joint."
-        return OverallVerdict("inconclusive", sentence)
+        return OverallVerdict("inconclusive", sentence + small)
+    head = "No error that matters." if small else "The instruments are valid."
     if autocorrelated:
         return OverallVerdict(
             "autocorrelated",
-            "The instruments are valid. The residual is autocorrelated at "
+            f"{head} The residual is autocorrelated at "
             f"{'all joints' if len(autocorrelated) == len(joints) else _names(autocorrelated)}: "
-            "use the refined standard deviations.",
+            f"use the refined standard deviations.{small}",
         )
-    return OverallVerdict(
-        "valid",
-        "The instruments are valid and the residuals are white: the estimates and their "
-        "standard deviations hold.",
+    rest = "" if small else " The estimates and their standard deviations hold."
+    return OverallVerdict("valid", f"{head} The residuals are white.{rest}{small}")
+
+
+def _small(largest: Sequence[JointVerdict], instruments: HypothesisTest | None) -> str:
+    """What was rejected and is too small to matter, the largest first; empty if nothing."""
+    noted = [each for each in largest if each.note]
+    if noted:
+        others = [each.joint for each in noted[1:]]
+        where = f"at {noted[0].joint} {noted[0].note}"
+        where += f", and less at {_names(others)}" if others else ""
+    elif instruments is not None and instruments.accepted is False:
+        sizes = [instruments.torque_deviation_percent, *(each.torque_percent for each in largest)]
+        if any(size is None or size >= SMALL_TORQUE_PERCENT for size in sizes):
+            return ""
+        where = "simulated and measured motion differ over all joints together"
+    else:
+        return ""
+    return (
+        f" Below {SMALL_TORQUE_PERCENT:g} % of the torque: {where}. No simulator is wrong because "
+        "of that, but single parameters may be off by more than their standard deviations."
     )
 
 
