@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from idim_iv_ros.model.elimination import independent_columns
 from idim_iv_ros.types import FloatArray, IntArray
 
 # A column depends on those before it when less than this share of its norm is independent of
@@ -120,15 +121,7 @@ def independent_basis(
     if len(kept) == 0:
         return Basis(np.zeros((len(columns), 0)), kept, np.zeros((0, 0)))
     vectors, upper = np.linalg.qr(columns[:, kept] / scale[kept])
-    while (dependent := _first_dependent(upper, tolerance)) is not None:
-        kept = np.delete(kept, dependent)
+    if len(upper) < upper.shape[1] or np.abs(np.diag(upper)).min() <= tolerance:
+        kept = kept[independent_columns(columns[:, kept] / scale[kept], tolerance)[0]]
         vectors, upper = np.linalg.qr(columns[:, kept] / scale[kept])
     return Basis(vectors, kept, upper * scale[kept])
-
-
-def _first_dependent(upper: FloatArray, tolerance: float) -> int | None:
-    """Place of the first column that those before it explain."""
-    small = np.flatnonzero(np.abs(np.diag(upper)) <= tolerance)
-    if len(small):
-        return int(small[0])
-    return len(upper) if len(upper) < upper.shape[1] else None

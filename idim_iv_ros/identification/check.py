@@ -6,22 +6,24 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.documents import Document
-from idim_iv_ros.estimation.covariance import WhiteCovariance
 from idim_iv_ros.estimation.least_squares import (
     condition_number,
     solve_least_squares,
+    stacked,
     unseen_parameters,
 )
 from idim_iv_ros.estimation.observation import streamed_rows
+from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.files import CHECK_FORMAT, FilePaths
 from idim_iv_ros.identification.link_encoders import link_encoders
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.model import BaseParameters
 from idim_iv_ros.model.units import unit_at
-from idim_iv_ros.progress import Progress
+from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signal_source import topic_of
 from idim_iv_ros.signals import Motion
@@ -103,13 +105,23 @@ def check(
     UsageError, DataError
         The recordings cannot be read or filtered at all; see `prepare`.
     """
-    prepared = prepare(read_configured(bags, configuration, progress), configuration)
-    rows = streamed_rows(prepared.model, prepared.motions)
+    with one_thread(), Stopwatch(progress) as watch:
+        watch.stage("reading", 0.0)
+        recordings = read_configured(bags, configuration, progress)
+        watch.stage("model and filters", 0.3)
+        prepared = prepare(recordings, configuration)
+        watch.stage("regressor", 0.6)
+        rows = streamed_rows(prepared.model, prepared.motions)
+        watch.stage("excitation", 0.7)
+        return _report(prepared, rows)
+
+
+def _report(prepared: PreparedRegression, rows: Sequence[JointRows]) -> CheckReport:
     findings = [Finding("nominal model", "limited", doubt) for doubt in prepared.doubts]
     for recording, motion in zip(prepared.recordings, prepared.motions, strict=True):
         findings += _recording_findings(recording, motion)
     findings += _reference_findings(prepared)
-    for joint, name in enumerate(configuration.robot.joints):
+    for joint, name in enumerate(prepared.configuration.robot.joints):
         findings += _joint_findings(prepared, joint, name)
         if len(rows[joint]) == 0:
             findings.append(Finding(name, "unusable", "never faster than the reversal speed"))
@@ -199,9 +211,10 @@ def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list
     position = np.concatenate([motion.position[motion.span, joint] for motion in prepared.motions])
     speeds, accelerations = [], []
     for motion in prepared.motions:
-        _, velocity, acceleration = motion.derivatives(0, motion.span.stop - motion.span.start)
-        speeds.append(velocity[:, joint])
-        accelerations.append(acceleration[:, joint])
+        samples = motion.span.stop - motion.span.start
+        derivatives = motion.derivatives_of(motion.position[:, [joint]], 0, samples)
+        speeds.append(derivatives[1][:, 0])
+        accelerations.append(derivatives[2][:, 0])
     speed, acceleration = np.concatenate(speeds), np.concatenate(accelerations)
     unit = unit_at("rad", prepared.model.robot.joint_types[joint])
     threshold = max(
@@ -322,7 +335,8 @@ def _visibility(
     if unseen:
         return tuple(_parameter(base, k, None, 0.0) for k in unseen), None
     found = solve_least_squares(rows, count)
-    std = np.sqrt(np.diag(WhiteCovariance(rows, found.sigma, count).matrix))
+    weighted = independent_basis(stacked(rows, count, 1.0 / found.sigma)[:, :count])
+    std = np.linalg.norm(weighted.inverse_root(count), axis=1)
     parameters = tuple(
         _parameter(base, k, float(std[k]), abs(float(found.values[k]))) for k in range(count)
     )

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from idim_iv_ros.model.elimination import independent_columns
 from idim_iv_ros.model.parameters import ParameterLayout
 from idim_iv_ros.model.regressor import StandardRegressor
 from idim_iv_ros.model.robot import JointLimits
@@ -16,8 +17,9 @@ from idim_iv_ros.types import FloatArray
 TOLERANCE = 1e-6
 # Standard parameters that no body, drive or friction has below zero.
 NON_NEGATIVE = frozenset({"XX", "YY", "ZZ", "M", "Ia", "Fv", "Fc", "Fvm", "Fcm"})
-_SAMPLES_PER_PARAMETER = 4
+_SAMPLES_PER_PARAMETER = 2
 _SEED = 20170401
+_BLOCK = 64  # states whose regressor is held at once
 
 
 @dataclass(frozen=True)
@@ -115,23 +117,43 @@ def find_base_parameters(
     if not 0.0 < tolerance < 1.0:
         raise ValueError("tolerance must lie between 0 and 1")
     layout = regressor.layout
-    matrix = regressor(*_random_states(regressor.robot.limits, len(layout.parameters)))
-    stacked = matrix.reshape(-1, matrix.shape[2])
-    norms = np.linalg.norm(stacked, axis=0)
-    kept: list[int] = []
-    basis = np.zeros((stacked.shape[0], 0))
-    for column in np.flatnonzero(norms > tolerance * norms.max()):
-        direction = stacked[:, column] / norms[column]
-        for _ in range(2):  # twice is enough for orthogonality to rounding
-            direction = direction - basis @ (basis.T @ direction)
-        independent = float(np.linalg.norm(direction))
-        if independent > tolerance:
-            kept.append(int(column))
-            basis = np.column_stack([basis, direction / independent])
-    columns = np.array(kept, dtype=np.int64)
-    grouping = _grouping(stacked, norms, columns, basis)
-    active = np.abs(matrix[:, :, columns]).max(axis=0) > tolerance * norms[columns] / len(stacked)
+    rows, squares, largest = _random_rows(regressor)
+    norms = np.sqrt(squares)
+    shown = np.flatnonzero(norms > tolerance * norms.max())
+    scale = np.linalg.norm(rows[:, shown], axis=0)
+    independent, basis = independent_columns(rows[:, shown] / scale, tolerance)
+    columns = shown[independent]
+    grouping = _grouping(rows, norms, columns, basis)
+    active = largest[:, columns] > tolerance * norms[columns] / len(rows)
     return BaseParameters(layout, columns, grouping, active, tolerance)
+
+
+def _random_rows(regressor: StandardRegressor) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Rows of the regressor at random states, each a random mixture of those of all joints.
+
+    Mixtures show every dependence of the columns that the rows themselves show, however many
+    parameters a single joint depends on, with a row for each state instead of one for each joint.
+
+    Returns
+    -------
+    rows : (n_states, n_standard)
+    squares : (n_standard,)
+        Of the columns, over the rows of all joints.
+    largest : (n_joints, n_standard)
+        Magnitude of each joint's entries.
+    """
+    joints, parameters = len(regressor.robot.order), len(regressor.layout.parameters)
+    states = _random_states(regressor.robot.limits, parameters)
+    mixture = np.random.default_rng(_SEED + 1).standard_normal(states[0].shape)
+    rows = np.empty((len(mixture), parameters))
+    squares, largest = np.zeros(parameters), np.zeros((joints, parameters))
+    for start in range(0, len(rows), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        matrix = regressor(*(each[block] for each in states))
+        rows[block] = np.einsum("sj,sjp->sp", mixture[block], matrix)
+        squares += np.einsum("sjp,sjp->p", matrix, matrix)
+        np.maximum(largest, np.abs(matrix).max(axis=0), out=largest)
+    return rows, squares, largest
 
 
 def _random_states(
@@ -149,10 +171,10 @@ def _random_states(
 
 
 def _grouping(
-    stacked: FloatArray, norms: FloatArray, columns: NDArray[np.int64], basis: FloatArray
+    rows: FloatArray, norms: FloatArray, columns: NDArray[np.int64], basis: FloatArray
 ) -> FloatArray:
-    upper = basis.T @ stacked[:, columns]
-    grouping = np.linalg.solve(upper, basis.T @ stacked)
+    upper = basis.T @ rows[:, columns]
+    grouping = np.linalg.solve(upper, basis.T @ rows)
     grouping[:, columns] = np.eye(len(columns))
     grouping[:, norms <= TOLERANCE * norms.max()] = 0.0
     # A coefficient that is rounding on the scale of what the two columns contribute is none.

@@ -69,3 +69,43 @@ def test_torque_depends_only_on_active_parameters() -> None:
 def test_base_set_does_not_hang_on_the_tolerance(tolerance: float) -> None:
     regressor = regressor_of(arm(), ["j1", "j2", "j3"])
     assert find_base_parameters(regressor, tolerance).names == find_base_parameters(regressor).names
+
+
+@pytest.mark.parametrize("joints", [6, 24])
+def test_work_and_memory_for_the_base_set_do_not_grow_with_the_rows_of_a_state(
+    joints: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    regressor = regressor_of(chain(joints), [f"j{joint}" for joint in range(joints)])
+    evaluated: list[int] = []
+    evaluate = StandardRegressor.__call__
+
+    def counted(self: StandardRegressor, *state: np.ndarray) -> np.ndarray:
+        evaluated.append(len(state[0]))
+        return evaluate(self, *state)
+
+    monkeypatch.setattr(StandardRegressor, "__call__", counted)
+    base = find_base_parameters(regressor)
+    assert sum(evaluated) <= 2 * 14 * joints
+    assert max(evaluated) <= 64
+    # The rank, by singular values, on other states: as many columns are independent.
+    seen = regressor(*states(joints, 200)).reshape(-1, 14 * joints)
+    norms = np.linalg.norm(seen, axis=0)
+    shown = norms > 1e-9
+    assert len(base.columns) == np.linalg.matrix_rank(seen[:, shown] / norms[shown])
+
+
+def chain(joints: int) -> str:
+    """URDF of a serial arm whose axes turn by right angles."""
+    links, tree = ['<link name="l-1"/>'], []
+    for joint in range(joints):
+        axis = ("0 0 1", "0 1 0", "1 0 0")[joint % 3]
+        links.append(
+            f'<link name="l{joint}"><inertial><origin xyz="0.05 0.01 0.02"/><mass value="1"/>'
+            '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        )
+        tree.append(
+            f'<joint name="j{joint}" type="revolute"><parent link="l{joint - 1}"/>'
+            f'<child link="l{joint}"/><origin xyz="0.1 0 0"/><axis xyz="{axis}"/>'
+            '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+        )
+    return f'<robot name="chain">{"".join(links + tree)}</robot>'
