@@ -114,14 +114,15 @@ def choose_cutoffs(
             f"not decimated: {decimation:g} Hz needs more than half of the {rate:g} samples per "
             f"second{name}"
         )
-    if len(set(factors)) > 1:
+    if len({round(record.rate / rate, 3) for record in records}) > 1:
         listed = ", ".join(
             f"{record.name} with {record.rate:g} Hz by {factor}"
             for record, factor in zip(records, factors, strict=True)
         )
         reasons.append(
             f"recordings of different rates are decimated to {row_rate:.5g} rows per second: "
-            f"{listed}; all are filtered at the same frequencies, which the slowest one limits"
+            f"{listed}; all are filtered at the same frequencies, which the slowest one limits, and "
+            "none is interpolated to the rate of another"
         )
     return Cutoffs(position, decimation, factors, row_rate, tuple(reasons))
 

@@ -26,9 +26,10 @@ _MEMORY = 80
 _SIDE_BY_SIDE = 5
 # What MATLAB pads: three times the order. Published results depend on it (EMPS, fourth digit).
 _PADDING = 3 * _ORDER
-# Rows whose rates differ by less than this share count as equally dense: a residual's
-# autocorrelation, its bands of frequency and blocks of time are not resolved any finer.
-_SAME_RATE = 0.01
+# Rows whose rates differ by up to this share count as equally dense: a residual's autocorrelation,
+# its bands of frequency and blocks of time are not resolved any finer. Bags of one rig differ by as
+# much; each keeps its own stamps, filters and derivatives, and nothing is interpolated.
+_SAME_RATE = 0.02
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,7 @@ def common_factors(
     """Decimation factors that bring several rates (Hz) to one, and this rate of the rows, Hz.
 
     The slowest recording is decimated as much as `cutoff` allows (`decimation_factor`), or less
-    where the other rates are no multiples of what is left. All rates of rows agree within 1 %.
+    where the other rates are no multiples of what is left. All rates of rows agree within 2 %.
     None where no factors do that.
     """
     slowest = min(rates)
@@ -167,6 +168,6 @@ def common_factors(
         row_rate = slowest / factor
         factors = tuple(max(1, round(rate / row_rate)) for rate in rates)
         reached = [rate / each for rate, each in zip(rates, factors, strict=True)]
-        if all(abs(each / row_rate - 1.0) <= _SAME_RATE for each in reached):
+        if min(reached) >= (1.0 - _SAME_RATE - 1e-9) * max(reached):
             return factors, row_rate
     return None

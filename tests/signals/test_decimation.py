@@ -62,6 +62,12 @@ def test_every_rate_has_its_own_factor_to_one_rate_of_rows(rates, factors, row_r
         assert 0.5 * 0.95 * row_rate >= 10.0
 
 
+@pytest.mark.parametrize(("slow", "together"), [(997.0, True), (980.0, True), (970.0, False)])
+def test_rates_of_one_rig_count_as_one_up_to_two_percent(slow: float, together: bool) -> None:
+    found = common_factors([1000.0, slow, 1000.0], 40.0, 0.95)
+    assert found == (((11, 11, 11), slow / 11) if together else None)
+
+
 def test_rates_without_a_common_one_have_no_factors() -> None:
     assert common_factors([1000.0, 400.0], 150.0, 0.95) is None
     assert common_factors([1000.0, 400.0], 80.0, 0.95) == ((5, 2), 200.0)
