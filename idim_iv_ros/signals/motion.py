@@ -21,10 +21,13 @@ REVERSAL_MARGIN = 1.0
 # Cut-off of the positions, as a share of the rate, up to which differences over three samples do:
 # published figures are theirs. Above it an acceleration in the band would lose a tenth.
 _THREE_SAMPLES = 0.15
-# A joint whose motion is not this many times its noise, or its range below this, stands still.
+# A joint whose motion is not this many times its noise, or its range below this or so many steps of
+# its encoder, stands still.
 _STILL_NOISE = 10.0
 _STILL_RANGE = 1e-4
-_JUMP = 0.5  # share of a joint's range in one step, from which it jumps
+_STILL_STEPS = 2.5
+# A jump is longer than the step of any encoder, rad (m), and most of the joint's range at once.
+_LEAST_JUMP, _JUMP = 1e-2, 0.5
 
 
 @dataclass(frozen=True)
@@ -235,7 +238,7 @@ def _why_still(
 def _jump(position: FloatArray, rate: float) -> str:
     """Where a joint passes most of its range in one step; empty where it never does."""
     steps, moved = np.abs(np.diff(position)), np.ptp(position)
-    if moved <= _STILL_RANGE or steps.max() <= _JUMP * moved:
+    if steps.max() <= max(_LEAST_JUMP, _JUMP * moved, _STILL_NOISE * steps.std()):
         return ""
     place = int(np.argmax(steps > _JUMP * moved))
     return (
@@ -245,9 +248,15 @@ def _jump(position: FloatArray, rate: float) -> str:
 
 
 def _stands_still(raw: FloatArray, filtered: FloatArray) -> BoolArray:
-    noise = np.array([np.std(a - b) for a, b in zip(raw.T, filtered.T, strict=True)])
-    span = np.ptp(filtered, axis=0)
-    return np.asarray((span < _STILL_RANGE) | (span < _STILL_NOISE * noise))
+    still = np.empty(raw.shape[1], dtype=bool)
+    for joint, (recorded, smooth) in enumerate(zip(raw.T, filtered.T, strict=True)):
+        noise = _STILL_NOISE * float(np.std(recorded - smooth))
+        steps = np.abs(np.diff(recorded))
+        step = float(np.min(steps, where=steps > 0.0, initial=np.inf))
+        still[joint] = np.ptp(smooth) < max(_STILL_RANGE, noise) or (
+            np.ptp(recorded) < _STILL_STEPS * step
+        )
+    return still
 
 
 def _span(record: JointSignals, processing: ProcessingSection, cutoff: float, factor: int) -> slice:
