@@ -51,9 +51,9 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     DataError
         Too few messages, or time mostly runs backward.
     """
-    topic = messages.topic
-    if len(messages) < 2:
-        raise DataError(f"{where}: {len(messages)} messages on {topic}: nothing to identify from")
+    topic, count = messages.topic, len(messages)
+    if count < 2:
+        raise DataError(f"{where}: {count} messages on {topic}: nothing to identify from")
     # Of a driver that fills in no stamps, a few may be set all the same.
     headed = np.count_nonzero(np.diff(messages.stamps)) > _STAMPED * len(messages)
     arrival = np.clip(messages.arrival, -_FURTHEST, _FURTHEST)
@@ -82,11 +82,13 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     if late:
         notes.append(Note(topic, "messages out of order were sorted by their stamp", late))
     ordered = time[order]
+    if not np.array_equal(order, np.arange(len(messages))):
+        messages = messages.taken(order)
     fresh = np.concatenate([[True], np.diff(ordered) > 0])
-    repeated = int(np.count_nonzero(~fresh))
+    messages, repeated = _one_of_each_stamp(messages, fresh)
     if repeated:
         notes.append(Note(topic, "repeated stamps: the first message of each is kept", repeated))
-    order, ordered = order[fresh], ordered[fresh]
+    ordered = ordered[fresh]
     intervals = np.diff(ordered) * 1e-9
     median = float(np.median(intervals)) if len(intervals) else 0.0
     gaps = int(np.count_nonzero(intervals > GAP * median))
@@ -96,7 +98,7 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     quality = ClockQuality(
         topic=topic,
         source="header" if source == "header" else "arrival",
-        messages=len(messages),
+        messages=count,
         rate=1.0 / median if median > 0.0 else 0.0,
         jitter=float(np.std(usual)) if len(usual) else 0.0,
         longest_gap=float(intervals.max(initial=0.0)),
@@ -104,23 +106,35 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
         repeated=repeated,
         backward=backward,
     )
-    if np.array_equal(order, np.arange(len(messages))):
-        return StampedMessages(messages, ordered, quality, tuple(notes))
-    return StampedMessages(_taken(messages, order), ordered, quality, tuple(notes))
+    return StampedMessages(messages, ordered, quality, tuple(notes))
 
 
 def selected(stamped: StampedMessages, places: IntArray) -> StampedMessages:
     """Messages at `places` (k,), in this order."""
-    return replace(stamped, messages=_taken(stamped.messages, places), time=stamped.time[places])
+    return replace(stamped, messages=stamped.messages.taken(places), time=stamped.time[places])
 
 
-def _taken(messages: JointMessages, places: IntArray) -> JointMessages:
-    return replace(
-        messages,
-        stamps=messages.stamps[places],
-        arrival=messages.arrival[places],
-        values={name: values[places] for name, values in messages.values.items()},
-    )
+def _one_of_each_stamp(messages: JointMessages, fresh: BoolArray) -> tuple[JointMessages, int]:
+    """Put sorted messages of one stamp together: of each number the first one counts.
+
+    Returns
+    -------
+    JointMessages
+        One where `fresh` (n,) begins a stamp.
+    int
+        Messages that added nothing.
+    """
+    if fresh.all():
+        return messages, 0
+    later = np.flatnonzero(~fresh)[::-1]  # the first of several is written last
+    first = (np.cumsum(fresh) - 1)[later]
+    whole, adds = messages.taken(np.flatnonzero(fresh)), np.zeros(len(later), dtype=bool)
+    for name, values in whole.values.items():
+        more = messages.values[name][later]
+        row, column = np.nonzero(np.isfinite(more) & ~np.isfinite(values[first]))
+        adds[row] = True
+        values[first[row], column] = more[row, column]
+    return whole, int(np.count_nonzero(~adds))
 
 
 @dataclass(frozen=True)

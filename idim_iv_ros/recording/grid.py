@@ -94,7 +94,7 @@ def on_grid(
         if direct is not None and len(direct) == grid.samples:
             invented = ~np.isfinite(direct)
             if not invented.any():
-                return Signal(_frozen(direct), _frozen(invented), origin)
+                return Signal(read_only(direct), read_only(invented), origin)
     target = grid.time
     out = np.empty((grid.samples, values.shape[1]))
     invented = np.empty((grid.samples, values.shape[1]), dtype=bool)
@@ -109,7 +109,7 @@ def on_grid(
         invented[:, joint] = _unsupported(target, known, gap)
         if smooth:
             bridged(out[:, joint], invented[:, joint], grid.rate)
-    return Signal(_frozen(out), _frozen(invented), origin)
+    return Signal(read_only(out), read_only(invented), origin)
 
 
 def _between(target: FloatArray, known: FloatArray, values: FloatArray, gap: float) -> FloatArray:
@@ -150,7 +150,8 @@ def _unsupported(target: FloatArray, known: FloatArray, gap: float) -> NDArray[n
     return np.asarray((wide & ~exact) | (outside & (nearest > gap)))
 
 
-def _frozen(array: NDArray[Any]) -> NDArray[Any]:
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """Return the array itself, which nobody changes any more."""
     array.setflags(write=False)
     return array
 
@@ -180,19 +181,17 @@ class Pauses:
         return np.asarray(time - removed[np.searchsorted(self.end, time, side="right")])
 
 
-def without_pauses(
-    stamped: Mapping[str, StampedMessages], joint_states: str
-) -> dict[str, StampedMessages]:
-    """Shorten long pauses of the joint states, the same ones in all topics, and say so.
+def pauses_of(states: StampedMessages) -> tuple[Pauses, Note] | None:
+    """Find what to cut out of the long pauses of the joint states, and say so; None for none.
 
     Nothing is computed, and no memory is taken, for most of a long pause.
     """
-    time = stamped[joint_states].time
+    time = states.time
     steps = np.diff(time)
     shortest = max(round(LONGEST_PAUSE * 1e9), 3 * int(np.median(steps)))
     long = np.flatnonzero(steps > shortest)
     if len(long) == 0:
-        return dict(stamped)
+        return None
     pauses = Pauses(time[long] + shortest, time[long + 1])
     removed = float((pauses.end - pauses.begin).sum()) * 1e-9
     longest = float(steps[long].max()) * 1e-9
@@ -202,14 +201,18 @@ def without_pauses(
         f"{count} of {longest:.4g} s, first {first:.4g} s after the start: {shortest * 1e-9:g} s "
         f"of each are kept, so that later times of this recording are up to {removed:.4g} s early"
     )
+    return pauses, Note(states.messages.topic, what, 1, limits=True)
+
+
+def without_pauses(
+    stamped: Mapping[str, StampedMessages], pauses: Pauses
+) -> dict[str, StampedMessages]:
+    """Cut pauses out of all topics."""
     shortened = {}
     for topic, messages in stamped.items():
         inside = pauses.kept(messages.time)
         kept = messages if inside.all() else selected(messages, np.flatnonzero(inside))
-        notes = (*kept.notes, Note(topic, what, 1, limits=True)) if topic == joint_states else ()
-        shortened[topic] = replace(
-            kept, time=pauses.shortened(kept.time), notes=notes or kept.notes
-        )
+        shortened[topic] = replace(kept, time=pauses.shortened(kept.time))
     return shortened
 
 

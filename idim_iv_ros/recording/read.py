@@ -13,8 +13,8 @@ from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
 from idim_iv_ros.recording.bags.folder import Bag, bags_of, loss_notes, with_loss
 from idim_iv_ros.recording.bags.joint_message_type import may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
-from idim_iv_ros.recording.clock import StampedMessages, stamp_messages
-from idim_iv_ros.recording.grid import Grid, make_grid, on_grid, without_pauses
+from idim_iv_ros.recording.clock import StampedMessages
+from idim_iv_ros.recording.grid import Grid, make_grid, pauses_of, without_pauses
 from idim_iv_ros.recording.held_samples import without_frozen
 from idim_iv_ros.recording.other_topics import (
     prismatic_joints,
@@ -22,8 +22,9 @@ from idim_iv_ros.recording.other_topics import (
     robot_description,
     unused_references,
 )
+from idim_iv_ros.recording.parts import Part, joined, parts_note, parts_of
 from idim_iv_ros.recording.plausible import without_impossible
-from idim_iv_ros.recording.recording import Note, Recording, Signal
+from idim_iv_ros.recording.recording import FrozenStretches, Note, Recording, Signal
 from idim_iv_ros.recording.request import Request, add_batch, in_bag
 from idim_iv_ros.recording.wraps import without_wraps
 from idim_iv_ros.signal_source import topic_of
@@ -139,15 +140,15 @@ def recording_of(
     DataError
         A topic, a joint or a field is missing, or the messages make no recording.
     """
-    stamped = {}
+    sources: dict[str, JointMessages] = {}
+    notes = loss_notes(bag, request.topics)
     for source in request.fields:
         if source not in readers:
             raise DataError(_missing(bag, source, request))
         optional = source == request.link_states
-        messages, notes = _checked(bag.path, readers[source], optional=optional)
-        ordered = stamp_messages(messages, str(bag.path))
-        stamped[source] = replace(ordered, notes=(*notes, *ordered.notes))
-    return _assemble(bag.path, request, stamped, description, loss_notes(bag, request.topics))
+        sources[source], more = _checked(bag.path, readers[source], optional=optional)
+        notes += more
+    return _assemble(bag.path, request, parts_of(sources, str(bag.path)), description, notes)
 
 
 def _messages(bag: Bag, request: Request) -> tuple[dict[str, JointMessageReader], str | None]:
@@ -178,7 +179,7 @@ def _checked(
     """
     messages = reader.finish()
     topic = reader.topic
-    if len(messages) == 0:
+    if len(messages) == 0 and not messages.passed:
         damaged = f": all {messages.damaged} are damaged" if messages.damaged else ""
         raise DataError(f"{path}: no message on {topic} can be read{damaged}")
     absent = [joint for joint in reader.joints if messages.names and joint not in messages.names]
@@ -220,55 +221,71 @@ def _where_else(reader: JointMessageReader, name: str) -> str:
 def _assemble(
     path: Path,
     request: Request,
-    stamped: dict[str, StampedMessages],
+    parts: Sequence[Part],
     description: str | None,
     notes: list[Note],
 ) -> Recording:
     joint_states, effort, reference = request.joint_states, request.effort, request.reference
     joints = request.joints
+    notes += parts_note(joint_states, parts, joints)
+    paused = pauses_of(parts[0].stamped[joint_states])
+    if paused is not None:
+        notes.append(paused[1])
+        parts = [replace(each, stamped=without_pauses(each.stamped, paused[0])) for each in parts]
     prismatic = {*request.prismatic, *prismatic_joints(description or "")}
-    stamped = without_pauses(stamped, joint_states)
-    stamped = without_wraps(stamped, joint_states, reference, joints, prismatic)
-    if request.link_states is not None:
-        stamped = without_wraps(stamped, joint_states, request.link_states, joints, prismatic)
-    grid = _common_grid(path, request, stamped)
-    notes += _inactive_notes(request, stamped, grid)
-    for topic in stamped.values():
-        notes += topic.notes
-        notes += _with_encoder(topic.messages, request).notes()
-    stamped, frozen = without_frozen(stamped, joint_states, effort, joints, grid.start)
-    sources = {topic.quality.source for topic in stamped.values()}
-    if len(sources) > 1:
+    parts = [_unwrapped(part, request, prismatic) for part in parts]
+    grid = _common_grid(path, request, parts)
+    notes += _inactive_notes(request, parts[0].stamped, grid)
+    frozen: tuple[FrozenStretches, ...] = ()
+    for number, part in enumerate(parts):
+        for topic in part.stamped.values():
+            notes += topic.notes
+            notes += _with_encoder(topic.messages, request).notes()
+        names = [joints[column] for column in part.columns]
+        stamped, more = without_frozen(dict(part.stamped), joint_states, effort, names, grid.start)
+        parts[number], frozen = replace(part, stamped=stamped), frozen + more
+    clocks = [topic.quality for part in parts for topic in part.stamped.values()]
+    if len({clock.source for clock in clocks}) > 1:
         notes.append(Note(effort, "topics with different clocks: their delay is not known", 1))
-    torque = _signal(grid, stamped[effort], "effort")
+    torque = joined(grid, parts, effort, "effort")
     for column, joint in enumerate(joints):
         if not torque.values[:, column].any():
-            raise DataError(
-                f"{path}: effort of {joint} on {effort} is zero throughout: the driver does not "
-                "publish it"
-            )
+            why = "is zero throughout: the driver does not publish it"
+            if torque.invented[:, column].all():
+                why = "is missing wherever positions are recorded"
+            raise DataError(f"{path}: effort of {joint} on {effort} {why}")
     return Recording(
         path=path,
         joints=tuple(joints),
         rate=grid.rate,
         start=grid.start * 1e-9,
-        position=_signal(grid, stamped[joint_states], "position"),
+        position=joined(grid, parts, joint_states, "position"),
         effort=torque,
-        velocity=_optional(grid, stamped[joint_states], "velocity"),
-        position_reference=_signal(grid, stamped[reference], "position") if reference else None,
-        velocity_reference=_optional(grid, stamped[reference], "velocity") if reference else None,
+        velocity=_optional(grid, parts, joint_states, "velocity"),
+        position_reference=joined(grid, parts, reference, "position") if reference else None,
+        velocity_reference=_optional(grid, parts, reference, "velocity") if reference else None,
         link_position=(
-            _signal(grid, stamped[request.link_states], "position") if request.link_states else None
+            joined(grid, parts, request.link_states, "position") if request.link_states else None
         ),
-        clocks=tuple(topic.quality for topic in stamped.values()),
-        notes=tuple(notes),
+        clocks=tuple(dict.fromkeys(clocks)),
+        notes=tuple(dict.fromkeys(notes)),
         robot_description=description,
         frozen=frozen,
     )
 
 
+def _unwrapped(part: Part, request: Request, prismatic: Collection[str]) -> Part:
+    """Return the same part without the wraps of its positions."""
+    joints = [request.joints[column] for column in part.columns]
+    states, stamped = request.joint_states, dict(part.stamped)
+    stamped = without_wraps(stamped, states, request.reference, joints, prismatic)
+    if request.link_states is not None:
+        stamped = without_wraps(stamped, states, request.link_states, joints, prismatic)
+    return replace(part, stamped=stamped)
+
+
 def _inactive_notes(
-    request: Request, stamped: dict[str, StampedMessages], grid: Grid
+    request: Request, stamped: Mapping[str, StampedMessages], grid: Grid
 ) -> list[Note]:
     """Say what was cut off because the controller was not active."""
     if request.reference is None or not stamped[request.reference].messages.origins:
@@ -294,34 +311,37 @@ def _with_encoder(messages: JointMessages, request: Request) -> JointMessages:
     return replace(messages, values={"position": values[:, there]})
 
 
-def _common_grid(path: Path, request: Request, stamped: dict[str, StampedMessages]) -> Grid:
-    """Grid of the time during which all topics were recorded.
+def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> Grid:
+    """Grid of the time during which all topics were recorded, at the rate of the slowest part.
 
     Raises
     ------
     DataError
         There is no such time, or too little of it, or hardly anything was recorded in it.
     """
-    states = stamped[request.joint_states].time
-    needed = [states, stamped[request.effort].time]
+    states = max(
+        (part.stamped[request.joint_states].time for part in parts),
+        key=lambda time: float(np.median(np.diff(time))),
+    )
+    every = [stamped for part in parts for stamped in part.stamped.items()]
+    needed = [
+        topic.time for source, topic in every if source in (request.joint_states, request.effort)
+    ]
     first = max(int(time[0]) for time in needed)
     last = min(int(time[-1]) for time in needed)
-    jumps = [note.sentence for topic in stamped.values() for note in topic.notes if note.limits]
-    because = f" ({'; '.join(jumps)})" if jumps else ""
+    jumps = [note.sentence for _, topic in every for note in topic.notes if note.limits]
+    because = f" ({'; '.join(dict.fromkeys(jumps))})" if jumps else ""
     if last <= first:
         raise DataError(
             f"{path}: {request.joint_states} and {request.effort} do not overlap in time{because}"
         )
-    for other in (request.reference, request.link_states):
-        if other is None:
-            continue
-        wanted = stamped[other].time
-        if wanted[-1] < first or wanted[0] > last:
+    for source, topic in every:
+        if topic.time[-1] < first or topic.time[0] > last:
             raise DataError(
-                f"{path}: {other} and {request.joint_states} do not overlap in time{because}"
+                f"{path}: {source} and {request.joint_states} do not overlap in time{because}"
             )
-    if request.reference is not None:
-        first, last = _while_active(stamped[request.reference], first, last)
+        if source == request.reference:
+            first, last = _while_active(topic, first, last)
     grid = make_grid(states, first, last)
     if grid.samples > _SAMPLES_A_MESSAGE * len(states) + _SAMPLES_MORE:
         raise DataError(
@@ -350,18 +370,13 @@ def _while_active(reference: StampedMessages, first: int, last: int) -> tuple[in
     return max(first, int(known[0])), min(last, int(known[-1]))
 
 
-def _signal(grid: Grid, stamped: StampedMessages, name: str) -> Signal:
-    values = stamped.messages.values[name]
-    messages = stamped.messages
-    origin = f"{messages.topic} {messages.origins.get(name, name)}"
-    return on_grid(grid, stamped.time, values, origin, smooth=name == "position")
-
-
-def _optional(grid: Grid, stamped: StampedMessages, name: str) -> Signal | None:
+def _optional(grid: Grid, parts: Sequence[Part], source: str, name: str) -> Signal | None:
     """Return None where a joint never has this field."""
-    if not np.isfinite(stamped.messages.values[name]).any(axis=0).all():
-        return None
-    return _signal(grid, stamped, name)
+    for part in parts:
+        values = part.stamped[source].messages.values[name]
+        if not np.isfinite(values).any(axis=0).all():
+            return None
+    return joined(grid, parts, source, name)
 
 
 def _missing(bag: Bag, topic: str, request: Request) -> str:

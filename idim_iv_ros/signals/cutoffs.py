@@ -121,8 +121,8 @@ def choose_cutoffs(
         )
         reasons.append(
             f"recordings of different rates are decimated to {row_rate:.5g} rows per second: "
-            f"{listed}; all are filtered at the same frequencies, which the slowest one limits, and "
-            "none is interpolated to the rate of another"
+            f"{listed}; all are filtered at the same frequencies, which the slowest one limits; "
+            "nothing is interpolated"
         )
     return Cutoffs(position, decimation, factors, row_rate, tuple(reasons))
 

@@ -1,18 +1,18 @@
 """From raw messages to stamped numbers of the joints that are asked for."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, CdrLayout, MessageBatch
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, PlacedLayout
 from idim_iv_ros.recording.recording import Note
-from idim_iv_ros.types import FloatArray, IntArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 _TOGETHER = 200_000  # messages
+_UNREAD, _PASSED = -1, -2  # instead of a layout
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,14 @@ class JointMessages:
         Header stamp (zero without header) and log time, ns.
     values : dict
         (n, n_joints) of each field, NaN where a message does not hold the joint.
-    layouts : int
-        How many different layouts (joint orders, missing fields) there were.
+    layout : (n,) int
+        Which layout (joint order, missing fields) each has.
+    named : (n_layouts, n_joints) bool
+        Joints that a message of each layout names.
     damaged : int
         Messages that could not be read.
+    passed : int
+        Messages that name other joints only, say those of a gripper: they were passed over.
     names : tuple of str
         All joint names that were met.
     origins : dict
@@ -40,8 +44,10 @@ class JointMessages:
     stamps: IntArray
     arrival: IntArray
     values: dict[str, FloatArray]
-    layouts: int
+    layout: IntArray
+    named: BoolArray
     damaged: int
+    passed: int
     names: tuple[str, ...]
     origins: dict[str, str] = field(default_factory=dict)
 
@@ -49,19 +55,32 @@ class JointMessages:
         return len(self.stamps)
 
     def notes(self) -> list[Note]:
-        """What a user should know: damaged messages, changing layouts, missing values."""
+        """What a user should know: messages left out, changing layouts, missing values."""
         notes = []
+        if self.passed:
+            notes.append(Note(self.topic, "messages of other joints were passed over", self.passed))
         if self.damaged:
             what = "damaged messages were left out"
             notes.append(Note(self.topic, what, self.damaged, limits=True))
-        if self.layouts > 1:
+        layouts = len(np.unique(self.layout))
+        if layouts > 1:
             what = "different layouts of the message (joint order or missing fields)"
-            notes.append(Note(self.topic, what, self.layouts))
+            notes.append(Note(self.topic, what, layouts))
         for name, values in self.values.items():
             missing = int(np.count_nonzero(~np.isfinite(values)))
             if missing and missing < values.size:
                 notes.append(Note(self.topic, f"{name}: values missing or NaN", missing))
         return notes
+
+    def taken(self, places: IntArray) -> "JointMessages":
+        """Messages at `places` (k,), in this order."""
+        return replace(
+            self,
+            stamps=self.stamps[places],
+            arrival=self.arrival[places],
+            values={name: values[places] for name, values in self.values.items()},
+            layout=self.layout[places],
+        )
 
 
 @dataclass
@@ -83,10 +102,11 @@ class JointMessageReader:
     joints: Sequence[str]
     fields: Sequence[str]
     damaged: int = 0
-    _layouts: list[CdrLayout] = field(default_factory=list)
+    passed: int = 0
+    _layouts: list[tuple[CdrLayout, list[int | None]]] = field(default_factory=list)
     _merged: int = 0
     _waiting: int = 0
-    _parts: list[tuple[IntArray, IntArray, dict[str, FloatArray]]] = field(default_factory=list)
+    _parts: list[tuple[tuple[IntArray, ...], dict[str, FloatArray]]] = field(default_factory=list)
 
     def add(self, batch: MessageBatch) -> None:
         """Read a batch: all messages of a known layout at once, new layouts as they come."""
@@ -94,28 +114,27 @@ class JointMessageReader:
         width = len(self.joints)
         missing = np.broadcast_to(np.nan, (len(batch), width))
         values: dict[str, FloatArray] = dict.fromkeys(self.fields, missing)
-        read = np.zeros(len(batch), dtype=bool)
+        which = np.full(len(batch), _UNREAD)
         left = np.arange(len(batch))
-        for layout in self._layouts:
-            left = self._read(layout, batch, left, stamps, values, read)
+        for number in range(len(self._layouts)):
+            left = self._read(number, batch, left, stamps, values, which)
         while len(left):
-            first, left = left[0], left
             try:
-                layout = self.kind.layout(batch.message(int(first)), self.fields)
+                layout = self.kind.layout(batch.message(int(left[0])), self.fields)
             except DataError:
                 self.damaged += 1
                 left = left[1:]
                 continue
-            self._layouts.append(layout)
-            left = self._read(layout, batch, left, stamps, values, read)
+            self._layouts.append((layout, self._places(layout)))
+            left = self._read(len(self._layouts) - 1, batch, left, stamps, values, which)
+        read = which >= 0
+        self.passed += int(np.count_nonzero(which == _PASSED))
         self._parts.append(
             (
-                stamps[read],
-                batch.arrival[read],
+                (stamps[read], batch.arrival[read], which[read]),
                 {name: v[read] for name, v in values.items() if v.flags.writeable},
             )
         )
-
         self._waiting += int(read.sum())
         if self._waiting >= _TOGETHER:
             self._merge()
@@ -123,27 +142,28 @@ class JointMessageReader:
     def _merge(self) -> None:
         """Merge small parts: freed one by one at the end they would leave the memory in shreds."""
         small = self._parts[self._merged :]
-        fields = {name for part in small for name in part[2]}
+        fields = {name for _, values in small for name in values}
         width = len(self.joints)
         merged = {
             name: np.concatenate(
-                [part[2].get(name, np.full((len(part[0]), width), np.nan)) for part in small]
+                [values.get(name, np.full((len(head[0]), width), np.nan)) for head, values in small]
             )
             for name in fields
         }
-        stamps, arrival = (np.concatenate([part[k] for part in small]) for k in (0, 1))
-        self._parts[self._merged :] = [(stamps, arrival, merged)]
+        self._parts[self._merged :] = [(_stacked([head for head, _ in small]), merged)]
         self._merged, self._waiting = len(self._parts), 0
 
     def _read(
         self,
-        layout: CdrLayout,
+        number: int,
         batch: MessageBatch,
         left: IntArray,
         stamps: IntArray,
         values: dict[str, FloatArray],
-        read: NDArray[np.bool_],
+        which: IntArray,
     ) -> IntArray:
+        """Read messages `left` (k,) of a layout, and return the others."""
+        layout, places = self._layouts[number]
         sized = left[batch.sizes[left] == layout.size]
         if len(sized) == 0:
             return left
@@ -151,9 +171,11 @@ class JointMessageReader:
         agrees = layout.agrees(messages)
         if not agrees.all():
             messages, sized = messages[agrees], sized[agrees]
+        if self.joints and layout.names and set(places) == {None}:
+            which[sized] = _PASSED
+            return np.asarray(left[which[left] == _UNREAD])
         stamps[sized] = layout.stamps(messages)
-        read[sized] = True
-        places = self._places(layout)
+        which[sized] = number
         for name in self.fields:
             source = "data" if self.kind.name == FLOAT_ARRAY else name
             if source not in layout.fields or layout.fields[source][1] == 0:
@@ -164,7 +186,7 @@ class JointMessageReader:
             for column, place in enumerate(places):
                 if place is not None and place < numbers.shape[1]:
                     values[name][sized, column] = numbers[:, place]
-        return left[~read[left]]
+        return np.asarray(left[which[left] == _UNREAD])
 
     def _places(self, layout: CdrLayout) -> list[int | None]:
         if self.kind.numbered and not layout.names:
@@ -181,33 +203,45 @@ class JointMessageReader:
     def finish(self) -> JointMessages:
         """All messages that were read; the parts are given up."""
         width = len(self.joints)
-        stamps = np.concatenate([part[0] for part in self._parts] or [np.zeros(0, np.int64)])
-        arrival = np.concatenate([part[1] for part in self._parts] or [np.zeros(0, np.int64)])
+        stamps, arrival, layout = _stacked([head for head, _ in self._parts])
         values = {}
         for name in self.fields:
-            if not any(name in part[2] for part in self._parts):
+            if not any(name in part for _, part in self._parts):
                 values[name] = np.broadcast_to(np.nan, (len(stamps), width))
                 continue
             absent = np.full((0, width), np.nan)
             pieces = [
-                part[2].pop(name, np.broadcast_to(np.nan, (len(part[0]), width)))
-                for part in self._parts
+                part.pop(name, np.broadcast_to(np.nan, (len(head[0]), width)))
+                for head, part in self._parts
             ]
             values[name] = np.concatenate([absent, *pieces])
         self._parts.clear()
         names: dict[str, None] = {}
         origins: dict[str, str] = {}
-        for layout in self._layouts:
-            names.update(dict.fromkeys(layout.names))
-            if isinstance(layout, PlacedLayout):
-                origins.update(layout.origins)
+        named = np.zeros((len(self._layouts), width), dtype=bool)
+        for number, (known, places) in enumerate(self._layouts):
+            names.update(dict.fromkeys(known.names))
+            named[number] = [place is not None for place in places]
+            if isinstance(known, PlacedLayout):
+                origins.update(known.origins)
         return JointMessages(
             topic=self.topic,
             stamps=stamps,
             arrival=arrival,
             values=values,
-            layouts=len(self._layouts),
+            layout=layout,
+            named=named,
             damaged=self.damaged,
+            passed=self.passed,
             names=tuple(names),
             origins=origins,
         )
+
+
+def _stacked(heads: Sequence[tuple[IntArray, ...]]) -> tuple[IntArray, IntArray, IntArray]:
+    """Stamps, arrivals and layouts of all parts."""
+    nothing = np.zeros(0, dtype=np.int64)
+    first, second, third = (
+        np.concatenate([nothing, *(head[k] for head in heads)]) for k in range(3)
+    )
+    return first, second, third
