@@ -28,11 +28,14 @@ class JointContents:
         Positions, rad (m); None where it has none.
     largest_effort : float or None
         In the unit of the driver; None where it has none, 0 where all are zero.
+    messages : int
+        That hold a number of it.
     """
 
     lowest: float | None
     highest: float | None
     largest_effort: float | None
+    messages: int
 
     @property
     def range(self) -> float:
@@ -48,8 +51,8 @@ class TopicContents:
     ----------
     name : str
     messages : int
-    rate : float
-        Messages per second.
+    duration : float
+        From the first message to the last, s.
     joints : dict of str to JointContents
         Empty for an array of numbers.
     numbers : int
@@ -63,7 +66,7 @@ class TopicContents:
 
     name: str
     messages: int
-    rate: float
+    duration: float
     joints: dict[str, JointContents]
     numbers: int = 0
     kind: str = JOINT_STATE
@@ -131,7 +134,7 @@ def read_contents(path: Path) -> BagContents:
         TopicContents(
             topic,
             count,
-            (count - 1) / max(1e-9 * (last - first), 1e-9) if count > 1 else 0.0,
+            1e-9 * (last - first),
             joints.get((topic, asked), {}),
             numbers.get(topic, 0),
             kinds[topic],
@@ -181,11 +184,13 @@ def _joints(
 
 
 def _contents(position: np.ndarray, effort: np.ndarray) -> JointContents:
+    messages = int(np.count_nonzero(np.isfinite(position) | np.isfinite(effort)))
     position, effort = position[np.isfinite(position)], effort[np.isfinite(effort)]
     return JointContents(
         float(position.min()) if len(position) else None,
         float(position.max()) if len(position) else None,
         float(np.abs(effort).max()) if len(effort) else None,
+        messages,
     )
 
 
@@ -273,13 +278,13 @@ def choose_topics(
     others = [t for t in common if t.kind == JOINT_STATE and t.name not in used]
     references = asked or [topic for topic in others if sounds_like_reference(topic.name)]
     reference = max(references, key=lambda topic: topic.messages, default=None)
-    reasons = {"joint_states": _summary(states, bags[0])}
+    reasons = {"joint_states": _summary(states, bags[0], joints)}
     if effort is not None:
-        reasons["effort"] = f"{states.name} holds none; {_summary(effort, bags[0])}"
+        reasons["effort"] = f"{states.name} holds none; {_summary(effort, bags[0], joints)}"
         if effort.numbers:
             reasons["effort"] += "; its numbers are taken in the order of robot.joints"
     if reference is not None:
-        reasons["reference"] = _summary(reference, bags[0])
+        reasons["reference"] = _summary(reference, bags[0], joints)
         if reference.asked:
             reasons["reference"] += ", what the controller was asked for"
     elif others:
@@ -310,5 +315,9 @@ def _in_all(wanted: TopicContents, bags: Sequence[BagContents], joints: Sequence
     )
 
 
-def _summary(topic: TopicContents, bag: BagContents) -> str:
-    return f"{topic.messages} messages at {topic.rate:.4g} Hz in {bag.path.name}"
+def _summary(topic: TopicContents, bag: BagContents, joints: Sequence[str]) -> str:
+    """Count the messages of these joints: a gripper may publish there, too."""
+    count = min([topic.joints[name].messages for name in joints if name in topic.joints] or [0])
+    count = count or topic.messages
+    rate = (count - 1) / max(topic.duration, 1e-9)
+    return f"{count} messages at {rate:.4g} Hz in {bag.path.name}"

@@ -5,11 +5,13 @@ import struct
 from collections.abc import Sequence
 from xml.etree import ElementTree
 
-from idim_iv_ros.errors import DataError
+import numpy as np
+
 from idim_iv_ros.recording.bags.cdr import JOINT_STATE, MessageBatch
 from idim_iv_ros.recording.bags.definitions import CONTROLLER_STATE
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
+from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
 from idim_iv_ros.signal_source import topic_of
 
 _WORDS = ("reference", "ref", "command", "commands", "cmd", "desired", "target", "setpoint", "goal")
@@ -59,11 +61,12 @@ def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> t
     waiting = set(kinds)
     for topic, batch in bag.unread().batches(set(kinds)) if kinds else ():
         if topic in waiting and len(batch):
-            # A controller that is not active yet has no joints: the last message may say more.
-            if any(_holds(kinds[topic], batch.message(k), joints) for k in {0, len(batch) - 1}):
+            reader = JointMessageReader(topic, kinds[topic], joints, ["position"])
+            reader.add(batch)
+            if np.isfinite(reader.finish().values["position"]).any(axis=0).all():
                 found.add(topic)
                 waiting.discard(topic)
-            elif kinds[topic].name == JOINT_STATE:
+            elif kinds[topic].name == JOINT_STATE:  # a controller may not be active yet
                 waiting.discard(topic)
         if not waiting:
             break
@@ -81,15 +84,6 @@ def reference_advice(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> st
     if found:
         return f"; if the reference is on {found[0]}, write `reference: {found[0]}` under signals"
     return "; name that of the reference in signals.reference, or leave it out"
-
-
-def _holds(kind: JointMessageType, message: bytes, joints: Sequence[str]) -> bool:
-    try:
-        layout = kind.layout(message, ["position"])
-    except DataError:
-        return False
-    _, positions = layout.fields["position"]
-    return set(joints) <= set(layout.names) and positions == len(layout.names)
 
 
 def sounds_like_reference(topic: str) -> bool:
