@@ -15,6 +15,7 @@ from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
 
 _DEPTH = 5_000  # messages that wait: 0.5 s at 10 kHz
+_NEWEST = 32  # the same where the newest are enough: joints may have messages of their own
 _LARGEST = 1_000_000  # bytes
 
 
@@ -33,7 +34,7 @@ class JointTopic:
     reference : bool
         Whether it is what the controller was asked for, rather than what was measured.
     newest : bool
-        Whether the newest message is enough: those before are dropped, and nothing is sent again.
+        Whether the newest messages are enough: those before are dropped, and nothing is sent again.
 
     Attributes
     ----------
@@ -58,13 +59,13 @@ class JointTopic:
         types = None if any(fields.values()) else [JOINT_STATE, *ROS2_CONTROL]
         if types is not None and list(fields) == ["effort"]:
             types.append(FLOAT_ARRAY)
-        depth = 1 if newest else _DEPTH
+        depth = _NEWEST if newest else _DEPTH
         self._topic = WatchedTopic(
             node, self.name, types, joints, list(fields), depth, best_effort=newest
         )
         self._joints, self._fields, self._reference = list(joints), dict(fields), reference
         self.damaged = 0
-        self._lacks = ""
+        self._lacks, self._met = "", False
 
     def look(self) -> None:
         """Look for publishers."""
@@ -120,12 +121,14 @@ class JointTopic:
         messages = reader.finish()
         self.damaged += messages.damaged
         time = np.where(messages.stamps != 0, messages.stamps, messages.arrival)
-        # Those that hold none of the joints are of another part of the robot, say its gripper.
         whole = np.any([np.isfinite(each).any(axis=1) for each in messages.values.values()], axis=0)
-        if len(time) and not whole.any():
+        self._met = self._met or bool(whole.any())
+        # Between two messages of these joints there may be any number of another part's.
+        if (len(time) and not whole.any()) or (messages.passed and not self._met):
             self._lacks = self._missing(messages)
+        named = messages.named[messages.layout][whole]
         return {
-            name: JointSamples(time[whole], values[whole])
+            name: JointSamples(time[whole], values[whole], None if named.all() else named)
             for name, values in messages.values.items()
         }
 

@@ -109,9 +109,11 @@ class LivePrediction:
             ("position", self._positions, positions),
             ("effort", self._efforts, efforts),
         ):
+            before = stream.reached
             stream.add(new)
-            if len(new):
+            if stream.reached != before:
                 self._arrived[name] = now
+            if len(new):
                 stream.forget(int(stream.samples.time[-1]) - _MOST)
         restarted = self._positions.restarted or self._efforts.restarted
         if restarted:
@@ -137,7 +139,7 @@ class LivePrediction:
         if reason or self._window is None:
             return self._nothing(reason)
         window = self._window
-        end = min(int(self._positions.samples.time[-1]), int(self._efforts.samples.time[-1]))
+        end = min(self._positions.reached, self._efforts.reached)
         window.advance(self._positions.samples, self._efforts.samples, end)
         if window.look_for_rows(self.rows):
             self.rows.forget(window.row_rate)

@@ -9,6 +9,7 @@ from idim_iv_ros.recording.wraps import TURN
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 _SECOND = 1e9
+NEVER = np.iinfo(np.int64).min
 # A stamp further back than so many intervals, s at least: the clock was set back.
 _SET_BACK, _SET_BACK_INTERVALS = 0.1, 20.0
 # A step that is nearly a whole turn: what remains without it is at most a quarter of one.
@@ -29,13 +30,56 @@ class JointSamples:
         ns.
     values : (n, n_joints)
         NaN where a joint has none.
+    named : (n, n_joints) bool or None
+        Joints that each sample is about, where parts of the robot have messages of their own; None
+        where every sample is about all of them.
     """
 
     time: IntArray
     values: FloatArray
+    named: BoolArray | None = None
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @property
+    def about(self) -> BoolArray:
+        """`named`, also where it is None."""
+        return np.ones(self.values.shape, dtype=bool) if self.named is None else self.named
+
+    @property
+    def newest(self) -> IntArray:
+        """Newest stamp of each joint, (n_joints,) ns; `NEVER` without one."""
+        if self.named is None and len(self):
+            return np.full(self.values.shape[1], self.time[-1])
+        stamps = np.where(self.about, self.time[:, None], NEVER)
+        return np.asarray(stamps.max(axis=0, initial=NEVER))
+
+    @property
+    def slowest(self) -> IntArray:
+        """Stamps, ns, of the joint that has the fewest."""
+        if self.named is None:
+            return self.time
+        counts = self.named.sum(axis=0)
+        column = int(np.argmin(np.where(counts > 0, counts, len(self) + 1)))
+        return np.asarray(self.time[self.named[:, column]])
+
+    def followed_by(self, later: "JointSamples") -> "JointSamples":
+        """These and later ones in the order of time, samples of one stamp put together."""
+        time = np.concatenate([self.time, later.time])
+        values = np.concatenate([self.values, later.values])
+        if self.named is None and later.named is None:
+            return JointSamples(time, values)
+        named = np.concatenate([self.about, later.about])
+        if np.all(np.diff(time) > 0):
+            return JointSamples(time, values, None if named.all() else named)
+        times, place = np.unique(time, return_inverse=True)
+        row, column = np.nonzero(named)
+        merged = np.full((len(times), values.shape[1]), np.nan)
+        merged[place[row], column] = values[row, column]
+        about = np.zeros(merged.shape, dtype=bool)
+        about[place[row], column] = True
+        return JointSamples(times, merged, None if about.all() else about)
 
 
 class SampleStream:
@@ -54,7 +98,7 @@ class SampleStream:
     restarted : str
         Why everything older was given up with the last samples that were added; else empty.
     late : int
-        Samples that were left out since their stamp is not after the one before.
+        Samples that were left out since their stamp is not after the one before of their joints.
     """
 
     def __init__(self, turning: tuple[bool, ...], longest_pause: float) -> None:
@@ -87,20 +131,18 @@ class SampleStream:
             )
             first = len(new) - (len(time) - 1 - int(breaks[-1]))
             self.samples = self._empty
-        self._append(new.time[first:], new.values[first:])
+        self._append(new.time[first:], new.values[first:], new.about[first:])
 
-    def _append(self, time: IntArray, values: FloatArray) -> None:
-        last = self.samples.time[-1:] if len(self.samples) else time[:1] - 1
-        newest = np.maximum.accumulate(np.concatenate([last, time]))
-        fresh = time > newest[:-1]
+    def _append(self, time: IntArray, values: FloatArray, about: BoolArray) -> None:
+        stamps = np.vstack([self.samples.newest, np.where(about, time[:, None], NEVER)])
+        about = about & (time[:, None] > np.maximum.accumulate(stamps)[:-1])
+        fresh = about.any(axis=1)
         self.late += int(np.count_nonzero(~fresh))
-        time, values = time[fresh], values[fresh]
+        time, values, about = time[fresh], np.where(about, values, np.nan)[fresh], about[fresh]
         if self._turning.any():
             values = self._without_wraps(values)
-        self.samples = JointSamples(
-            np.concatenate([self.samples.time, time]),
-            np.concatenate([self.samples.values, values]),
-        )
+        later = JointSamples(time, values, None if about.all() else about)
+        self.samples = self.samples.followed_by(later)
 
     def _without_wraps(self, values: FloatArray) -> FloatArray:
         """Add the turns that make each position follow the one before."""
@@ -123,7 +165,8 @@ class SampleStream:
         """Give up samples stamped before a time, ns, but the last one."""
         kept = min(int(np.searchsorted(self.samples.time, before)), max(len(self.samples) - 1, 0))
         if kept:
-            self.samples = JointSamples(self.samples.time[kept:], self.samples.values[kept:])
+            named = None if self.samples.named is None else self.samples.named[kept:]
+            self.samples = JointSamples(self.samples.time[kept:], self.samples.values[kept:], named)
 
     def clear(self) -> None:
         """Give up all samples."""
@@ -132,19 +175,25 @@ class SampleStream:
     @property
     def interval(self) -> float | None:
         """Median of the recent sampling intervals, s; None for fewer than two samples."""
-        recent = self.samples.time[-_RECENT:]
+        recent = self.samples.slowest[-_RECENT:]
         return float(np.median(np.diff(recent))) / _SECOND if len(recent) > 1 else None
+
+    @property
+    def reached(self) -> int:
+        """Stamp up to which every joint that has samples has them, ns; `NEVER` without any."""
+        newest = self.samples.newest
+        return int(np.min(newest, where=newest > NEVER, initial=np.max(newest, initial=NEVER)))
 
     def rate(self) -> float | None:
         """Rate of all samples, Hz, as a recording's; None while they are too few."""
-        time = self.samples.time
+        time = self.samples.slowest
         if len(time) < _LEAST_SAMPLES or time[-1] - time[0] < _LEAST * _SECOND:
             return None
         return make_grid(time, int(time[0]), int(time[-1])).rate
 
     def has_other_rate(self, rate: float) -> bool:
         """Whether the recent samples came at another rate, Hz."""
-        recent = self.samples.time[-_RECENT:]
+        recent = self.samples.slowest[-_RECENT:]
         if len(recent) < _RECENT or self.interval is None:
             return False
         ratio = self.interval * rate

@@ -55,6 +55,11 @@ def samples(
     )
 
 
+def part(each: JointSamples, rows: slice) -> JointSamples:
+    named = None if each.named is None else each.named[rows]
+    return JointSamples(each.time[rows], each.values[rows], named)
+
+
 def play(live: LivePrediction, positions: JointSamples, efforts: JointSamples) -> list[Prediction]:
     """Hand over what arrives in each twentieth of a second, and predict."""
     predictions = []
@@ -63,10 +68,6 @@ def play(live: LivePrediction, positions: JointSamples, efforts: JointSamples) -
         # By the time of arrival: what is stamped before belongs to it, in the order that it has.
         first, last = np.searchsorted(np.maximum.accumulate(positions.time), [now - PERIOD, now])
         inside = slice(int(first), int(last))
-        live.add(
-            JointSamples(positions.time[inside], positions.values[inside]),
-            JointSamples(efforts.time[inside], efforts.values[inside]),
-            now,
-        )
+        live.add(part(positions, inside), part(efforts, inside), now)
         predictions.append(live.newest(now))
     return predictions

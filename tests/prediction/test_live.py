@@ -17,7 +17,7 @@ from idim_iv_ros.signals import (
     zero_phase_butterworth,
 )
 from idim_iv_ros.types import FloatArray
-from tests.prediction.arm6 import PERIOD, START, play, samples
+from tests.prediction.arm6 import PERIOD, START, part, play, samples
 
 EIGHT = slice(0, 8)  # s: enough for everything but the statistics
 RATE = 1000.0
@@ -205,6 +205,67 @@ def test_stamps_that_jitter_change_little(identified, recording) -> None:
     # White noise of the efforts loses up to a third of its power between two samples.
     ratio = live.rows.share(1e9, 50) / calm.rows.share(1e9, 50)
     assert np.all((ratio > 0.8) & (ratio < 1.1))
+
+
+def in_two_messages(each: JointSamples, *, apart: int, reverse: bool = False) -> JointSamples:
+    """Each sample as two: three joints, and the other three from `apart` samples later."""
+    count = len(each) - apart
+    named = np.zeros((2, count, each.values.shape[1]), dtype=bool)
+    named[0, :, :3] = named[1, :, 3:] = True
+    values = np.stack([each.values[:count], each.values[apart:]])
+    time = np.stack([each.time[:count], each.time[apart:]])
+    order = slice(None, None, -1 if reverse else 1)
+    whole = slice(None, None, 1 + apart)
+
+    def arriving(array: np.ndarray) -> np.ndarray:
+        paired = np.stack(list(array[order]), axis=1)[whole]
+        return paired.reshape(-1, *paired.shape[2:])
+
+    about = arriving(named)
+    return JointSamples(arriving(time), np.where(about, arriving(values), np.nan), about)
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_joints_in_messages_of_one_stamp_are_predicted_as_in_one_message(
+    identified, recording, reverse: bool
+) -> None:
+    pair = samples(recording, slice(0, 3))
+    whole, split = LivePrediction(identified), LivePrediction(identified)
+    expected = play(whole, *pair)[-1]
+    last = play(split, *(in_two_messages(each, apart=0, reverse=reverse) for each in pair))[-1]
+    assert (split.rate, split.late) == (RATE, 0)
+    assert last.reason == "" and last.stamp == expected.stamp
+    np.testing.assert_allclose(last.predicted, expected.predicted, atol=1e-6)
+    np.testing.assert_allclose(last.measured, expected.measured, atol=1e-6)
+
+
+def test_joints_in_messages_with_other_stamps_are_on_their_own_clocks(
+    identified, recording
+) -> None:
+    seconds = slice(0, 5)
+    pair = samples(recording, seconds)
+    split = LivePrediction(identified)
+    apart = [in_two_messages(each, apart=1, reverse=True) for each in pair]
+    assert not play(split, *apart)[-1].reason
+    assert (split.rate, split.late) == (RATE / 2.0, 0)
+    shares = []
+    for first in (0, 1):  # all joints at the stamps of the first three, and of the others
+        whole = LivePrediction(identified)
+        play(whole, *(part(each, slice(first, None, 2)) for each in pair))
+        shares.append(whole.rows.share(1e9, 50))
+    expected = np.concatenate([shares[0][:3], shares[1][3:]])
+    assert split.rows.share(1e9, 50) == pytest.approx(expected, rel=0.05)
+
+
+def test_a_part_of_the_robot_that_falls_silent_is_not_predicted_any_more(
+    identified, recording
+) -> None:
+    pair = [in_two_messages(each, apart=0) for each in samples(recording, slice(0, 4))]
+    for each in pair:
+        each.named[4000:, 3:] = False
+    predictions = play(LivePrediction(identified), *pair)
+    assert any(not each.reason for each in predictions)
+    assert predictions[-1].reason.startswith("no position for")
 
 
 def test_an_effort_that_is_nan_silences_its_joint_alone(identified, recording) -> None:

@@ -67,6 +67,29 @@ def test_joints_are_found_by_name_and_other_parts_left_out(topic) -> None:
     assert len(made.take()["effort"]) == 0
 
 
+def test_joints_in_messages_of_their_own_are_told_apart(topic) -> None:
+    bag = ControlBag()
+    bag.joint_state(1.0, ["b"], [2.0], effort=[20.0])
+    bag.joint_state(1.0, ["gripper"], [0.5], effort=[0.1])
+    bag.joint_state(1.001, ["a"], [1.0], effort=[10.0])
+    made = topic(bag, BOTH)
+    taken = made.take()["position"]
+    assert taken.time.tolist() == [1_000_000_000, 1_001_000_000]
+    assert np.array_equal(taken.named, [[False, True], [True, False]])
+    assert made.problem == ""
+
+
+def test_a_gripper_between_two_messages_of_the_arm_is_no_problem(topic) -> None:
+    arm, gripper = ControlBag(), ControlBag()
+    arm.joint_state(1.0, JOINTS, [1.0, 2.0], effort=[1.0, 2.0])
+    gripper.joint_state(1.001, ["gripper"], [0.5], effort=[0.1])
+    made, other = topic(arm, BOTH), topic(gripper, BOTH)
+    assert made.take()["position"].named is None
+    made._topic.messages = other._topic.messages
+    assert len(made.take()["position"]) == 0
+    assert made.problem == ""
+
+
 def test_what_is_missing_is_named(topic) -> None:
     bag = ControlBag()
     bag.joint_state(1.0, ["a", "gripper"], [1.0, 2.0], effort=[1.0, 2.0])

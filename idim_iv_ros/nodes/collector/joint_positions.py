@@ -40,8 +40,9 @@ class Place:
 class JointPositions:
     """Positions of all joints from one topic; messages of other joints are passed over.
 
-    A message with the stamp of the one before is no news: some drivers repeat the last one when the
-    robot is gone.
+    Joints may come in several messages; what counts is the oldest of their newest stamps. A message
+    with the stamp of the one before is no news: some drivers repeat the last one when the robot is
+    gone.
 
     Parameters
     ----------
@@ -66,6 +67,8 @@ class JointPositions:
             node, topic_of(source), joints, fields, reference=reference, newest=True
         )
         self._joints, self._absent = tuple(joints), ""
+        self._position = np.full(len(self._joints), np.nan)
+        self._stamps = np.zeros(len(self._joints), dtype=np.int64)
         self._stamp: int | None = None
         self.last: Place | None = None
         self._topic.look()
@@ -97,17 +100,21 @@ class JointPositions:
         self._topic.close()
 
     def _look(self) -> None:
-        """Take the newest message."""
+        """Take the newest number of each joint."""
         taken = self._topic.take()["position"]
         if not len(taken):
             return
-        stamp, position = int(taken.time[-1]), taken.values[-1]
-        known = np.isfinite(position)
-        self._absent = ", ".join(
-            joint for joint, there in zip(self._joints, known, strict=True) if not there
-        )
-        if stamp != self._stamp and known.all():
+        about = taken.about
+        new = np.flatnonzero(about.any(axis=0))
+        rows = len(taken) - 1 - np.argmax(about[::-1, new], axis=0)
+        self._position[new], self._stamps[new] = taken.values[rows, new], taken.time[rows]
+        behind = (self._stamps.max() - self._stamps) * 1e-9 > _OLDEST
+        missing = behind | ~np.isfinite(self._position)
+        self._absent = ", ".join(np.array(self._joints)[missing])
+        stamp = int(self._stamps.min())
+        if stamp != self._stamp and not missing.any():
             self._stamp = stamp
             now = time.monotonic()
             ago = 1e-9 * (self._node.get_clock().now().nanoseconds - stamp)
-            self.last = Place(position, now, now - ago if 0.0 <= ago < _OLDEST else now)
+            measured = now - ago if 0.0 <= ago < _OLDEST else now
+            self.last = Place(self._position.copy(), now, measured)

@@ -38,7 +38,8 @@ class JointContent:
     malformed : int
         Messages that are not of the topic's type.
     joint_sets : list of tuple of str
-        Sets of joint names in the order in which they were met.
+        Sets of joint names, the latest last. Those without a common joint are parts of the robot
+        with messages of their own.
     """
 
     def __init__(self, message_type: str, joints: Sequence[str], needed: Sequence[str]) -> None:
@@ -48,28 +49,50 @@ class JointContent:
         self._joints = tuple(joints)
         self._needed = tuple(needed)
         self._known: dict[tuple[int, bytes], CdrLayout] = {}
-        self._end = _NAMES_START
+        self._ends: dict[int, int] = {}  # behind the names, of messages of each size
         self._missing: tuple[str, ...] = ()
 
     @property
     def problems(self) -> list[str]:
         """What the latest messages lack, in words."""
         problems = list(self._missing)
-        if len(self.joint_sets) > 1:
-            sets = " / ".join(", ".join(names) for names in self.joint_sets[-3:])
-            problems.append(f"the set of joints changed: {sets}")
+        held = {name for names in self._latest() for name in names}
+        absent = [joint for joint in self._joints if joint not in held]
+        if held and absent:
+            problems.insert(0, f"it does not hold joint {', '.join(absent)}")
+        sets = self.joint_sets
+        changed = [each for each in sets if any(_overlap(each, other) for other in sets)]
+        if changed:
+            listed = " / ".join(", ".join(names) for names in changed[-3:])
+            problems.append(f"the set of joints changed: {listed}")
         return problems
+
+    def reset(self) -> None:
+        """Forget sets of joints that later ones took the place of."""
+        self.malformed, self.joint_sets = 0, self._latest()
+
+    def _latest(self) -> list[tuple[str, ...]]:
+        """Sets of joints without a joint of a later one."""
+        sets = self.joint_sets
+        return [
+            each
+            for place, each in enumerate(sets)
+            if not any(_overlap(each, later) for later in sets[place:])
+        ]
 
     def look(self, messages: Sequence[bytes]) -> None:
         """Look at a batch of serialised messages, in the order of their arrival."""
-        known, end, unknown = self._known, self._end, 0
+        known, unknown = self._known, 0
         for message in messages:
-            if (len(message), message[_NAMES_START:end]) not in known and unknown < _READ_AT_ONCE:
+            if unknown < _READ_AT_ONCE and self._key(message) not in known:
                 unknown += 1
                 self._read(message)
-                end = self._end
         if messages:
             self._numbers(messages[-1])
+
+    def _key(self, message: bytes) -> tuple[int, bytes]:
+        size = len(message)
+        return size, message[_NAMES_START : self._ends.get(size, _NAMES_START)]
 
     def _read(self, message: bytes) -> None:
         try:
@@ -78,22 +101,25 @@ class JointContent:
             self.malformed += 1
             return
         end = _names_end(message, layout.order) if self._type == JOINT_STATE else _NAMES_START
-        if end != self._end or len(self._known) >= _KEPT:
+        if len(self._known) >= _KEPT:
             self._known.clear()
-            self._end = end
-        self._known[len(message), message[_NAMES_START:end]] = layout
+            self._ends.clear()
+        self._ends[len(message)] = end
+        self._known[self._key(message)] = layout
+        self._met(layout)
+
+    def _met(self, layout: CdrLayout) -> None:
         names = tuple(sorted(layout.names))
-        if self._type == JOINT_STATE and names not in self.joint_sets:
-            self.joint_sets.append(names)
+        if self._type == JOINT_STATE:
+            self.joint_sets = [each for each in self.joint_sets if each != names] + [names]
 
     def _numbers(self, message: bytes) -> None:
-        layout = self._known.get((len(message), message[_NAMES_START : self._end]))
+        layout = self._known.get(self._key(message))
         if layout is None:
             return
-        absent = [joint for joint in self._joints if joint not in layout.names]
-        if layout.names and absent:
-            self._missing = (f"it does not hold joint {', '.join(absent)}",)
-            return
+        self._met(layout)
+        if self._joints and layout.names and set(layout.names).isdisjoint(self._joints):
+            return  # of another part of the robot
         rows = np.frombuffer(message, dtype=np.uint8)[None, :]
         missing = []
         for field in self._needed:
@@ -111,6 +137,11 @@ class JointContent:
             if bad:
                 missing.append(f"{field} of {', '.join(bad)} is NaN")
         self._missing = tuple(missing)
+
+
+def _overlap(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
+    """Whether two different sets of joints share a joint."""
+    return one != other and not set(one).isdisjoint(other)
 
 
 @dataclass(frozen=True)
@@ -175,8 +206,7 @@ class TopicMonitor:
         self.received = self.bytes = self.lost = self.late = self.gaps = self.backward = 0
         self.longest_gap = 0.0
         if self.content is not None:
-            self.content.malformed = 0
-            del self.content.joint_sets[:-1]
+            self.content.reset()
 
     def new_publishers(self, count: int) -> None:
         """Sequence numbers start anew."""
