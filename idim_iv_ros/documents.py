@@ -1,6 +1,5 @@
 """Documents of this program: JSON that one class writes, checks and reads back as itself."""
 
-import json
 import math
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -20,6 +19,7 @@ from pydantic import (
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import from_json
 
+from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import PROGRAM, FilePath, read_text, write_together
 from idim_iv_ros.types import FloatArray
@@ -88,7 +88,7 @@ class Document:
 
     def to_json(self) -> str:
         """Return the document as text."""
-        return json.dumps(self.to_document(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        return json_text(self.to_document())
 
     def write(self, path: FilePath) -> None:
         """Write the document, complete or not at all.

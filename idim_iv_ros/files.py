@@ -25,6 +25,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from idim_iv_ros.encoding import SPELT, named
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.interruption import undone_if_interrupted, uninterrupted
 
@@ -217,7 +218,7 @@ def write_together(texts: Mapping[Path, str]) -> None:
     """
     with complete_files(texts) as temporary:
         for path, text in texts.items():
-            with temporary[path].open("w", encoding="utf-8") as file:
+            with temporary[path].open("w", encoding="utf-8", errors=SPELT) as file:
                 file.write(text)
                 file.flush()
                 os.fsync(file.fileno())
@@ -297,6 +298,7 @@ def digests(texts: Mapping[str, str]) -> dict[str, str]:
 
 def signed(text: str) -> str:
     """Text of a YAML file with a first line that says whether it was edited."""
+    text = named(text)
     return f"{_SIGNATURE}{digest(text)}\n{text}"
 
 

@@ -1,6 +1,5 @@
 """`idim-iv import`."""
 
-import shlex
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -8,6 +7,7 @@ from typing import Annotated
 import typer
 
 from idim_iv_ros.cli.arguments import AsJson, Force, Quiet
+from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import IMPORT_FORMAT
 
@@ -81,4 +81,4 @@ def import_command(
         f"{summary.rate:.5g} per second: {', '.join(signals)}"
     )
     described = "" if urdf is not None else " --urdf FILE"
-    output.line(f"Next: idim-iv init {shlex.quote(str(out))}{described} --out my_arm.yaml")
+    output.line(f"Next: idim-iv init {shell_command(str(out))}{described} --out my_arm.yaml")

@@ -25,11 +25,16 @@ def main() -> None:
     with interruption_ends_process():
         # Here, so that Ctrl-C has its answer while they are imported.
         from idim_iv_ros.cli.application import application
+        from idim_iv_ros.cli.streams import drop_stdout, prepare_streams
         from idim_iv_ros.errors import IdimError, silence_foreign_warnings
 
         silence_foreign_warnings()
         try:
-            application()
+            prepare_streams()
+            try:
+                application()
+            finally:
+                sys.stdout.flush()
         except SystemExit as stopped:
             if stopped.code == WRONG_USE and _lacks_configuration(sys.argv[1:]):
                 _complain("`idim-iv init BAG… --urdf FILE` writes a first file for --config")
@@ -41,7 +46,7 @@ def main() -> None:
             print("idim-iv: interrupted", file=sys.stderr)
             sys.exit(STATUS)
         except BrokenPipeError:
-            sys.stderr.close()
+            drop_stdout()
             sys.exit(1)
         except MemoryError:
             _complain("not enough memory; use fewer or shorter bags")
@@ -49,11 +54,24 @@ def main() -> None:
         except Exception as error:
             if os.environ.get("IDIM_IV_TRACEBACK"):
                 raise
-            _complain(
-                f"defect in idim_iv_ros ({type(error).__name__}: {_one_line(error)}); set "
-                "IDIM_IV_TRACEBACK=1 and report what it prints"
-            )
+            _complain(_of_system(error))
             sys.exit(1)
+
+
+def _of_system(error: Exception) -> str:
+    """What the machine refuses is no defect, wherever it comes up."""
+    if isinstance(error, OSError):
+        where = "" if error.filename is None else f"{error.filename}: "
+        return f"{where}{error.strerror or _one_line(error)}"
+    if isinstance(error, UnicodeEncodeError):
+        part = error.object[error.start : error.end]
+        word = next((each for each in error.object.split() if part in each), part)
+        advice = "rename it" if error.encoding.startswith("utf") else "set PYTHONUTF8=1"
+        return f"{word}: no name that can be written in {error.encoding}; {advice}"
+    return (
+        f"defect in idim_iv_ros ({type(error).__name__}: {_one_line(error)}); set "
+        "IDIM_IV_TRACEBACK=1 and report what it prints"
+    )
 
 
 def _lacks_configuration(arguments: Sequence[str]) -> bool:

@@ -1,7 +1,5 @@
 """Where a command's words go: tables for people, one JSON document for programs, or nothing."""
 
-import json
-import shlex
 import sys
 import threading
 import time
@@ -16,6 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
+from idim_iv_ros.encoding import json_text, shell_command
 from idim_iv_ros.errors import ReportWarning, UsageError
 from idim_iv_ros.progress import Progress
 
@@ -58,9 +57,7 @@ class Output:
     def document(self, content: Mapping[str, object]) -> None:
         """Print the result for a program, if that was asked for."""
         if self.as_json:
-            json.dump(content, sys.stdout, indent=2, ensure_ascii=False, allow_nan=False)
-            sys.stdout.write("\n")
-            sys.stdout.flush()
+            sys.stdout.write(json_text(content, encoding=sys.stdout.encoding or "utf-8"))
 
 
 def require_destination(
@@ -171,4 +168,4 @@ def print_doubts(console: Console, doubts: Sequence[str]) -> None:
 def next_command(command: str, bags: Sequence[Path], config: Path | str, *options: str) -> str:
     """Return ``idim-iv COMMAND BAG… --config FILE OPTIONS``."""
     words = [command, *map(str, bags), "--config", str(config), *options]
-    return f"idim-iv {shlex.join(words)}"
+    return f"idim-iv {shell_command(*words)}"

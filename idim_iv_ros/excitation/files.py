@@ -14,6 +14,7 @@ from typing import TextIO
 
 import numpy as np
 
+from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.diagnosis import Diagnosis
 from idim_iv_ros.excitation.limit_use import LimitUse
@@ -125,7 +126,7 @@ def write_motion(
     paths = dict(zip(_files(stem, texts), texts.values(), strict=True))
     beside = {path.name: text for path, text in paths.items() if path.suffix != ".json"}
     complete = {**document, FILES: digests(beside)}
-    text = json.dumps(complete, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    text = json_text(complete)
     paths[_files(stem, ["json"])[0]] = text
     require_replaceable(paths, force=force)
     try:

@@ -8,6 +8,7 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from idim_iv_ros.configuration import Configuration, RobotSection, SignalsSection
+from idim_iv_ros.encoding import named
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath, FilePaths, as_paths
 from idim_iv_ros.first_configuration.drivers import SOURCES, DriverPreset, read_driver
@@ -63,6 +64,8 @@ class Proposal:
         values = {section: dict(keys) for section, keys in self.values.items()}
         if self.urdf is not None:
             path = os.path.relpath(self.urdf.resolve(), out.resolve().parent)
+            if named(path) != path:
+                raise UsageError(f"{path}: rename it: a configuration is text in UTF-8")
             key = description_key(self.urdf)
             values["robot"] = {key: Path(path).as_posix(), **values["robot"]}
         return values

@@ -148,7 +148,7 @@ def configuration_text(proposal: Proposal, out: FilePath) -> str:
     values = proposal.values_for(Path(out))
     bags = " ".join(path.name for path in proposal.bags)
     lines = [
-        f"# A first configuration, made by idim-iv init from {bags}.",
+        f"# A first configuration, made by idim-iv init from {' '.join(bags.split())}.",
         "# Lists are in the order of robot.joints. A line that begins with # is a key that is left",
         "# out; behind its example: what it means, and what holds without it. All keys at length:",
         "# docs/configuration.md.",

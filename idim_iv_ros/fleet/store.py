@@ -1,10 +1,10 @@
 """Results on disk, one file each under its key: written whole or not at all."""
 
-import json
 from pathlib import Path
 from typing import Generic, TypeVar
 
 from idim_iv_ros.documents import Document
+from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import write_together
 
@@ -44,8 +44,7 @@ class Store(Generic[D]):
         path = self._path(key)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            text = json.dumps(result.to_document(), ensure_ascii=False, allow_nan=False)
-            write_together({path: text + "\n"})
+            write_together({path: json_text(result.to_document(), indent=None)})
         except OSError as error:
             raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from error
 

@@ -1,11 +1,11 @@
 """The first screen in words: the verdict in two short sentences, and what to do next."""
 
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import get_args
 
 from idim_iv_ros.diagnosis.result import Cause, GapResult, RecordingAgreement, Unexplained
+from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
 from idim_iv_ros.report.changes import RECORDING, ChangedValue, changed_values
@@ -337,4 +337,4 @@ def _recording_step(result: GapResult, config: str) -> Step:
 
 
 def _command(*words: str) -> str:
-    return f"idim-iv {shlex.join(words)}"
+    return f"idim-iv {shell_command(*words)}"

@@ -1,7 +1,6 @@
 """Plotly figures as plain dictionaries: one look for all of them, in light and in dark."""
 
 import base64
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +8,8 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
+
+from idim_iv_ros.encoding import json_text
 
 # Variables of the stylesheet: the page's script puts the values of the present scheme there.
 # Okabe and Ito: distinguished by readers with any colour vision, and in grey by their lightness.
@@ -52,8 +53,7 @@ class Figure:
     def json(self) -> Markup:
         """Data and layout, safe inside a script element: only "<" could end it."""
         content = {"data": self.data, "layout": self.layout}
-        text = json.dumps(content, ensure_ascii=False, allow_nan=False)
-        return Markup(text.replace("<", "\\u003c"))
+        return Markup(json_text(content, indent=None).replace("<", "\\u003c"))
 
 
 @dataclass(frozen=True)

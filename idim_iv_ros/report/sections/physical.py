@@ -1,9 +1,9 @@
 """The physically consistent parameters: links before and after, bounds, and what was given."""
 
-import shlex
 from typing import Any
 
 from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.physical import LinkInertia, PhysicalParameters, StandardValue
 from idim_iv_ros.report.numerals import known, measured, number, p_value, percent
@@ -36,7 +36,7 @@ def _context(report: Report[Any]) -> dict[str, Any] | None:
         "error": _error(found),
         "p_value": p_value(found.test.p_value),
         "distance": number(found.test.statistic),
-        "command": shlex.join(command),
+        "command": shell_command(*command),
     }
 
 

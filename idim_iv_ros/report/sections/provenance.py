@@ -1,13 +1,13 @@
 """How to obtain the same numbers again: command, versions, timing, configuration; and notes."""
 
 import io
-import shlex
 from pathlib import PurePath
 from typing import Any
 
 from ruamel.yaml import YAML
 
 from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.report.numerals import sentence, with_unit
 from idim_iv_ros.report.section import Report, Section
 
@@ -28,7 +28,7 @@ def _context(report: Report[Any]) -> dict[str, Any]:
     if spent:
         spent["all"] = with_unit(sum(result.timing.values()), "s", 2)
     return {
-        "command": f"idim-iv {shlex.join(words)}",
+        "command": f"idim-iv {shell_command(*words)}",
         "config": name,
         "numbers": report.numbers,
         "cite": not diagnosis,

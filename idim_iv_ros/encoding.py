@@ -1,0 +1,82 @@
+r"""Text as any file and any stream takes it.
+
+The name of a file is bytes. Those that are no text are halves of characters in Python (PEP 383),
+which no encoding has: they are written as ``\xe9``. What else an encoding lacks is spelt:
+``kg m2``, ``sigma``.
+"""
+
+import codecs
+import json
+import os
+import shlex
+import unicodedata
+from collections.abc import Callable
+
+SPELT = "idim_iv_ros.spelt"  # handler of errors for open() and streams
+_SPELT_JSON = "idim_iv_ros.spelt_json"
+_SPELLINGS = {
+    **{"−": "-", "–": "-", "±": "+-", "≤": "<=", "≥": ">=", "≈": "~", "→": "->", "·": "*"},
+    **{"×": "x", "½": "1/2", "√": "sqrt ", "°": " deg", "“": '"', "”": '"'},
+}
+
+
+def named(text: str) -> str:
+    r"""Text without halves of characters: bytes that are no UTF-8 are spelt as ``\xe9``."""
+    try:
+        return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+    except UnicodeEncodeError:  # halves that stand for no byte
+        return text.encode("ascii", "backslashreplace").decode("ascii")
+
+
+def json_text(content: object, *, encoding: str = "utf-8", indent: int | None = 2) -> str:
+    """Return a document as JSON that can be written in `encoding`, with a line end.
+
+    Raises
+    ------
+    ValueError
+        A number is not finite.
+    """
+    text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False) + "\n"
+    return text.encode(encoding, _SPELT_JSON).decode(encoding)
+
+
+def shell_command(*words: str) -> str:
+    """Join words so that a shell takes them apart again, bytes that are no text too."""
+    return " ".join(map(_shell_word, words))
+
+
+def _shell_word(word: str) -> str:
+    if named(word) == word:
+        return shlex.quote(word)
+    escaped = os.fsencode(word.replace("\\", "\\\\").replace("'", "\\'"))
+    return "$'" + escaped.decode("ascii", "backslashreplace") + "'"
+
+
+def _spelt(text: str) -> str:
+    return "".join(each if each.isascii() else _spelling(each) for each in text)
+
+
+def _spelling(character: str) -> str:
+    if character in _SPELLINGS:
+        return _SPELLINGS[character]
+    name = unicodedata.name(character, "")
+    if name.startswith("GREEK"):
+        return name.split()[-1].lower()
+    alike = unicodedata.normalize("NFKC", character)
+    return alike if alike.isascii() else character.encode("ascii", "backslashreplace").decode()
+
+
+def _register(name: str, spell: Callable[[str], str]) -> None:
+    def handle(error: UnicodeError) -> tuple[str | bytes, int]:
+        if not isinstance(error, UnicodeEncodeError):
+            raise error
+        text = named(error.object[error.start : error.end])
+        if error.encoding.replace("_", "-").lower().startswith("utf") and spell is _spelt:
+            return text.encode(error.encoding), error.end
+        return spell(text), error.end
+
+    codecs.register_error(name, handle)
+
+
+_register(SPELT, _spelt)
+_register(_SPELT_JSON, lambda text: json.dumps(text)[1:-1])
