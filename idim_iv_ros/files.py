@@ -49,6 +49,7 @@ FLEET, FLEET_PAGE = "fleet.json", "fleet.html"
 
 GENERATOR = f'<meta name="generator" content="{PROGRAM}">'
 PNG_SOFTWARE = b"Software\0" + PROGRAM.encode()  # content of the text chunk of a picture
+NO_FILE = "a device, a pipe or a socket"
 FILES = "files"  # key of a JSON file that holds the digests of the files beside it
 
 _HEAD = 4096  # characters of an HTML file in which the generator is looked for
@@ -140,7 +141,7 @@ def read_text(
         if stat.S_ISDIR(state.st_mode):
             raise IsADirectoryError(0, "it is a folder")
         if not stat.S_ISREG(state.st_mode):
-            raise OSError(0, "it is a device, a pipe or a socket; write it to a file first")
+            raise OSError(0, f"it is {NO_FILE}; write it to a file first")
         with path.open("rb") as file:
             content = file.read(int(1e6 * megabytes) + 1)
         if len(content) > 1e6 * megabytes:
@@ -267,7 +268,7 @@ def _kind(path: Path) -> str | None:
         return None  # on the way there is a file; the missing folder is what is wrong
     if stat.S_ISDIR(mode):
         return "a folder"
-    return "file" if stat.S_ISREG(mode) else "a device, a pipe or a socket"
+    return "file" if stat.S_ISREG(mode) else NO_FILE
 
 
 def is_own(path: Path) -> bool:
@@ -281,7 +282,7 @@ def is_own(path: Path) -> bool:
         ".parquet": _own_parquet,
     }
     try:
-        return known.get(path.suffix, _own_digest)(path)
+        return known.get(path.suffix.lower(), _own_digest)(path)
     except (OSError, ValueError, RecursionError):
         return False
 

@@ -31,6 +31,7 @@ def main() -> None:
         silence_foreign_warnings()
         try:
             prepare_streams()
+            _require_names(sys.argv[1:])
             try:
                 application()
             finally:
@@ -72,6 +73,13 @@ def _of_system(error: Exception) -> str:
         f"defect in idim_iv_ros ({type(error).__name__}: {_one_line(error)}); set "
         "IDIM_IV_TRACEBACK=1 and report what it prints"
     )
+
+
+def _require_names(arguments: Sequence[str]) -> None:
+    from idim_iv_ros.errors import UsageError
+
+    if any(each == "-" or each.endswith("=-") for each in arguments):
+        raise UsageError("-: name a file (./- if it has that name); --json prints results")
 
 
 def _lacks_configuration(arguments: Sequence[str]) -> bool:

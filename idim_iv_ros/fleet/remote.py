@@ -5,7 +5,7 @@ from typing import Any
 
 from idim_iv_ros.errors import UsageError, one_line
 from idim_iv_ros.recording.bags.byte_source import ByteSource
-from idim_iv_ros.recording.bags.folder import SUFFIXES, Bag
+from idim_iv_ros.recording.bags.folder import Bag, is_bag_file
 
 INSTALL = 'a fleet needs Dask: pip install "idim-iv-ros[fleet]"'
 
@@ -97,7 +97,7 @@ def bag_parts(system: Any, path: str) -> list[dict[str, Any]]:
     if information["type"] != "directory":
         return [information]
     listed = reachable(system.ls, path, detail=True)
-    files = [each for each in listed if str(each["name"]).endswith(SUFFIXES)]
+    files = [each for each in listed if is_bag_file(str(each["name"]))]
     if not files:
-        raise FileNotFoundError(0, "no .mcap or .db3 file in this folder")
+        raise FileNotFoundError(0, "no .mcap, .db3 or .bag file in this folder")
     return sorted(files, key=lambda each: (len(each["name"]), each["name"]))

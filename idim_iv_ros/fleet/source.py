@@ -10,7 +10,7 @@ from typing import Any
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.fleet.remote import file_system, is_local, local_path, reachable
-from idim_iv_ros.recording.bags.folder import SUFFIXES
+from idim_iv_ros.recording.bags.folder import is_bag_file
 
 _COLUMNS = ("uri", "robot", "type", "time")
 METADATA = "metadata.yaml"  # of a rosbag2 folder
@@ -61,7 +61,7 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
         for bag in _bags(found)
     ]
     if not entries:
-        raise UsageError(f"{source}: no bag found (.mcap, .db3 or a rosbag2 folder)")
+        raise UsageError(f"{source}: no bag found (.mcap, .db3, .bag or a rosbag2 folder)")
     return tuple(entries)
 
 
@@ -71,9 +71,7 @@ def _bags(files: Iterable[str]) -> list[str]:
     paths = [path for path in paths if not path.name.startswith(".")]
     folders = {path.parent for path in paths if path.name == METADATA}
     bags = {
-        path.parent if path.parent in folders else path
-        for path in paths
-        if path.name.endswith(SUFFIXES)
+        path.parent if path.parent in folders else path for path in paths if is_bag_file(path.name)
     }
     return sorted(map(str, bags))
 

@@ -96,7 +96,7 @@ def import_table(
         raise UsageError("give either --rate or --time")
     if rate is not None and not (np.isfinite(rate) and rate > 0.0):
         raise UsageError(f"--rate {rate:g}: a positive number of samples per second is needed")
-    if out.suffix != ".mcap":
+    if out.suffix.lower() != ".mcap":
         raise UsageError(f"{out}: the name of the bag must end in .mcap")
     require_file_place([out], force=force)
     _require_text(joints)

@@ -6,6 +6,7 @@ every byte that is neither the stamp nor one of the numbers.
 """
 
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,17 @@ class MessageBatch:
     offsets: NDArray[np.int64]
     sizes: NDArray[np.int64]
     arrival: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, messages: Sequence[tuple[int, bytes]]) -> "MessageBatch":
+        """Put messages with their log times one behind the other."""
+        sizes = np.array([len(data) for _, data in messages], dtype=np.int64)
+        return cls(
+            buffer=np.frombuffer(b"".join(data for _, data in messages), dtype=np.uint8),
+            offsets=np.concatenate([[0], np.cumsum(sizes)[:-1]]),
+            sizes=sizes,
+            arrival=np.array([stamp for stamp, _ in messages], dtype=np.int64),
+        )
 
     def __len__(self) -> int:
         return len(self.offsets)

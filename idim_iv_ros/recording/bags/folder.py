@@ -1,4 +1,4 @@
-"""A bag is an MCAP file, a lone .db3 or a rosbag2 folder with any number of either."""
+"""A bag is an MCAP, .db3 or ROS 1 .bag file, or a folder with any number of them."""
 
 import os
 import shutil
@@ -15,16 +15,19 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.files import FilePaths, as_paths, is_file, is_there
+from idim_iv_ros.files import NO_FILE, FilePaths, as_paths, is_file, is_there
 from idim_iv_ros.interruption import undone_if_interrupted
 from idim_iv_ros.recording.bags.byte_source import ByteSource, copied
 from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.definitions import SchemaText
 from idim_iv_ros.recording.bags.mcap import McapFile
+from idim_iv_ros.recording.bags.ros1 import Ros1File
 from idim_iv_ros.recording.bags.sqlite import SqliteFile
 from idim_iv_ros.recording.recording import Note
 
-SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
+SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag")  # in small letters
+
+_File = McapFile | SqliteFile | Ros1File
 _LONGEST_METADATA = 1 << 24  # bytes
 
 
@@ -117,21 +120,22 @@ class Bag:
                 topics.update(file.summarised_topics() or _met(file))
         return topics
 
-    def _files(self, stack: ExitStack) -> Iterator[tuple[Path, McapFile | SqliteFile]]:
+    def _files(self, stack: ExitStack) -> Iterator[tuple[Path, _File]]:
         for path in list(self.sources) or bag_files(self.path):
             yield path, self._file(path, stack)
 
-    def _define(self, file: McapFile | SqliteFile) -> None:
+    def _define(self, file: _File) -> None:
         if len(file.definitions) != len(self.definitions):
             self.definitions = {**self.definitions, **file.definitions}
 
-    def _file(self, path: Path, stack: ExitStack) -> McapFile | SqliteFile:
+    def _file(self, path: Path, stack: ExitStack) -> _File:
         source = self.sources.get(path)
-        if source is not None and path.suffix == ".mcap":
+        if source is not None and path.suffix.lower() == ".mcap":
             return McapFile(path, source)
         local = path if source is None else _copy(path, source, stack)
-        whole = _decompressed(local, stack) if local.suffix == ".zstd" else local
-        return McapFile(whole) if whole.suffix == ".mcap" else SqliteFile(whole)
+        whole = _decompressed(local, stack) if local.suffix.lower() == ".zstd" else local
+        kinds: dict[str, type[_File]] = {".mcap": McapFile, ".bag": Ros1File}
+        return kinds.get(whole.suffix.lower(), SqliteFile)(whole)
 
     def _meet(self, topic: str, batch: MessageBatch) -> None:
         self.found[topic] += len(batch)
@@ -163,13 +167,13 @@ def bags_of(bags: FilePaths) -> tuple[Bag, ...]:
     return tuple(each if isinstance(each, Bag) else Bag(path) for each, path in pairs)
 
 
-def _met(file: McapFile | SqliteFile) -> dict[str, str]:
+def _met(file: _File) -> dict[str, str]:
     for _ in file.batches(set()):
         pass
     return file.topics
 
 
-def _damages(name: str, file: McapFile | SqliteFile) -> list[str]:
+def _damages(name: str, file: _File) -> list[str]:
     damages = []
     if file.truncated:
         damages.append(f"{name} ends in the middle")
@@ -191,18 +195,25 @@ def bag_files(path: Path) -> list[Path]:
     """
     if not is_there(path):
         raise UsageError(f"{path}: no such file or folder")
-    if path.is_file():
-        if not path.name.endswith(SUFFIXES):
+    if not path.is_dir():
+        if not path.is_file():
+            raise DataError(f"{path} is {NO_FILE}; write it to a file first")
+        if not is_bag_file(path.name):
             raise DataError(
-                f"{path}: not a bag (an .mcap or .db3 file, or a rosbag2 folder); tables come in "
-                "through idim-iv import"
+                f"{path}: not a bag (an .mcap, .db3 or .bag file, or a rosbag2 folder); tables "
+                "come in through idim-iv import"
             )
         return [path]
-    listed = _listed(path)
-    files = listed or sorted(file for suffix in SUFFIXES for file in path.glob(f"*{suffix}"))
+    there = sorted(file for file in path.iterdir() if is_bag_file(file.name) and file.is_file())
+    files = _listed(path) or there
     if not files:
-        raise DataError(f"{path}: no .mcap or .db3 file in this folder")
+        raise DataError(f"{path}: no .mcap, .db3 or .bag file in this folder")
     return files
+
+
+def is_bag_file(name: str) -> bool:
+    """Whether a file of this name may be a bag, or a part of one."""
+    return name.lower().endswith(SUFFIXES)
 
 
 def _listed(folder: Path) -> list[Path]:

@@ -13,8 +13,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import quote
 
-import numpy as np
-
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.definitions import SchemaText
@@ -186,13 +184,4 @@ class SqliteFile:
                 self.damaged += 1
         for topic, messages in by_topic.items():
             messages.sort(key=lambda message: message[0])
-            sizes = np.array([len(data) for _, data in messages], dtype=np.int64)
-            yield (
-                topic,
-                MessageBatch(
-                    buffer=np.frombuffer(b"".join(data for _, data in messages), dtype=np.uint8),
-                    offsets=np.concatenate([[0], np.cumsum(sizes)[:-1]]),
-                    sizes=sizes,
-                    arrival=np.array([stamp for stamp, _ in messages], dtype=np.int64),
-                ),
-            )
+            yield topic, MessageBatch.of(messages)

@@ -1,0 +1,116 @@
+"""ROS 1's .bag files, through rosbags: message by message, as ROS 2 would have serialised them."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Reader, ReaderError
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.recording.bags.cdr import MessageBatch
+from idim_iv_ros.recording.bags.definitions import SchemaText
+
+_MESSAGES, _BYTES = 20_000, 1 << 26  # of a batch
+_HEADER = (
+    *("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration", "std_msgs/msg/Header"),
+)
+
+
+@dataclass
+class Ros1File:
+    """One .bag file of ROS 1; attributes as those of `SqliteFile`."""
+
+    path: Path
+    topics: dict[str, str] = field(default_factory=dict)
+    definitions: dict[str, SchemaText] = field(default_factory=dict)
+    truncated: bool = False
+    damaged: int = 0
+    missing: Counter[str] = field(default_factory=Counter)
+    counted: bool = True
+
+    def summarised_topics(self) -> dict[str, str]:
+        """Type of each topic, from the index of the file."""
+        with self._opened():
+            return dict(self.topics)
+
+    def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
+        """Messages of the wanted topics, each batch in the order of arrival.
+
+        Raises
+        ------
+        DataError
+            Not a ROS 1 bag, or one without an index.
+        """
+        with self._opened() as reader:
+            connections = [each for each in reader.connections if each.topic in wanted]
+            if not connections:
+                return
+            serialise = {each.id: _serialiser(each) for each in connections}
+            self.missing = Counter()
+            for each in connections:
+                self.missing[each.topic] += each.msgcount
+            waiting: dict[str, list[tuple[int, bytes]]] = {}
+            size = 0
+            messages = reader.messages(connections)
+            while True:
+                try:
+                    connection, stamp, raw = next(messages)
+                except StopIteration:
+                    break
+                except Exception:  # what rosbags and decompressors raise has no common class
+                    self.damaged += 1
+                    break
+                try:
+                    data = serialise[connection.id](raw)
+                except Exception:
+                    self.damaged += 1
+                    continue
+                self.missing[connection.topic] -= 1
+                waiting.setdefault(connection.topic, []).append((stamp, data))
+                size += len(data)
+                if size > _BYTES or len(waiting[connection.topic]) >= _MESSAGES:
+                    yield from ((topic, MessageBatch.of(each)) for topic, each in waiting.items())
+                    waiting, size = {}, 0
+            yield from ((topic, MessageBatch.of(each)) for topic, each in waiting.items())
+
+    @contextmanager
+    def _opened(self) -> Iterator[Reader]:
+        reader = Reader(self.path)
+        try:
+            reader.open()
+        except Exception as error:
+            if isinstance(error, OSError):
+                raise
+            reason = str(error) if isinstance(error, ReaderError) else "its index is damaged"
+            raise DataError(
+                f"{self.path}: not a ROS 1 bag that can be read ({reason.rstrip('.')}); "
+                "`rosbag reindex` mends the index of one that was not closed"
+            ) from error
+        try:
+            for each in reader.connections:
+                self.topics[each.topic] = each.msgtype
+                self.definitions[each.msgtype] = _definition(each)
+            yield reader
+        finally:
+            reader.close()
+
+
+def _definition(connection: Connection) -> SchemaText:
+    """Return the definition of a type, with the header of ROS 2: it has no number (seq)."""
+    parts = connection.msgdef.data.split(f"{'=' * 80}\n")
+    kept = [part for part in parts if not part.startswith("MSG: std_msgs/Header\n")]
+    return SchemaText("ros2msg", f"{'=' * 80}\n".join(kept))
+
+
+def _serialiser(connection: Connection) -> Callable[[bytes], bytes]:
+    """Return what makes CDR of a message in ROS 1's own form."""
+    kind = connection.msgtype
+    store, standard = get_typestore(Stores.EMPTY), get_typestore(Stores.ROS2_JAZZY).fielddefs
+    store.register({name: standard[name] for name in _HEADER})
+    types = get_types_from_msg(_definition(connection).text, kind)
+    store.register({name: each for name, each in types.items() if name not in _HEADER})
+    return lambda raw: bytes(store.ros1_to_cdr(raw, kind))
