@@ -15,10 +15,11 @@ from pydantic import (
     model_validator,
 )
 
-from idim_iv_ros.configuration_file import first_problem, read_mapping, shortened
+from idim_iv_ros.configuration_file import read_mapping
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
 from idim_iv_ros.signal_source import source_text, topic_of
+from idim_iv_ros.validation import first_problem, shortened
 
 # Steps of the simulated plant in one control period.
 _MOST_STEPS = 100

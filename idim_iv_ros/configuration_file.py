@@ -3,13 +3,13 @@
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, ScalarEvent
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import read_text
+from idim_iv_ros.validation import shortened
 
 # A configuration has a few hundred lines and three levels.
 _LARGEST_FILE = 0.1  # MB, for which the reader of YAML takes 1 to 2 s
@@ -70,36 +70,3 @@ def _require_characters(where: str, text: str) -> None:
         text.encode()
     except UnicodeEncodeError as error:
         raise UsageError(f"{where}: {shortened(ascii(text))} is not text in UTF-8") from error
-
-
-def first_problem(error: ValidationError) -> str:
-    """Name the key and what is wrong with it, and how many others are wrong."""
-    problems = error.errors(include_url=False, include_context=False)
-    unknown = [problem for problem in problems if problem["type"] == "extra_forbidden"]
-    first = (unknown or problems)[0]  # a key that is misspelled is missing, too
-    key = shortened(".".join(str(part) for part in first["loc"]))
-    if first["type"] == "extra_forbidden":
-        text = f"unknown key {key}"
-    elif first["type"] == "missing":
-        text = f"key {key} is missing"
-    elif first["type"] == "string_type":
-        text = f"{key}: a text is needed; put numbers and dates in quotes"
-    else:
-        reason = shortened(
-            first["msg"].removeprefix("Value error, ").replace("Input should", "must", 1)
-        )
-        text = f"{key}: {reason}{_given(first['input'])}" if key else reason
-    more = len(problems) - 1
-    return f"{text} (and {more} more)" if more else text
-
-
-def _given(value: object) -> str:
-    """The value that was refused, where it is one that fits a line."""
-    simple = value is None or isinstance(value, bool | int | float | str)
-    return f", not {shortened(str(value))}" if simple else ""
-
-
-def shortened(text: str) -> str:
-    """Text of a file in one line that fits a message."""
-    text = " ".join(text.split())
-    return text if len(text) <= 120 else f"{text[:80]}…{text[-30:]}"

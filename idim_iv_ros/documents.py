@@ -21,8 +21,9 @@ from pydantic_core import from_json
 
 from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import PROGRAM, FilePath, read_text, write_together
+from idim_iv_ros.files import FilePath, read_text, write_together
 from idim_iv_ros.types import FloatArray
+from idim_iv_ros.validation import first_problem
 
 _LARGEST_FILE = 50.0  # MB
 _NUMBER_OR_NULL = {"anyOf": [{"type": "number"}, {"type": "null"}]}
@@ -146,13 +147,7 @@ class Document:
             # From the text: a list of JSON may then stand for a tuple, and nothing for a number.
             return _adapter(cls).validate_json(text)
         except ValidationError as error:
-            first = error.errors()[0]
-            key = ".".join(str(part) for part in first["loc"])
-            problem = {
-                "missing": "missing",
-                "unexpected_keyword_argument": f"unknown to this version of {PROGRAM}",
-            }.get(first["type"], first["msg"])
-            raise UsageError(" ".join(f"{name}: {key}: {problem}; {again}".split())) from error
+            raise UsageError(f"{name}: {first_problem(error)}; {again}") from error
 
     @classmethod
     def json_schema(cls) -> dict[str, Any]:

@@ -8,10 +8,11 @@ from typing import Any
 from pydantic import ValidationError
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.configuration_file import first_problem, read_mapping
+from idim_iv_ros.configuration_file import read_mapping
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.first_configuration.topics import BagContents
 from idim_iv_ros.signal_source import field_of, topic_of, with_field
+from idim_iv_ros.validation import first_problem
 
 SOURCES = ("joint_states", "effort", "reference", "link_states")
 

@@ -254,5 +254,5 @@ def test_missing_file_and_foreign_file_are_named(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="not a rosbag2 database"):
         read(tmp_path / "text.db3")
     (tmp_path / "empty").mkdir()
-    with pytest.raises(DataError, match=r"no \.mcap or \.db3"):
+    with pytest.raises(DataError, match=r"no \.mcap, \.db3 or \.bag"):
         read(tmp_path / "empty")

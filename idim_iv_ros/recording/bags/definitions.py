@@ -16,6 +16,7 @@ MANY_STATES = "control_msgs/msg/MultiDOFStateStamped"
 DYNAMIC_STATE = "control_msgs/msg/DynamicJointState"
 ROS2_CONTROL = (CONTROLLER_STATE, MANY_STATES, DYNAMIC_STATE)
 
+AND = " and "  # between the types of one topic
 _LONGEST = 200_000  # characters of a definition; the largest of ROS have 30,000
 
 Fields = list[tuple[str, tuple[Any, Any]]]
@@ -43,6 +44,12 @@ class MessageType:
 
     name: str
     fields: Mapping[str, Fields]
+
+
+def note_type(topics: dict[str, str], topic: str, kind: str) -> None:
+    """Enter the type of a topic; of a topic with several all are named."""
+    before = topics.get(topic) or kind
+    topics[topic] = AND.join(dict.fromkeys((*before.split(AND), *filter(None, kind.split(AND)))))
 
 
 @lru_cache(maxsize=64)

@@ -19,7 +19,7 @@ from idim_iv_ros.files import NO_FILE, FilePaths, as_paths, is_file, is_there
 from idim_iv_ros.interruption import undone_if_interrupted
 from idim_iv_ros.recording.bags.byte_source import ByteSource, copied
 from idim_iv_ros.recording.bags.cdr import MessageBatch
-from idim_iv_ros.recording.bags.definitions import SchemaText
+from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 from idim_iv_ros.recording.bags.mcap import McapFile
 from idim_iv_ros.recording.bags.ros1 import Ros1File
 from idim_iv_ros.recording.bags.sqlite import SqliteFile
@@ -89,11 +89,12 @@ class Bag:
         with ExitStack() as stack:
             for path, file in self._files(stack):
                 for topic, batch in file.batches(wanted):
-                    self.topics[topic] = file.topics[topic]
+                    note_type(self.topics, topic, file.topics[topic])
                     self._define(file)
                     self._meet(topic, batch)
                     yield topic, batch
-                self.topics.update(file.topics)
+                for topic, kind in file.topics.items():
+                    note_type(self.topics, topic, kind)
                 self._define(file)
                 self.missing.update(file.missing)
                 self.counted &= file.counted

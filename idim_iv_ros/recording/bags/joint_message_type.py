@@ -19,6 +19,7 @@ from idim_iv_ros.recording.bags.cdr import (
     read_layout,
 )
 from idim_iv_ros.recording.bags.definitions import (
+    AND,
     CONTROLLER_STATE,
     DYNAMIC_STATE,
     MANY_STATES,
@@ -105,11 +106,20 @@ class JointMessageType:
         DataError
             One line that says what can be written instead.
         """
+        if AND in self.name:
+            raise DataError(
+                f"{bag}: messages of several types are on {topic}: {self.name}; record each under "
+                "a name of its own"
+            )
         if self.name in PLAIN:
             if self.field is not None and self.field not in POINTS:
-                raise UsageError(
-                    f"{bag}: {topic} is {self.name}, which has no field {self.field}: leave it out"
+                there = self.field in ("position", "velocity", "effort", "data")
+                words = (
+                    f"{self.field} is read where it is needed"
+                    if there
+                    else (f"which has no field {self.field}")
                 )
+                raise UsageError(f"{bag}: {topic} is {self.name}, {words}: leave #{self.field} out")
             return
         kinds = versions(self.name, self.schema)
         if not kinds:
@@ -123,9 +133,10 @@ class JointMessageType:
         if self.name in (CONTROLLER_STATE, MANY_STATES):
             known = POINTS if self.name == CONTROLLER_STATE else ("reference", "feedback")
             if self.field is not None and self.field not in known:
+                there = self.field.partition(".")[0] in fields
                 raise UsageError(
-                    f"{bag}: {topic} is {self.name}, which has no field {self.field}; "
-                    f"it has {', '.join(name for name in fields if name in known)}"
+                    f"{bag}: {topic} is {self.name}, which has no {'point' if there else 'field'} "
+                    f"{self.field}; it has {', '.join(name for name in fields if name in known)}"
                 )
             return
         if self.field is None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from mmap import mmap
 from typing import NamedTuple
 
-from idim_iv_ros.recording.bags.definitions import SchemaText
+from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 
 DAMAGED = 0  # no opcode of the format: bytes that are no record
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, STATISTICS, DATA_END = 2, 3, 4, 5, 6, 7, 11, 15
@@ -222,7 +222,7 @@ class McapDescription:
         encoding, _ = text(record, place)
         if encoding == "cdr":
             self.channels[number] = topic
-            self.topics[topic] = self.schemas.get(schema, "")
+            note_type(self.topics, topic, self.schemas.get(schema, ""))
 
 
 def read_summary(content: mmap | bytes, offset: int = 0) -> McapDescription | None:

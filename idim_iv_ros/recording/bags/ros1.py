@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.cdr import MessageBatch
-from idim_iv_ros.recording.bags.definitions import SchemaText
+from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 
 _MESSAGES, _BYTES = 20_000, 1 << 26  # of a batch
 _HEADER = (
@@ -92,7 +92,7 @@ class Ros1File:
             ) from error
         try:
             for each in reader.connections:
-                self.topics[each.topic] = each.msgtype
+                note_type(self.topics, each.topic, each.msgtype)
                 self.definitions[each.msgtype] = _definition(each)
             yield reader
         finally:

@@ -15,7 +15,7 @@ from urllib.parse import quote
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.cdr import MessageBatch
-from idim_iv_ros.recording.bags.definitions import SchemaText
+from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 
 _ROWS = 20_000
 _TOPICS = 10_000
@@ -107,7 +107,8 @@ class SqliteFile:
                 continue
             if isinstance(number, int) and encoding == b"cdr":
                 numbers[number] = name.decode(errors="replace")
-                self.topics[numbers[number]] = message_type.decode(errors="replace")
+                kind = message_type.decode(errors="replace")
+                note_type(self.topics, numbers[number], kind)
         self._define(connection)
         return numbers
 
