@@ -19,9 +19,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.mjcf_ties import extra_forces, notes, tied_joints
-from idim_iv_ros.model.mujoco_package import load_mujoco
+from idim_iv_ros.model.mujoco_package import load_mujoco, mujoco_reads
 from idim_iv_ros.types import FloatArray
 
 EXTENSION = "idim_iv_ros"
@@ -63,16 +62,15 @@ def compiled_mjcf(path: Path, text: str | None = None) -> tuple[Any, Any, Any]:
         As `mjcf_as_urdf`.
     """
     mujoco = load_mujoco(f"{path}: an MJCF file")
-    try:
+    with mujoco_reads(path):
         if text is None:
             spec = mujoco.MjSpec.from_file(str(path))
         else:
             spec = mujoco.MjSpec.from_string(text)
             spec.modelfiledir = str(path.parent)
         _without_drawings(mujoco, spec)
-        return mujoco, spec, spec.compile()
-    except Exception as error:  # MuJoCo raises ValueError and others, with several lines
-        raise UsageError(f"{path}: MuJoCo: {' '.join(str(error).split())}") from error
+        model = spec.compile()
+    return mujoco, spec, model
 
 
 def _without_drawings(mujoco: Any, spec: Any) -> None:

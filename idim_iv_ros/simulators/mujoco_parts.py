@@ -13,7 +13,7 @@ from typing import Any
 from idim_iv_ros.effects.contribution import CouplingTerm, ShaftPart
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
-from idim_iv_ros.model.mujoco_package import load_mujoco
+from idim_iv_ros.model.mujoco_package import load_mujoco, mujoco_reads
 from idim_iv_ros.simulation.affected_robot import JointContributions
 from idim_iv_ros.simulation.effects import SimulatedEffect, joint_effects
 from idim_iv_ros.simulators.effects_file import read_effects
@@ -32,12 +32,12 @@ def model_with_effects(model: FilePath, effects: FilePath) -> Any:
         MuJoCo is not installed, a file cannot be read, an effect or joint is not known.
     """
     mujoco = load_mujoco("a model with effects")
-    try:
+    parts = read_effects(Path(effects)).effects
+    with mujoco_reads(model):
         spec = mujoco.MjSpec.from_file(str(model))
-        add_parts(spec, read_effects(Path(effects)).effects)
-        return spec.compile()
-    except ValueError as error:
-        raise UsageError(f"{model}: MuJoCo: {' '.join(str(error).split())}") from error
+        add_parts(spec, parts)
+        compiled = spec.compile()
+    return compiled
 
 
 def add_parts(spec: Any, effects: Sequence[SimulatedEffect]) -> None:

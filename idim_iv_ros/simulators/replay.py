@@ -19,7 +19,7 @@ from idim_iv_ros.estimation.sources import instrument_sources
 from idim_iv_ros.files import EFFECTS, FilePath, FilePaths
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.model import RobotModel
-from idim_iv_ros.model.mujoco_package import load_mujoco
+from idim_iv_ros.model.mujoco_package import load_mujoco, mujoco_warnings
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.signals import Motion, central_differences
 from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
@@ -88,7 +88,6 @@ def replay_bags(
         The recordings have no references, or the control law is not known.
     """
     mujoco = load_mujoco("a replay")
-    mujoco.set_mju_user_warning(lambda text: None)  # else it writes a file of its own
     with Stopwatch(progress) as watch:
         watch.stage("reading", 0.0)
         extended = None if effects is None else read_effects(Path(effects))
@@ -213,9 +212,11 @@ def _run(
         speed = np.gradient(wanted, 1.0 / signals.rate, axis=0)
     initial, _ = central_differences(motion.position, rate=signals.rate, start=0, stop=1)
     references = References(signals.rate, wanted, speed, motion.position[0], initial[0], start_time)
-    return run_in_mujoco(
-        mujoco, stage.compiled(mujoco), robot.joints, law, references, robot.given, stage.effects
-    )
+    model = stage.compiled(mujoco)
+    with mujoco_warnings():
+        return run_in_mujoco(
+            mujoco, model, robot.joints, law, references, robot.given, stage.effects
+        )
 
 
 def _result(

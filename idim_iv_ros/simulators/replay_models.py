@@ -10,6 +10,7 @@ from idim_iv_ros.files import FilePath, read_text
 from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
 from idim_iv_ros.model.mjcf import is_mjcf
 from idim_iv_ros.model.mjcf_ties import COUPLING, DAMPING, SPRING, native_elements
+from idim_iv_ros.model.mujoco_package import mujoco_reads
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulators.mujoco import STIFFEST
 from idim_iv_ros.simulators.mujoco_loop import LONGEST_STEP
@@ -66,12 +67,10 @@ class StageModel:
         else:
             assert self.xml is not None
             spec = _read(mujoco, self.xml, self.robot.joints)
-        try:
+        with mujoco_reads(self.xml or self.robot.name):
             add_motors(mujoco, spec, self.robot.joints)
             add_parts(spec, self.effects)
             model = spec.compile()
-        except ValueError as error:
-            raise UsageError(f"{self.xml}: MuJoCo: {' '.join(str(error).split())}") from error
         bits = mujoco.mjtDisableBit
         for bit in (bits.mjDSBL_CONTACT, bits.mjDSBL_LIMIT, bits.mjDSBL_AUTORESET):
             model.opt.disableflags |= bit
@@ -171,11 +170,9 @@ def _read(mujoco: Any, path: Path, joints: Sequence[str]) -> Any:
             f"{path}: is no MJCF: its first element is not <mujoco>; --model takes the .xml of "
             "`idim-iv export`, or `urdf` for the nominal model of the configuration"
         )
-    try:
+    with mujoco_reads(path):
         spec = mujoco.MjSpec.from_file(str(path))
         model = spec.copy().compile()
-    except Exception as error:
-        raise UsageError(f"{path}: MuJoCo: {' '.join(str(error).split())}") from error
     named = [joint.name for joint in spec.joints]
     missing = [name for name in joints if name not in named]
     if missing:

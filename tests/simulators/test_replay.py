@@ -184,7 +184,7 @@ MORE = OTHER.replace("elbow", "joint_1").replace(
     [
         (OTHER, "no joint joint_1; its joints are elbow"),
         (MORE, "its joint finger is not among robot.joints"),
-        ("<mujoco><worldbody><bodi/></worldbody></mujoco>", "MuJoCo: .*bodi"),
+        ("<mujoco><worldbody><bodi/></worldbody></mujoco>", "bodi.*: unrecognized element"),
         (None, "cannot read the MJCF: No such file"),
     ],
 )
