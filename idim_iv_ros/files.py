@@ -48,6 +48,7 @@ REPLAY, EFFECTS = "replay.json", "effects.json"
 FLEET, FLEET_PAGE = "fleet.json", "fleet.html"
 
 GENERATOR = f'<meta name="generator" content="{PROGRAM}">'
+VIDEOS = (".mp4", ".gif")
 PNG_SOFTWARE = b"Software\0" + PROGRAM.encode()  # content of the text chunk of a picture
 NO_FILE = "a device, a pipe or a socket"
 FILES = "files"  # key of a JSON file that holds the digests of the files beside it
@@ -188,6 +189,34 @@ def require_file_place(files: Iterable[Path], *, force: bool = False) -> None:
 
 
 @contextmanager
+def made_folder(out: Path) -> Iterator[None]:
+    """Make a folder and its parents; those that are empty after a failure are taken away again.
+
+    Raises
+    ------
+    OSError
+        It cannot be made.
+    """
+    missing = [folder for folder in (out, *out.parents) if not folder.exists()]
+    undo = partial(_remove_empty, missing)
+    try:
+        with undone_if_interrupted(undo):
+            out.mkdir(parents=True, exist_ok=True)
+            yield
+    except BaseException:
+        undo()
+        raise
+
+
+def _remove_empty(folders: Iterable[Path]) -> None:
+    for folder in folders:
+        try:
+            folder.rmdir()
+        except OSError:
+            break
+
+
+@contextmanager
 def complete_files(paths: Iterable[Path]) -> Iterator[dict[Path, Path]]:
     """Temporary files that take the names of `paths`, all together, if the ``with`` ends well.
 
@@ -229,9 +258,11 @@ def _temporary(path: Path) -> Path:
     """Where a file is written before it is complete.
 
     Its name is short and of ASCII whatever that of the file: a name of 255 bytes is a name, too.
+    Of a video the ending stays, by which its writer knows what to write.
     """
     name = hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]
-    return path.with_name(f".{name}.{os.getpid()}.tmp")
+    ending = path.suffix.lower() if path.suffix.lower() in VIDEOS else ""
+    return path.with_name(f".{name}.{os.getpid()}.tmp{ending}")
 
 
 def require_replaceable(paths: Iterable[Path], *, force: bool = False) -> None:

@@ -1,4 +1,6 @@
-"""Ctrl-C on the command line: what is unfinished is removed, one line, exit status 130.
+"""Ctrl-C and other signals that end the command: what is unfinished is removed, and one line.
+
+The exit status is that of a shell, 128 and the number of the signal.
 
 Python's own answer, a KeyboardInterrupt, does not work everywhere: imports of extension modules,
 callbacks from C and compilers swallow it, turn it into another error, or print its traceback. The
@@ -13,12 +15,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-STATUS = 130  # of a shell: 128 + SIGINT
+STATUS = 130  # 128 + SIGINT
+SIGNALS = {  # and what is said of them
+    signal.SIGINT: "interrupted",
+    signal.SIGTERM: "terminated",
+    signal.SIGHUP: "the terminal is gone",
+}
 
 _undo: list[Callable[[], object]] = []
 _words: list[Callable[[], str]] = []
 _holding = 0
-_waiting = False
+_waiting: int | None = None  # the signal that waits
 
 
 @contextmanager
@@ -50,33 +57,36 @@ def uninterrupted() -> Iterator[None]:
         yield
     finally:
         _holding -= 1
-        if _waiting and not _holding:
-            _leave()
+        if _waiting is not None and not _holding:
+            _leave(_waiting)
 
 
 @contextmanager
 def interruption_ends_process() -> Iterator[None]:
-    """Answer SIGINT as above within the ``with``; where it is ignored (nohup), it stays so."""
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.SIG_IGN:
-        signal.signal(signal.SIGINT, _interrupted)
+    """Answer the signals as above within the ``with``; one that is ignored (nohup) stays so."""
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    for number, handler in before.items():
+        if handler is not signal.SIG_IGN:
+            signal.signal(number, _interrupted)
     try:
         yield
     finally:
-        if signal.getsignal(signal.SIGINT) is _interrupted:
-            signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            if signal.getsignal(number) is _interrupted:
+                signal.signal(number, handler)
 
 
 def _interrupted(number: int, frame: FrameType | None) -> None:
     global _waiting
     if _holding:
-        _waiting = True
+        _waiting = number
     else:
-        _leave()
+        _leave(number)
 
 
-def _leave() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _leave(number: int) -> None:
+    for each in SIGNALS:
+        signal.signal(each, signal.SIG_IGN)
     said = "".join(f": {words()}" for words in _words)
     for undo in reversed(_undo):
         with suppress(Exception):
@@ -84,5 +94,6 @@ def _leave() -> None:
     # On a terminal a progress bar may be there: its line is cleared and the cursor shown again.
     clear = b"\r\x1b[2K\x1b[?25h" if sys.__stderr__ and sys.__stderr__.isatty() else b""
     with suppress(OSError):
-        os.write(2, clear + f"idim-iv: interrupted{said}\n".encode())
-    os._exit(STATUS)
+        words = SIGNALS[signal.Signals(number)]
+        os.write(2, clear + f"idim-iv: {words}{said}\n".encode())
+    os._exit(128 + number)

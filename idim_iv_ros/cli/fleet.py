@@ -119,6 +119,28 @@ def _run(name: str, run: FleetRun, output: Output, force: bool) -> None:
     output.line(f"Numbers: {out / FLEET}; a row for each bag and parameter: {out / FILE}")
     if page is not None:
         output.line(f"Report: {page}")
+    _require_used(name, run, found, output)
+
+
+def _require_used(name: str, run: FleetRun, found: Fleet, output: Output) -> None:
+    """Refuse an answer that is of no bag, with the command that says more."""
+    from idim_iv_ros.cli.output import next_command
+    from idim_iv_ros.errors import DataError
+    from idim_iv_ros.fleet.remote import is_local, local_path
+    from idim_iv_ros.fleet.robots import path_of
+
+    if any(bag.used for bag in found.result.bags):
+        return
+    here = [bag for bag in found.bags if bag.status != "missing" and is_local(bag.uri)]
+    if here:
+        config = path_of(here[0], Path(run.config))
+        command = next_command("check", [local_path(here[0].uri)], config)
+    else:
+        again = [name, run.source]
+        command = next_command("fleet", again, str(run.config), "--out", str(run.out))
+    output.line(f"Next: {command}")
+    first = found.result.bags[0]
+    raise DataError(f"none of {len(found.bags):,} bags can be used: {first.uri}: {first.why_not}")
 
 
 def _write_robots(found: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:

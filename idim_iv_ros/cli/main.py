@@ -6,7 +6,7 @@ import signal
 import sys
 from collections.abc import Sequence
 
-from idim_iv_ros.interruption import STATUS, interruption_ends_process
+from idim_iv_ros.interruption import SIGNALS, STATUS, interruption_ends_process
 
 WRONG_USE = 2  # exit status
 CONFIGURED = {
@@ -21,7 +21,8 @@ def main() -> None:
     With ``IDIM_IV_TRACEBACK`` set in the environment, unexpected errors keep their traceback.
     """
     # While the interpreter ends, there is nothing left to interrupt.
-    atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
+    for number in SIGNALS:
+        atexit.register(signal.signal, number, signal.SIG_IGN)
     with interruption_ends_process():
         # Here, so that Ctrl-C has its answer while they are imported.
         from idim_iv_ros.cli.application import application

@@ -165,7 +165,9 @@ def print_doubts(console: Console, doubts: Sequence[str]) -> None:
         console.print(f"[yellow]Warning:[/] {escape(doubt)}", highlight=False, soft_wrap=True)
 
 
-def next_command(command: str, bags: Sequence[Path], config: Path | str, *options: str) -> str:
+def next_command(
+    command: str, bags: Sequence[Path | str], config: Path | str, *options: str
+) -> str:
     """Return ``idim-iv COMMAND BAG… --config FILE OPTIONS``."""
     words = [command, *map(str, bags), "--config", str(config), *options]
     return f"idim-iv {shell_command(*words)}"

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from idim_iv_ros.fleet.bag_result import BagResult, Status
 from idim_iv_ros.fleet.content import code_version, key_of
+from idim_iv_ros.fleet.remote import require_stores
 from idim_iv_ros.fleet.robots import robots_of
 from idim_iv_ros.fleet.run import FleetRun
 from idim_iv_ros.fleet.source import BagEntry, find_bags
@@ -45,6 +46,7 @@ def identify_bags(run: FleetRun, progress: Progress | None = None) -> tuple[BagR
         Source, configuration, output or scheduler are wrong.
     """
     entries, robots = robots_of(find_bags(run.source), Path(run.config))
+    require_stores(entry.uri for entry in entries)
     return _Bags(run, entries, robots, progress).results()
 
 

@@ -1,5 +1,7 @@
 """Bags by path or URL: what is local is read where it lies, the rest through fsspec."""
 
+import re
+from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -7,6 +9,10 @@ from idim_iv_ros.errors import UsageError, one_line
 from idim_iv_ros.recording.bags.byte_source import ByteSource
 from idim_iv_ros.recording.bags.folder import Bag, is_bag_file
 
+# Classes of the clients of stores, by their names: which of them is installed nobody knows.
+_CREDENTIALS = re.compile("Credential|Token|Profile|Authentication|SSO", re.IGNORECASE)
+_NO_ANSWER = re.compile("Connect|Endpoint|Timeout|Proxy|SSL|Region", re.IGNORECASE)
+_GIVEN = "for s3:// AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE, give them"
 INSTALL = 'a fleet needs Dask: pip install "idim-iv-ros[fleet]"'
 
 
@@ -33,14 +39,34 @@ class FetchedFile:
         return bytes(content)
 
 
+class StoreError(OSError):
+    """A store cannot be asked for any of its bags: nothing is wrong with them."""
+
+
 def reachable(function: Any, *arguments: Any, **named: Any) -> Any:
-    """Call a file system; whatever its own errors are, they are OSErrors here."""
+    """Call a file system; whatever its own errors are, they are OSErrors here.
+
+    Raises
+    ------
+    StoreError
+        Nobody may ask, or nobody answers.
+    OSError
+        This file is not there, or may not be read.
+    """
     try:
         return function(*arguments, **named)
+    except FileNotFoundError as error:
+        if isinstance(error.__cause__, OSError) and type(error.__cause__) is not type(error):
+            raise StoreError(0, f"no answer ({one_line(error.__cause__)})") from error
+        raise
     except OSError:
         raise
     except Exception as error:
-        raise OSError(0, one_line(error)) from error
+        name = type(error).__name__
+        if _CREDENTIALS.search(name):
+            raise StoreError(0, f"no credentials ({one_line(error)}): {_GIVEN}") from error
+        kind = StoreError if _NO_ANSWER.search(name) else OSError
+        raise kind(0, one_line(error)) from error
 
 
 def file_system(uri: str) -> tuple[Any, str]:
@@ -52,14 +78,37 @@ def file_system(uri: str) -> tuple[Any, str]:
         Nothing is installed that opens such a URL.
     """
     try:
+        from fsspec import available_protocols
         from fsspec.core import url_to_fs
     except ImportError as error:
         raise UsageError(INSTALL) from error
+    scheme = uri.partition("://")[0]
     try:
         system, path = url_to_fs(uri)
+    except ImportError as error:
+        raise UsageError(
+            f"{uri}: cannot be opened: {scheme}:// needs a package: {error}"
+        ) from error
     except Exception as error:
+        if scheme != uri and scheme not in available_protocols():
+            raise UsageError(
+                f"{uri}: cannot be opened: {scheme}:// is no kind of store; s3://, gs://, abfs:// "
+                "and https:// are"
+            ) from error
         raise UsageError(f"{uri}: cannot be opened: {one_line(error)}") from error
     return system, str(path)
+
+
+def require_stores(uris: Iterable[str]) -> None:
+    """Refuse URLs of a kind that nothing here opens, before any bag is looked at.
+
+    Raises
+    ------
+    UsageError
+        There is one; the first is named.
+    """
+    for uri in {uri.partition("://")[0]: uri for uri in uris if not is_local(uri)}.values():
+        file_system(uri)
 
 
 def is_local(uri: str) -> bool:

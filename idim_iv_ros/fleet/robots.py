@@ -6,6 +6,7 @@ from pathlib import Path
 
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.fleet.bag_result import BagResult
 from idim_iv_ros.fleet.source import BagEntry
 from idim_iv_ros.fleet.task import Robot
 from idim_iv_ros.identification.prepare import configured_request
@@ -37,7 +38,7 @@ def robots_of(
     paths: dict[str, Path] = {}
     types: dict[str, str] = {}
     for entry in entries:
-        path = _path(entry, config)
+        path = path_of(entry, config)
         kind = entry.type or path.stem
         if types.setdefault(entry.robot, kind) != kind:
             raise UsageError(
@@ -50,7 +51,14 @@ def robots_of(
     return typed, {robot: loaded[path] for robot, path in paths.items()}
 
 
-def _path(entry: BagEntry, config: Path) -> Path:
+def path_of(entry: BagEntry | BagResult, config: Path) -> Path:
+    """Return the configuration of the robot of a bag, in a folder of them or the only one.
+
+    Raises
+    ------
+    UsageError
+        The folder has none.
+    """
     if not config.is_dir():
         return config
     names = [name for name in (entry.robot, entry.type) if name]

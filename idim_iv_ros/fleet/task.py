@@ -6,11 +6,11 @@ from functools import cache
 from pathlib import Path
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.errors import DataError, IdimError
+from idim_iv_ros.errors import DataError, IdimError, UsageError
 from idim_iv_ros.fleet.bag_result import BagResult, Status
 from idim_iv_ros.fleet.content import configuration_digest, content_of
 from idim_iv_ros.fleet.regression import bag_fields
-from idim_iv_ros.fleet.remote import local_path, open_bag
+from idim_iv_ros.fleet.remote import StoreError, local_path, open_bag
 from idim_iv_ros.identification.prepare import configured_request
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.segments import read_segments
@@ -68,14 +68,23 @@ def _kept(name: str, description: bytes) -> Path:
 
 
 def content_task(uri: str) -> tuple[str, Status, str]:
-    """Digest of a bag's content; empty where it cannot be read, then with the reason."""
+    """Digest of a bag's content; empty where it cannot be read, then with the reason.
+
+    Raises
+    ------
+    UsageError
+        Its store can be asked for no bag at all.
+    """
     try:
         return content_of(uri), "ok", ""
     except FileNotFoundError:
         return "", "missing", "no such file"
-    except (OSError, IdimError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        return "", "corrupt", reason.removeprefix(f"{local_path(uri)}: ")
+    except StoreError as error:
+        raise UsageError(f"{uri}: {error.strerror}") from error
+    except OSError as error:
+        return "", "unusable", error.strerror or str(error)
+    except IdimError as error:
+        return "", "corrupt", str(error).removeprefix(f"{local_path(uri)}: ")
 
 
 def identify_task(uri: str, content: str, key: str, robot: Robot) -> BagResult:

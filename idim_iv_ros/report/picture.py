@@ -12,7 +12,14 @@ from markupsafe import Markup
 
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import GENERATOR, PNG_SOFTWARE, FilePath, require_file_place, write_together
+from idim_iv_ros.files import (
+    GENERATOR,
+    PNG_SOFTWARE,
+    FilePath,
+    complete_files,
+    require_file_place,
+    write_together,
+)
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.advice import diagnosis_headline, identification_headline, verdict_badge
 from idim_iv_ros.report.gap_words import VERDICTS, stage_words, torque_unit
@@ -76,7 +83,9 @@ def save_picture(svg: str, path: FilePath) -> Path:
     path = Path(path)
     try:
         if path.suffix.lower() == ".png":
-            path.write_bytes(_signed(_rasteriser(path)(svg_string=svg, width=2 * WIDTH)))
+            png = _signed(_rasteriser(path)(svg_string=svg, width=2 * WIDTH))
+            with complete_files([path]) as temporary:
+                temporary[path].write_bytes(png)
         else:
             write_together({path: svg})
     except OSError as error:

@@ -3,7 +3,7 @@
 import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -17,13 +17,13 @@ from idim_iv_ros.files import (
     REPORT,
     RESULT,
     FilePath,
+    made_folder,
     probe_place,
     require_replaceable,
     write_together,
 )
 from idim_iv_ros.fleet.result import FleetResult
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.interruption import undone_if_interrupted
 from idim_iv_ros.report.fleet import fleet_html
 from idim_iv_ros.report.page import gap_report_html, report_html
 from idim_iv_ros.report.replay import replay_html
@@ -177,29 +177,16 @@ def require_writable(
         The folder cannot be written, and why; or it holds the report of another command,
         or a file that this program did not write.
     """
-    created: list[Path] = []
-    try:
+    with ExitStack() as undone:
         try:
             if not force:
                 _keep_other_report(out, names)
             require_replaceable([out / name for name in names], force=force)
-            _create(out, created)
+            undone.enter_context(made_folder(out))
             _probe(out, names)
         except OSError as error:
             raise _refusal(out, error) from error
-        with undone_if_interrupted(partial(_remove_empty, created)):
-            yield
-    except BaseException:
-        _remove_empty(created)
-        raise
-
-
-def _remove_empty(created: Sequence[Path]) -> None:
-    for folder in reversed(created):
-        try:
-            folder.rmdir()
-        except OSError:
-            break
+        yield
 
 
 def _keep_other_report(out: Path, names: Sequence[str]) -> None:
@@ -212,14 +199,6 @@ def _keep_other_report(out: Path, names: Sequence[str]) -> None:
                 f"{out}: holds {name} and {REPORT} of `idim-iv {command}`, and {REPORT} would be "
                 "replaced; give another --out, or --force"
             )
-
-
-def _create(out: Path, created: list[Path]) -> None:
-    """Create the folder and its parents, and note each one in `created`."""
-    missing = [folder for folder in (out, *out.parents) if not folder.exists()]
-    for folder in reversed(missing):
-        folder.mkdir()
-        created.append(folder)
 
 
 def _probe(out: Path, names: Sequence[str]) -> None:

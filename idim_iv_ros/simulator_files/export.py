@@ -9,7 +9,7 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import EFFECTS, FilePath, complete_files
+from idim_iv_ros.files import EFFECTS, FilePath, complete_files, made_folder
 from idim_iv_ros.model import read_urdf_file, read_urdf_text
 from idim_iv_ros.model.urdf_reader import decoded_urdf, description_key
 from idim_iv_ros.simulator_files.answer import Answer, read_answer
@@ -252,18 +252,13 @@ def _overlay(
 
 def _write(contents: Mapping[Path, bytes], out: Path) -> None:
     """Write all files, or none, and no folder either."""
-    missing = [folder for folder in (out, *out.parents) if not folder.exists()]
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        with complete_files(contents) as temporary:
+        with made_folder(out), complete_files(contents) as temporary:
             for path, content in contents.items():
                 with temporary[path].open("wb") as file:
                     file.write(content)
                     file.flush()
                     os.fsync(file.fileno())
     except OSError as error:
-        for folder in missing:
-            if folder.is_dir() and not any(folder.iterdir()):
-                folder.rmdir()
         reason = error.strerror or error
         raise UsageError(f"{out}: cannot be written: {reason}; give another --out") from error

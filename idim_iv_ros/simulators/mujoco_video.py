@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from idim_iv_ros.errors import UsageError, one_line
-from idim_iv_ros.files import FilePath, require_file_place
+from idim_iv_ros.files import VIDEOS, FilePath, complete_files, require_file_place
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.model.link_frames import link_frames
 from idim_iv_ros.model.mujoco_package import load_mujoco
@@ -17,7 +17,6 @@ from idim_iv_ros.simulators.mujoco_plant import plant_spec
 from idim_iv_ros.simulators.replay_result import CORRECTED, NOMINAL, WITH_EFFECTS, ReplayResult
 from idim_iv_ros.types import FloatArray
 
-SUFFIXES = (".mp4", ".gif")
 _WIDTH, _HEIGHT = 720, 320
 _FIELD = 15.0  # degrees: a narrow one shows all robots from the same side
 _FRAMES = {".mp4": 30.0, ".gif": 12.5}  # 1/s
@@ -41,7 +40,7 @@ def require_video(path: FilePath | None, *, force: bool = False) -> None:
     if path is None:
         return
     suffix = Path(path).suffix.lower()
-    if suffix not in SUFFIXES:
+    if suffix not in VIDEOS:
         raise UsageError(f"--video {path}: give a name that ends in .mp4 or .gif")
     require_file_place([Path(path)], force=force)
     if "MUJOCO_GL" not in os.environ and not os.environ.get("DISPLAY"):
@@ -76,15 +75,14 @@ def write_video(result: ReplayResult, robot: RobotModel, path: FilePath) -> None
     target = Path(path)
     rate = _FRAMES[target.suffix.lower()]
     frames = _frames(mujoco, result, robot, rate)
-    beside = target.with_name(f".{target.name}.part{target.suffix}")
+    options: dict[str, Any] = {"fps": rate}
+    if target.suffix.lower() == ".gif":
+        options = {"duration": 1000.0 / rate, "loop": 0}
     try:
-        options: dict[str, Any] = {"fps": rate}
-        if target.suffix.lower() == ".gif":
-            options = {"duration": 1000.0 / rate, "loop": 0}
-        imageio.mimwrite(beside, frames, **options)
-        beside.replace(target)
-    finally:
-        beside.unlink(missing_ok=True)
+        with complete_files([target]) as temporary:
+            imageio.mimwrite(temporary[target], frames, **options)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def _frames(mujoco: Any, result: ReplayResult, robot: RobotModel, rate: float) -> list[Any]:

@@ -1,6 +1,5 @@
 """Bags of a simulated robot: what a recorder on it would have written."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import Trajectory
 from idim_iv_ros.files import (
@@ -15,12 +15,13 @@ from idim_iv_ros.files import (
     TRUTH_FORMAT,
     FilePath,
     as_file,
+    complete_files,
     require_file_place,
-    write_together,
 )
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.progress import Progress, Stopwatch
-from idim_iv_ros.recording import JointTopic, write_bag
+from idim_iv_ros.recording import JointTopic
+from idim_iv_ros.recording.writing.write import write_messages
 from idim_iv_ros.signal_source import topic_of
 from idim_iv_ros.simulation import SimulatedRecording
 from idim_iv_ros.simulators.robot import SimulatedRobot, simulated_robot
@@ -109,16 +110,6 @@ def simulate(
     text = read_urdf_file(urdf)
     extended = None if effects is None else Path(effects)
     robot = simulated_robot(configuration, text, urdf.name, extended)
-    bags = []
-    with Stopwatch(progress) as watch:
-        for count, seed in enumerate(seeds):
-            watch.stage(f"simulating seed {seed}", count / len(seeds))
-            record = robot.record(trajectory, seed)
-            path = bag_paths[seed]
-            watch.stage(f"writing {path.name}", (count + 0.7) / len(seeds))
-            topics = recorded_topics(configuration, robot, record)
-            write_bag(path, topics, robot_description=text, force=force)
-            bags.append(_summary(path, seed, record, robot.robot.joint_types))
     content: dict[str, object] = {"format": TRUTH_FORMAT, **robot.truth}
     if effects is not None:
         content["effects"] = [
@@ -130,10 +121,25 @@ def simulate(
             }
             for effect in robot.effects
         ]
+    bags = []
     try:
-        write_together({truth: json.dumps(content, indent=1) + "\n"})
+        # All of them or none, also where one of many loops diverges.
+        with (
+            Stopwatch(progress) as watch,
+            complete_files([*bag_paths.values(), truth]) as temporary,
+        ):
+            for count, seed in enumerate(seeds):
+                watch.stage(f"simulating seed {seed}", count / len(seeds))
+                record = robot.record(trajectory, seed)
+                path = bag_paths[seed]
+                watch.stage(f"writing {path.name}", (count + 0.7) / len(seeds))
+                topics = recorded_topics(configuration, robot, record)
+                with temporary[path].open("wb") as stream:
+                    write_messages(stream, topics, text)
+                bags.append(_summary(path, seed, record, robot.robot.joint_types))
+            temporary[truth].write_text(json_text(content), encoding="utf-8")
     except OSError as error:
-        raise UsageError(f"{truth}: cannot be written: {error.strerror or error}") from error
+        raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
     return bags, truth
 
 

@@ -51,7 +51,8 @@ def test_a_bag_that_is_not_there_is_missing_and_not_corrupt(
     lines = ["uri,robot", f"{folder.corrupt},arm-2", "gone/run-1.mcap,arm-3", "gone,arm-3"]
     manifest.write_text("\n".join(lines) + "\n", encoding="utf-8")
     outcome = run("fleet", "identify", manifest, "--config", CONFIG, "--out", tmp_path / "out")
-    assert outcome.status == 0, outcome.error
+    assert outcome.status == 1, outcome.error
+    assert f"Next: idim-iv check {folder.corrupt} --config {CONFIG}" in outcome.out
     said = [line for line in outcome.out.splitlines() if "gone" in line]
     assert said == [
         f"Not used: {tmp_path / 'gone' / 'run-1.mcap'}: no such file",

@@ -145,9 +145,9 @@ MESH = MESH.replace("<worldbody>", '<asset><mesh name="m" file="nothing.obj"/></
         (XARM7, ("joint1", "left_finger_joint"), ("left_finger_joint", "equality")),
         (SPRING, ("joint_1", "joint_2"), ("joint_2", "spring")),
         (BALL, ("wrist", "joint_2"), ("wrist", "ball joint")),
-        (MESH, ("joint_1", "joint_2"), ("MuJoCo", "nothing.obj")),
+        (MESH, ("joint_1", "joint_2"), ("nothing.obj",)),
         (ARM2, ("joint_1", "elbow"), ("no joint elbow", "joint_1, joint_2")),
-        ("<mujoco><worldbody><bodi/></worldbody></mujoco>", ("a",), ("MuJoCo", "bodi")),
+        ("<mujoco><worldbody><bodi/></worldbody></mujoco>", ("a",), ("line 1", "bodi")),
     ],
 )  # fmt: skip
 def test_what_the_nominal_model_cannot_hold_is_refused_in_one_line(

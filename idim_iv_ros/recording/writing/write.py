@@ -222,12 +222,15 @@ def write_bag(
     require_replaceable([out], force=force)
     try:
         with complete_files([out]) as temporary, temporary[out].open("wb") as stream:
-            _write(stream, topics, robot_description)
+            write_messages(stream, topics, robot_description)
     except OSError as error:
         raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
 
 
-def _write(stream: IO[bytes], topics: Sequence[JointTopic], robot_description: str | None) -> None:
+def write_messages(
+    stream: IO[bytes], topics: Sequence[JointTopic], robot_description: str | None
+) -> None:
+    """Write a bag to a file that is open; see `write_bag`."""
     writer = ShortChunkWriter(stream, library=PROGRAM)
     if robot_description is not None:
         channel = TopicChannel(
