@@ -1,8 +1,9 @@
 """The commands and the options that belong to none of them."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer import rich_utils
 
 from idim_iv_ros.cli.check import check_command
 from idim_iv_ros.cli.diagnose import WithSets, diagnose_command
@@ -44,6 +45,21 @@ application.command("excite")(excite_command)
 application.command("simulate")(simulate_command)
 application.command("replay")(replay_command)
 application.add_typer(fleet, name="fleet")
+
+_show = rich_utils.rich_format_error
+
+
+def _show_error(error: Any) -> None:
+    """Show what is wrong with an option; recent versions of typer have pydantic's words for it."""
+    cause = error.__cause__
+    if type(cause).__name__ == "ValidationError":
+        from idim_iv_ros.validation import first_problem
+
+        error.message = first_problem(cause)
+    _show(error)
+
+
+setattr(rich_utils, "rich_format_error", _show_error)  # noqa: B010 - mypy
 
 
 def _print_version(wanted: bool) -> None:

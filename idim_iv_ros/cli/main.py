@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
 
 from idim_iv_ros.interruption import SIGNALS, STATUS, interruption_ends_process
 
@@ -79,6 +80,9 @@ def _of_system(error: Exception) -> str:
 def _require_names(arguments: Sequence[str]) -> None:
     from idim_iv_ros.errors import UsageError
 
+    for option, each in pairwise(["", *arguments]):
+        if not each and option != "--namespace":
+            raise UsageError("an argument is empty; is a variable of the shell not set?")
     if any(each == "-" or each.endswith("=-") for each in arguments):
         raise UsageError("-: name a file (./- if it has that name); --json prints results")
 
