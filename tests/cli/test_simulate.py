@@ -152,3 +152,25 @@ def test_a_wrong_file_of_effects_is_refused_in_one_line(
     config, bag = CONFIG / "arm2.yaml", tmp_path / "soft.mcap"
     refused(run("simulate", "--config", config, "--out", bag, "--effects", file), 2, words)
     assert not bag.exists()
+
+
+def test_bags_of_several_seeds_are_written_all_or_none(
+    config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run
+) -> None:
+    """The disk is full when the last of them is written."""
+    path, seeds = config(), ("--seed", 1, "--seed", 2, "--seed", 3)
+    written: list[Path] = []
+    opened = Path.open
+
+    def full(self: Path, mode: str = "r", *arguments, **named):
+        if "w" in mode:
+            written.append(self)
+            if len(written) == 4:  # the first one finds out whether the folder can be written
+                raise OSError(28, "No space left on device")
+        return opened(self, mode, *arguments, **named)
+
+    monkeypatch.setattr(Path, "open", full)
+    done = run("simulate", "--config", path, "--out", tmp_path / "s.mcap", "--duration", 1, *seeds)
+    assert done.status == 2
+    assert "No space left" in done.error
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]

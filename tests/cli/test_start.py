@@ -114,18 +114,30 @@ def test_ctrl_c_is_one_line_and_leaves_nothing(
     assert left == {"arm2.yaml"}
 
 
-def test_ctrl_c_is_not_lost_in_code_that_swallows_every_exception() -> None:
+@pytest.mark.parametrize(
+    ("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
+)
+def test_a_signal_is_not_lost_in_code_that_swallows_every_exception(
+    number: signal.Signals, status: int, tmp_path: Path
+) -> None:
     code = (
-        "import os, signal\n"
+        "import os, sys\n"
+        "from pathlib import Path\n"
+        "from idim_iv_ros.files import complete_files, made_folder\n"
         "from idim_iv_ros.interruption import interruption_ends_process\n"
-        "with interruption_ends_process():\n"
-        "    try:\n        os.kill(os.getpid(), signal.SIGINT)\n        [0] * 10\n"
+        "out = Path(sys.argv[1], 'deep', 'out')\n"
+        "file = out / 'a.gif'\n"
+        "with interruption_ends_process(), made_folder(out), complete_files([file]) as new:\n"
+        "    new[file].write_text('half')\n"
+        "    try:\n        os.kill(os.getpid(), int(sys.argv[2]))\n        [0] * 10\n"
         "    except BaseException:\n        pass\n"
         "print('went on')"
     )
-    process = started(code=code)
+    process = started(str(tmp_path), str(int(number)), code=code)
     out, error = process.communicate(timeout=60)
-    assert (process.returncode, out, error) == (130, "", "idim-iv: interrupted\n")
+    assert (process.returncode, out) == (status, "")
+    assert error.startswith("idim-iv: ") and error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_files_that_belong_together_are_not_parted_by_ctrl_c(tmp_path: Path) -> None:

@@ -70,17 +70,43 @@ def test_a_bag_that_is_not_there_is_missing_and_not_corrupt(
     [
         (["nowhere.csv"], "nowhere.csv: no such file, folder or URL"),
         (["{bags}", "--workers", "0"], "--workers 0: at least one is needed"),
-        (["s3x://bucket/bags"], "s3x://bucket/bags: cannot be opened"),
+        (["s3x://bucket/bags"], "s3x:// is no kind of store"),
+        (["{stores}"], "foo:// is no kind of store"),  # before any bag is looked at
     ],
 )
 def test_wrong_use_is_one_line(
     run: Any, folder: BagFolder, tmp_path: Path, arguments: list[str], words: str
 ) -> None:
-    given = [each.format(bags=folder.path) for each in arguments]
+    stores = tmp_path / "stores.csv"
+    stores.write_text(f"uri,robot\n{folder.bags[0]},arm-1\nfoo://b/a.mcap,arm-2\n")
+    given = [each.format(bags=folder.path, stores=stores) for each in arguments]
     outcome = run("fleet", "identify", *given, "--config", CONFIG, "--out", tmp_path / "out")
     assert outcome.status == 2
     assert words in outcome.error
     assert outcome.error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("source", ["s3://nobody/bags", "{manifest}"])
+def test_credentials_that_are_missing_are_no_fault_of_the_bags(
+    run: Any, folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, source: str
+) -> None:
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_PROFILE"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
+    monkeypatch.setenv("AWS_CONFIG_FILE", str(tmp_path / "none"))
+    monkeypatch.setenv("AWS_SHARED_CREDENTIALS_FILE", str(tmp_path / "none"))
+    manifest = tmp_path / "manifest.csv"
+    manifest.write_text(f"uri,robot\ns3://none/a.mcap,arm-2\n{folder.bags[0]},arm-1\n")
+    out = tmp_path / "out"
+    outcome = run(
+        "fleet", "identify", source.format(manifest=manifest), "--config", CONFIG, "--out", out
+    )
+    assert outcome.status == 2
+    assert "no credentials" in outcome.error and "AWS_ACCESS_KEY_ID" in outcome.error
+    assert "corrupt" not in outcome.out + outcome.error
+    assert not out.exists()
 
 
 def test_without_the_extra_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,7 @@ from idim_iv_ros.model import (
     parameter_layout,
     read_urdf_file,
 )
+from idim_iv_ros.model.mjcf import mjcf_as_urdf
 from idim_iv_ros.model.urdf_reader import description_key
 from tests.model.mjcf_robots import ARMS, PANDA, UR5E, XARM7
 
@@ -192,3 +193,19 @@ def test_armature_and_damping_of_an_actuator_count_at_its_joint(tmp_path: Path) 
     friction = model.dof_frictionloss * np.sign(data.qvel)
     state = (np.zeros((1, 2)), np.array([[0.4, -0.7]]), np.array([[1.0, 2.0]]))
     assert torques(robot, *state)[0] == pytest.approx(data.qfrc_inverse + friction, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("mass", "words"),
+    [("nan", "a number in it is NaN"), ("-1", "line 5 (link_1)"), ("abc", "attribute 'mass'")],
+)
+def test_what_mujoco_says_is_said_in_words_of_the_file(
+    mass: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = ARM2.replace('mass="4.2"', f'mass="{mass}"')
+    with pytest.raises(UsageError) as caught:
+        mjcf_as_urdf(Path("arm.xml"), text)
+    assert words in str(caught.value) and "Error" not in str(caught.value)
+    assert capfd.readouterr().err == ""
+    assert list(tmp_path.iterdir()) == []  # MUJOCO_LOG.TXT
