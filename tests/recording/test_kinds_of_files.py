@@ -90,7 +90,7 @@ def test_a_damaged_chunk_of_ros_1_is_said(tmp_path: Path) -> None:
     content[len(content) // 3] ^= 0x55
     torn = tmp_path / "torn.bag"
     torn.write_bytes(content)
-    with pytest.raises(DataError, match="damaged"):
+    with pytest.raises(DataError, match="the file is damaged"):
         read_recordings(torn, joints=("a", "b"))
 
 
