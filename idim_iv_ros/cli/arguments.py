@@ -12,7 +12,8 @@ import typer
 Bags = Annotated[
     list[Path],
     typer.Argument(
-        help="MCAP files, rosbag2 folders, .db3 or ROS 1 .bag files of one robot.", show_default=False
+        help="MCAP files, rosbag2 folders, .db3 or ROS 1 .bag files of one robot.",
+        show_default=False,
     ),
 ]
 Config = Annotated[
