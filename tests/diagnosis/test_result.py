@@ -166,10 +166,10 @@ def _change(document: dict, keys: tuple, value: object) -> None:
         (("stages", 0, "torque_rms", "joint_1"), [1], "stages.0.torque_rms.joint_1"),
         (("format",), "idim_iv_ros/gap/2", "idim_iv_ros/gap/2"),
         (("format",), None, "not a diagnosis"),
-        (("joint_types",), None, "joint_types: missing; write it with this version's"),
-        (("later",), 1, "later: unknown to this version of idim_iv_ros; write it"),
-        (("causes", 0, "later"), 1, "causes.0.later: unknown"),
-        (("causes", 0, "sen\ntence"), 1, "causes.0.sen tence: unknown"),
+        (("joint_types",), None, "key joint_types is missing; write it with this version's"),
+        (("later",), 1, "unknown key later; write it"),
+        (("causes", 0, "later"), 1, "unknown key causes.0.later"),
+        (("causes", 0, "sen\ntence"), 1, "unknown key causes.0.sen tence"),
     ],
 )
 def test_a_file_of_another_format_is_refused_with_the_key(

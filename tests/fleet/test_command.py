@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from s3fs import S3FileSystem
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.fleet.identify import BAGS
@@ -89,8 +90,15 @@ def test_wrong_use_is_one_line(
 
 @pytest.mark.parametrize("source", ["s3://nobody/bags", "{manifest}"])
 def test_credentials_that_are_missing_are_no_fault_of_the_bags(
-    run: Any, folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, source: str
+    run: Any,
+    folder: BagFolder,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    source: str,
+    request: pytest.FixtureRequest,
 ) -> None:
+    S3FileSystem.clear_instance_cache()  # of clients with credentials, and then of those without
+    request.addfinalizer(S3FileSystem.clear_instance_cache)
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_PROFILE"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
