@@ -117,7 +117,7 @@ def test_a_driver_of_the_user_is_a_file_of_the_same_form(run, bag, tmp_path: Pat
         ("robot: {joints: [a]}\n", "leave the key robot out"),
         ("signals: {reference: {topic: /a, fields: b}}\n", "signals.reference: a topic, or topic"),
         ("signals: {reference: '/a#'}\n", "signals.reference: '/a#' is no topic with a field"),
-        ("signals: {reference: 3}\n", "signals.reference: a text is needed"),
+        ("signals: {reference: 3}\n", "signals.reference: a text"),
         ("colour: red\n", "unknown key colour"),
     ],
 )
