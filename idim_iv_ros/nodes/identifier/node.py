@@ -166,6 +166,8 @@ class Identifier:
 
     def close(self) -> None:
         """End the job that is worked on, and answer all requests."""
+        for server in self._servers:
+            server.hurry()
         self._jobs.close()
         executor = self.node.executor
         if executor is not None:

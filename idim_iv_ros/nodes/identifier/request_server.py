@@ -5,6 +5,8 @@ An awaiting callback keeps rclpy's executor busy (it resumes every waiting corou
 answer are two callbacks.
 """
 
+import sys
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -21,6 +23,50 @@ from idim_iv_ros.nodes.identifier.job import Job, JobListener
 # without an answer.
 BURST = QoSProfile(depth=1000)
 _LOOK, _ABSENCES = 0.5, 2  # s between two looks for clients, and looks that must find none
+_AT_ONCE, _PAUSE = 5, 0.3  # answers in one go, and s until there may be as many again
+
+
+class PacedAnswers:
+    """Lets a few answers go at a time, so that a client that is busy for a moment gets them all.
+
+    A client keeps ten answers that it has not looked at, unless its program says otherwise, and the
+    eleventh replaces the first: of 200 goals that are sent in one go many would be answered while
+    the client still sends. Two turns are ten answers: it may be busy for a whole pause.
+
+    Parameters
+    ----------
+    node
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._waiting: deque[Callable[[], object]] = deque()
+        self._room = _AT_ONCE
+        self._timer = node.create_timer(
+            _PAUSE, self._next_turn, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+
+    def __call__(self, answer: Callable[[], object]) -> None:
+        """Call `answer` now or in a later turn; the order is kept."""
+        if self._timer.is_canceled():  # nothing has gone for a whole pause
+            self._timer.reset()
+        self._waiting.append(answer)
+        self._go()
+
+    def _next_turn(self) -> None:
+        if self._room >= _AT_ONCE:
+            self._timer.cancel()
+        self._room = max(self._room, _AT_ONCE)
+        self._go()
+
+    def _go(self) -> None:
+        while self._waiting and self._room:
+            self._room -= 1
+            self._waiting.popleft()()
+
+    def hurry(self) -> None:
+        """Let all answers go at once from now on: the node ends."""
+        self._room = sys.maxsize
+        self._go()
 
 
 class Later:
@@ -44,13 +90,20 @@ class Later:
 
 
 def create_deferred_service(
-    node: Node, kind: Any, name: str, asked: Callable[[Any, Later], None]
+    node: Node,
+    kind: Any,
+    name: str,
+    asked: Callable[[Any, Later], None],
+    paced: PacedAnswers,
 ) -> None:
     """Make a service; `asked` takes each request and where its answer goes."""
     service = node.create_service(
         kind, name, lambda request, _: _ask(asked, request, Later(answer)), qos_profile=BURST
     )
-    answer = service.send_response
+    send = service.send_response
+
+    def answer(response: Any, header: Any) -> None:
+        paced(lambda: send(response, header))
 
     def send_response(later: Later, header: Any) -> None:
         later._asked_by(header)
@@ -118,6 +171,23 @@ class DeferredActionServer(ActionServer):
             result_service_qos_profile=BURST,
             cancel_service_qos_profile=BURST,
         )
+        self._goals_paced, self._results_paced = PacedAnswers(node), PacedAnswers(node)
+
+    async def execute(self, taken_data: dict[str, Any]) -> None:
+        """Do what was asked for; a goal, which is answered at once, when its turn has come."""
+        goal = taken_data.pop("goal", None)
+        if goal is not None:
+            accept, executor = super().execute, self._node.executor
+            self._goals_paced(lambda: executor.create_task(accept, {"goal": goal}))
+        await super().execute(taken_data)  # type: ignore[no-untyped-call]
+
+    def _send_result_response(self, request_header: Any, future: Any) -> None:
+        send = super()._send_result_response
+        self._results_paced(lambda: send(request_header, future))
+
+    def hurry(self) -> None:
+        """Answer at once from now on: the node ends."""
+        self._results_paced.hurry()
 
     def notify_execute(
         self, goal_handle: ServerGoalHandle, execute_callback: Callable[..., Any] | None
@@ -182,8 +252,14 @@ class RequestServer:
         whole = node.resolve_service_name(name)
         self._clients = Clients(node, whole), Clients(node, f"{whole}/_action/get_result")
         node.create_timer(_LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        create_deferred_service(node, service, name, self._asked)
+        self._paced = PacedAnswers(node)
+        create_deferred_service(node, service, name, self._asked, self._paced)
         self._actions = DeferredActionServer(node, action, name, self._accepted, self._cancel)
+
+    def hurry(self) -> None:
+        """Answer at once from now on: the node ends."""
+        self._paced.hurry()
+        self._actions.hurry()
 
     def destroy(self) -> None:
         """Take the action away; its goals are lost."""
