@@ -114,11 +114,11 @@ def test_refused_goal_is_aborted_with_the_reason(served) -> None:
 def test_announced_bag_is_identified_with_auto_only(served, simulated_bags: Path) -> None:
     publisher = served.node.create_publisher(BagClosed, "/announced", 10)
     served.observer.until(lambda: publisher.get_subscription_count() == 1, "the identifier")
-    publisher.publish(BagClosed(bag=str(simulated_bags / "missing-1")))
+    publisher.publish(BagClosed(bag=str(simulated_bags / "missing-1"), complete=True))
     publisher.wait_for_all_acked(Duration(seconds=10))
     time.sleep(1.0)  # a call may overtake a message that is received and not yet read
     with served.parameters(auto=True):
-        publisher.publish(BagClosed(bag="/etc/passwd"))
+        publisher.publish(BagClosed(bag="/etc/passwd", complete=True))
         served.observer.until(lambda: "/etc/passwd" in served.failure(), "the refusal")
         assert "missing-1" not in served.process.errors.read_text()
         publisher.publish(BagClosed(bag=str(simulated_bags / "bag-1.mcap"), complete=True))

@@ -189,13 +189,13 @@ class Collection:
         except Exception:
             self._course.trouble = str
             with contextlib.suppress(IdimError):  # the first reason is the one to name
-                self._close_bag()
+                self._close_bag(aborted=True)
             raise
         self._course.trouble = str
         return self._close_bag()
 
-    def _close_bag(self) -> Path:
-        bag = self._parts.recorder.stop(wait_whatever_happens)
+    def _close_bag(self, *, aborted: bool = False) -> Path:
+        bag = self._parts.recorder.stop(wait_whatever_happens, aborted=aborted)
         self.collected.bag = bag.name
         return bag
 

@@ -182,7 +182,12 @@ class Identifier:
         return with_own_topics(self.node, load_configuration(Path(path))) if path else None
 
     def _bag_closed(self, message: BagClosed) -> None:
-        if self._settings.auto and self._managed.state == ACTIVE:
+        if not self._settings.auto or self._managed.state != ACTIVE:
+            return
+        if not message.complete:
+            why = f"{message.bag}: not complete, so not identified; to have it so, ask for it"
+            self.node.get_logger().warning(why)
+        else:
 
             def ended(success: bool, why: str) -> None:
                 if not success:  # nobody asked: the diagnostics are the only answer
