@@ -183,7 +183,7 @@ class DeferredActionServer(ActionServer):
 
     def _send_result_response(self, request_header: Any, future: Any) -> None:
         send = super()._send_result_response
-        self._results_paced(lambda: send(request_header, future))
+        self._results_paced(lambda: send(request_header, future))  # type: ignore[no-untyped-call]
 
     def hurry(self) -> None:
         """Answer at once from now on: the node ends."""
