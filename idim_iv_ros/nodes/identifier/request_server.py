@@ -69,51 +69,22 @@ class PacedAnswers:
         self._go()
 
 
-class Later:
-    """The answer to one request of a service, given once with `send`."""
-
-    def __init__(self, send: Callable[[Any, Any], None]) -> None:
-        self._send = send
-        self._header: Any = None
-        self._response: Any = None
-
-    def send(self, response: Any) -> None:
-        """Give the answer; also before the callback of the request has returned."""
-        self._response = response
-        if self._header is not None:
-            self._send(response, self._header)
-
-    def _asked_by(self, header: Any) -> None:
-        self._header = header
-        if self._response is not None:
-            self._send(self._response, header)
-
-
 def create_deferred_service(
     node: Node,
     kind: Any,
     name: str,
-    asked: Callable[[Any, Later], None],
+    asked: Callable[[Any, Callable[[Any], None]], None],
     paced: PacedAnswers,
 ) -> None:
-    """Make a service; `asked` takes each request and where its answer goes."""
-    service = node.create_service(
-        kind, name, lambda request, _: _ask(asked, request, Later(answer)), qos_profile=BURST
-    )
+    """Make a service; `asked` takes each request and what gives its answer, once, at any time."""
+    service = node.create_service(kind, name, lambda request, _: request, qos_profile=BURST)
     send = service.send_response
 
-    def answer(response: Any, header: Any) -> None:
-        paced(lambda: send(response, header))
+    def hand_over(request: Any, header: Any) -> None:
+        """Take what the callback returns, which is the request itself, in place of an answer."""
+        asked(request, lambda response: paced(lambda: send(response, header)))
 
-    def send_response(later: Later, header: Any) -> None:
-        later._asked_by(header)
-
-    service.send_response = send_response  # type: ignore[assignment]
-
-
-def _ask(asked: Callable[[Any, Later], None], request: Any, later: Later) -> Later:
-    asked(request, later)
-    return later
+    service.send_response = hand_over  # type: ignore[assignment]
 
 
 class Clients:
@@ -265,10 +236,10 @@ class RequestServer:
         """Take the action away; its goals are lost."""
         self._actions.destroy()
 
-    def _asked(self, request: Any, later: Later) -> None:
+    def _asked(self, request: Any, answer: Callable[[Any], None]) -> None:
         def ended(success: bool, message: str) -> None:
             self._asked_for = [each for each in self._asked_for if each.listener is not listener]
-            later.send(self._answer(self._service.Response(), success, message))
+            answer(self._answer(self._service.Response(), success, message))
 
         listener = JobListener(lambda: None, lambda stage, share: None, ended)
         job = self._submit(request, listener)
