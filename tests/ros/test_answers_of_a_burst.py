@@ -1,5 +1,6 @@
 """A client that asks 200 times before it looks at the first answer gets them all."""
 
+import functools
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from rclpy.action import ActionClient
 from rclpy.action.server import ActionServer
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 
 from idim_iv_interfaces.action import Identify as IdentifyAction
 from idim_iv_interfaces.srv import Identify
@@ -30,11 +32,15 @@ class EndsAtOnce:
         self._heard = heard
 
     def begin(self, request: object) -> None:
+        """Fail."""
         self._heard(self, {"error": "nothing moves"})
         self._heard(self, {"ended": 1})
 
+    def kill(self) -> None:
+        """Nothing is left to end."""
+
     def close(self) -> None:
-        """Nothing is left."""
+        """Nothing is left to end."""
 
 
 class Answering:
@@ -44,11 +50,12 @@ class Answering:
         self.node = identifier.node
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
-        server = identifier._servers[0]
+        self.server = server = identifier._servers[0]
         self.goals = server._actions._goals_paced
         self.results = server._actions._results_paced
         self.calls = server._paced
         self.submitted = self.results_sent = 0
+        self.close = functools.cache(identifier.close)
 
     def until(self, holds: Callable[[], bool]) -> None:
         """Let the identifier work, and the client not."""
@@ -82,7 +89,7 @@ def answering(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Answe
     results = identifier.node.set_parameters([Parameter("configuration", value=str(ARM2))])
     assert results[0].successful
     yield answering
-    identifier.close()
+    answering.close()
 
 
 def all_answers(
@@ -93,7 +100,7 @@ def all_answers(
     observer: Observer,
 ) -> list:
     """Let the identifier take all requests before the client looks, then answer turn by turn."""
-    answering.until(lambda: sent() + len(paced._waiting) == COUNT)
+    answering.until(lambda: sent() + paced.waiting == COUNT)
     assert sent() < 10
     while True:
         observer.until(lambda: sum(each.done() for each in futures) == sent(), "answers", HANG)
@@ -125,21 +132,45 @@ def test_all_of_200_service_calls_are_answered(answering: Answering, observer: O
     asked = [client.call_async(Identify.Request(bags=["missing"])) for _ in range(COUNT)]
     paced = answering.calls
     answers = all_answers(
-        answering, paced, lambda: answering.submitted - len(paced._waiting), asked, observer
+        answering, paced, lambda: answering.submitted - paced.waiting, asked, observer
     )
     assert all("no such bag" in answer.message for answer in answers)
     observer.node.destroy_client(client)
 
 
-def test_one_request_is_answered_at_once_and_the_pace_ends_with_the_node(
+def test_all_goals_are_answered_when_the_node_ends(
+    answering: Answering, observer: Observer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(EndsAtOnce, "begin", lambda worker, request: None)
+    monkeypatch.setattr(request_server, "_AT_ONCE", 100)
+    answering.goals._next_turn()
+    answering.results._next_turn()
+    deep = QoSProfile(depth=100)  # the client does not look before all is over
+    client = ActionClient(
+        observer.node, IdentifyAction, "/identifier/identify", result_service_qos_profile=deep
+    )
+    observer.until(client.server_is_ready, "the action", HANG)
+    asked = []
+    for number in range(11):
+        sent = client.send_goal_async(IdentifyAction.Goal(bags=["bag.mcap"]))
+        answering.until(lambda: answering.submitted == number + 1)  # noqa: B023
+        observer.until(sent.done, "the handle", HANG)
+        asked.append(sent.result().get_result_async())
+    answering.until(lambda: answering.server.unanswered == 11)
+    answering.close()
+    observer.until(lambda: all(each.done() for each in asked), "the results", HANG)
+    assert {each.result().result.message for each in asked} == {"the identifier was shut down"}
+    client.destroy()
+
+
+def test_some_requests_are_answered_at_once(
     observer: Observer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(request_server, "_PAUSE", 3600.0)
     paced, gone = request_server.PacedAnswers(observer.node), []
     for number in range(20):
-        paced(lambda: gone.append(number))  # noqa: B023
-    assert len(gone) == 5
+        paced(functools.partial(gone.append, number))
+    assert gone == list(range(5))
     paced._next_turn()
-    assert len(gone) == 10
-    paced.hurry()
-    assert len(gone) == 20
+    assert gone == list(range(10))
+    assert paced.waiting == 10

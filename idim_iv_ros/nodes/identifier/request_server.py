@@ -5,7 +5,6 @@ An awaiting callback keeps rclpy's executor busy (it resumes every waiting corou
 answer are two callbacks.
 """
 
-import sys
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -52,21 +51,21 @@ class PacedAnswers:
         self._waiting.append(answer)
         self._go()
 
+    @property
+    def waiting(self) -> int:
+        """Answers whose turn has not come."""
+        return len(self._waiting)
+
     def _next_turn(self) -> None:
-        if self._room >= _AT_ONCE:
+        if self._room == _AT_ONCE:
             self._timer.cancel()
-        self._room = max(self._room, _AT_ONCE)
+        self._room = _AT_ONCE
         self._go()
 
     def _go(self) -> None:
         while self._waiting and self._room:
             self._room -= 1
             self._waiting.popleft()()
-
-    def hurry(self) -> None:
-        """Let all answers go at once from now on: the node ends."""
-        self._room = sys.maxsize
-        self._go()
 
 
 def create_deferred_service(
@@ -117,6 +116,11 @@ class DeferredActionServer(ActionServer):
         Takes each goal; `ServerGoalHandle.execute` says that its work begins.
     cancel
         Takes a goal that is to be cancelled; `finish` is called for it afterwards.
+
+    Attributes
+    ----------
+    unanswered : int
+        Results that were asked for and not yet sent.
     """
 
     def __init__(
@@ -143,9 +147,13 @@ class DeferredActionServer(ActionServer):
             cancel_service_qos_profile=BURST,
         )
         self._goals_paced, self._results_paced = PacedAnswers(node), PacedAnswers(node)
+        self.unanswered = 0
 
     async def execute(self, taken_data: dict[str, Any]) -> None:
         """Do what was asked for; a goal, which is answered at once, when its turn has come."""
+        if "result" in taken_data:
+            _, request = taken_data["result"]
+            self.unanswered += bytes(request.goal_id.uuid) in self._goal_handles
         goal = taken_data.pop("goal", None)
         if goal is not None:
             accept, executor = super().execute, self._node.executor
@@ -153,12 +161,13 @@ class DeferredActionServer(ActionServer):
         await super().execute(taken_data)  # type: ignore[no-untyped-call]
 
     def _send_result_response(self, request_header: Any, future: Any) -> None:
-        send = super()._send_result_response
-        self._results_paced(lambda: send(request_header, future))  # type: ignore[no-untyped-call]
+        send_now = super()._send_result_response
 
-    def hurry(self) -> None:
-        """Answer at once from now on: the node ends."""
-        self._results_paced.hurry()
+        def send() -> None:
+            self.unanswered -= 1
+            send_now(request_header, future)  # type: ignore[no-untyped-call]
+
+        self._results_paced(send)
 
     def notify_execute(
         self, goal_handle: ServerGoalHandle, execute_callback: Callable[..., Any] | None
@@ -227,10 +236,10 @@ class RequestServer:
         create_deferred_service(node, service, name, self._asked, self._paced)
         self._actions = DeferredActionServer(node, action, name, self._accepted, self._cancel)
 
-    def hurry(self) -> None:
-        """Answer at once from now on: the node ends."""
-        self._paced.hurry()
-        self._actions.hurry()
+    @property
+    def unanswered(self) -> int:
+        """How many wait for an answer now."""
+        return len(self._asked_for) + self._paced.waiting + self._actions.unanswered
 
     def destroy(self) -> None:
         """Take the action away; its goals are lost."""
