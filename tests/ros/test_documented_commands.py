@@ -125,10 +125,13 @@ def test_echo_gets_a_message_also_if_it_is_late(
     subscription = observer.node.create_subscription(
         publisher.msg_type, topic, heard.append, profile
     )
-    if not latched:
-        observer.until(publisher.get_subscription_count, "a subscription", 120.0)
-        publisher.publish(publisher.msg_type())
-    observer.until(lambda: heard, str(command), 120.0)
+
+    def arrived() -> list:
+        if not latched:  # others subscribe as well: nobody says when it is this one's turn
+            publisher.publish(publisher.msg_type())
+        return heard
+
+    observer.until(arrived, str(command), 120.0)
     observer.node.destroy_subscription(subscription)
 
 
