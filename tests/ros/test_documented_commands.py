@@ -144,10 +144,10 @@ def test_one_option_of_echo_replaces_what_the_publishers_offer() -> None:
 
 def served(nodes: list[Node], name: str) -> list[str]:
     """Types of a service; an action's goals are sent by one."""
+    # Not by the names of nodes: an earlier one of the same name may be remembered.
     return [
         kind
-        for node in nodes
-        for found, kinds in node.get_service_names_and_types_by_node(node.get_name(), "/")
+        for found, kinds in nodes[0].get_service_names_and_types()
         for kind in kinds
         if found == name
     ]
