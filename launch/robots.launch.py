@@ -3,7 +3,8 @@
 ros2 launch idim_iv_ros robots.launch.py robots:=left,right configuration:=my_arm.yaml
 ros2 launch idim_iv_ros robots.launch.py robots:=left=ur5.yaml,right=ur10.yaml
 
-Bags and results of a robot go to folders that are named after it. It takes the other arguments of
+Bags and results of a robot go to folders that are named after it, in those that the arguments or
+the sections of `params_file` for several robots name. It takes the other arguments of
 robot.launch.py as well, for all robots; simulate:=true tries it without any robot.
 """
 
@@ -30,7 +31,7 @@ def generate_launch_description() -> LaunchDescription:
         "bags": "folder of the robots' folders of bags",
         "results": "folder of the robots' folders of results",
     }
-    defaults = {"configuration": "", "bags": "bags", "results": "results"}
+    defaults = {"configuration": "", "bags": "", "results": ""}
     return LaunchDescription(
         [
             *(
@@ -63,8 +64,9 @@ def _robots(context: LaunchContext) -> list:
         arguments = {
             "namespace": namespace,
             "configuration": configuration,
-            "bags": str(PurePosixPath(bags, namespace)),
-            "results": str(PurePosixPath(results, namespace)),
+            "bags": str(PurePosixPath(bags, namespace)) if bags else "",
+            "results": str(PurePosixPath(results, namespace)) if results else "",
+            "several": "true",
         }
         included = IncludeLaunchDescription(
             PythonLaunchDescriptionSource(ROBOT), launch_arguments=[*arguments.items()]

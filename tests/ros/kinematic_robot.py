@@ -44,6 +44,7 @@ class KinematicRobot:
         self._services = [
             node.create_service(Trigger, "/recorder/start", self._start),
             node.create_service(Trigger, "/recorder/stop", self._stop),
+            node.create_service(Trigger, "/recorder/abort", self._abort),
         ]
         self._status = node.create_publisher(RecorderStatus, "/recorder/status", 10)
         self._timers = [
@@ -118,8 +119,14 @@ class KinematicRobot:
         return response
 
     def _stop(self, _, response):
-        self.recorder.append("stop")
+        return self._close("stop", response)
+
+    def _abort(self, _, response):
+        return self._close("abort", response)
+
+    def _close(self, how: str, response):
+        self.recorder.append(how)
         self.state = RecorderStatus.IDLE
-        self._closed.publish(BagClosed(bag=str(self.bag), complete=True))
+        self._closed.publish(BagClosed(bag=str(self.bag), complete=how == "stop"))
         response.success = True
         return response

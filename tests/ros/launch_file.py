@@ -2,7 +2,7 @@
 
 import runpy
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +19,8 @@ class Launched:
     """What the launch file asks for.
 
     `nodes` holds (executable, keywords of its Node), `said` what is logged, `environment` what is
-    set, `arguments` the description and default of every argument that was declared.
+    set, `arguments` the description and default of every argument that was declared, `handlers` who
+    listens to the output of which node.
     """
 
     nodes: list[tuple[str, dict]] = field(default_factory=list)
@@ -27,6 +28,25 @@ class Launched:
     environment: dict[str, str | None] = field(default_factory=dict)
     arguments: dict[str, tuple[str, str | None]] = field(default_factory=dict)
     values: dict[str, str] = field(default_factory=dict)
+    handlers: list[tuple[object, Callable]] = field(default_factory=list)
+
+    def hear(self, number: int, text: str) -> None:
+        """Take a part of what a node prints; nodes are numbered as they were started."""
+        _, node = self.nodes[number]
+        for target, handler in self.handlers:
+            if target is node["action"]:
+                _visit(handler(SimpleNamespace(text=text.encode())), self)
+
+    def next_steps(self) -> list[str]:
+        """Let all nodes be ready, the last one first, and return the lines for a shell."""
+        assert not self.said
+        for number in reversed(range(len(self.nodes))):
+            self.hear(number, "[INFO] [1.5] [recorder]: rea")
+            assert not self.said
+            self.hear(number, "dy: it is\n")
+            self.hear(number, "[INFO] [1.6] [recorder]: ready: again\n")
+        (text,) = self.said
+        return text.splitlines()[1:]
 
 
 def launched_nodes(path: Path, **arguments: str) -> dict[str, Parameters]:
@@ -83,7 +103,8 @@ def _node(*, package: str, executable: str, **keywords: object):
             else str(_text(layer, launched))
             for layer in keywords["parameters"]
         ]
-        launched.nodes.append((executable, {**keywords, "parameters": layers}))
+        node = {**keywords, "parameters": layers, "action": visit}
+        launched.nodes.append((executable, node))
 
     return visit
 
@@ -108,6 +129,18 @@ def _group(entities: list):
 
 def _opaque(*, function):
     return lambda launched: _visit(function(SimpleNamespace(launched=launched)), launched)
+
+
+def _on_output(*, target_action, on_stdout, on_stderr):
+    assert on_stdout == on_stderr
+    return target_action, on_stderr
+
+
+def _configuration(name: str, default: str | None = None):
+    def perform(launched: Launched) -> str:
+        return launched.values[name] if default is None else launched.values.get(name, default)
+
+    return _substitution(perform)
 
 
 def _substitution(perform):
@@ -135,17 +168,20 @@ NAMES = {
         "IncludeLaunchDescription": _include,
         "LogInfo": lambda *, msg: lambda launched: launched.said.append(msg),
         "OpaqueFunction": _opaque,
+        "RegisterEventHandler": lambda handler: lambda launched: launched.handlers.append(handler),
         "SetEnvironmentVariable": lambda name, value: (
             lambda launched: launched.environment.update({name: value})
         ),
-        "TimerAction": lambda *, period, actions: lambda launched: _visit(actions, launched),
         "UnsetEnvironmentVariable": lambda name: (
             lambda launched: launched.environment.update({name: None})
         ),
     },
+    "launch.event_handlers": {"OnProcessIO": _on_output},
+    "launch.events": {},
+    "launch.events.process": {"ProcessIO": object},
     "launch.launch_description_sources": {"PythonLaunchDescriptionSource": Path},
     "launch.substitutions": {
-        "LaunchConfiguration": lambda name: _substitution(lambda launched: launched.values[name]),
+        "LaunchConfiguration": _configuration,
         "PathJoinSubstitution": _joined,
     },
     "launch_ros": {},

@@ -182,7 +182,7 @@ def test_cancelled_goal_brings_the_robot_to_rest_within_its_accelerations(
     answer = collector.result(goal)
     assert answer.status == GoalStatus.STATUS_CANCELED
     assert answer.result.message == "stopped in recording: cancelled"
-    assert robot.recorder == ["start", "stop"]
+    assert robot.recorder == ["start", "abort"]
     assert answer.result.bag == "bag-1.mcap"
     times, places, velocities = robot.received[-1]
     configuration = load_configuration(ARM2)

@@ -6,13 +6,9 @@ import time
 from pathlib import Path
 
 import pytest
-from rclpy.action import ActionClient
 from rclpy.duration import Duration
-from rclpy.qos import QoSProfile
 
-from idim_iv_interfaces.action import Identify as IdentifyAction
 from idim_iv_interfaces.msg import BagClosed
-from idim_iv_interfaces.srv import Identify
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.identifier.job import confined, confined_bag
 from tests.ros.conftest import ARM2
@@ -118,11 +114,11 @@ def test_refused_goal_is_aborted_with_the_reason(served) -> None:
 def test_announced_bag_is_identified_with_auto_only(served, simulated_bags: Path) -> None:
     publisher = served.node.create_publisher(BagClosed, "/announced", 10)
     served.observer.until(lambda: publisher.get_subscription_count() == 1, "the identifier")
-    publisher.publish(BagClosed(bag=str(simulated_bags / "missing-1")))
+    publisher.publish(BagClosed(bag=str(simulated_bags / "missing-1"), complete=True))
     publisher.wait_for_all_acked(Duration(seconds=10))
     time.sleep(1.0)  # a call may overtake a message that is received and not yet read
     with served.parameters(auto=True):
-        publisher.publish(BagClosed(bag="/etc/passwd"))
+        publisher.publish(BagClosed(bag="/etc/passwd", complete=True))
         served.observer.until(lambda: "/etc/passwd" in served.failure(), "the refusal")
         assert "missing-1" not in served.process.errors.read_text()
         publisher.publish(BagClosed(bag=str(simulated_bags / "bag-1.mcap"), complete=True))
@@ -167,29 +163,6 @@ def test_configuration_is_read_anew_when_it_is_set(served, tmp_path: Path) -> No
         names = [parameter.name for parameter in result.parameters.estimates]
     assert "Fc1" in names
     assert "off1" not in names
-
-
-def test_every_request_of_a_burst_is_answered(served) -> None:
-    deep = QoSProfile(depth=1000)
-    client = served.node.create_client(Identify, f"/{served.name}/identify", qos_profile=deep)
-    goals = ActionClient(
-        served.node,
-        IdentifyAction,
-        f"/{served.name}/identify",
-        goal_service_qos_profile=deep,
-        result_service_qos_profile=deep,
-    )
-    served.observer.until(client.service_is_ready, "the service")
-    served.observer.until(goals.server_is_ready, "the action")
-    asked = [client.call_async(Identify.Request(bags=["missing.mcap"])) for _ in range(200)]
-    sent = [goals.send_goal_async(IdentifyAction.Goal(bags=["missing.mcap"])) for _ in range(50)]
-    served.observer.until(lambda: all(each.done() for each in (*asked, *sent)), "all answers", 60.0)
-    results = [each.result().get_result_async() for each in sent]
-    served.observer.until(lambda: all(each.done() for each in results), "all results", 60.0)
-    answers = [*(each.result() for each in asked), *(each.result().result for each in results)]
-    assert all("no such bag" in answer.message for answer in answers)
-    goals.destroy()
-    served.node.destroy_client(client)
 
 
 def test_queue_limit_refuses_and_a_timeout_counts_from_the_request(served) -> None:

@@ -26,7 +26,7 @@ PARAMETERS = {
     "collector": CollectorSettings,
     "robot_simulator": SimulatorSettings,
 }
-OF_THE_SIMULATOR = {"controller": "robot_simulator", "start_delay": 60.0}
+OF_THE_SIMULATOR = {"controller": "robot_simulator", "start_delay": 60.0, "stale_after": 2.0}
 FILES = {name: ROOT / "launch" / f"{name}.launch.py" for name in NODES}
 
 
@@ -46,9 +46,10 @@ def test_launch_file_starts_executables_that_exist_with_parameters_they_have(nam
     for executable, node in found.nodes:
         assert os.access(ROOT / "scripts" / executable, os.X_OK)
         types = {each.name: type(each.default) for each in fields(PARAMETERS[executable])}
-        *before, parameters = node["parameters"]
-        assert before == ([OF_THE_SIMULATOR] if executable == "collector" else [])
-        assert set(OF_THE_SIMULATOR) <= {each.name for each in fields(CollectorSettings)}
+        assert node["name"] == executable
+        (parameters,) = node["parameters"]
+        if executable == "collector":
+            assert parameters.items() >= OF_THE_SIMULATOR.items()
         given = {key: type(value) for key, value in parameters.items()}
         assert given.items() <= {"use_sim_time": bool, **types}.items()
         assert parameters["use_sim_time"] is True
@@ -73,16 +74,6 @@ def test_what_is_not_given_is_left_to_the_nodes() -> None:
     demo = launched_nodes(FILES["demo"])
     assert demo["identifier"]["auto"] is True
     assert demo["robot_simulator"] == {"configuration": str(ROOT / "config" / "arm2.yaml")}
-
-
-def test_a_file_of_parameters_gives_way_to_arguments_only() -> None:
-    found = launch(FILES["robot"], **GIVEN, params_file="mine.yaml", results="elsewhere")
-    layers = {executable: node["parameters"] for executable, node in found.nodes}
-    assert layers["recorder"] == ["mine.yaml", {"configuration": "arm.yaml"}]
-    assert layers["identifier"] == [
-        "mine.yaml",
-        {"configuration": "arm.yaml", "output_directory": "elsewhere"},
-    ]
 
 
 def test_robots_have_namespaces_and_folders_of_their_own() -> None:
@@ -119,15 +110,9 @@ def test_wrong_arguments_are_one_line(name: str, arguments: dict[str, str], word
 
 def test_collector_and_predictor_are_started_on_request() -> None:
     given = {**GIVEN, "namespace": "left", "predict": "true", "collect": "true"}
-    found = launch(FILES["robot"], **given, controller="arm_controller", params_file="mine.yaml")
-    layers = {executable: node["parameters"] for executable, node in found.nodes}
-    assert sorted(layers) == ["collector", "identifier", "predictor", "recorder"]
-    own = {"configuration": "arm.yaml", "controller": "arm_controller"}
-    assert layers["collector"] == ["mine.yaml", own]
-    # A simulated robot is the controller, unless a file of parameters names another one.
-    found = launch(FILES["robot"], **given, simulate="true", params_file="mine.yaml")
-    layers = {executable: node["parameters"] for executable, node in found.nodes}
-    assert layers["collector"] == [OF_THE_SIMULATOR, "mine.yaml", {"configuration": "arm.yaml"}]
+    found = launched_nodes(FILES["robot"], **given, controller="arm_controller")
+    assert sorted(found) == ["collector", "identifier", "predictor", "recorder"]
+    assert found["collector"] == {"configuration": "arm.yaml", "controller": "arm_controller"}
     # The predictor looks where the identifier writes.
     found = launch(FILES["robots"], robots="left", **GIVEN, predict="true")
     results = {
@@ -138,27 +123,45 @@ def test_collector_and_predictor_are_started_on_request() -> None:
 
 
 def test_what_to_do_next_with_a_collector_and_a_predictor() -> None:
-    said = launch(FILES["demo"], namespace="left").said
-    assert said[0].startswith("next: ros2 param set /left/collector allow_motion true")
-    assert said[1].endswith('/left/collector/collect idim_iv_interfaces/action/Collect "{}"')
-    assert said[2].startswith("ros2 topic echo /left/identifier/result")
-    assert said[3] == "idim-iv watch --namespace left"
-    said = launch(FILES["robot"], **GIVEN, collect="true", predict="true").said
-    assert said[1].endswith('"{identify: true}"')  # nothing else would have it identified
-    assert said[-1] == "idim-iv watch"
+    lines = launch(FILES["demo"], namespace="left").next_steps()
+    assert [line for line in lines if not line.startswith("#")] == [
+        "ros2 param set /left/collector allow_motion true",
+        "ros2 action send_goal --feedback /left/collector/collect "
+        'idim_iv_interfaces/action/Collect "{}"',
+        "ros2 topic echo /left/identifier/result",
+        "idim-iv watch --namespace left",
+    ]
+    lines = launch(FILES["robot"], **GIVEN, collect="true", predict="true").next_steps()
+    assert lines[2].endswith('"{identify: true}"')  # nothing else would have it identified
+    assert lines[-1] == "idim-iv watch"
 
 
-def test_what_to_do_next_names_what_the_nodes_offer() -> None:
+def test_what_to_do_next_by_hand() -> None:
     by_hand = {"collect": "false", "predict": "false"}
-    said = launch(FILES["demo"], namespace="left", **by_hand).said
-    assert said[0] == "next: ros2 service call /left/recorder/start std_srvs/srv/Trigger"
-    assert any("/left/robot_simulator/move" in line for line in said)
-    assert said[-1].startswith("ros2 topic echo /left/identifier/result")
-    said = launch(FILES["robot"], **GIVEN, autostart="false").said
+    lines = launch(FILES["demo"], namespace="left", **by_hand).next_steps()
+    assert lines[0] == "ros2 service call /left/recorder/start std_srvs/srv/Trigger"
+    assert lines[1].startswith("ros2 service call /left/robot_simulator/move")
+    assert lines[-1] == "ros2 topic echo /left/identifier/result"
+    lines = launch(FILES["robot"], **GIVEN, autostart="false").next_steps()
     # Before it is activated it would refuse.
-    assert said[0] == "next: ros2 lifecycle set /identifier configure"
-    assert not any("robot_simulator" in line for line in said)
-    assert said[-1].startswith("ros2 service call /identifier/identify")
+    assert lines[0] == "ros2 lifecycle set /identifier configure"
+    assert lines[2] == "ros2 param set /identifier auto true"
+    assert not any("robot_simulator" in line for line in lines)
+
+
+def test_what_to_do_next_is_said_at_once_where_no_node_says_that_it_is_ready() -> None:
+    assert len(launch(FILES["robot"], **GIVEN, log_level="warn").said) == 1
+
+
+def test_each_of_several_robots_says_what_to_do_next() -> None:
+    found = launch(FILES["robots"], robots="left,right", **GIVEN)
+    for number, words in enumerate(
+        ["ready: it\n", "unconfigured: call\n", "ready: it\n", "already: it\n"]
+    ):
+        found.hear(number, words)
+    assert len(found.said) == 1
+    found.hear(3, "ready after 61.5 s: publishes")
+    assert ["/left/" in said for said in found.said] == [True, False]
 
 
 def test_every_argument_is_described_in_the_documentation() -> None:

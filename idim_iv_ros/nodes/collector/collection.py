@@ -28,6 +28,7 @@ from idim_iv_ros.types import FloatArray
 _REST = 0.5  # s that are recorded before and after the motion
 _DISCOVERY = 3.0  # s that a neighbour may need to be found
 _CHECK, _IDENTIFICATION = 5.0, 20.0  # s, about, for the share that is done
+_PLANNING = 0.1  # of the whole, whose duration is known only afterwards
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,9 @@ class Collection:
         self._find(wanted)
         passes = self._plan(lambda: self._find(wanted))
         moves = [passes.approach.duration, passes.slow.duration, passes.full.duration]
-        self._course.whole = sum(moves) + _CHECK + order.identify * _IDENTIFICATION
+        rest = sum(moves) + _CHECK + order.identify * _IDENTIFICATION
+        self._course.whole = rest / (1.0 - _PLANNING)
+        self._course.done = self._course.whole - rest
         self._robot.follow("moving to the start", passes.approach, passes)
         self._robot.follow("slow pass", passes.slow, passes)
         bag = self._record(passes)
@@ -154,7 +157,8 @@ class Collection:
                 seed=order.seed,
                 floor=None if np.isnan(settings.floor) else settings.floor,
                 progress=look,
-            )
+            ),
+            _PLANNING,
         )
         find()  # that took its time
         return passes_of(
@@ -189,24 +193,25 @@ class Collection:
         except Exception:
             self._course.trouble = str
             with contextlib.suppress(IdimError):  # the first reason is the one to name
-                self._close_bag()
+                self._close_bag(aborted=True)
             raise
         self._course.trouble = str
         return self._close_bag()
 
-    def _close_bag(self) -> Path:
-        bag = self._parts.recorder.stop(wait_whatever_happens)
+    def _close_bag(self, *, aborted: bool = False) -> Path:
+        bag = self._parts.recorder.stop(wait_whatever_happens, aborted=aborted)
         self.collected.bag = bag.name
         return bag
 
     def _check(self, bag: Path) -> CheckReport:
         self._course.begin("checking")
-        report = self._course.compute(lambda look: check([bag], self._parts.configuration, look))
+        report = self._course.compute(
+            lambda look: check([bag], self._parts.configuration, look), _CHECK
+        )
         self.collected.usable = report.usable
         self.collected.findings = [
             f"{each.level}: {each.where}: {each.sentence}" for each in report.findings
         ]
-        self._course.done += _CHECK
         return report
 
     def _identify(self, bag: Path) -> None:

@@ -119,14 +119,19 @@ class Course:
         """
         _wait(holds, seconds, what, self.tick)
 
-    def compute(self, compute: Callable[[Callable[[str, float], None]], Answer]) -> Answer:
+    def compute(
+        self, compute: Callable[[Callable[[str, float], None]], Answer], expected: float
+    ) -> Answer:
         """Compute in another thread, so that what happens meanwhile is noticed.
 
         Parameters
         ----------
         compute
             Takes where it reports its progress, which raises when it is to end.
+        expected
+            Its duration, in the unit of `whole`.
         """
+        begun = self.done
         answers: list[Answer] = []
         errors: list[Exception] = []
         given_up = threading.Event()
@@ -134,6 +139,7 @@ class Course:
         def look(stage: str, share: float) -> None:
             if given_up.is_set():
                 raise UsageError("given up")
+            self.done = max(self.done, begun + share * expected)
 
         def work() -> None:
             try:
@@ -151,6 +157,7 @@ class Course:
             raise
         if errors:
             raise errors[0]
+        self.done = begun + expected
         return answers[0]
 
     def _speak(self, at_once: bool = False) -> None:

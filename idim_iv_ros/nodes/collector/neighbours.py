@@ -22,7 +22,7 @@ Wait = Callable[[Callable[[], bool], float, str], None]
 
 
 class RecorderNeighbour:
-    """Services ``recorder/start`` and ``recorder/stop``, and what the recorder says meanwhile.
+    """Services ``start``, ``stop`` and ``abort`` of ``recorder``, and what it says meanwhile.
 
     A recorder that was killed is on the list of services for another 20 s: its silence is noticed
     before.
@@ -31,9 +31,10 @@ class RecorderNeighbour:
     def __init__(self, node: Node) -> None:
         self._start = node.create_client(Trigger, "recorder/start")
         self._stop = node.create_client(Trigger, "recorder/stop")
+        self._abort = node.create_client(Trigger, "recorder/abort")
         self._names = {
             client: node.resolve_service_name(client.srv_name)
-            for client in (self._start, self._stop)
+            for client in (self._start, self._stop, self._abort)
         }
         self._closed: list[str] = []
         self._status: RecorderStatus | None = None
@@ -44,8 +45,9 @@ class RecorderNeighbour:
 
     def missing(self) -> str:
         """Why it cannot be used now; empty if it can."""
-        if not (self._start.service_is_ready() and self._stop.service_is_ready()):
-            return f"no {self._names[self._start]}: start the recorder"
+        for client, name in self._names.items():
+            if not client.service_is_ready():
+                return f"no {name}: start the recorder"
         status = self._status
         if status is None:
             return ""
@@ -93,15 +95,15 @@ class RecorderNeighbour:
         self._records = False
         self._ask(self._start, wait)
 
-    def stop(self, wait: Wait) -> Path:
-        """Close the bag and return its folder.
+    def stop(self, wait: Wait, *, aborted: bool = False) -> Path:
+        """Close the bag, or give it up, and return its folder.
 
         Raises
         ------
         UsageError
             The recorder refuses, or does not say which bag it was.
         """
-        self._ask(self._stop, wait)
+        self._ask(self._abort if aborted else self._stop, wait)
         self._status = None  # that it records is no longer true
         wait(lambda: bool(self._closed), _ANSWER, "the recorder's word on the bag")
         return Path(self._closed[-1])

@@ -38,7 +38,7 @@ from idim_iv_ros.nodes.own_topics import with_own_topics
 from idim_iv_ros.nodes.parameters import changed, checked, declare
 
 _LOOK = 0.1  # s between two looks whether a job takes too long
-_TURNS = 10  # of the executor, in which the last results are sent
+_LONGEST_END = 10.0  # s in which the last answers are given
 
 ABOUT = """identifier: identify the dynamic parameters of a robot from its bags.
 
@@ -166,11 +166,14 @@ class Identifier:
 
     def close(self) -> None:
         """End the job that is worked on, and answer all requests."""
+        self._managed.state = FINALIZED  # what comes now is refused
         self._jobs.close()
-        executor = self.node.executor
-        if executor is not None:
-            for _ in range(_TURNS):
-                executor.spin_once(timeout_sec=0.0)
+        executor, until = self.node.executor, time.monotonic() + _LONGEST_END
+        while executor is not None and any(server.unanswered for server in self._servers):
+            if time.monotonic() > until:
+                break
+            executor.spin_once(timeout_sec=_LOOK)
+        time.sleep(_LOOK)  # the last answers lie in memory that ends with this process
         for server in self._servers:
             server.destroy()
         self.node.destroy_node()
@@ -180,7 +183,12 @@ class Identifier:
         return with_own_topics(self.node, load_configuration(Path(path))) if path else None
 
     def _bag_closed(self, message: BagClosed) -> None:
-        if self._settings.auto and self._managed.state == ACTIVE:
+        if not self._settings.auto or self._managed.state != ACTIVE:
+            return
+        if not message.complete:
+            why = f"{message.bag}: not complete, so not identified; to have it so, ask for it"
+            self.node.get_logger().warning(why)
+        else:
 
             def ended(success: bool, why: str) -> None:
                 if not success:  # nobody asked: the diagnostics are the only answer

@@ -5,6 +5,7 @@ An awaiting callback keeps rclpy's executor busy (it resumes every waiting corou
 answer are two callbacks.
 """
 
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -21,46 +22,68 @@ from idim_iv_ros.nodes.identifier.job import Job, JobListener
 # without an answer.
 BURST = QoSProfile(depth=1000)
 _LOOK, _ABSENCES = 0.5, 2  # s between two looks for clients, and looks that must find none
+_AT_ONCE, _PAUSE = 5, 0.3  # answers in one go, and s until there may be as many again
 
 
-class Later:
-    """The answer to one request of a service, given once with `send`."""
+class PacedAnswers:
+    """Lets a few answers go at a time, so that a client that is busy for a moment gets them all.
 
-    def __init__(self, send: Callable[[Any, Any], None]) -> None:
-        self._send = send
-        self._header: Any = None
-        self._response: Any = None
+    A client keeps ten answers that it has not looked at, unless its program says otherwise, and the
+    eleventh replaces the first: of 200 goals that are sent in one go many would be answered while
+    the client still sends. Two turns are ten answers: it may be busy for a whole pause.
 
-    def send(self, response: Any) -> None:
-        """Give the answer; also before the callback of the request has returned."""
-        self._response = response
-        if self._header is not None:
-            self._send(response, self._header)
+    Parameters
+    ----------
+    node
+    """
 
-    def _asked_by(self, header: Any) -> None:
-        self._header = header
-        if self._response is not None:
-            self._send(self._response, header)
+    def __init__(self, node: Node) -> None:
+        self._waiting: deque[Callable[[], object]] = deque()
+        self._room = _AT_ONCE
+        self._timer = node.create_timer(
+            _PAUSE, self._next_turn, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+
+    def __call__(self, answer: Callable[[], object]) -> None:
+        """Call `answer` now or in a later turn; the order is kept."""
+        if self._timer.is_canceled():  # nothing has gone for a whole pause
+            self._timer.reset()
+        self._waiting.append(answer)
+        self._go()
+
+    @property
+    def waiting(self) -> int:
+        """Answers whose turn has not come."""
+        return len(self._waiting)
+
+    def _next_turn(self) -> None:
+        if self._room == _AT_ONCE:
+            self._timer.cancel()
+        self._room = _AT_ONCE
+        self._go()
+
+    def _go(self) -> None:
+        while self._waiting and self._room:
+            self._room -= 1
+            self._waiting.popleft()()
 
 
 def create_deferred_service(
-    node: Node, kind: Any, name: str, asked: Callable[[Any, Later], None]
+    node: Node,
+    kind: Any,
+    name: str,
+    asked: Callable[[Any, Callable[[Any], None]], None],
+    paced: PacedAnswers,
 ) -> None:
-    """Make a service; `asked` takes each request and where its answer goes."""
-    service = node.create_service(
-        kind, name, lambda request, _: _ask(asked, request, Later(answer)), qos_profile=BURST
-    )
-    answer = service.send_response
+    """Make a service; `asked` takes each request and what gives its answer, once, at any time."""
+    service = node.create_service(kind, name, lambda request, _: request, qos_profile=BURST)
+    send = service.send_response
 
-    def send_response(later: Later, header: Any) -> None:
-        later._asked_by(header)
+    def hand_over(request: Any, header: Any) -> None:
+        """Take what the callback returns, which is the request itself, in place of an answer."""
+        asked(request, lambda response: paced(lambda: send(response, header)))
 
-    service.send_response = send_response  # type: ignore[assignment]
-
-
-def _ask(asked: Callable[[Any, Later], None], request: Any, later: Later) -> Later:
-    asked(request, later)
-    return later
+    service.send_response = hand_over  # type: ignore[assignment]
 
 
 class Clients:
@@ -93,6 +116,11 @@ class DeferredActionServer(ActionServer):
         Takes each goal; `ServerGoalHandle.execute` says that its work begins.
     cancel
         Takes a goal that is to be cancelled; `finish` is called for it afterwards.
+
+    Attributes
+    ----------
+    unanswered : int
+        Results that were asked for and not yet sent.
     """
 
     def __init__(
@@ -118,6 +146,28 @@ class DeferredActionServer(ActionServer):
             result_service_qos_profile=BURST,
             cancel_service_qos_profile=BURST,
         )
+        self._goals_paced, self._results_paced = PacedAnswers(node), PacedAnswers(node)
+        self.unanswered = 0
+
+    async def execute(self, taken_data: dict[str, Any]) -> None:
+        """Do what was asked for; a goal, which is answered at once, when its turn has come."""
+        if "result" in taken_data:
+            _, request = taken_data["result"]
+            self.unanswered += bytes(request.goal_id.uuid) in self._goal_handles
+        goal = taken_data.pop("goal", None)
+        if goal is not None:
+            accept, executor = super().execute, self._node.executor
+            self._goals_paced(lambda: executor.create_task(accept, {"goal": goal}))
+        await super().execute(taken_data)  # type: ignore[no-untyped-call]
+
+    def _send_result_response(self, request_header: Any, future: Any) -> None:
+        send_now = super()._send_result_response
+
+        def send() -> None:
+            self.unanswered -= 1
+            send_now(request_header, future)  # type: ignore[no-untyped-call]
+
+        self._results_paced(send)
 
     def notify_execute(
         self, goal_handle: ServerGoalHandle, execute_callback: Callable[..., Any] | None
@@ -182,17 +232,23 @@ class RequestServer:
         whole = node.resolve_service_name(name)
         self._clients = Clients(node, whole), Clients(node, f"{whole}/_action/get_result")
         node.create_timer(_LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        create_deferred_service(node, service, name, self._asked)
+        self._paced = PacedAnswers(node)
+        create_deferred_service(node, service, name, self._asked, self._paced)
         self._actions = DeferredActionServer(node, action, name, self._accepted, self._cancel)
+
+    @property
+    def unanswered(self) -> int:
+        """How many wait for an answer now."""
+        return len(self._asked_for) + self._paced.waiting + self._actions.unanswered
 
     def destroy(self) -> None:
         """Take the action away; its goals are lost."""
         self._actions.destroy()
 
-    def _asked(self, request: Any, later: Later) -> None:
+    def _asked(self, request: Any, answer: Callable[[Any], None]) -> None:
         def ended(success: bool, message: str) -> None:
             self._asked_for = [each for each in self._asked_for if each.listener is not listener]
-            later.send(self._answer(self._service.Response(), success, message))
+            answer(self._answer(self._service.Response(), success, message))
 
         listener = JobListener(lambda: None, lambda stage, share: None, ended)
         job = self._submit(request, listener)

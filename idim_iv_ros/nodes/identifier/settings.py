@@ -32,7 +32,7 @@ class IdentifierSettings(Settings):
         "services of its lifecycle",
         read_only=True,
     )
-    auto: bool = parameter(False, "identify every bag that is announced on recorder/bag_closed")
+    auto: bool = parameter(False, "identify every complete bag of recorder/bag_closed")
     when_busy: str = parameter(
         WAIT, "what happens to a request while another is worked on: wait or refuse"
     )

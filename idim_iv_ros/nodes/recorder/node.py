@@ -40,7 +40,7 @@ ABOUT = """recorder: record the topics of a robot into MCAP bags.
   ros2 run idim_iv_ros recorder --ros-args -p configuration:=ROBOT.yaml -p bag_directory:=DIR
   ros2 service call /recorder/start std_srvs/srv/Trigger
 
-Services: ~/start ~/stop ~/pause ~/resume ~/split ~/snapshot.
+Services: ~/start ~/stop ~/abort ~/pause ~/resume ~/split ~/snapshot.
 Topics: ~/status ~/bag_closed /diagnostics.
 Parameters: ros2 param describe /recorder NAME."""
 
@@ -69,7 +69,7 @@ class Recorder:
         self._recent: dict[str, RecentCounts] = {}
         self._counted_at = time.monotonic()
         self._fault = ""
-        for name in ("start", "stop", "pause", "resume", "split"):
+        for name in ("start", "stop", "abort", "pause", "resume", "split"):
             node.create_service(Trigger, f"~/{name}", self._service(getattr(self, f"_{name}")))
         self._snapshots = SnapshotService(
             node, self._writer, self._intake.drain, lambda closed: self._announce(closed, False)
@@ -130,6 +130,11 @@ class Recorder:
         if closed.lost:
             raise UsageError(self._session.fault)
         return f"{closed.folder}: {count} messages in {closed.duration * 1e-9:.1f} s"
+
+    def _abort(self) -> str:
+        self._intake.drain()
+        closed = self._writer.call(lambda: self._session.stop(aborted=True))
+        return f"{closed.folder}: given up"
 
     def _pause(self) -> str:
         self._intake.drain()

@@ -3,6 +3,7 @@
 import os
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import datetime
 from enum import IntEnum
 from operator import itemgetter
@@ -35,7 +36,7 @@ class RecordingSession:
     clock : callable
         Log time now, ns.
     closed : callable
-        Takes every bag that is complete on disk, and whether it was stopped by a fault.
+        Takes every bag that was closed, and whether it ended by a fault or was given up.
 
     Attributes
     ----------
@@ -120,8 +121,8 @@ class RecordingSession:
         self._started = self._committed = time.monotonic()
         return self.bag.folder
 
-    def stop(self) -> ClosedBag:
-        """Close the bag.
+    def stop(self, *, aborted: bool = False) -> ClosedBag:
+        """Close the bag; of one that was given up the folder's name says so.
 
         Raises
         ------
@@ -138,7 +139,8 @@ class RecordingSession:
                 f"{bag.folder}: {error.strerror or error}: closed without the last "
                 f"{closed.lost} messages; free space before the next recording"
             )
-        self._end(closed, faulty=bool(closed.lost))
+        closed = _marked(closed) if aborted else closed
+        self._end(closed, faulty=bool(closed.lost), aborted=aborted)
         return closed
 
     def pause(self) -> None:
@@ -243,11 +245,11 @@ class RecordingSession:
         self._end(closed, faulty=True)
         self.fault = fault
 
-    def _end(self, closed: ClosedBag, faulty: bool) -> None:
+    def _end(self, closed: ClosedBag, faulty: bool, aborted: bool = False) -> None:
         self._last = closed.files
         self.bag = None
         self.state = State.STOPPED_BY_FAULT if faulty else State.IDLE
-        self._closed(closed, faulty)
+        self._closed(closed, faulty or aborted)
 
     def _open_bag(self) -> GrowingBag:
         if self.bag is None:
@@ -270,3 +272,12 @@ class RecordingSession:
             number += 1
             folder = directory / f"{prefix}_{stamp}_{number}"
         return folder
+
+
+def _marked(closed: ClosedBag) -> ClosedBag:
+    """Name the folder of a bag that was given up so that nobody takes it for a whole one."""
+    folder = closed.folder
+    try:
+        return replace(closed, folder=folder.rename(f"{folder}_aborted"))
+    except OSError:  # it is announced as not complete all the same
+        return closed

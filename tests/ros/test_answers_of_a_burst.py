@@ -1,0 +1,176 @@
+"""A client that asks 200 times before it looks at the first answer gets them all."""
+
+import functools
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import rclpy
+from rclpy.action import ActionClient
+from rclpy.action.server import ActionServer
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+
+from idim_iv_interfaces.action import Identify as IdentifyAction
+from idim_iv_interfaces.srv import Identify
+from idim_iv_ros.nodes.identifier import job_queue, request_server
+from idim_iv_ros.nodes.identifier.node import Identifier
+from tests.ros.conftest import ARM2
+from tests.ros.processes import Observer
+
+COUNT = 200
+HANG = 120.0  # s
+
+
+class EndsAtOnce:
+    """A worker whose jobs have ended when they have begun."""
+
+    process_id, ready, killed = None, True, False
+
+    def __init__(self, heard: Callable) -> None:
+        self._heard = heard
+
+    def begin(self, request: object) -> None:
+        """Fail."""
+        self._heard(self, {"error": "nothing moves"})
+        self._heard(self, {"ended": 1})
+
+    def kill(self) -> None:
+        """Nothing is left to end."""
+
+    def close(self) -> None:
+        """Nothing is left to end."""
+
+
+class Answering:
+    """An identifier in this process; its turns are given by the test, and its answers counted."""
+
+    def __init__(self, identifier: Identifier) -> None:
+        self.node = identifier.node
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.server = server = identifier._servers[0]
+        self.goals = server._actions._goals_paced
+        self.results = server._actions._results_paced
+        self.calls = server._paced
+        self.submitted = self.results_sent = 0
+        self.close = functools.cache(identifier.close)
+
+    def until(self, holds: Callable[[], bool]) -> None:
+        """Let the identifier work, and the client not."""
+        for _ in range(100 * COUNT):
+            if holds():
+                return
+            self.executor.spin_once(timeout_sec=0.01)
+        raise AssertionError("not all requests were taken")
+
+
+@pytest.fixture
+def answering(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Answering]:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(job_queue, "Worker", EndsAtOnce)
+    monkeypatch.setattr(request_server, "_PAUSE", 3600.0)
+    submit, send = Identifier._submit, ActionServer._send_result_response
+
+    def submitted(self: Identifier, *request: object) -> object:
+        answering.submitted += 1
+        return submit(self, *request)
+
+    def sent(*result: object) -> None:
+        answering.results_sent += 1
+        send(*result)
+
+    monkeypatch.setattr(Identifier, "_submit", submitted)
+    monkeypatch.setattr(ActionServer, "_send_result_response", sent)
+    (tmp_path / "bag.mcap").write_bytes(bytes(100))
+    identifier = Identifier()
+    answering = Answering(identifier)
+    results = identifier.node.set_parameters([Parameter("configuration", value=str(ARM2))])
+    assert results[0].successful
+    yield answering
+    answering.close()
+
+
+def all_answers(
+    answering: Answering,
+    paced: request_server.PacedAnswers,
+    sent: Callable[[], int],
+    futures: list[rclpy.Future],
+    observer: Observer,
+) -> list:
+    """Let the identifier take all requests before the client looks, then answer turn by turn."""
+    answering.until(lambda: sent() + paced.waiting == COUNT)
+    assert sent() < 10
+    while True:
+        observer.until(lambda: sum(each.done() for each in futures) == sent(), "answers", HANG)
+        if sent() == COUNT:
+            return [each.result() for each in futures]
+        turn = min(sent() + 5, COUNT)
+        paced._next_turn()
+        answering.until(lambda: sent() == turn)  # noqa: B023
+
+
+def test_all_of_200_goals_are_answered(answering: Answering, observer: Observer) -> None:
+    client = ActionClient(observer.node, IdentifyAction, "/identifier/identify")
+    observer.until(client.server_is_ready, "the action", HANG)
+    sent = [client.send_goal_async(IdentifyAction.Goal(bags=["bag.mcap"])) for _ in range(COUNT)]
+    goals = all_answers(answering, answering.goals, lambda: answering.submitted, sent, observer)
+    assert all(goal.accepted for goal in goals)
+    asked = [goal.get_result_async() for goal in goals]
+    results = all_answers(
+        answering, answering.results, lambda: answering.results_sent, asked, observer
+    )
+    messages = {each.result.message for each in results}
+    assert messages <= {"nothing moves", "busy: 10 jobs wait already"}
+    client.destroy()
+
+
+def test_all_of_200_service_calls_are_answered(answering: Answering, observer: Observer) -> None:
+    client = observer.node.create_client(Identify, "/identifier/identify")
+    observer.until(client.service_is_ready, "the service", HANG)
+    asked = [client.call_async(Identify.Request(bags=["missing"])) for _ in range(COUNT)]
+    paced = answering.calls
+    answers = all_answers(
+        answering, paced, lambda: answering.submitted - paced.waiting, asked, observer
+    )
+    assert all("no such bag" in answer.message for answer in answers)
+    observer.node.destroy_client(client)
+
+
+def test_all_goals_are_answered_when_the_node_ends(
+    answering: Answering, observer: Observer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(EndsAtOnce, "begin", lambda worker, request: None)
+    monkeypatch.setattr(request_server, "_AT_ONCE", 100)
+    answering.goals._next_turn()
+    answering.results._next_turn()
+    deep = QoSProfile(depth=100)  # the client does not look before all is over
+    client = ActionClient(
+        observer.node, IdentifyAction, "/identifier/identify", result_service_qos_profile=deep
+    )
+    observer.until(client.server_is_ready, "the action", HANG)
+    asked = []
+    for number in range(11):
+        sent = client.send_goal_async(IdentifyAction.Goal(bags=["bag.mcap"]))
+        answering.until(lambda: answering.submitted == number + 1)  # noqa: B023
+        observer.until(sent.done, "the handle", HANG)
+        asked.append(sent.result().get_result_async())
+    answering.until(lambda: answering.server.unanswered == 11)
+    answering.close()
+    observer.until(lambda: all(each.done() for each in asked), "the results", HANG)
+    assert {each.result().result.message for each in asked} == {"the identifier was shut down"}
+    client.destroy()
+
+
+def test_some_requests_are_answered_at_once(
+    observer: Observer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(request_server, "_PAUSE", 3600.0)
+    paced, gone = request_server.PacedAnswers(observer.node), []
+    for number in range(20):
+        paced(functools.partial(gone.append, number))
+    assert gone == list(range(5))
+    paced._next_turn()
+    assert gone == list(range(10))
+    assert paced.waiting == 10

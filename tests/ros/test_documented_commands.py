@@ -1,0 +1,212 @@
+"""Every `ros2` command line that users are told to paste, against the nodes that it talks to."""
+
+import functools
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import fields
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from ruamel.yaml import YAML
+
+from idim_iv_ros.nodes.collector import node as collector
+from idim_iv_ros.nodes.collector.settings import CollectorSettings
+from idim_iv_ros.nodes.identifier import node as identifier
+from idim_iv_ros.nodes.identifier.job_queue import JobQueue
+from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
+from idim_iv_ros.nodes.predictor import node as predictor
+from idim_iv_ros.nodes.predictor.settings import PredictorSettings
+from idim_iv_ros.nodes.recorder import node as recorder
+from idim_iv_ros.nodes.recorder.settings import RecorderSettings
+from idim_iv_ros.nodes.simulator import node as simulator
+from tests.ros.documented_commands import (
+    Command,
+    commands,
+    commands_of_page,
+    echo_profile,
+    fill,
+    interface,
+)
+from tests.ros.launch_file import launch
+from tests.ros.processes import ROOT, Observer
+
+SETTINGS = {
+    "recorder": RecorderSettings,
+    "identifier": IdentifierSettings,
+    "collector": CollectorSettings,
+    "predictor": PredictorSettings,
+    "robot_simulator": simulator.SimulatorSettings,
+}
+BY_HAND = {"collect": "false", "predict": "false"}
+LAUNCHED = {
+    "demo": {},
+    "demo by hand": BY_HAND,
+    "demo without auto": {**BY_HAND, "auto": "false"},
+    "robot": {"configuration": "arm.yaml"},
+    "robot that waits": {"configuration": "arm.yaml", "autostart": "false"},
+}
+
+
+def documented() -> list[Command]:
+    """All commands, in the order of where they stand."""
+    found: list[Command] = []
+    for page in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
+        found += commands_of_page(page)
+    for module in (recorder, identifier, collector, predictor, simulator):
+        found += commands(f"{module.__name__} --help", module.ABOUT)
+    for name, arguments in LAUNCHED.items():
+        file = ROOT / "launch" / f"{name.split()[0]}.launch.py"
+        found += commands(f"{name} says", "\n".join(launch(file, **arguments).next_steps()))
+    return found
+
+
+def of(*verbs: str) -> object:
+    """Parametrize with the commands of these verbs; one that names only the verb has no words."""
+    chosen = [each for each in documented() if each.verb in verbs and each.words]
+    assert chosen
+    return pytest.mark.parametrize("command", dict.fromkeys(map(str, chosen)), indirect=True)
+
+
+@pytest.fixture
+def command(request: pytest.FixtureRequest) -> Command:
+    return next(each for each in documented() if str(each) == request.param)
+
+
+@pytest.fixture(scope="module")
+def nodes(observer: Observer, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Node]]:
+    """All nodes of the demo in this process, under their names; none has anything to do."""
+    arm = Parameter("configuration", value=str(ROOT / "config" / "arm2.yaml"))
+    configured = functools.partial(Node, parameter_overrides=[arm])
+    made = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("nodes"))
+        patch.setattr(JobQueue, "warm", lambda queue: None)
+        patch.setattr(simulator.RobotSimulator, "_prepare", lambda robot: None)
+        kinds: list[tuple[ModuleType, Callable]] = [
+            (recorder, recorder.Recorder),
+            (identifier, identifier.Identifier),
+            (collector, collector.Collector),
+            (predictor, predictor.Predictor),
+            (simulator, simulator.RobotSimulator),
+        ]
+        for module, kind in kinds:
+            if module in (predictor, simulator):
+                patch.setattr(module, "Node", configured)
+            made.append(kind())
+        yield [each.node for each in made]
+        for each in made:
+            each.close()
+
+
+def publishers(nodes: list[Node], topic: str) -> list:
+    return [each for node in nodes for each in node.publishers if each.topic_name == topic]
+
+
+@of("topic echo")
+def test_echo_gets_a_message_also_if_it_is_late(
+    command: Command, nodes: list[Node], observer: Observer
+) -> None:
+    topic, *kind = command.words
+    (publisher,) = publishers(nodes, topic)
+    offered = [each.qos_profile for each in observer.node.get_publishers_info_by_topic(topic)]
+    profile = echo_profile(command, offered)
+    if kind:
+        assert interface(*kind) is publisher.msg_type
+    latched = publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    if latched:
+        assert profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        assert profile.reliability == ReliabilityPolicy.RELIABLE, "best effort: it gets nothing"
+        publisher.publish(publisher.msg_type())
+    heard: list = []
+    subscription = observer.node.create_subscription(
+        publisher.msg_type, topic, heard.append, profile
+    )
+
+    def arrived() -> list:
+        if not latched:  # others subscribe as well: nobody says when it is this one's turn
+            publisher.publish(publisher.msg_type())
+        return heard
+
+    observer.until(arrived, str(command), 120.0)
+    observer.node.destroy_subscription(subscription)
+
+
+def test_one_option_of_echo_replaces_what_the_publishers_offer() -> None:
+    (old,) = commands(
+        "before", "ros2 topic echo /identifier/result --qos-durability transient_local"
+    )
+    assert echo_profile(old, []).reliability == ReliabilityPolicy.BEST_EFFORT
+
+
+def served(nodes: list[Node], name: str) -> list[str]:
+    """Types of a service; an action's goals are sent by one."""
+    # Not by the names of nodes: an earlier one of the same name may be remembered.
+    return [
+        kind
+        for found, kinds in nodes[0].get_service_names_and_types()
+        for kind in kinds
+        if found == name
+    ]
+
+
+@of("service call")
+def test_service_is_called_with_fields_that_it_has(
+    command: Command, nodes: list[Node], observer: Observer
+) -> None:
+    name, kind, *request = command.words
+    observer.until(lambda: served(nodes, name), name, 120.0)
+    assert served(nodes, name) == [kind]
+    for text in request:
+        fill(interface(kind).Request(), text)
+
+
+@of("action send_goal")
+def test_goal_is_sent_with_fields_that_it_has(
+    command: Command, nodes: list[Node], observer: Observer
+) -> None:
+    name, kind, goal = command.words
+    service = f"{name}/_action/send_goal"
+    observer.until(lambda: served(nodes, service), name, 120.0)
+    assert served(nodes, service) == [f"{kind}_SendGoal"]
+    fill(interface(kind).Goal(), goal)
+
+
+@of("param set")
+def test_parameter_is_set_to_a_value_of_its_type(command: Command, nodes: list[Node]) -> None:
+    name, parameter, text = command.words
+    (node,) = [each for each in nodes if each.get_fully_qualified_name() == name]
+    assert not node.describe_parameter(parameter).read_only
+    value = YAML(typ="safe").load(text)
+    assert Parameter(parameter, value=value).type_ == node.get_parameter(parameter).type_
+
+
+@of("lifecycle set")
+def test_only_the_managed_node_is_asked_for_a_transition(command: Command) -> None:
+    name, transition = command.words
+    assert name == "/identifier"
+    assert hasattr(identifier.Identifier, f"_{transition}")
+
+
+@of("run")
+def test_node_is_run_with_parameters_that_it_has(command: Command) -> None:
+    package, executable, *arguments = command.words
+    if package != "idim_iv_ros":
+        return
+    names = {each.name for each in fields(SETTINGS[executable])} | {"use_sim_time"}
+    for option, value in itertools.pairwise(arguments):
+        if option == "-p":
+            assert value.partition(":=")[0] in names
+
+
+@of("launch")
+def test_launch_file_has_the_arguments_that_it_is_given(command: Command) -> None:
+    package, file, *arguments = command.words
+    assert package == "idim_iv_ros"
+    given = dict(each.split(":=") for each in arguments)
+    path: Path = ROOT / "launch" / file
+    declared = launch(path, **{**given, "params_file": ""}).arguments
+    assert set(given) <= set(declared)
