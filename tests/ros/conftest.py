@@ -155,14 +155,18 @@ def served(
 def start_identifier(
     stack: ExitStack, folder: Path, observer: Observer, *remappings: str, **parameters: object
 ) -> IdentifierClient:
-    """Start an identifier that writes into the folder `results` in `folder`."""
+    """Start an identifier that writes into the folder `results` in `folder`.
+
+    Its jobs wait where the test says so: see `IdentifierClient.closed_gate`.
+    """
     values = {
         "configuration": ARM2,
         "output_directory": folder / "results",
         "status_period": 0.2,
         **parameters,
     }
-    process = start_node("identifier", folder, *remappings, **values)
+    gated = ROOT / "tests" / "ros" / "gated_identifier.py"
+    process = start_node("identifier", folder, *remappings, script=gated, **values)
     stack.callback(process.end)
     client = IdentifierClient(observer, process)
     stack.callback(client.close)

@@ -1,11 +1,11 @@
 """What users of the identifier do: ask, listen, cancel, watch."""
 
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -14,8 +14,6 @@ from idim_iv_interfaces.action import Identify as IdentifyAction
 from idim_iv_interfaces.msg import IdentificationResult
 from idim_iv_interfaces.srv import Identify
 from tests.ros.processes import LATCHED, Observer, Process
-
-JOB = 60.0  # s; on a new machine the simulation is compiled first
 
 
 class IdentifierClient:
@@ -28,7 +26,7 @@ class IdentifierClient:
         self._heard = self.node.create_subscription(
             DiagnosticArray, "/diagnostics", self._diagnosis, 10
         )
-        observer.until(lambda: "identification" in self.diagnostics, "the identifier", JOB)
+        observer.until(lambda: "identification" in self.diagnostics, "the identifier")
         self.service = self.node.create_client(Identify, f"/{self.name}/identify")
         observer.until(self.service.service_is_ready, "the service")
         self.connect()
@@ -57,8 +55,8 @@ class IdentifierClient:
     def identify(self, *bags: str | Path, **request: object) -> Identify.Response:
         return self.wait(self.ask(*bags, **request))
 
-    def wait(self, future, timeout: float = JOB):
-        self.observer.until(future.done, "an answer", timeout)
+    def wait(self, future):
+        self.observer.until(future.done, "an answer")
         return future.result()
 
     def goal(self, *bags: str | Path, feedback: list | None = None, **request: object):
@@ -90,23 +88,37 @@ class IdentifierClient:
     def failure(self) -> str:
         """Wait until the diagnostics tell that the last job failed, and why."""
         told = self.diagnostics
-        self.observer.until(lambda: told["identification"][0] == 2, "a failure", JOB)
+        self.observer.until(lambda: told["identification"][0] == 2, "a failure")
         return told["identification"][1]
 
     @contextmanager
     def parameters(self, **values: object) -> Iterator[None]:
         """Set parameters for a while."""
-        before = {name: parameter_value_to_python(self.parameter(name)[0]) for name in values}
+        before = {name: parameter_value_to_python(self.parameter(name)) for name in values}
         assert self.set(**values).successful
-        yield
-        assert self.set(**before).successful
+        try:
+            yield
+        finally:
+            assert self.set(**before).successful
 
-    def worker(self) -> int:
-        """Process id of the worker, as the diagnostics tell it."""
-        key = "worker (process id)"
-        told = self.diagnostics
-        self.observer.until(lambda: told["identification"][2][key] != "none", "a worker")
-        return int(told["identification"][2][key])
+    @contextmanager
+    def closed_gate(self, stage: str = "") -> Iterator[None]:
+        """Jobs wait for a while, after a stage or before they begin; then they go on."""
+        closed = self.process.errors.parent / "closed"
+        closed.with_name("job").unlink(missing_ok=True)
+        closed.write_text(stage)
+        try:
+            yield
+        finally:
+            closed.unlink()
+
+    def job(self) -> int:
+        """Process id of the job that waits at the closed gate."""
+        file = self.process.errors.parent / "job"
+        self.observer.until(file.exists, "a job")
+        number = int(file.read_text())
+        file.unlink()
+        return number
 
     @staticmethod
     def process_exists(number: int) -> bool:
@@ -114,15 +126,13 @@ class IdentifierClient:
         status = Path(f"/proc/{number}/status")
         return status.exists() and "State:\tZ" not in status.read_text()
 
-    def parameter(self, name: str) -> tuple[object, float]:
-        """Value of a parameter, and the seconds until it was known."""
+    def parameter(self, name: str) -> ParameterValue:
+        """Value of a parameter."""
         client = self.node.create_client(GetParameters, f"/{self.name}/get_parameters")
         self.observer.until(client.service_is_ready, "get_parameters")
-        begin = time.perf_counter()
         (value,) = self.wait(client.call_async(GetParameters.Request(names=[name]))).values
-        seconds = time.perf_counter() - begin
         self.node.destroy_client(client)
-        return value, seconds
+        return value
 
     def set(self, **values: object):
         parameters = [

@@ -1,7 +1,8 @@
-"""A robot's publishers in a process of their own: JointState at a steady rate, numbered.
+"""A robot's publishers in a process of their own: JointState, numbered, stamped at a steady rate.
 
 Each line of JSON on stdin makes a node. It says ``ready`` when every topic has a subscriber,
-publishes after ``go``, says how many it sent, and ends its node after ``end``.
+publishes after ``go``, says how many it sent, and ends its node after ``end``. The messages come as
+fast as they are received, or, where it is asked to keep its ``pace``, no faster than their stamps.
 """
 
 import json
@@ -11,10 +12,14 @@ import time
 
 import numpy as np
 import rclpy
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+
+HANG = 120.0  # s
+WINDOW = 50  # messages that may be under way
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -59,7 +64,7 @@ def perform(settings: dict) -> None:
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         description = node.create_publisher(String, "/robot_description", latched)
         description.publish(String(data=settings["description"]))
-    deadline = time.monotonic() + 20.0
+    deadline = time.monotonic() + HANG
     while any(p.get_subscription_count() == 0 for p, _ in publishers):
         if time.monotonic() > deadline:
             sys.exit("no subscriber")
@@ -76,12 +81,18 @@ def perform(settings: dict) -> None:
 def publish(settings: dict, publishers: list) -> float:
     raws = [template(topic) for _, topic in publishers]
     shift = settings.get("stamp_shift", {})
-    rate, begin = settings["rate"], time.monotonic()
-    for number in range(settings["count"]):
-        ahead = begin + number / rate - time.monotonic()
-        if ahead > 0:
-            time.sleep(max(ahead, 0.001))  # in small bursts above 1 kHz: waiting costs nothing
-        stamp = time.time_ns() + int(1e9 * shift.get(str(number), 0.0))
+    rate, count, begin = settings["rate"], settings["count"], time.monotonic()
+    # The last stamp is that of now, as if they had come at their rate.
+    first = time.time_ns() - (0 if settings["pace"] else int(1e9 * count / rate))
+    for number in range(count):
+        if settings["pace"]:
+            ahead = begin + number / rate - time.monotonic()
+            if ahead > 0:
+                time.sleep(max(ahead, 0.001))  # in small bursts above 1 kHz: waiting costs nothing
+        if number % WINDOW == 0:
+            for publisher, _ in publishers:
+                publisher.wait_for_all_acked(Duration(seconds=HANG))
+        stamp = first + int(1e9 * (number / rate + shift.get(str(number), 0.0)))
         for (publisher, _), (raw, place) in zip(publishers, raws, strict=True):
             struct.pack_into("<iI", raw, 4, stamp // 10**9, stamp % 10**9)
             struct.pack_into("<d", raw, place, float(number))

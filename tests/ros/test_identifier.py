@@ -4,7 +4,6 @@ import json
 import os
 import signal
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +17,10 @@ from idim_iv_ros.excitation import random_motion
 from idim_iv_ros.simulators.recording import simulate
 from tests.ros.conftest import ARM2
 from tests.ros.identifier_client import IdentifierClient
-from tests.ros.processes import Process
+from tests.ros.processes import HANG, Process
 from tests.ros.true_parameters import require_truth
 
 OK, WARN, ERROR = 0, 1, 2
-PROMPT = 0.2  # s
-LONGEST_SILENCE = 2.0  # s
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +73,7 @@ def test_action_gives_feedback_and_the_same_estimates(served, truth) -> None:
     assert (answer.status, answer.result.success) == (GoalStatus.STATUS_SUCCEEDED, True)
     result = answer.result.result
     require_truth(result.parameters, truth)
+    served.observer.until(lambda: feedback[-1].stage == "writing", "the last stage")
     stages = [each.stage for each in feedback]
     for stage in ("reading", "regressor", "validation", "writing"):
         assert stage in stages
@@ -85,15 +83,14 @@ def test_action_gives_feedback_and_the_same_estimates(served, truth) -> None:
     assert str(served.latched()) == str(result)
 
 
-def test_cancelled_goal_ends_within_a_second_and_its_worker_is_gone(served) -> None:
+def test_cancelled_goal_ends_and_its_worker_is_gone(served) -> None:
     before = set(results(served).rglob("*"))
-    goal = served.goal("bag-1.mcap", "bag-2.mcap")
-    worker = served.worker()
-    os.kill(worker, 0)
-    begin = time.perf_counter()
-    assert served.wait(goal.cancel_goal_async()).goals_canceling
-    answer = served.wait(goal.get_result_async())
-    assert time.perf_counter() - begin < 1.0
+    with served.closed_gate():
+        goal = served.goal("bag-1.mcap", "bag-2.mcap")
+        worker = served.job()
+        os.kill(worker, 0)
+        assert served.wait(goal.cancel_goal_async()).goals_canceling
+        answer = served.wait(goal.get_result_async())
     assert (answer.status, answer.result.message) == (GoalStatus.STATUS_CANCELED, "cancelled")
     with pytest.raises(ProcessLookupError):
         os.kill(worker, 0)
@@ -101,36 +98,32 @@ def test_cancelled_goal_ends_within_a_second_and_its_worker_is_gone(served) -> N
 
 
 def test_calls_are_answered_while_a_job_runs(served) -> None:
-    with served.parameters(when_busy="refuse"):
-        feedback: list = []
-        goal = served.goal("bag-1.mcap", "bag-2.mcap", feedback=feedback)
-        served.observer.until(lambda: len(feedback) > 3, "work in the worker")
-        seconds = []
-        for _ in range(5):
-            value, taken = served.parameter("when_busy")
-            assert value.string_value == "refuse"
-            seconds.append(taken)
-            begin = time.perf_counter()
-            refused = served.identify("bag-2.mcap")
-            seconds.append(time.perf_counter() - begin)
-            assert refused.message == "busy with another job; when_busy is refuse"
-        assert max(seconds) < PROMPT
+    with served.parameters(when_busy="refuse"), served.closed_gate():
+        goal = served.goal("bag-1.mcap", "bag-2.mcap")
+        served.job()
+        assert served.parameter("when_busy").string_value == "refuse"
+        refused = served.identify("bag-2.mcap")
+        assert refused.message == "busy with another job; when_busy is refuse"
         assert served.wait(goal.cancel_goal_async()).goals_canceling
         served.wait(goal.get_result_async())
 
 
 def test_requests_wait_for_each_other_and_a_waiting_goal_can_be_cancelled(served) -> None:
     with served.parameters(queue_limit=2):
-        first = served.ask("bag-1.mcap", estimator="idim-ls")
-        served.worker()
-        feedback: list = []
-        goal = served.goal("bag-1.mcap", feedback=feedback)
-        third = served.ask("bag-2.mcap", estimator="idim-ls")
-        refused = served.identify("bag-2.mcap")
-        assert refused.message == "busy: 2 jobs wait already"
-        assert served.wait(goal.cancel_goal_async()).goals_canceling
-        assert served.wait(goal.get_result_async()).status == GoalStatus.STATUS_CANCELED
-        assert {each.stage for each in feedback} == {"waiting"}
+        with served.closed_gate():
+            first = served.ask("bag-1.mcap", estimator="idim-ls")
+            served.job()
+            late = served.identify("bag-2.mcap", timeout=0.1)
+            assert late.message == "not begun within 0.1 s: 1 job was before it"
+            feedback: list = []
+            goal = served.goal("bag-1.mcap", feedback=feedback)
+            third = served.ask("bag-2.mcap", estimator="idim-ls")
+            refused = served.identify("bag-2.mcap")
+            assert refused.message == "busy: 2 jobs wait already"
+            served.observer.until(lambda: feedback, "word of the goal that waits")
+            assert served.wait(goal.cancel_goal_async()).goals_canceling
+            assert served.wait(goal.get_result_async()).status == GoalStatus.STATUS_CANCELED
+            assert {each.stage for each in feedback} == {"waiting"}
         assert list(served.wait(first).result.parameters.bags) == ["bag-1.mcap"]
         last = served.wait(third).result.parameters
         assert (list(last.bags), last.estimator, last.iterations) == (["bag-2.mcap"], "idim-ls", 0)
@@ -143,30 +136,26 @@ def test_requests_wait_for_each_other_and_a_waiting_goal_can_be_cancelled(served
 def test_last_result_survives_a_kill_and_the_worker_does_not(identifier, observer) -> None:
     client = identifier()
     result = client.identify("bag-1.mcap", estimator="idim-ls").result
-    feedback: list = []
-    client.goal("bag-1.mcap", "bag-2.mcap", feedback=feedback)
-    observer.until(lambda: len(feedback) > 1, "work in the worker")
-    worker = client.worker()
-    client.process.kill()
-
-    def gone() -> bool:
-        status = Path(f"/proc/{worker}/status")
-        return not status.exists() or "State:\tZ" in status.read_text()
-
-    observer.until(gone, "the end of the worker")
+    with client.closed_gate():
+        client.goal("bag-1.mcap", "bag-2.mcap")
+        worker = client.job()
+        client.process.kill()
+        observer.until(lambda: not client.process_exists(worker), "the end of the worker")
     assert str(identifier().latched()) == str(result)
 
 
 def test_goal_of_a_node_that_is_interrupted_is_answered(identifier) -> None:
     client = identifier()
-    goal = client.goal("bag-1.mcap", "bag-2.mcap")
-    worker = client.worker()
-    future = goal.get_result_async()
-    client.process.process.send_signal(signal.SIGINT)
-    answer = client.wait(future)
+    with client.closed_gate():
+        goal = client.goal("bag-1.mcap", "bag-2.mcap")
+        worker = client.job()
+        future = goal.get_result_async()
+        client.parameter("auto")  # answered after the question for the result has arrived
+        client.process.process.send_signal(signal.SIGINT)
+        answer = client.wait(future)
     assert answer.status == GoalStatus.STATUS_ABORTED
     assert answer.result.message == "the identifier was shut down"
-    assert client.process.process.wait(10) == 0
+    assert client.process.process.wait(HANG) == 0
     with pytest.raises(ProcessLookupError):
         os.kill(worker, 0)
     assert "Traceback" not in client.process.errors.read_text()
@@ -207,9 +196,6 @@ def test_idim_iv_serve_is_the_identifier(
 
 
 def test_limits_of_a_job_are_one_line(served) -> None:
-    answer = served.identify("bag-1.mcap", timeout=0.05)
-    assert not answer.success
-    assert answer.message == "ended after 0.05 s without a result"
     with served.parameters(memory_limit=100_000_000):
         answer = served.identify("bag-1.mcap", "bag-2.mcap")
         assert not answer.success
@@ -263,47 +249,35 @@ def kept_process(client: IdentifierClient) -> int:
     return int(child)
 
 
-def working(client: IdentifierClient) -> int:
-    """Wait for the process of a job and hold it in the middle of its work."""
-    client.observer.until(lambda: client.process_exists(client.worker()), "a job")
-    os.kill(client.worker(), signal.SIGSTOP)
-    return client.worker()
-
-
 def test_next_job_works_after_its_process_or_the_kept_one_was_killed(served) -> None:
     for kept in (False, True):
-        waiting = served.ask("bag-1.mcap", "bag-2.mcap")
-        job = working(served)
-        os.kill(kept_process(served) if kept else job, signal.SIGKILL)
-        if kept:
-            os.kill(job, signal.SIGCONT)  # so that it can notice
-        answer = served.wait(waiting)
-        assert (answer.success, answer.message) == (False, "the worker was ended by SIGKILL")
-        served.observer.until(lambda: not served.process_exists(job), "its end")  # noqa: B023
+        with served.closed_gate():
+            waiting = served.ask("bag-1.mcap", "bag-2.mcap")
+            job = served.job()
+            os.kill(kept_process(served) if kept else job, signal.SIGKILL)
+            answer = served.wait(waiting)
+            assert (answer.success, answer.message) == (False, "the worker was ended by SIGKILL")
+            served.observer.until(lambda: not served.process_exists(job), "its end")  # noqa: B023
     assert served.identify("bag-1.mcap", estimator="idim-ls").success
 
 
 def test_jobs_follow_each_other_without_a_start(served) -> None:
-    """The target is a second beside the identification; this machine may be busy."""
-    seconds = []
-    for _ in range(3):
-        begin = time.perf_counter()
-        answer = served.identify("bag-1.mcap")
-        seconds.append(time.perf_counter() - begin - answer.result.duration)
-    assert min(seconds) < 1.0
+    kept = kept_process(served)
+    for _ in range(2):
+        assert served.identify("bag-1.mcap", estimator="idim-ls").success
+        assert kept_process(served) == kept
 
 
 def test_job_of_a_client_that_is_gone_is_cancelled_and_until_then_it_hears_of_it(served) -> None:
     feedback: list = []
-    served.goal("bag-1.mcap", "bag-2.mcap", feedback=feedback)
-    worker = working(served)
-    told = len(feedback)
-    begin = time.monotonic()
-    served.observer.until(lambda: len(feedback) >= told + 2, "signs of life", 2 * LONGEST_SILENCE)
-    assert time.monotonic() - begin < 2 * LONGEST_SILENCE
-    served.action.destroy()
-    try:
-        served.observer.until(lambda: not served.process_exists(worker), "the end of the job")
-    finally:
-        served.connect()
+    with served.closed_gate():
+        served.goal("bag-1.mcap", "bag-2.mcap", feedback=feedback)
+        worker = served.job()
+        heard = len(feedback)
+        served.observer.until(lambda: len(feedback) >= heard + 2, "signs of life")
+        served.action.destroy()
+        try:
+            served.observer.until(lambda: not served.process_exists(worker), "the end of the job")
+        finally:
+            served.connect()
     assert "who asked is gone" in served.process.errors.read_text()

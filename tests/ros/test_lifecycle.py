@@ -11,7 +11,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.identifier.own_folder import OwnFolder
 from tests.ros.conftest import ARM2, start_identifier
 from tests.ros.identifier_client import IdentifierClient
-from tests.ros.processes import start_node
+from tests.ros.processes import HANG, start_node
 
 
 def change(client: IdentifierClient, label: str) -> bool:
@@ -64,10 +64,12 @@ def test_requests_are_accepted_between_activation_and_deactivation(
     observer.until(lambda: client.diagnostics["identification"][1] == "inactive", "its state")
     assert change(client, "activate")
     assert f"ready: {arm}; identifies on request" in log(client)
-    waiting = [client.ask("bag-1.mcap"), client.ask("bag-2.mcap")]
-    client.worker()
-    assert change(client, "deactivate")
-    messages = {client.wait(each).message for each in waiting}
+    with client.closed_gate():
+        waiting = [client.ask("bag-1.mcap"), client.ask("bag-2.mcap")]
+        client.job()
+        client.parameter("auto")  # answered after the second request has arrived
+        assert change(client, "deactivate")
+        messages = {client.wait(each).message for each in waiting}
     assert messages == {"the identifier was deactivated"}
     # The file is read anew when it is configured again.
     arm.write_text("nonsense: 2\n")
@@ -98,7 +100,7 @@ def test_a_folder_of_results_belongs_to_one_identifier(tmp_path: Path) -> None:
 
 def test_a_node_that_starts_by_itself_ends_with_what_is_wrong(tmp_path: Path, arm: Path) -> None:
     process = start_node("identifier", tmp_path, configuration=arm)
-    assert process.process.wait(20) == 2
+    assert process.process.wait(HANG) == 2
     assert process.errors.read_text().splitlines() == [
         f"identifier: parameter configuration: {arm}: unknown key nonsense"
     ]

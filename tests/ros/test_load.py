@@ -24,7 +24,7 @@ def test_a_minute_of_seven_joints_and_reference_at_1_khz(
 ) -> None:
     process = recorder(configuration=str(seven_joints), status_period=1.0)
     topics = [{"name": name, "joints": JOINTS} for name in ("/joint_states", "/joint_reference")]
-    robot.begin(count=60_000, rate=1000.0, topics=topics)
+    robot.begin(count=60_000, rate=1000.0, pace=True, topics=topics)
     observer.call("start")
     before = process.cpu()
     robot.run()
@@ -43,7 +43,8 @@ def test_a_minute_of_seven_joints_and_reference_at_1_khz(
 @pytest.mark.load
 def test_20_s_at_10_khz(recorder, robot, observer, bags: Path) -> None:
     process = recorder(status_period=1.0)
-    robot.begin(count=200_000, rate=10_000.0, topics=[{"name": "/joint_states", "joints": JOINTS}])
+    states = [{"name": "/joint_states", "joints": JOINTS}]
+    robot.begin(count=200_000, rate=10_000.0, pace=True, topics=states)
     observer.call("start")
     before = process.cpu()
     robot.run()

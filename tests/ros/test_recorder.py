@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from idim_iv_ros.recording import read_recordings
-from tests.ros.processes import Process, numbers, only_bag, start_recorder
+from tests.ros.processes import HANG, Process, numbers, only_bag, start_recorder
 
 BOTH = [{"name": "/joint_states"}, {"name": "/joint_reference"}]
 
@@ -92,7 +92,7 @@ def test_size_and_time_begin_new_files(recorder, robot, observer, bags: Path) ->
     assert np.array_equal(numbers(by_size), np.arange(2000.0))
     assert observer.set(max_file_size=0, max_file_duration=0.5, bag_prefix="timed")[0].successful
     observer.call("start")
-    robot.begin(count=1500, rate=1000.0).run()
+    robot.begin(count=1500, rate=1000.0, pace=True).run()
     observer.received(1500)
     observer.call("stop")
     (timed,) = bags.glob("timed*")
@@ -169,7 +169,7 @@ def test_interrupt_closes_the_bag(recorder, robot, observer, bags: Path) -> None
 
 def test_wrong_start_is_one_line(tmp_path: Path) -> None:
     process = start_recorder(tmp_path, configuration="/nowhere/robot.yaml")
-    assert process.process.wait(15) == 2
+    assert process.process.wait(HANG) == 2
     lines = process.errors.read_text().splitlines()
     assert len(lines) == 1
     words = "recorder: parameter configuration: /nowhere/robot.yaml: cannot read"

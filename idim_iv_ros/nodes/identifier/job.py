@@ -2,9 +2,8 @@
 
 import math
 import stat
-import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -61,7 +60,7 @@ class Job:
     answer_within : float or None
         s, from the receipt of the request; None where nobody waits.
     received : float
-        When the request came, monotonic, s.
+        When the request came, on the clock of the queue, s.
     configuration_name : str
         As the request names it; empty for the node's own.
     listener : JobListener
@@ -75,7 +74,7 @@ class Job:
     share : float
         Of the work that is done, 0 to 1.
     said_at : float
-        When who asked last heard of it, monotonic, s.
+        When who asked last heard of it, on the clock of the queue, s.
     """
 
     task: Task
@@ -85,7 +84,7 @@ class Job:
     timeout: float
     listener: JobListener
     answer_within: float | None = None
-    received: float = field(default_factory=time.monotonic)
+    received: float = 0.0
     configuration_name: str = ""
     estimator: str = ""
     without: tuple[str, ...] = ()
@@ -97,9 +96,9 @@ class Job:
     share: float = 0.0
     said_at: float = 0.0
 
-    def say(self, stage: str, share: float) -> None:
+    def say(self, stage: str, share: float, now: float) -> None:
         """Let who asked know what is done, and which share of the work is."""
-        self.stage, self.share, self.said_at = stage, share, time.monotonic()
+        self.stage, self.share, self.said_at = stage, share, now
         self.listener.progress(stage, share)
 
 

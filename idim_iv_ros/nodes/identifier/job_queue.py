@@ -30,6 +30,10 @@ class JobQueue:
         Called in any thread when `poll` has something to do.
     ended : callable
         Takes each job when all is over.
+    clock : callable
+        Monotonic time, s.
+    start_worker : callable
+        Starts the process; takes where its events go, see `Worker`.
     """
 
     def __init__(
@@ -37,8 +41,11 @@ class JobQueue:
         settings: Callable[[], IdentifierSettings],
         wake: Callable[[], None],
         ended: Callable[[Job], None],
+        clock: Callable[[], float] = time.monotonic,
+        start_worker: Callable[[Callable[[Worker, Event], None]], Worker] = Worker,
     ) -> None:
         self._settings, self._wake, self._ended = settings, wake, ended
+        self._clock, self._start_worker = clock, start_worker
         self._waiting: deque[Job] = deque()
         self._over: deque[Job] = deque()
         self._events: queue.SimpleQueue[tuple[Worker, Event]] = queue.SimpleQueue()
@@ -60,7 +67,7 @@ class JobQueue:
         """Start the worker in the background, so that the first job finds it ready."""
         if self._worker is None:
             try:
-                self._worker = Worker(self._put)
+                self._worker = self._start_worker(self._put)
             except OSError:
                 return  # the next job says why
 
@@ -79,7 +86,8 @@ class JobQueue:
             if len(self._waiting) >= settings.queue_limit:
                 raise UsageError(f"busy: {len(self._waiting)} jobs wait already")
         self._waiting.append(job)
-        job.say(WAITING, 0.0)
+        job.received = self._clock()
+        job.say(WAITING, 0.0, job.received)
         self._wake()
 
     def cancel(self, job: Job) -> None:
@@ -94,7 +102,7 @@ class JobQueue:
                 self._hear(*self._events.get_nowait())
             except queue.Empty:
                 break
-        now = time.monotonic()
+        now = self._clock()
         self._end_what_is_late(now)
         self._give_sign_of_life(now)
         while self.running is None and self._waiting:
@@ -121,7 +129,7 @@ class JobQueue:
         """Repeat what is done where nothing was heard of it for a while."""
         for job in (*self._waiting, *([self.running] if self.running else [])):
             if now > job.said_at + _SIGN_OF_LIFE:
-                job.say(job.stage, job.share)
+                job.say(job.stage, job.share, now)
 
     def _end_what_is_late(self, now: float) -> None:
         for place, job in enumerate(tuple(self._waiting)):
@@ -165,13 +173,13 @@ class JobQueue:
                 "file_limit": settings.max_bag_size,
             }
             job.folder = folder
-            self._worker = self._worker or Worker(self._put)
+            self._worker = self._worker or self._start_worker(self._put)
         except OSError as error:
             job.message = f"cannot be begun: {error.strerror or error}"
             self._finish(job)
             return
         self.running, job.stage = job, "starting"
-        self._begun = time.monotonic()
+        self._begun = self._clock()
         job.listener.started()
         self._worker.begin(request)
 
@@ -192,7 +200,7 @@ class JobQueue:
         elif job is None:
             return
         elif "stage" in event:
-            job.say(str(event["stage"]), float(event["progress"]))
+            job.say(str(event["stage"]), float(event["progress"]), self._clock())
         elif "ended" in event:
             self._end(int(event["ended"]))
         elif event.keys() & {"message", "error"} and not job.message:  # not cancelled or late

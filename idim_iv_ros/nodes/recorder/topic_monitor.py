@@ -2,7 +2,7 @@
 
 import struct
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -187,17 +187,29 @@ class TopicMonitor:
     late, gaps, longest_gap, backward : int, int, float (s), int
         `backward` counts stamps (of the header, the source or the receipt) that lie before the
         one before.
+
+    Parameters
+    ----------
+    content : JointContent or None
+    has_header : bool
+    clock : callable
+        Monotonic time, s, in which silence is measured.
     """
 
-    def __init__(self, content: JointContent | None, has_header: bool) -> None:
+    def __init__(
+        self,
+        content: JointContent | None,
+        has_header: bool,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self.content = content
-        self._has_header = has_header
+        self._has_header, self._clock = has_header, clock
         self._periods: IntArray = np.zeros(0, dtype=np.int64)
         self._sequence: int | None = None
         self._last_sent: int | None = None
         self._last_received: int | None = None
         self._last_stamp: int | None = None
-        self._arrived = time.monotonic()
+        self._arrived = clock()
         self.one_publisher = True
         self.reset()
 
@@ -221,13 +233,13 @@ class TopicMonitor:
     @property
     def silence(self) -> float:
         """Seconds since the last message (or since the topic was first watched)."""
-        return time.monotonic() - self._arrived
+        return self._clock() - self._arrived
 
     def add(self, batch: Received, limits: MonitorLimits) -> None:
         """Count a batch."""
         if not batch.messages:
             return
-        self._arrived = time.monotonic()
+        self._arrived = self._clock()
         self.received += len(batch.messages)
         self.bytes += sum(map(len, batch.messages))
         self._count_lost(batch.sequence)
