@@ -15,7 +15,7 @@ _OPTIONS = (
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
     *("--hide-scrollbars", "--remote-debugging-pipe"),
 )
-_TIMEOUT = 30.0
+_TIMEOUT = 120.0  # s
 
 
 class Browser:

@@ -49,7 +49,7 @@ class KinematicRobot:
         self._status = node.create_publisher(RecorderStatus, "/recorder/status", 10)
         self._timers = [
             node.create_timer(PERIOD, self._publish),
-            node.create_timer(STATUS, self._report),
+            node.create_timer(STATUS, self.report),
         ]
         self.received: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         self.recorder: list[str] = []
@@ -97,18 +97,27 @@ class KinematicRobot:
             self._begun = time.monotonic()
 
     def _publish(self) -> None:
+        now, stamp = self._now()
         if self.motion is not None:
-            elapsed = min(time.monotonic() - self._begun, self.motion.x[-1])
+            elapsed = min(now - self._begun, self.motion.x[-1])
             place = self.motion(elapsed)
             if self.held is not None:
                 place[0] = np.clip(place[0], *self.held)
             self.position = place
         if self.publishes:
             message = JointState(name=JOINTS, position=self.position.tolist())
-            message.header.stamp = self.node.get_clock().now().to_msg()
+            message.header.stamp = stamp
             self._states.publish(message)
 
-    def _report(self) -> None:
+    def _now(self):
+        """One time on two clocks: monotonic, s, and as a stamp."""
+        while True:
+            before, stamp, after = time.monotonic(), self.node.get_clock().now(), time.monotonic()
+            if after - before < 1e-3:
+                return after, stamp.to_msg()
+
+    def report(self) -> None:
+        """Say what the recorder does."""
         if self.state is not None:
             self._status.publish(RecorderStatus(state=self.state, bag=str(self.bag)))
 

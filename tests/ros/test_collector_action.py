@@ -115,7 +115,7 @@ def collector(
         script = [sys.executable, str(ROOT / "tests" / "ros" / "trajectory_server.py")]
         server = Process([*script, str(simulated_bags / "bag-1.mcap")], folder, "controller")
         stack.callback(server.kill)
-        given = {"motion": "random", "slow_speed": 0.5, "approach_speed": 0.5, "stale_after": 1.0}
+        given = {"motion": "random", "slow_speed": 0.5, "approach_speed": 0.5, "stale_after": 10.0}
         process = start_node(
             "collector",
             folder,

@@ -19,7 +19,7 @@ from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.simulators.recording import recorded_topics
 from idim_iv_ros.simulators.robot import simulated_robot
 from tests.ros.conftest import ARM2
-from tests.ros.identifier_client import JOB, IdentifierClient
+from tests.ros.identifier_client import IdentifierClient
 from tests.ros.processes import LATCHED, Observer, Process, Robot, only_bag, start_node
 from tests.ros.true_parameters import require_truth
 
@@ -212,7 +212,7 @@ def test_two_simulators_recorders_and_identifiers_at_once(
             lambda message, side=side: moving[side].append(message.data),
             LATCHED,
         )
-    observer.until(lambda: all(moving.values()), "simulators that are ready", 180.0)
+    observer.until(lambda: all(moving.values()), "simulators that are ready")
     clients = {side: IdentifierClient(observer, each[2]) for side, each in processes.items()}
     for simulator, recorder, _ in processes.values():
         observer.follow(recorder)
@@ -220,11 +220,11 @@ def test_two_simulators_recorders_and_identifiers_at_once(
         observer.name = simulator.name
         assert observer.call("move").success
     for side, (_, recorder, _) in processes.items():
-        observer.until(lambda side=side: moving[side][-2:] == [True, False], "the motion", 120.0)
+        observer.until(lambda side=side: moving[side][-2:] == [True, False], "the motion")
         observer.follow(recorder)
         assert observer.call("stop").success
     for side, client in clients.items():
-        observer.until(lambda client=client: "joint_2" in client.diagnostics, "a result", 2 * JOB)
+        observer.until(lambda client=client: "joint_2" in client.diagnostics, "a result")
         found = client.latched().parameters
         assert list(found.bags) == [only_bag(tmp_path / side / "bags").name]
         require_truth(found, json.loads(truths[side]))

@@ -10,7 +10,7 @@ import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from tests.ros.processes import ROOT, start_node
+from tests.ros.processes import HANG, ROOT, start_node
 
 NODES = ["recorder", "identifier", "collector", "predictor", "robot_simulator"]
 VERBS = {
@@ -47,7 +47,7 @@ def test_policy_allows_what_the_node_uses_and_no_more(node: str, observer, stack
     name, seen = process.name, observer.node
     for topic, kind in PUBLISHED.items():
         stack.callback(seen.destroy_publisher, seen.create_publisher(kind, topic, 1))
-    observer.until(lambda: name in seen.get_node_names(), name, 60.0)
+    observer.until(lambda: name in seen.get_node_names(), name)
     rules = allowed(node, name)
     actions = {f"{action}/_action/" for action in rules["execute"] | rules["call"]}
 
@@ -100,7 +100,7 @@ def started_with_security(node: str, folder: Path, keystore: Path) -> list[str]:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=20,
+        timeout=HANG,
         cwd=folder,
     )
     assert ended.returncode == 2

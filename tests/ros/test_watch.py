@@ -16,7 +16,7 @@ from idim_iv_ros.nodes.watch.state import JointJudgement, LiveView, joint_views
 from idim_iv_ros.nodes.watch.terminal import live_table
 from idim_iv_ros.nodes.watch.web import LivePage
 from tests.browser import CHROMIUM, Browser
-from tests.ros.processes import Observer, Process
+from tests.ros.processes import HANG, Observer, Process
 
 NAN = math.nan
 JOINTS = tuple(f"joint_{k}" for k in range(1, 8))
@@ -67,7 +67,7 @@ def page() -> Iterator[LivePage]:
 
 def get(page: LivePage, path: str, host: str | None = None) -> http.client.HTTPResponse:
     port = int(page.url.rstrip("/").rpartition(":")[2])
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=HANG)
     headers = {} if host is None else {"Host": host}
     connection.request("GET", path, headers=headers)
     return connection.getresponse()
@@ -106,7 +106,7 @@ def test_a_port_that_is_taken_is_refused_in_one_line(page: LivePage) -> None:
 
 def events(url: str) -> http.client.HTTPResponse:
     """The stream of a page; it ends with its process."""
-    connection = http.client.HTTPConnection(url.split("/")[2], timeout=10)
+    connection = http.client.HTTPConnection(url.split("/")[2], timeout=HANG)
     connection.request("GET", "/events")
     return connection.getresponse()
 

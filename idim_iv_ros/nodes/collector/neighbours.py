@@ -26,9 +26,16 @@ class RecorderNeighbour:
 
     A recorder that was killed is on the list of services for another 20 s: its silence is noticed
     before.
+
+    Parameters
+    ----------
+    node : Node
+    clock : callable
+        Monotonic time, s, in which silence is measured.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
         self._start = node.create_client(Trigger, "recorder/start")
         self._stop = node.create_client(Trigger, "recorder/stop")
         self._abort = node.create_client(Trigger, "recorder/abort")
@@ -65,23 +72,23 @@ class RecorderNeighbour:
             return ""
         if silent := self._silence():
             return f"{silent}; {Path(status.bag).name or 'the bag'} holds what was written before"
-        if status.state == RecorderStatus.RECORDING:
-            self._records = True
-        elif self._records:  # what it said before it began may come later
+        if self._records and status.state != RecorderStatus.RECORDING:
             return f"the recorder does not record any more: {status.fault or 'somebody stopped it'}"
         return ""
 
     def _silence(self) -> str:
-        silent = time.monotonic() - self._heard_at
+        silent = self._clock() - self._heard_at
         if silent > max(_SILENT, _PERIODS * self._period):
             return f"the recorder has been silent for {silent:.0f} s: is it running?"
         return ""
 
     def _reported(self, message: RecorderStatus) -> None:
-        now = time.monotonic()
+        now = self._clock()
         if self._status is not None:
             self._period = now - self._heard_at
         self._status, self._heard_at = message, now
+        # What it said before it began may come later.
+        self._records = self._records or message.state == RecorderStatus.RECORDING
 
     def start(self, wait: Wait) -> None:
         """Begin a bag.
