@@ -80,7 +80,7 @@ class Browser:
     def close(self) -> None:
         """End the process."""
         self._process.terminate()
-        self._process.wait(10)
+        self._process.wait(_TIMEOUT)
         os.close(self._commands)
         os.close(self._answers)
 

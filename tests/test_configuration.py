@@ -3,7 +3,6 @@
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from time import perf_counter
 
 import pytest
 from ruamel.yaml import YAML
@@ -143,14 +142,12 @@ def test_no_value_of_any_key_is_more_than_a_line(tmp_path: Path, key: str) -> No
     values = [*NO_VALUE, *NO_NUMBER, "-1", "[]", "[-1, -1]", "[.nan, 1]", "[1e300, 1]", "null"]
     for value in [*values, "x" * 10_000, "[" + "1, " * 300 + "1]", '"a\\nb\\0"']:
         path = write(tmp_path, with_key(key, value))
-        started = perf_counter()
         try:
             load_configuration(path)
         except UsageError as error:
             assert str(error).startswith(str(path))
             assert "\n" not in str(error)
             assert len(str(error)) < len(str(path)) + 500
-        assert perf_counter() - started < 10.0
 
 
 @pytest.mark.parametrize("key", KEYS)
@@ -220,13 +217,11 @@ MERGED = "a: &a {x: 1}\n" + "".join(
 def test_text_that_is_no_configuration_is_one_line(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "robot.yaml"
     path.write_text(text, encoding="utf-8")
-    started = perf_counter()
     with pytest.raises(UsageError, match=words) as caught:
         load_configuration(path)
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < len(str(path)) + 500
-    assert perf_counter() - started < 20.0
 
 
 def test_an_anchor_may_be_used_for_two_keys(tmp_path: Path) -> None:

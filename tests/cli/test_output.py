@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -78,17 +79,17 @@ def test_quiet_prints_nothing(run, config, bag, tmp_path: Path) -> None:
 
 def test_progress_is_lines_where_stderr_is_no_terminal(capsys, monkeypatch) -> None:
     monkeypatch.setattr(output, "INTERVAL", 0.05)
-    import time
-
+    text = ""
     with output.shown_progress() as report:
         report("filtering", 0.25)
-        time.sleep(0.5)
-    lines = capsys.readouterr().err.splitlines()
-    assert 2 <= len(lines) <= 10
-    assert all(line.endswith(" s: filtering, 25 %") for line in lines)
+        while text.count("\n") < 3:
+            text += capsys.readouterr().err
+    assert all(line.endswith(" s: filtering, 25 %") for line in text.splitlines()[1:])
+    capsys.readouterr()
+    threads = threading.active_count()
     with output.shown_progress(quiet=True) as report:
         report("filtering", 0.25)
-        time.sleep(0.2)
+        assert threading.active_count() == threads
     assert capsys.readouterr().err == ""
 
 

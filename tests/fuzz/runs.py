@@ -87,7 +87,7 @@ class CommandLine:
         """End the process."""
         assert self._server.stdin is not None
         self._server.stdin.close()
-        self._server.wait(10.0)
+        self._server.wait(120.0)
 
     def _ask(self, request: dict) -> dict:
         assert self._server.stdin is not None

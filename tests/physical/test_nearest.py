@@ -145,6 +145,7 @@ def test_the_test_of_a_true_robot_rejects_no_more_often_than_it_says() -> None:
     assert sum(each is not None and each < 0.05 for each in p_values) <= 10
 
 
+@pytest.mark.load
 def test_seven_joints_take_less_than_a_second() -> None:
     estimate = arm("arm7", samples=400, noise=0.01)
     begin = time.perf_counter()

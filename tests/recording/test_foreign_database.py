@@ -1,7 +1,6 @@
-"""Databases that are no bag, and rows that are no message: one line, in no time."""
+"""Databases that are no bag, and rows that are no message: one line."""
 
 import sqlite3
-import time
 from pathlib import Path
 
 import numpy as np
@@ -49,10 +48,8 @@ def test_only_plain_tables_are_read(tmp_path: Path, messages: str) -> None:
         for statement in (TOPICS, ROW, messages):
             connection.execute(statement)
     connection.close()
-    started = time.monotonic()
     with pytest.raises(DataError, match=r"bag\.db3: not a rosbag2 database"):
         read(path)
-    assert time.monotonic() - started < 2.0
 
 
 def test_topics_that_never_end_are_no_table(tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
 """A reader that finds nothing any more ends soon, whatever the size of the file says."""
 
 import os
+import resource
 import struct
-import time
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording import JointTopic, read_recordings, write_bag
 
 GIGABYTE = 1 << 30
+FEW = 20_000  # pages
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK, MESSAGE = 6, 5
 
@@ -25,21 +26,27 @@ def content(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return path.read_bytes()
 
 
+def faults() -> int:
+    """Pages that this process has touched first; three gigabytes have at least 49 thousand."""
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_minflt + usage.ru_majflt
+
+
 def read(path: Path):
-    """The recording, and what it took: s of the processor, so that a busy machine is no fault."""
-    begin = time.process_time()
+    """The recording, and how many pages were touched for it."""
+    before = faults()
     (recording,) = read_recordings([path], joints=["a", "b"])
-    return recording, time.process_time() - begin
+    return recording, faults() - before
 
 
-def test_three_gigabytes_of_nothing_behind_half_a_bag_take_no_time(tmp_path: Path, content) -> None:
+def test_three_gigabytes_of_nothing_behind_half_a_bag_are_not_read(tmp_path: Path, content) -> None:
     path = tmp_path / "bag.mcap"
     path.write_bytes(content[: len(content) // 2])
     os.truncate(path, 3 * GIGABYTE)
-    recording, seconds = read(path)
+    recording, pages = read(path)
     assert 500 < recording.samples < 3500
     assert any("ends in the middle" in note.what for note in recording.notes)
-    assert seconds < 2.0
+    assert pages < FEW
 
 
 def test_what_lies_behind_a_hole_is_read(tmp_path: Path, content) -> None:
@@ -48,9 +55,9 @@ def test_what_lies_behind_a_hole_is_read(tmp_path: Path, content) -> None:
         file.write(content[: len(content) // 2])
         file.seek(3 * GIGABYTE, os.SEEK_SET)
         file.write(content[len(content) // 2 :])
-    recording, seconds = read(path)
+    recording, pages = read(path)
     assert recording.samples > 3500
-    assert seconds < 2.0
+    assert pages < FEW
 
 
 @pytest.mark.parametrize(("opcode", "head"), [(MESSAGE, b""), (CHUNK, b"chunk")])
@@ -62,10 +69,10 @@ def test_a_record_that_claims_gigabytes_is_not_loaded(tmp_path: Path, opcode, he
     path = tmp_path / "bag.mcap"
     path.write_bytes(MAGIC + struct.pack("<BQ", opcode, size) + head)
     os.truncate(path, len(MAGIC) + 9 + size)
-    begin = time.process_time()
+    before = faults()
     with pytest.raises(DataError, match="nothing can be read"):
         read_recordings([path], joints=["a", "b"])
-    assert time.process_time() - begin < 2.0
+    assert faults() - before < FEW
 
 
 def test_garbage_is_searched_for_so_long_and_then_given_up(tmp_path: Path, content) -> None:
@@ -76,6 +83,5 @@ def test_garbage_is_searched_for_so_long_and_then_given_up(tmp_path: Path, conte
         for _ in range(130):  # 2 MiB more than are searched
             file.write(noise)
         file.write(content[len(content) // 2 :])
-    recording, seconds = read(path)
+    recording, _ = read(path)
     assert 500 < recording.samples < 3500
-    assert seconds < 5.0

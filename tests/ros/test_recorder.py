@@ -81,15 +81,15 @@ def test_latched_description_is_repeated_in_every_file(
 
 
 def test_size_and_time_begin_new_files(recorder, robot, observer, bags: Path) -> None:
-    recorder(chunk_duration=0.1, max_file_size=20_000)
-    robot.begin(count=2000, rate=1000.0)
+    recorder(chunk_duration=0.1, max_file_size=5_000)
+    robot.begin(count=1000, rate=1000.0, pace=True)
     observer.call("start")
     robot.run()
-    observer.received(2000)
+    observer.received(1000)
     observer.call("stop")
     by_size = only_bag(bags)
     assert len(list(by_size.glob("*.mcap"))) > 2
-    assert np.array_equal(numbers(by_size), np.arange(2000.0))
+    assert np.array_equal(numbers(by_size), np.arange(1000.0))
     assert observer.set(max_file_size=0, max_file_duration=0.5, bag_prefix="timed")[0].successful
     observer.call("start")
     robot.begin(count=1500, rate=1000.0, pace=True).run()
