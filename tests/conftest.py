@@ -6,5 +6,20 @@ when numpy is loaded, and go on to the commands and nodes that the tests start.
 
 import os
 
+import pytest
+
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Spread the files with tests of nodes, which mostly wait, between those that compute."""
+    files = list(dict.fromkeys(item.path for item in items))
+    nodes = [path for path in files if path.parent.name == "ros"]
+    others = [path for path in files if path.parent.name != "ros"]
+    places = {
+        path: (place / len(kind), str(path))
+        for kind in (nodes, others)
+        for place, path in enumerate(kind)
+    }
+    items.sort(key=lambda item: places[item.path])

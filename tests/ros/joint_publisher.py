@@ -58,7 +58,7 @@ def perform(settings: dict) -> None:
     publishers = []
     for topic in settings["topics"]:
         reliability = KIND[topic.get("qos", "reliable")]
-        depth = 1000 if settings["pace"] else settings["count"]
+        depth = topic.get("depth", settings["count"])
         qos = QoSProfile(depth=depth, reliability=reliability)
         publishers.append((node.create_publisher(JointState, topic["name"], qos), topic))
     if "description" in settings:

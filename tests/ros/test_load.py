@@ -23,7 +23,10 @@ def test_a_minute_of_seven_joints_and_reference_at_1_khz(
     recorder, robot, observer, bags: Path, seven_joints: Path
 ) -> None:
     process = recorder(configuration=str(seven_joints), status_period=1.0)
-    topics = [{"name": name, "joints": JOINTS} for name in ("/joint_states", "/joint_reference")]
+    topics = [
+        {"name": name, "joints": JOINTS, "depth": 1000}
+        for name in ("/joint_states", "/joint_reference")
+    ]
     robot.begin(count=60_000, rate=1000.0, pace=True, topics=topics)
     observer.call("start")
     before = process.cpu()
@@ -43,7 +46,7 @@ def test_a_minute_of_seven_joints_and_reference_at_1_khz(
 @pytest.mark.load
 def test_20_s_at_10_khz(recorder, robot, observer, bags: Path) -> None:
     process = recorder(status_period=1.0)
-    states = [{"name": "/joint_states", "joints": JOINTS}]
+    states = [{"name": "/joint_states", "joints": JOINTS, "depth": 1000}]
     robot.begin(count=200_000, rate=10_000.0, pace=True, topics=states)
     observer.call("start")
     before = process.cpu()
