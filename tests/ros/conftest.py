@@ -104,6 +104,15 @@ def configuration(robot_file: Callable[[str], Path]) -> Path:
 
 
 @pytest.fixture
+def mortal(robot_file: Callable[[str], Path]) -> Path:
+    """Joint states on `/mortal`, which no other test uses.
+
+    Who is killed seems to be there for another 20 s, to all who look for those of its topics.
+    """
+    return robot_file("robot:\n  joints: [a, b]\nsignals:\n  joint_states: /mortal\n")
+
+
+@pytest.fixture
 def small_disk(tmp_path: Path):
     """Six megabytes."""
     folder = tmp_path / "small"

@@ -47,7 +47,7 @@ def test_index_lists_package_and_executables_start(
         node = f"{NODE}_{name}"
         arguments = ["-r", f"__node:={node}", "-p", f"configuration:={configuration}"]
         process = Process([str(path), "--ros-args", *arguments], tmp_path, node)
-        stack.callback(process.kill)
+        stack.callback(process.end)
         observer.until(lambda: node in observer.node.get_node_names(), node)  # noqa: B023
 
 

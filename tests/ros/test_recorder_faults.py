@@ -15,17 +15,18 @@ WARN, ERROR = 1, 2
 
 
 def test_killed_recorder_loses_at_most_the_last_chunk(
-    recorder, robot, observer, bags: Path
+    recorder, robot, observer, bags: Path, mortal: Path
 ) -> None:
-    process = recorder(autostart=True, chunk_duration=0.3)
-    robot.begin(count=700).run()
-    observer.received(700)
+    process = recorder(autostart=True, chunk_duration=0.3, configuration=mortal)
+    topics = [{"name": "/mortal"}]
+    robot.begin(count=700, topics=topics).run()
+    observer.received(700, "/mortal")
     observer.until(lambda: observer.next_status().waiting == 0, "the end of a chunk")
-    robot.begin(count=300).run()
-    observer.received(1000)
+    robot.begin(count=300, topics=topics).run()
+    observer.received(1000, "/mortal")
     process.kill()
     bag = only_bag(bags)
-    found = numbers(bag)
+    found = numbers(bag, "/mortal")
     assert len(found) >= 700
     assert np.array_equal(found, np.r_[np.arange(700.0), np.arange(300.0)][: len(found)])
     (file,) = bag.glob("*.mcap")
@@ -72,20 +73,22 @@ def test_messages_wait_in_memory_while_the_disk_is_full(
     assert np.array_equal(numbers(bag), np.arange(3000.0))
 
 
-def test_publisher_that_dies_and_returns(recorder, observer, bags: Path, tmp_path: Path) -> None:
-    recorder(autostart=True)
-    first = Robot(tmp_path, "first").begin(count=200)
+def test_publisher_that_dies_and_returns(
+    recorder, robot, observer, bags: Path, tmp_path: Path, mortal: Path
+) -> None:
+    recorder(autostart=True, configuration=mortal)
+    topics = [{"name": "/mortal"}]
+    first = Robot(tmp_path, "first").begin(count=200, topics=topics)
     first.run()
-    observer.received(200)
+    observer.received(200, "/mortal")
     first.kill()
-    observer.diagnosed("/joint_states", "no message for", ERROR)
-    second = Robot(tmp_path, "second").begin(count=150)
-    second.run()
-    observer.received(350)
-    assert observer.topic("/joint_states").lost == 0
+    observer.diagnosed("/mortal", "no message for", ERROR)
+    robot.begin(count=150, topics=topics).run()
+    observer.received(350, "/mortal")
+    assert observer.topic("/mortal").lost == 0
     observer.call("stop")
-    second.kill()
-    assert np.array_equal(numbers(only_bag(bags)), np.r_[np.arange(200.0), np.arange(150.0)])
+    found = numbers(only_bag(bags), "/mortal")
+    assert np.array_equal(found, np.r_[np.arange(200.0), np.arange(150.0)])
 
 
 def test_publisher_that_leaves_is_reported(recorder, robot, observer) -> None:
