@@ -35,6 +35,7 @@ class IdentifierClient:
         """Make the client of the action."""
         self.action = ActionClient(self.node, IdentifyAction, f"/{self.name}/identify")
         self.observer.until(self.action.server_is_ready, "the action")
+        self.observer.be_heard(f"/{self.name}")
 
     def close(self) -> None:
         self.action.destroy()
@@ -81,6 +82,7 @@ class IdentifierClient:
         """Call another of its services."""
         client = self.node.create_client(kind, f"/{self.name}/{name}")
         self.observer.until(client.service_is_ready, name)
+        self.observer.be_heard(f"/{self.name}")
         answer = self.wait(client.call_async(kind.Request(**request)))
         self.node.destroy_client(client)
         return answer
@@ -130,6 +132,7 @@ class IdentifierClient:
         """Value of a parameter."""
         client = self.node.create_client(GetParameters, f"/{self.name}/get_parameters")
         self.observer.until(client.service_is_ready, "get_parameters")
+        self.observer.be_heard(f"/{self.name}")
         (value,) = self.wait(client.call_async(GetParameters.Request(names=[name]))).values
         self.node.destroy_client(client)
         return value
@@ -140,6 +143,7 @@ class IdentifierClient:
         ]
         client = self.node.create_client(SetParameters, f"/{self.name}/set_parameters")
         self.observer.until(client.service_is_ready, "set_parameters")
+        self.observer.be_heard(f"/{self.name}")
         answer = self.wait(client.call_async(SetParameters.Request(parameters=parameters)))
         self.node.destroy_client(client)
         return answer.results[0]

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -252,9 +252,31 @@ class Observer:
         request = SetParameters.Request(parameters=parameters)
         return self._request(SetParameters, f"/{node}/set_parameters", request).results
 
+    def be_heard(self, node: str) -> None:
+        """Wait until a node knows of all clients there are.
+
+        It gives up an answer to one that it has not heard of yet. They become known in the order
+        in which they were made: when it answers the youngest, it knows of the others too.
+        """
+        client = self.node.create_client(GetParameters, f"{node}/get_parameters")
+        self.until(client.service_is_ready, f"parameters of {node}")
+        asked: list = []
+        again = 0.0
+
+        def answered() -> bool:
+            nonlocal again
+            if time.monotonic() > again:
+                again = time.monotonic() + 1.0
+                asked.append(client.call_async(GetParameters.Request()))
+            return any(future.done() for future in asked)
+
+        self.until(answered, f"an answer of {node}")
+        self.node.destroy_client(client)
+
     def _request(self, kind, name: str, request):
         client = self.node.create_client(kind, name)
         self.until(client.service_is_ready, f"service {name}")
+        self.be_heard(name.rpartition("/")[0])
         future = client.call_async(request)
         self.until(future.done, f"answer of {name}")
         self.node.destroy_client(client)

@@ -38,6 +38,7 @@ class Collector:
         name = f"/{self.process.name}/collect"
         self.action = ActionClient(self.observer.node, Collect, name)
         self.observer.until(self.action.server_is_ready, "the action")
+        self.observer.be_heard(f"/{self.process.name}")
 
     def send(self, **request: object):
         """Send a goal and return its handle."""

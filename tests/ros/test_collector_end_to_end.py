@@ -41,6 +41,7 @@ def collect(tmp_path: Path, stack, observer) -> ActionClient:
     client = ActionClient(observer.node, Collect, "/collector/collect")
     stack.callback(client.destroy)
     observer.until(client.server_is_ready, "the collector")
+    observer.be_heard("/collector")
     return client
 
 

@@ -15,6 +15,7 @@ from idim_iv_interfaces.srv import Diagnose
 def service(served):
     client = served.node.create_client(Diagnose, f"/{served.name}/diagnose")
     served.observer.until(client.service_is_ready, "the service")
+    served.observer.be_heard(f"/{served.name}")
     yield client
     served.node.destroy_client(client)
 
@@ -23,6 +24,7 @@ def service(served):
 def action(served):
     client = ActionClient(served.node, DiagnoseAction, f"/{served.name}/diagnose")
     served.observer.until(client.server_is_ready, "the action")
+    served.observer.be_heard(f"/{served.name}")
     yield client
     client.destroy()
 

@@ -133,7 +133,9 @@ def test_requests_wait_for_each_other_and_a_waiting_goal_can_be_cancelled(served
     assert sentence.startswith("no parameter differs from bag-1.mcap by more than")
 
 
-def test_last_result_survives_a_kill_and_the_worker_does_not(identifier, observer) -> None:
+def test_last_result_survives_a_kill_and_goals_of_an_interrupted_node_are_answered(
+    identifier, observer
+) -> None:
     client = identifier()
     result = client.identify("bag-1.mcap", estimator="idim-ls").result
     with client.closed_gate():
@@ -141,11 +143,8 @@ def test_last_result_survives_a_kill_and_the_worker_does_not(identifier, observe
         worker = client.job()
         client.process.kill()
         observer.until(lambda: not client.process_exists(worker), "the end of the worker")
-    assert str(identifier().latched()) == str(result)
-
-
-def test_goal_of_a_node_that_is_interrupted_is_answered(identifier) -> None:
     client = identifier()
+    assert str(client.latched()) == str(result)
     with client.closed_gate():
         goal = client.goal("bag-1.mcap", "bag-2.mcap")
         worker = client.job()

@@ -42,13 +42,16 @@ def test_index_lists_package_and_executables_start(
     (site,) = prefix.glob("lib/python*/site-packages")
     monkeypatch.setenv("PYTHONPATH", str(site))
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:{os.environ['PATH']}")
-    configuration = ROOT / "config" / "arm2.yaml"
     for name, path in found.items():
-        node = f"{NODE}_{name}"
-        arguments = ["-r", f"__node:={node}", "-p", f"configuration:={configuration}"]
-        process = Process([str(path), "--ros-args", *arguments], tmp_path, node)
-        stack.callback(process.end)
-        observer.until(lambda: node in observer.node.get_node_names(), node)  # noqa: B023
+        about = subprocess.run([path, "--help"], capture_output=True, text=True, cwd=tmp_path)
+        assert (about.returncode, about.stderr) == (0, "")
+        assert about.stdout.startswith(f"{name}: ")
+    node = f"{NODE}_recorder"
+    process = Process(
+        [str(found["recorder"]), "--ros-args", "-r", f"__node:={node}"], tmp_path, node
+    )
+    stack.callback(process.end)
+    observer.until(lambda: node in observer.node.get_node_names(), node)
 
 
 @pytest.fixture(scope="module")

@@ -154,7 +154,6 @@ def test_joint_trajectory_is_followed(simulator, recorder, observer, bags: Path)
 
 def test_start_without_configuration_is_one_line(tmp_path: Path) -> None:
     script = str(ROOT / "scripts" / "robot_simulator")
-    # Under a name of its own: a node that ends so early seems to be there for another 20 s.
     named = ["--ros-args", "-r", "__node:=alone"]
     process = Process([sys.executable, script, *named], tmp_path, "alone")
     assert process.process.wait(HANG) == 2

@@ -59,12 +59,12 @@ class Predictor:
     """
 
     def __init__(self) -> None:
-        import_module("scipy.signal")  # the first samples would wait a second for it
         self.node = node = Node("predictor")
         self._settings = declare(node, PredictorSettings)
         path = Path(self._settings.configuration)
         read_own(node, self._settings.configuration)  # in one line, if it names what is no topic
         self._configuration = load_configuration(path)
+        import_module("scipy.signal")  # the first samples would wait a second for it
         self._joints = self._configuration.robot.joints
         self._source = ModelSource(self._configuration, Path(self._settings.output_directory))
         self._topics = self._joint_topics()
