@@ -131,7 +131,7 @@ def test_echo_gets_a_message_also_if_it_is_late(
             publisher.publish(publisher.msg_type())
         return heard
 
-    observer.until(arrived, str(command), 120.0)
+    observer.until(arrived, str(command))
     observer.node.destroy_subscription(subscription)
 
 
@@ -158,7 +158,7 @@ def test_service_is_called_with_fields_that_it_has(
     command: Command, nodes: list[Node], observer: Observer
 ) -> None:
     name, kind, *request = command.words
-    observer.until(lambda: served(nodes, name), name, 120.0)
+    observer.until(lambda: served(nodes, name), name)
     assert served(nodes, name) == [kind]
     for text in request:
         fill(interface(kind).Request(), text)
@@ -170,7 +170,7 @@ def test_goal_is_sent_with_fields_that_it_has(
 ) -> None:
     name, kind, goal = command.words
     service = f"{name}/_action/send_goal"
-    observer.until(lambda: served(nodes, service), name, 120.0)
+    observer.until(lambda: served(nodes, service), name)
     assert served(nodes, service) == [f"{kind}_SendGoal"]
     fill(interface(kind).Goal(), goal)
 
