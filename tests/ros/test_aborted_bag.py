@@ -15,8 +15,6 @@ from idim_iv_ros.nodes.identifier.node import Identifier
 from idim_iv_ros.nodes.recorder.node import Recorder
 from tests.ros.processes import Observer
 
-HANG = 120.0  # s
-
 
 @pytest.fixture
 def recorder(observer: Observer, bags: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Recorder]:
@@ -37,14 +35,14 @@ def test_folder_and_announcement_tell_a_bag_that_was_given_up(
     publisher = observer.node.create_publisher(JointState, "/joint_states", 10)
     closed: list[BagClosed] = []
     heard = observer.node.create_subscription(BagClosed, "/recorder/bag_closed", closed.append, 10)
-    observer.until(publisher.get_subscription_count, "the recorder", HANG)
-    observer.until(heard.get_publisher_count, "the announcements", HANG)
+    observer.until(publisher.get_subscription_count, "the recorder")
+    observer.until(heard.get_publisher_count, "the announcements")
     recorder._start()
     name = session.bag.folder.name
     publisher.publish(JointState(name=["a"], position=[1.0]))
-    observer.until(lambda: session.recorded("/joint_states"), "the message", HANG)
+    observer.until(lambda: session.recorded("/joint_states"), "the message")
     answer = getattr(recorder, f"_{service}")()
-    observer.until(lambda: closed, "the announcement", HANG)
+    observer.until(lambda: closed, "the announcement")
     bag = bags / (name if whole else f"{name}_aborted")
     assert list(bags.iterdir()) == [bag]
     assert str(bag) in answer
@@ -91,8 +89,8 @@ def test_auto_identifies_whole_bags_only(
 
 def test_recorder_offers_to_give_up(recorder: Recorder, observer: Observer) -> None:
     client = observer.node.create_client(Trigger, "/recorder/abort")
-    observer.until(client.service_is_ready, "the service", HANG)
+    observer.until(client.service_is_ready, "the service")
     answer = client.call_async(Trigger.Request())
-    observer.until(answer.done, "the answer", HANG)
+    observer.until(answer.done, "the answer")
     assert not answer.result().success  # nothing is recorded
     observer.node.destroy_client(client)

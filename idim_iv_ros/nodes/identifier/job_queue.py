@@ -42,10 +42,10 @@ class JobQueue:
         wake: Callable[[], None],
         ended: Callable[[Job], None],
         clock: Callable[[], float] = time.monotonic,
-        start_worker: Callable[[Callable[[Worker, Event], None]], Worker] = Worker,
+        start_worker: Callable[[Callable[[Worker, Event], None]], Worker] | None = None,
     ) -> None:
         self._settings, self._wake, self._ended = settings, wake, ended
-        self._clock, self._start_worker = clock, start_worker
+        self._clock, self._start_worker = clock, start_worker or Worker
         self._waiting: deque[Job] = deque()
         self._over: deque[Job] = deque()
         self._events: queue.SimpleQueue[tuple[Worker, Event]] = queue.SimpleQueue()
