@@ -86,6 +86,11 @@ class WatchedTopic:
         self._gids: frozenset[bytes] = frozenset()
         self._left: list[Taken] = []
 
+    @property
+    def describes(self) -> bool:
+        """Whether it holds the description of the robot, which a configuration may have instead."""
+        return self._types == [_STRING]
+
     def look(self) -> None:
         """Look for publishers: subscribe to the first, and again where their QoS changed."""
         found = self._node.get_publishers_info_by_topic(self.name)
