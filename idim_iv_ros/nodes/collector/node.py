@@ -51,9 +51,9 @@ class Collector:
         A parameter has a value that is not allowed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
         self.node = node = Node("collector")
-        self._settings = declare(node, CollectorSettings)
+        self._settings = declare(node, CollectorSettings, arguments)
         self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._guard = node.create_guard_condition(self._do_calls)
         self._controller = make_controller(

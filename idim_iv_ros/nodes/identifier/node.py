@@ -64,7 +64,7 @@ class Identifier:
         The history in the output directory cannot be read.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
         self._managed = ManagedNode(
             "identifier",
             {
@@ -77,7 +77,7 @@ class Identifier:
         )
         node: Node = self._managed
         self.node = node
-        self._settings = declare(node, IdentifierSettings)
+        self._settings = declare(node, IdentifierSettings, arguments)
         self._configuration: Configuration | None = None
         self._failure = ""
         self._folder = OwnFolder(Path(self._settings.output_directory))

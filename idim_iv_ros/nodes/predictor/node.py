@@ -58,10 +58,10 @@ class Predictor:
         A parameter has a value that is not allowed, or the URDF of the configuration is wrong.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
         import_module("scipy.signal")  # the first samples would wait a second for it
         self.node = node = Node("predictor")
-        self._settings = declare(node, PredictorSettings)
+        self._settings = declare(node, PredictorSettings, arguments)
         path = Path(self._settings.configuration)
         read_own(node, self._settings.configuration)  # in one line, if it names what is no topic
         self._configuration = load_configuration(path)

@@ -56,9 +56,9 @@ class Recorder:
         A parameter has a value that is not allowed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
         self.node = node = Node("recorder")
-        self._settings = declare(node, RecorderSettings)
+        self._settings = declare(node, RecorderSettings, arguments)
         self._session = RecordingSession(self._settings, self._now, self._ended)
         self._writer = WriterThread(self._session)
         self._intake = Intake(self._writer, lambda: self._settings.max_message_size, self._log_time)

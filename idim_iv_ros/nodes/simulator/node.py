@@ -84,9 +84,9 @@ class RobotSimulator:
         No configuration, or one that cannot be simulated.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
         self.node = node = Node("robot_simulator")
-        self._settings = declare(node, SimulatorSettings)
+        self._settings = declare(node, SimulatorSettings, arguments)
         configuration, urdf, self._rate = _loaded(Path(self._settings.configuration))
         text = read_urdf_file(urdf)
         self._configuration = configuration
