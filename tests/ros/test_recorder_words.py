@@ -123,6 +123,16 @@ def test_a_bag_without_messages_is_a_warning(told, capfd) -> None:
     assert "[WARN]" in capfd.readouterr().err
 
 
+def test_a_driver_that_is_silent_is_named_beside_a_description(told, capfd) -> None:
+    said = told()
+    said.recorder._start()
+    said.arrive(LATCHED, 1)
+    said.arrive(JOINTS)
+    assert ": 1 messages " in (answer := said.recorder._stop())
+    assert "nothing came on /told/joint_states" in answer
+    assert "[WARN]" in capfd.readouterr().err
+
+
 def test_a_whole_bag_is_none(told, capfd) -> None:
     said = told()
     said.recorder._start()

@@ -1,6 +1,5 @@
 """The node `predictor`: what the last identification predicts of a robot that runs."""
 
-import sys
 import time
 from collections.abc import Sequence
 from importlib import import_module
@@ -203,8 +202,3 @@ class Predictor:
 def run(arguments: Sequence[str]) -> int:
     """Run the node until a signal and return the exit status; `arguments` begin with a name."""
     return run_node("predictor", Predictor, ABOUT, arguments)
-
-
-def main() -> None:
-    """Run the node with the arguments of the command line."""
-    sys.exit(run(sys.argv))

@@ -1,6 +1,5 @@
 """The node `recorder`: writes the topics of a robot into MCAP bags."""
 
-import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,7 +15,7 @@ from std_srvs.srv import Trigger
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.entry import run_node
-from idim_iv_ros.nodes.own_topics import read_own
+from idim_iv_ros.nodes.own_topics import checked_topics
 from idim_iv_ros.nodes.parameters import changed, declare
 from idim_iv_ros.nodes.recorder.report import (
     SILENT_CLOCK,
@@ -210,15 +209,12 @@ class Recorder:
             log.info(self._sentence)
 
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        try:
-            new = changed(self._settings, parameters)
-            if self._session.bag is not None and new.configuration != self._settings.configuration:
-                raise UsageError("configuration: a bag is open; call stop first")
-            if new.configuration and new.configuration != self._settings.configuration:
-                read_own(self.node, new.configuration)
-        except IdimError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+        given = {parameter.name: parameter.value for parameter in parameters}
+        before = self._settings.configuration
+        if self._session.bag is not None and given.get("configuration", before) != before:
+            reason = "configuration: a bag is open; call stop first"
+            return SetParametersResult(successful=False, reason=reason)
+        return checked_topics(self.node, self._settings, parameters)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         self._settings = settings = changed(self._settings, parameters)
@@ -236,8 +232,3 @@ class Recorder:
 def run(arguments: Sequence[str]) -> int:
     """Run the node until a signal and return the exit status; `arguments` begin with a name."""
     return run_node("recorder", Recorder, ABOUT, arguments)
-
-
-def main() -> None:
-    """Run the node with the arguments of the command line."""
-    sys.exit(run(sys.argv))

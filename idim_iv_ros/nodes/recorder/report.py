@@ -98,11 +98,7 @@ def bag_sentence(
     troubles = [_CLOCK] if session.waits else []
     if kept_out := session.dropped + writer.overrun:
         troubles.append(f"{kept_out} arrived and could not be kept")
-    for topic in topics:
-        if not session.recorded(topic.name):
-            troubles += [f"{topic.name}: {topic.problem}"] if topic.problem else []
-            absent = not (topic.problem or topic.had_publishers or topic.describes)
-            troubles += [f"nobody publishes {topic.name}"] if absent else []
+    troubles += [t.absence for t in topics if t.absence and not t.monitor.received]
     warns = bool(troubles or message.lost or message.gaps or not message.messages)
     return f"{message.bag}: {', '.join([*parts, *troubles])}", warns
 

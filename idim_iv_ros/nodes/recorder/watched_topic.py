@@ -87,9 +87,15 @@ class WatchedTopic:
         self._left: list[Taken] = []
 
     @property
-    def describes(self) -> bool:
-        """Whether it holds the description of the robot, which a configuration may have instead."""
-        return self._types == [_STRING]
+    def absence(self) -> str:
+        """Why nothing came, where that is unusual; else empty."""
+        if self.problem:
+            return f"{self.name}: {self.problem}"
+        if self._types == [_STRING]:  # the description; a configuration may have it instead
+            return ""
+        if not self.had_publishers:
+            return f"nobody publishes {self.name}"
+        return f"nothing came on {self.name}" if self._types else ""
 
     def look(self) -> None:
         """Look for publishers: subscribe to the first, and again where their QoS changed."""

@@ -1,6 +1,5 @@
 """`idim-iv watch`: what predictor, recorder and identifier say, until Ctrl-C."""
 
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -163,8 +162,3 @@ def run(arguments: Sequence[str], settings: WatchSettings | None = None) -> int:
     """Watch until a signal and return the exit status; `arguments` begin with a name."""
     chosen = settings or WatchSettings()
     return run_node("watch", lambda given: Watcher(chosen, given), ABOUT, arguments)
-
-
-def main() -> None:
-    """Watch with the arguments of the command line."""
-    sys.exit(run(sys.argv))
