@@ -16,8 +16,8 @@ from idim_iv_ros.recording.writing.growing_bag import ClosedBag
 
 _SILENT = 1.0  # s, at least
 _SILENT_PERIODS = 20.0
-_CLOCK = "use_sim_time is true and /clock is silent"
-SILENT_CLOCK = f"{_CLOCK}: nothing is recorded until it is heard"
+_CLOCK = "use_sim_time is true and /clock was not heard"
+SILENT_CLOCK = f"{_CLOCK} yet: nothing is recorded before"
 RECENT = 10.0  # s for which an incident is a warning; totals stay among the values
 _COUNTED = ("received", "lost", "late", "gaps", "malformed", "backward")
 
