@@ -68,6 +68,11 @@ def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., int]]:
         signal.signal(number, handler)
 
 
+def said(capfd: pytest.CaptureFixture[str]) -> list[str]:
+    """Lines on stderr but those of the log."""
+    return [line for line in capfd.readouterr().err.splitlines() if not line.startswith("[")]
+
+
 @pytest.mark.parametrize("name", KINDS)
 def test_a_value_of_another_type_is_refused_when_set(name: str, node) -> None:
     made = node("-p", f"configuration:={ARM2}")
@@ -80,7 +85,7 @@ def test_a_value_of_another_type_is_refused_when_set(name: str, node) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "words"),
     [
         ("chunk_duration:=abc", ("chunk_duration", "'abc'", "a number", "0.1 to 10")),
         ("chunk_duration:='0.5'", ("chunk_duration", "'0.5'", "a number", "0.1 to 10")),
@@ -96,12 +101,12 @@ def test_a_value_of_another_type_is_refused_when_set(name: str, node) -> None:
     ],
 )
 def test_a_wrong_start_names_parameter_value_and_need(
-    node, given: str, said: tuple[str, ...]
+    node, given: str, words: tuple[str, ...]
 ) -> None:
     arguments = ["--ros-args", "-p", given]
     with pytest.raises(UsageError) as refused:
         declare(node(*arguments[1:]), RecorderSettings, arguments)
-    assert all(each in str(refused.value) for each in said), refused.value
+    assert all(each in str(refused.value) for each in words), refused.value
 
 
 def test_what_is_meant_is_taken(node) -> None:
@@ -194,7 +199,7 @@ def test_every_node_ends_before_it_is_ready(start, capfd, name: str) -> None:
     configuration = ("--ros-args", "-p", f"configuration:={ARM2}")
     for arguments in ((*configuration, "-p", "tracking_eror:=0.05"), ("tracking_error:=0.05",)):
         assert start(name, *arguments) == 2
-        lines = capfd.readouterr().err.splitlines()
+        lines = said(capfd)
         assert len(lines) == 1
         assert lines[0].startswith(
             f"{'robot_simulator' if name == 'simulator' else name}: unknown "
@@ -212,7 +217,7 @@ def test_a_folder_that_cannot_be_written_is_said_at_once(
     assert start("recorder", "--ros-args", "-p", f"bag_directory:={folder}") == 2
     assert start("identifier", "--ros-args", "-p", f"output_directory:={folder}") == 2
     tail = f"{folder}: cannot be written: Not a directory ({file})"
-    assert capfd.readouterr().err.splitlines() == [
+    assert said(capfd) == [
         f"recorder: parameter bag_directory: {tail}",
         f"identifier: parameter output_directory: {tail}",
     ]
