@@ -188,6 +188,24 @@ def require_file_place(files: Iterable[Path], *, force: bool = False) -> None:
             raise UsageError(f"{file}: cannot be written: {error.strerror or error}") from error
 
 
+def require_folder_place(folder: Path) -> None:
+    """Refuse, before long work, a folder that cannot be written, or not be made.
+
+    Raises
+    ------
+    UsageError
+        One line with the folder, and where that ends.
+    """
+    place = folder.absolute()
+    while not (is_there(place) or place.is_symlink()):
+        place = place.parent
+    try:
+        probe_place(place / "probe")
+    except OSError as error:
+        reason = error.strerror or error
+        raise UsageError(f"{folder}: cannot be written: {reason} ({place})") from error
+
+
 @contextmanager
 def made_folder(out: Path) -> Iterator[None]:
     """Make a folder and its parents; those that are empty after a failure are taken away again.

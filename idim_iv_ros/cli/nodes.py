@@ -1,6 +1,7 @@
 """`idim-iv record`, `serve`, `predict`, `watch`: ROS 2 nodes in the process of the command line."""
 
 import importlib
+import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -195,8 +196,9 @@ def _arguments(
         raise UsageError(f"no such option: {others[0]} (arguments of ROS go behind --ros-args)")
     arguments = ["idim-iv", "--ros-args"]
     for parameter, value in parameters.items():
-        text = str(value).lower() if isinstance(value, bool) else str(value)
-        arguments += ["-p", f"{parameter}:={text}"]
+        # Text in quotes: a folder may be called 2024, or true.
+        quoted = json.dumps(value if isinstance(value, bool) else str(value), ensure_ascii=False)
+        arguments += ["-p", f"{parameter}:={quoted}"]
     if namespace:
         if not _NAMESPACE.fullmatch(namespace):
             raise UsageError(

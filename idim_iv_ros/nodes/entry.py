@@ -16,6 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from idim_iv_ros.errors import IdimError, UsageError, one_line, silence_foreign_warnings
+from idim_iv_ros.nodes.unknown_names import refuse_unknown_arguments
 
 _WAIT = 0.2  # s until a signal is noticed
 
@@ -37,7 +38,9 @@ class CannotGoOnError(Exception):
         self.why = why
 
 
-def run_node(name: str, make: Callable[[], Closable], about: str, arguments: Sequence[str]) -> int:
+def run_node(
+    name: str, make: Callable[[Sequence[str]], Closable], about: str, arguments: Sequence[str]
+) -> int:
     """Run a node until SIGINT or SIGTERM and return the exit status.
 
     A callback that fails is logged in one line; the node goes on, unless it is a `CannotGoOnError`.
@@ -55,8 +58,9 @@ def run_node(name: str, make: Callable[[], Closable], about: str, arguments: Seq
             with warnings.catch_warnings():
                 # Of a node that cannot be made rclpy warns, too, that it cannot be unmade.
                 warnings.simplefilter("ignore", RuntimeWarning)
+                refuse_unknown_arguments(arguments)
                 rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
-                running = make()
+                running = make(arguments)
         except IdimError:
             raise
         except Exception as error:  # what rclpy raises has no common class

@@ -1,11 +1,15 @@
 """Relative topics of a configuration as a node sees them."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import IdimError, UsageError
+from idim_iv_ros.nodes.parameters import Settings, checked
 from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
 
 
@@ -44,3 +48,17 @@ def read_own(node: Node, file: str) -> Configuration:
         return with_own_topics(node, load_configuration(Path(file)))
     except IdimError as error:
         raise UsageError(f"configuration: {error}") from error
+
+
+def checked_topics(
+    node: Node, settings: Settings, parameters: Sequence[Parameter]
+) -> SetParametersResult:
+    """Return whether the new values are allowed, and name topics of ROS where one is a file."""
+    result = checked(settings, parameters)
+    for each in parameters if result.successful else ():
+        if each.name == "configuration" and each.value:
+            try:
+                read_own(node, each.value)
+            except UsageError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+    return result

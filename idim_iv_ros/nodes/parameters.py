@@ -1,6 +1,6 @@
 """Parameters of a node as one dataclass: what they mean, what is allowed, and their values."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
@@ -11,12 +11,21 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
+from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import IdimError, UsageError
+from idim_iv_ros.nodes.unknown_names import named, refuse_unknown_parameters
 
+_NEEDED = {
+    Parameter.Type.BOOL: "true or false",
+    Parameter.Type.INTEGER: "a whole number",
+    Parameter.Type.DOUBLE: "a number",
+    Parameter.Type.STRING: "a text",
+    Parameter.Type.STRING_ARRAY: "a list of texts",
+}
 Value = TypeVar("Value", bool, int, float, str, tuple[str, ...])
 
 
@@ -76,35 +85,56 @@ def period_of_status(topics: str = "/diagnostics") -> float:
     return parameter(1.0, about, (0.1, 60.0), read_only=True)
 
 
-def declare(node: Node, kind: type[Kind]) -> Kind:
+def declare(node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> Kind:
     """Declare all parameters on a node and return their values.
+
+    Parameters
+    ----------
+    node
+    kind
+    arguments
+        Command line of the node.
 
     Raises
     ------
     UsageError
-        A value given at the start is not allowed.
+        A value given at the start is not allowed, or is that of an unknown parameter.
     """
-    for each in fields(kind):
-        try:
-            if isinstance(each.default, float):
-                node.declare_parameter(
-                    each.name, _given_number(node, each), _descriptor(each), ignore_override=True
-                )
-            else:
-                node.declare_parameter(each.name, _default(each), _descriptor(each))
-        except Exception as error:  # rclpy has one class for each thing that can be wrong
-            reason = " ".join(str(error).split())
-            raise UsageError(f"parameter {each.name}: {reason}") from error
-    settings = kind(**{each.name: node.get_parameter(each.name).value for each in fields(kind)})
+    described = {each.name: each for each in fields(kind)}
+    refuse_unknown_parameters(node, list(described), arguments)
+    given = node._parameter_overrides  # as rcl puts files and command line together
     try:
+        for name, each in described.items():
+            value = _accepted(each, given[name]) if name in given else _default(each)
+            node.declare_parameter(name, value, _descriptor(each), ignore_override=True)
+        settings = kind(**{name: node.get_parameter(name).value for name in described})
         settings.check()
     except IdimError as error:
         raise UsageError(f"parameter {error}") from error
-    doubles = {each.name for each in fields(kind) if isinstance(each.default, float)}
-    node.add_pre_set_parameters_callback(
-        lambda given: [_as_double(each, doubles) for each in given]
-    )
+
+    def accepted(parameters: list[Parameter]) -> list[Parameter]:
+        try:
+            return [_known(node, described, each) for each in parameters]
+        except UsageError as error:
+            raise _RefusedError(str(error)) from error
+
+    node.add_pre_set_parameters_callback(accepted)
     return settings
+
+
+class _RefusedError(ParameterNotDeclaredException):  # type: ignore[misc]
+    """The one exception whose text rclpy sends to who asked for parameters to be set."""
+
+    def __init__(self, reason: str) -> None:
+        Exception.__init__(self, reason)
+
+
+def _known(node: Node, described: "Mapping[str, Field[Any]]", given: Parameter) -> Parameter:
+    if given.name in described:
+        return Parameter(given.name, value=_accepted(described[given.name], given))
+    if not node.has_parameter(given.name):
+        raise UsageError(f"unknown parameter {named([given.name], described)}")
+    return given
 
 
 def _default(described: "Field[Any]") -> Any:
@@ -113,18 +143,22 @@ def _default(described: "Field[Any]") -> Any:
     return described.default
 
 
-def _given_number(node: Node, described: "Field[Any]") -> Any:
-    """Value of a double that is given at the start; `5` is meant as 5.0."""
-    anything = ParameterDescriptor(dynamic_typing=True)
-    given = node.declare_parameter(described.name, described.default, anything)
-    node.undeclare_parameter(described.name)
-    return float(given.value) if given.type_ == Parameter.Type.INTEGER else given.value
-
-
-def _as_double(given: Parameter, doubles: Collection[str]) -> Parameter:
-    if given.name in doubles and given.type_ == Parameter.Type.INTEGER:
-        return Parameter(given.name, Parameter.Type.DOUBLE, float(given.value))
-    return given
+def _accepted(described: "Field[Any]", given: Parameter) -> Any:
+    """Value of a parameter that is given, in the type of its default."""
+    default, span = _default(described), described.metadata["span"]
+    needed, kind = Parameter.Type.from_parameter_value(default), given.type_
+    value = given.value
+    if isinstance(default, list) and value in (None, []):
+        return default
+    if needed == Parameter.Type.DOUBLE and kind == Parameter.Type.INTEGER:
+        value, kind = float(value), needed  # 5 is meant as 5.0
+    wrong = "" if kind == needed else f"of type {kind.name.lower()}"
+    if not wrong and span is not None and not span[0] <= value <= span[1]:
+        wrong = "out of range"
+    if wrong:
+        words = _NEEDED[needed] + (f" from {span[0]:.10g} to {span[1]:.10g}" if span else "")
+        raise UsageError(f"{described.name}: {value!r} is {wrong}; {words} is needed")
+    return value
 
 
 def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:

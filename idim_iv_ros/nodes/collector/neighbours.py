@@ -16,6 +16,7 @@ from idim_iv_ros.errors import UsageError
 _ANSWER = 15.0  # s; the recorder gives up a disk that hangs after ten
 _SILENT = 5.0  # s, or three periods of its status, after which the recorder is gone
 _PERIODS = 3
+_WRITING = (*(RecorderStatus.RECORDING, RecorderStatus.PAUSED, RecorderStatus.WAITING_FOR_CLOCK),)
 
 # Returns when the first holds, at the latest after seconds; the last says what is waited for.
 Wait = Callable[[Callable[[], bool], float, str], None]
@@ -60,7 +61,7 @@ class RecorderNeighbour:
             return ""
         if silent := self._silence():
             return silent
-        if status.state in (RecorderStatus.RECORDING, RecorderStatus.PAUSED):
+        if status.state in _WRITING:
             bag = Path(status.bag).name
             return f"the recorder writes {bag} already: call {self._names[self._stop]}"
         return ""
@@ -72,7 +73,15 @@ class RecorderNeighbour:
             return ""
         if silent := self._silence():
             return f"{silent}; {Path(status.bag).name or 'the bag'} holds what was written before"
+<<<<<<< HEAD
         if self._records and status.state != RecorderStatus.RECORDING:
+=======
+        if status.state == RecorderStatus.RECORDING:
+            self._records = True
+        elif status.state == RecorderStatus.WAITING_FOR_CLOCK:
+            return f"the recorder does not record yet: {status.fault}"
+        elif self._records:  # what it said before it began may come later
+>>>>>>> t/nodes
             return f"the recorder does not record any more: {status.fault or 'somebody stopped it'}"
         return ""
 

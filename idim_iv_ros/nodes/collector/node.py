@@ -2,7 +2,6 @@
 
 import math
 import queue
-import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -24,8 +23,8 @@ from idim_iv_ros.nodes.collector.settings import CollectorSettings
 from idim_iv_ros.nodes.entry import run_node
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS
 from idim_iv_ros.nodes.identifier.request_server import Clients, DeferredActionServer
-from idim_iv_ros.nodes.own_topics import read_own
-from idim_iv_ros.nodes.parameters import changed, checked, declare
+from idim_iv_ros.nodes.own_topics import checked_topics, read_own
+from idim_iv_ros.nodes.parameters import changed, declare
 
 _GONE_LOOK = 0.5  # s between two looks whether the client is there
 _TURNS = 10  # of the executor, in which the last result is sent
@@ -51,9 +50,9 @@ class Collector:
         A parameter has a value that is not allowed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
         self.node = node = Node("collector")
-        self._settings = declare(node, CollectorSettings)
+        self._settings = declare(node, CollectorSettings, arguments)
         self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._guard = node.create_guard_condition(self._do_calls)
         self._controller = make_controller(
@@ -244,14 +243,7 @@ class Collector:
         if "configuration" in names and self._goal is not None:
             reason = "configuration: a goal is under way; cancel it first"
             return SetParametersResult(successful=False, reason=reason)
-        result = checked(self._settings, parameters)
-        file = changed(self._settings, parameters).configuration if result.successful else ""
-        if file and "configuration" in names:
-            try:
-                read_own(self.node, file)
-            except UsageError as error:
-                return SetParametersResult(successful=False, reason=str(error))
-        return result
+        return checked_topics(self.node, self._settings, parameters)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         self._settings = changed(self._settings, parameters)
@@ -262,8 +254,3 @@ class Collector:
 def run(arguments: Sequence[str]) -> int:
     """Run the node until a signal and return the exit status; `arguments` begin with a name."""
     return run_node("collector", Collector, ABOUT, arguments)
-
-
-def main() -> None:
-    """Run the node with the arguments of the command line."""
-    sys.exit(run(sys.argv))

@@ -1,6 +1,5 @@
 """The node `identifier`: parameters of a robot from its bags, on request or from every new bag."""
 
-import sys
 import time
 from collections.abc import Sequence
 from functools import partial
@@ -34,8 +33,8 @@ from idim_iv_ros.nodes.identifier.report import work_diagnosis
 from idim_iv_ros.nodes.identifier.request_server import RequestServer
 from idim_iv_ros.nodes.identifier.result_publisher import ResultPublisher
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
-from idim_iv_ros.nodes.own_topics import with_own_topics
-from idim_iv_ros.nodes.parameters import changed, checked, declare
+from idim_iv_ros.nodes.own_topics import checked_topics, with_own_topics
+from idim_iv_ros.nodes.parameters import changed, declare
 
 _LOOK = 0.1  # s between two looks whether a job takes too long
 _LONGEST_END = 10.0  # s in which the last answers are given
@@ -64,7 +63,7 @@ class Identifier:
         The history in the output directory cannot be read.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
         self._managed = ManagedNode(
             "identifier",
             {
@@ -77,7 +76,7 @@ class Identifier:
         )
         node: Node = self._managed
         self.node = node
-        self._settings = declare(node, IdentifierSettings)
+        self._settings = declare(node, IdentifierSettings, arguments)
         self._configuration: Configuration | None = None
         self._failure = ""
         self._folder = OwnFolder(Path(self._settings.output_directory))
@@ -249,14 +248,7 @@ class Identifier:
         self._diagnostics.publish(message)
 
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        result = checked(self._settings, parameters)
-        path = changed(self._settings, parameters).configuration if result.successful else ""
-        if path and any(each.name == "configuration" for each in parameters):
-            try:
-                with_own_topics(self.node, load_configuration(Path(path)))
-            except IdimError as error:
-                return SetParametersResult(successful=False, reason=f"configuration: {error}")
-        return result
+        return checked_topics(self.node, self._settings, parameters)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         names = {parameter.name for parameter in parameters}
@@ -268,8 +260,3 @@ class Identifier:
 def run(arguments: Sequence[str]) -> int:
     """Run the node until a signal and return the exit status; `arguments` begin with a name."""
     return run_node("identifier", Identifier, ABOUT, arguments)
-
-
-def main() -> None:
-    """Run the node with the arguments of the command line."""
-    sys.exit(run(sys.argv))

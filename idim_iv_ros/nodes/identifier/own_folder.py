@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.files import require_folder_place
 
 
 class OwnFolder:
@@ -13,8 +14,8 @@ class OwnFolder:
     Parameters
     ----------
     folder : Path
-        Made if it is not there. Where it cannot be made or locked, as on some network disks,
-        nothing is refused.
+        Made if it is not there. Where it cannot be locked, as on some network disks, nothing is
+        refused.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -27,15 +28,16 @@ class OwnFolder:
         Raises
         ------
         UsageError
-            Another identifier has it.
+            It cannot be written, or another identifier has it.
         """
         if self._open is not None:
             return
         try:
+            require_folder_place(self._folder)
             self._folder.mkdir(parents=True, exist_ok=True)
             folder = os.open(self._folder, os.O_RDONLY)
-        except OSError:  # the first job says why nothing can be written
-            return
+        except (OSError, UsageError) as error:
+            raise UsageError(f"parameter output_directory: {error}") from error
         try:
             fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:

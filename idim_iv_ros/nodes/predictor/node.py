@@ -1,6 +1,5 @@
 """The node `predictor`: what the last identification predicts of a robot that runs."""
 
-import sys
 import time
 from collections.abc import Sequence
 from importlib import import_module
@@ -58,9 +57,9 @@ class Predictor:
         A parameter has a value that is not allowed, or the URDF of the configuration is wrong.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
         self.node = node = Node("predictor")
-        self._settings = declare(node, PredictorSettings)
+        self._settings = declare(node, PredictorSettings, arguments)
         path = Path(self._settings.configuration)
         read_own(node, self._settings.configuration)  # in one line, if it names what is no topic
         self._configuration = load_configuration(path)
@@ -203,8 +202,3 @@ class Predictor:
 def run(arguments: Sequence[str]) -> int:
     """Run the node until a signal and return the exit status; `arguments` begin with a name."""
     return run_node("predictor", Predictor, ABOUT, arguments)
-
-
-def main() -> None:
-    """Run the node with the arguments of the command line."""
-    sys.exit(run(sys.argv))

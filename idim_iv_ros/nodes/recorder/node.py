@@ -1,6 +1,5 @@
 """The node `recorder`: writes the topics of a robot into MCAP bags."""
 
-import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,11 +15,13 @@ from std_srvs.srv import Trigger
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.entry import run_node
-from idim_iv_ros.nodes.own_topics import read_own
+from idim_iv_ros.nodes.own_topics import checked_topics
 from idim_iv_ros.nodes.parameters import changed, declare
 from idim_iv_ros.nodes.recorder.report import (
+    SILENT_CLOCK,
     RecentCounts,
     bag_closed,
+    bag_sentence,
     recorder_diagnosis,
     recorder_status,
     topic_diagnosis,
@@ -54,10 +55,10 @@ class Recorder:
         A parameter has a value that is not allowed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
         self.node = node = Node("recorder")
-        self._settings = declare(node, RecorderSettings)
-        self._session = RecordingSession(self._settings, self._now, self._announce)
+        self._settings = declare(node, RecorderSettings, arguments)
+        self._session = RecordingSession(self._settings, self._now, self._ended)
         self._writer = WriterThread(self._session)
         self._intake = Intake(self._writer, lambda: self._settings.max_message_size, self._log_time)
         self._topics = TopicSet(node, self._settings, node.get_logger().error)
@@ -68,12 +69,10 @@ class Recorder:
         self._counted: dict[str, int] = {}
         self._recent: dict[str, RecentCounts] = {}
         self._counted_at = time.monotonic()
-        self._fault = ""
+        self._fault = self._sentence = ""
         for name in ("start", "stop", "abort", "pause", "resume", "split"):
             node.create_service(Trigger, f"~/{name}", self._service(getattr(self, f"_{name}")))
-        self._snapshots = SnapshotService(
-            node, self._writer, self._intake.drain, lambda closed: self._announce(closed, False)
-        )
+        self._snapshots = SnapshotService(node, self._writer, self._intake.drain, self._announce)
         node.create_service(Trigger, "~/snapshot", self._service(self._snapshots.take))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(_LOOK, self._look, clock=steady)
@@ -94,7 +93,7 @@ class Recorder:
         self._intake.end()
         try:
             if self._session.bag is not None:
-                self.node.get_logger().info(self._stop())
+                self._stop()
         finally:
             self._snapshots.close()
             self._writer.end()
@@ -119,17 +118,15 @@ class Recorder:
                 topic.monitor.reset()
                 topic.too_large = 0
             self._writer.overrun = 0
-            return f"recording into {folder}"
+            return f"recording into {folder}" + f"; {SILENT_CLOCK}" * self._session.waits
 
         return self._writer.call(start)
 
     def _stop(self) -> str:
         self._intake.drain()
-        closed = self._writer.call(self._session.stop)
-        count = sum(file.messages for file in closed.files)
-        if closed.lost:
+        if self._writer.call(self._session.stop).lost:
             raise UsageError(self._session.fault)
-        return f"{closed.folder}: {count} messages in {closed.duration * 1e-9:.1f} s"
+        return self._sentence
 
     def _abort(self) -> str:
         self._intake.drain()
@@ -161,10 +158,10 @@ class Recorder:
             except TimeoutError:
                 response.success, response.message = False, "the disk did not answer for 10 s"
             log = self.node.get_logger()
-            if response.success:
-                log.info(response.message)
-            else:
+            if not response.success:
                 log.error(response.message)
+            elif action != self._stop:  # what a bag holds is logged however it is closed
+                log.info(response.message)
             return response
 
         return answer
@@ -197,21 +194,27 @@ class Recorder:
             self._fault = status.fault
             self.node.get_logger().error(status.fault or "the fault is over")
 
-    def _announce(self, closed: ClosedBag, faulty: bool) -> None:
-        message = bag_closed(closed, faulty, sum(t.monitor.lost for t in self._topics.topics))
+    def _announce(self, closed: ClosedBag, faulty: bool = False) -> BagClosed:
+        message = bag_closed(closed, faulty, self._topics.topics)
         message.header.stamp = self.node.get_clock().now().to_msg()
         self._bags.publish(message)
+        return message
+
+    def _ended(self, closed: ClosedBag, faulty: bool) -> None:
+        message, log = self._announce(closed, faulty), self.node.get_logger()
+        self._sentence, warns = bag_sentence(message, self._topics.topics, self._writer)
+        if warns:
+            log.warning(self._sentence)
+        else:
+            log.info(self._sentence)
 
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        try:
-            new = changed(self._settings, parameters)
-            if self._session.bag is not None and new.configuration != self._settings.configuration:
-                raise UsageError("configuration: a bag is open; call stop first")
-            if new.configuration and new.configuration != self._settings.configuration:
-                read_own(self.node, new.configuration)
-        except IdimError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+        given = {parameter.name: parameter.value for parameter in parameters}
+        before = self._settings.configuration
+        if self._session.bag is not None and given.get("configuration", before) != before:
+            reason = "configuration: a bag is open; call stop first"
+            return SetParametersResult(successful=False, reason=reason)
+        return checked_topics(self.node, self._settings, parameters)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         self._settings = settings = changed(self._settings, parameters)
@@ -229,8 +232,3 @@ class Recorder:
 def run(arguments: Sequence[str]) -> int:
     """Run the node until a signal and return the exit status; `arguments` begin with a name."""
     return run_node("recorder", Recorder, ABOUT, arguments)
-
-
-def main() -> None:
-    """Run the node with the arguments of the command line."""
-    sys.exit(run(sys.argv))

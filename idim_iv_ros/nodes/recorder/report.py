@@ -1,5 +1,6 @@
 """What the recorder says of itself: RecorderStatus and diagnostics, from counts to sentences."""
 
+import math
 from collections import deque
 from collections.abc import Sequence
 
@@ -15,6 +16,8 @@ from idim_iv_ros.recording.writing.growing_bag import ClosedBag
 
 _SILENT = 1.0  # s, at least
 _SILENT_PERIODS = 20.0
+_CLOCK = "use_sim_time is true and /clock was not heard"
+SILENT_CLOCK = f"{_CLOCK} yet: nothing is recorded before"
 RECENT = 10.0  # s for which an incident is a warning; totals stay among the values
 _COUNTED = ("received", "lost", "late", "gaps", "malformed", "backward")
 
@@ -44,9 +47,11 @@ def recorder_status(
 ) -> RecorderStatus:
     """Return the state of the recording, or why it fails; the header is left to the caller."""
     session = writer.session
-    bag = session.bag
+    bag, state = session.bag, session.state
+    if state == State.RECORDING and session.waits:
+        state = State.WAITING_FOR_CLOCK
     return RecorderStatus(
-        state=int(session.state),
+        state=int(state),
         bag=str(bag.folder) if bag else "",
         file=bag.file.path.name if bag else "",
         splits=len(bag.closed) if bag else 0,
@@ -55,22 +60,47 @@ def recorder_status(
         free_disk=session.free_disk(),
         waiting=bag.file.waiting if bag else 0,
         dropped=session.dropped + writer.overrun,
-        fault=session.fault or failure,
+        fault=session.fault or failure or (SILENT_CLOCK if bag and session.waits else ""),
         topics=list(topics),
     )
 
 
-def bag_closed(closed: ClosedBag, faulty: bool, lost: int) -> BagClosed:
-    """Return the announcement of a bag; `lost` messages of it never arrived."""
+def bag_closed(closed: ClosedBag, faulty: bool, topics: Sequence[WatchedTopic]) -> BagClosed:
+    """Return the announcement of a bag with what was counted on its topics."""
+    monitors = [topic.monitor for topic in topics]
+    shares = [m.received / (m.received + m.lost) for m in monitors if m.counts_lost]
     return BagClosed(
         bag=str(closed.folder),
         files=[file.name for file in closed.files],
         duration=closed.duration * 1e-9,
         messages=sum(file.messages for file in closed.files),
-        lost=lost,
+        lost=sum(monitor.lost for monitor in monitors),
+        late=sum(monitor.late for monitor in monitors),
+        gaps=sum(monitor.gaps for monitor in monitors),
+        arrived=min(shares, default=math.nan),
         bytes=sum(file.size for file in closed.files),
         complete=not faulty,
     )
+
+
+def bag_sentence(
+    message: BagClosed, topics: Sequence[WatchedTopic], writer: WriterThread
+) -> tuple[str, bool]:
+    """Return what a bag that was announced holds and lacks, and whether that is a warning."""
+    session = writer.session
+    parts = [f"{message.messages} messages in {message.duration:.1f} s"]
+    for what in ("lost", "late", "gaps"):
+        names = ", ".join(topic.name for topic in topics if getattr(topic.monitor, what))
+        parts.append(f"{getattr(message, what)} {what}" + (f" ({names})" if names else ""))
+    if not math.isnan(message.arrived):
+        # Rounded down: of a million with one lost, not all arrived.
+        parts.append(f"{math.floor(1e4 * message.arrived) / 1e2:g} % arrived")
+    troubles = [_CLOCK] if session.waits else []
+    if kept_out := session.dropped + writer.overrun:
+        troubles.append(f"{kept_out} arrived and could not be kept")
+    troubles += [t.absence for t in topics if t.absence and not t.monitor.received]
+    warns = bool(troubles or message.lost or message.gaps or not message.messages)
+    return f"{message.bag}: {', '.join([*parts, *troubles])}", warns
 
 
 def recorder_diagnosis(

@@ -25,6 +25,7 @@ class State(IntEnum):
     RECORDING = 1
     PAUSED = 2
     STOPPED_BY_FAULT = 3
+    WAITING_FOR_CLOCK = 4
 
 
 class RecordingSession:
@@ -34,7 +35,7 @@ class RecordingSession:
     ----------
     settings : RecorderSettings
     clock : callable
-        Log time now, ns.
+        Log time now, ns; zero while it is not known. What arrives then is not recorded.
     closed : callable
         Takes every bag that was closed, and whether it ended by a fault or was given up.
 
@@ -66,6 +67,11 @@ class RecordingSession:
         self._latched: dict[str, tuple[TopicChannel, Message]] = {}
         self._last: tuple[FileSummary, ...] = ()
         self._started = self._committed = 0.0
+
+    @property
+    def waits(self) -> bool:
+        """Whether nothing can be recorded yet, for log time is not known."""
+        return self._clock() == 0
 
     @property
     def duration(self) -> float:
@@ -175,7 +181,11 @@ class RecordingSession:
             if channel.latched:
                 last = next(each for each in reversed(messages) if each[1] == channel.name)
                 self._latched[channel.name] = (channel, last)
-        self.ring.add(channels, messages)
+        untimed = {message[1]: message for message in messages if not message[0]}
+        if untimed:
+            messages = [message for message in messages if message[0]]
+        if messages:
+            self.ring.add(channels, messages)
         if self.state == State.STOPPED_BY_FAULT:
             self.dropped += len(messages)
         if self.bag is None or self.state != State.RECORDING:
@@ -183,6 +193,8 @@ class RecordingSession:
         for channel in channels:
             if self.bag.topics.get(channel.name) != channel:
                 self.bag.describe(channel)
+        latched = {channel.name for channel in channels if channel.latched}
+        self.bag.repeat({name: untimed[name] for name in latched & untimed.keys()})
         self.bag.add(sorted(messages, key=itemgetter(0)))
         if self.bag.file.waiting_bytes > self.settings.memory_limit:
             self._give_up()

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from idim_iv_ros.configuration import SignalsSection, load_configuration
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.files import require_folder_place
 from idim_iv_ros.nodes.parameters import Settings, check_configuration, parameter, period_of_status
 from idim_iv_ros.recording.writing.storage import PRESETS
 
@@ -99,6 +100,10 @@ class RecorderSettings(Settings):
                 raise UsageError(f"extra_topics: {name!r} is no name of a topic")
         if self.configuration:
             check_configuration(self.configuration)
+        try:
+            require_folder_place(Path(self.bag_directory))
+        except UsageError as error:
+            raise UsageError(f"bag_directory: {error}") from error
 
 
 def signals(settings: RecorderSettings) -> tuple[SignalsSection, tuple[str, ...]]:

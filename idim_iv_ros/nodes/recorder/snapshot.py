@@ -103,7 +103,7 @@ class SnapshotThread(threading.Thread):
     def __init__(
         self,
         write: Callable[[], ClosedBag],
-        done: Callable[[ClosedBag], None],
+        done: Callable[[ClosedBag], object],
         failed: Callable[[OSError], None],
     ) -> None:
         super().__init__(name="snapshot", daemon=True)

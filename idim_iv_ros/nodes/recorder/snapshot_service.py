@@ -31,7 +31,7 @@ class SnapshotService:
         node: Node,
         writer: WriterThread,
         drain: Callable[[], None],
-        announce: Callable[[ClosedBag], None],
+        announce: Callable[[ClosedBag], object],
     ) -> None:
         self._node, self._writer = node, writer
         self._drain, self._announce = drain, announce

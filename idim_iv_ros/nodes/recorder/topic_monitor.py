@@ -226,6 +226,11 @@ class TopicMonitor:
         self._sequence = None
 
     @property
+    def counts_lost(self) -> bool:
+        """Whether `lost` is known: something arrived, from one publisher that numbers it."""
+        return self.received > 0 and self.one_publisher and self._sequence is not None
+
+    @property
     def period(self) -> float | None:
         """Usual time between two messages, s; None before a few have come."""
         return float(np.median(self._periods)) * 1e-9 if len(self._periods) >= 10 else None

@@ -86,6 +86,17 @@ class WatchedTopic:
         self._gids: frozenset[bytes] = frozenset()
         self._left: list[Taken] = []
 
+    @property
+    def absence(self) -> str:
+        """Why nothing came, where that is unusual; else empty."""
+        if self.problem:
+            return f"{self.name}: {self.problem}"
+        if self._types == [_STRING]:  # the description; a configuration may have it instead
+            return ""
+        if not self.had_publishers:
+            return f"nobody publishes {self.name}"
+        return f"nothing came on {self.name}" if self._types else ""
+
     def look(self) -> None:
         """Look for publishers: subscribe to the first, and again where their QoS changed."""
         found = self._node.get_publishers_info_by_topic(self.name)

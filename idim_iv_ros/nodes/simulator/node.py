@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -84,9 +83,9 @@ class RobotSimulator:
         No configuration, or one that cannot be simulated.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
         self.node = node = Node("robot_simulator")
-        self._settings = declare(node, SimulatorSettings)
+        self._settings = declare(node, SimulatorSettings, arguments)
         configuration, urdf, self._rate = _loaded(Path(self._settings.configuration))
         text = read_urdf_file(urdf)
         self._configuration = configuration
@@ -310,8 +309,3 @@ def _loaded(path: Path) -> tuple[Configuration, Path, float]:
 def run(arguments: Sequence[str]) -> int:
     """Run the node until a signal and return the exit status; `arguments` begin with a name."""
     return run_node("robot_simulator", RobotSimulator, ABOUT, arguments)
-
-
-def main() -> None:
-    """Run the node with the arguments of the command line."""
-    sys.exit(run(sys.argv))

@@ -1,6 +1,5 @@
 """`idim-iv watch`: what predictor, recorder and identifier say, until Ctrl-C."""
 
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from rich.live import Live
 
 from idim_iv_interfaces.msg import DriftReport, Prediction, RecorderStatus
 from idim_iv_ros.nodes.entry import Closable, run_node
+from idim_iv_ros.nodes.unknown_names import refuse_unknown_parameters
 from idim_iv_ros.nodes.watch.state import JointJudgement, LiveView, joint_views
 from idim_iv_ros.nodes.watch.terminal import live_table
 from idim_iv_ros.nodes.watch.web import LivePage
@@ -23,7 +23,7 @@ _TOPIC = "predictor/prediction"
 _DRAWN = 0.25  # s between two tables on a terminal
 _PRINTED = 5.0  # s between two tables elsewhere
 _SILENT = 2.0  # s without a prediction
-_STATES = ("idle", "recording", "paused", "stopped by a fault")
+_STATES = ("idle", "recording", "paused", "stopped by a fault", "waiting for /clock")
 
 ABOUT = """watch: measured and predicted efforts of a running robot, with what the nodes do."""
 
@@ -41,7 +41,7 @@ class WatchSettings:
     """
 
     web: int | None = None
-    predictor: Callable[[], Closable] | None = None
+    predictor: Callable[[Sequence[str]], Closable] | None = None
 
 
 class Watcher:
@@ -53,10 +53,12 @@ class Watcher:
         The port of the page is taken, or the predictor cannot be made.
     """
 
-    def __init__(self, settings: WatchSettings) -> None:
+    def __init__(self, settings: WatchSettings, arguments: Sequence[str] = ()) -> None:
         self._page = None if settings.web is None else LivePage(settings.web)
-        self._predictor = None if settings.predictor is None else settings.predictor()
+        self._predictor = None if settings.predictor is None else settings.predictor(arguments)
         self.node = node = Node("watch")
+        if self._predictor is None:  # what is given is else the predictor's
+            refuse_unknown_parameters(node, (), arguments)
         self._prediction: Prediction | None = None
         self._heard = self._printed = time.monotonic()
         self._judgements: dict[str, JointJudgement] = {}
@@ -159,9 +161,4 @@ class Watcher:
 def run(arguments: Sequence[str], settings: WatchSettings | None = None) -> int:
     """Watch until a signal and return the exit status; `arguments` begin with a name."""
     chosen = settings or WatchSettings()
-    return run_node("watch", lambda: Watcher(chosen), ABOUT, arguments)
-
-
-def main() -> None:
-    """Watch with the arguments of the command line."""
-    sys.exit(run(sys.argv))
+    return run_node("watch", lambda given: Watcher(chosen, given), ABOUT, arguments)

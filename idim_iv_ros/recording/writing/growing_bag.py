@@ -1,8 +1,10 @@
 """A rosbag2 folder while it is recorded: files that follow each other, metadata as it goes."""
 
 import json
+import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,6 +47,9 @@ class ClosedBag:
 class GrowingBag:
     """One bag while it is recorded.
 
+    What a commit adds is counted in metadata.yaml just before it is in the file: at no instant does
+    the file hold more than a reader expects, and what a crash between the two loses can be counted.
+
     Parameters
     ----------
     folder : Path
@@ -52,6 +57,7 @@ class GrowingBag:
     limits : SplitLimits
     clock : callable
         Log time now, ns: what messages that are repeated at the start of a file are stamped with.
+        Zero while it is not known; they are repeated as soon as it is.
     latched : mapping
         Last message of latched topics that arrived before the bag was opened.
     topics : sequence of TopicChannel
@@ -82,8 +88,14 @@ class GrowingBag:
         self._clock = clock
         self._storage = storage
         self._latched: dict[str, Message] = dict(latched or {})
+        self._due: dict[str, Message] = {}
         folder.mkdir(parents=True)
-        self.file = self._next_file()
+        try:
+            self._begin_file(0)
+            self._write_metadata(self.file.summary)
+        except OSError:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
 
     @property
     def size(self) -> int:
@@ -103,12 +115,18 @@ class GrowingBag:
 
     def add(self, messages: Sequence[Message]) -> None:
         """Take messages of described topics."""
+        self._repeat()
         self.file.add(messages)
         latched = {name for name, topic in self.topics.items() if topic.latched}
         if latched:
             for message in messages:
                 if message[1] in latched:
                     self._latched[message[1]] = message
+
+    def repeat(self, latched: Mapping[str, Message]) -> None:
+        """Take latched messages of described topics that came before log time was known."""
+        self._latched |= latched
+        self._due |= latched
 
     def commit(self) -> None:
         """Put everything on disk, and begin a new file if the present one is full.
@@ -118,8 +136,7 @@ class GrowingBag:
         OSError
             Something could not be written; nothing that was added is lost, commit again.
         """
-        self.file.commit()
-        self._write_metadata()
+        self._commit_file()
         size, duration = self.limits.size, self.limits.duration
         full = size and self.file.summary.size >= size
         if full or (duration and time.monotonic() - self._opened >= duration):
@@ -133,12 +150,12 @@ class GrowingBag:
         OSError
             The next file cannot be made or the present one not be written; it goes on.
         """
-        self.file.commit()
-        following = self._next_file()
-        self.file.close()
-        self.closed.append(self.file.summary)
-        self.file = following
-        self._write_metadata()
+        self._commit_file()
+        full = self.file
+        self._begin_file(len(self.closed) + 1)
+        full.close()
+        self.closed.append(full.summary)
+        self._write_metadata(self.file.summary)
 
     def close(self) -> ClosedBag:
         """Write what is left and close.
@@ -148,8 +165,7 @@ class GrowingBag:
         OSError
             It cannot be written; the bag stays open, so that it can be tried again.
         """
-        self.file.commit()
-        self._write_metadata()
+        self._commit_file()
         self.file.close()
         return ClosedBag(self.folder, (*self.closed, self.file.summary))
 
@@ -158,19 +174,31 @@ class GrowingBag:
         self.file.close()
         return ClosedBag(self.folder, (*self.closed, self.file.summary), self.file.waiting)
 
-    def _next_file(self) -> GrowingMcap:
-        number = len(self.closed) + (1 if hasattr(self, "file") else 0)
+    def _commit_file(self) -> None:
+        self._repeat()
+        before = self.file.summary
+        try:
+            self.file.commit(self._write_metadata)
+        except OSError:
+            with suppress(OSError):
+                self._write_metadata(before)
+            raise
+
+    def _begin_file(self, number: int) -> None:
         file = GrowingMcap(self.folder / f"{self.folder.name}_{number}.mcap", self._storage)
         for topic in self.topics.values():
             file.describe(topic)
-        now = self._clock()
-        file.add((now, *message[1:]) for message in self._latched.values())
-        self._opened = time.monotonic()
-        return file
+        self.file, self._opened, self._due = file, time.monotonic(), dict(self._latched)
+        self._repeat()
 
-    def _write_metadata(self) -> None:
-        files = [*self.closed, self.file.summary]
-        write_metadata(self.folder, files, list(self.topics.values()))
+    def _repeat(self) -> None:
+        """Add the latched messages that are due in this file, once log time is known."""
+        if self._due and (now := self._clock()):
+            self.file.add((now, *message[1:]) for message in self._due.values())
+            self._due = {}
+
+    def _write_metadata(self, present: FileSummary) -> None:
+        write_metadata(self.folder, [*self.closed, present], list(self.topics.values()))
 
 
 def write_metadata(

@@ -1,7 +1,7 @@
 """An MCAP file that is whole after every commit, whatever happens to the process afterwards."""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -126,8 +126,13 @@ class GrowingMcap:
                 self._last = log_time
         self._open_chunk += size
 
-    def commit(self) -> None:
+    def commit(self, announce: Callable[[FileSummary], None] | None = None) -> None:
         """Put everything that was added on disk.
+
+        Parameters
+        ----------
+        announce
+            Takes what the file will hold, just before it does; an OSError of it is one of this.
 
         Raises
         ------
@@ -141,8 +146,12 @@ class GrowingMcap:
         self._writer.finish()  # type: ignore[no-untyped-call]
         trailer = self._stream.take()
         self._stream.position = body
+        content = bytes(self._waiting) + trailer
+        summary = self._summary(self._end + len(content))
+        if announce is not None:
+            announce(summary)
         try:
-            self._put(bytes(self._waiting) + trailer)
+            self._put(content)
         except OSError:
             with suppress(OSError):
                 self._put(self._trailer)
@@ -150,10 +159,9 @@ class GrowingMcap:
         self._end += len(self._waiting)
         self._trailer = trailer
         self._waiting.clear()
-        self.summary = self._summary()
+        self.summary = summary
 
-    def _summary(self) -> FileSummary:
-        size = self._end + len(self._trailer)
+    def _summary(self, size: int) -> FileSummary:
         if self._first is None or self._last is None:
             return FileSummary(self.path.name, None, 0, dict(self.counts), size)
         duration = self._last - self._first

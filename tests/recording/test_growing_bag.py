@@ -1,0 +1,118 @@
+"""A bag that grows: what a reader finds whenever the recorder is killed, or the disk is full."""
+
+import errno
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from rosbags.rosbag2 import Reader
+
+from idim_iv_ros.recording.writing.growing_bag import GrowingBag, SplitLimits
+from idim_iv_ros.recording.writing.growing_mcap import Message
+from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
+from tests.recording.bag_writer import STORE, joint_state
+
+TOPIC = TopicChannel("/joint_states", "sensor_msgs/msg/JointState")
+DESCRIPTION = TopicChannel(
+    "/robot_description", "std_msgs/msg/String", (OfferedQos(durability="transient_local"),)
+)
+
+
+def messages(first: int, count: int) -> list[Message]:
+    raw = bytes(STORE.serialize_cdr(joint_state(0.5), TOPIC.message_type))
+    return [(k, TOPIC.name, raw, k, k) for k in range(first, first + count)]
+
+
+def counts(bag: Path) -> tuple[int, int]:
+    """Messages that metadata.yaml promises, and that the files hold."""
+    with Reader(bag) as reader:
+        return reader.message_count, sum(1 for _ in reader.messages())
+
+
+@pytest.fixture
+def looked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[tuple[int, int]]:
+    """Counts before and after everything that changes what is on disk."""
+    found: list[tuple[int, int]] = []
+
+    def watched(change: Callable) -> Callable:
+        def changed(*arguments):
+            if (tmp_path / "bag" / "metadata.yaml").exists():
+                found.append(counts(tmp_path / "bag"))
+            return change(*arguments)
+
+        return changed
+
+    for name in ("pwrite", "replace", "close"):
+        monkeypatch.setattr(os, name, watched(getattr(os, name)))
+    return found
+
+
+def test_at_no_instant_a_file_holds_more_than_metadata_says(tmp_path: Path, looked) -> None:
+    bag = GrowingBag(tmp_path / "bag", SplitLimits(), topics=[TOPIC])
+    assert counts(bag.folder) == (0, 0)
+    for k in range(2):
+        bag.add(messages(1 + 10 * k, 10))
+        bag.commit()
+    bag.add(messages(21, 10))
+    bag.split()
+    assert counts(bag.folder) == (30, 30)
+    bag.add(messages(31, 5))
+    bag.close()
+    assert len(looked) > 10
+    assert all(promised >= held for promised, held in looked), looked
+    assert counts(bag.folder) == (35, 35)
+
+
+def test_what_a_full_disk_refuses_is_not_promised(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = GrowingBag(tmp_path / "bag", SplitLimits(), topics=[TOPIC])
+    bag.add(messages(1, 10))
+    bag.commit()
+    bag.add(messages(11, 10))
+
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "pwrite", full)
+        with pytest.raises(OSError, match="No space"):
+            bag.commit()
+    assert counts(bag.folder) == (10, 10)
+    bag.commit()
+    assert counts(bag.folder) == (20, 20)
+
+
+def test_a_bag_that_cannot_begin_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "pwrite", full)
+    with pytest.raises(OSError, match="No space"):
+        GrowingBag(tmp_path / "bag", SplitLimits(), topics=[TOPIC])
+    assert not (tmp_path / "bag").exists()
+
+
+def test_latched_messages_wait_for_log_time(tmp_path: Path) -> None:
+    now = 0
+    text = bytes(
+        STORE.serialize_cdr(
+            STORE.types[DESCRIPTION.message_type]("<robot/>"), DESCRIPTION.message_type
+        )
+    )
+    latched = {DESCRIPTION.name: (0, DESCRIPTION.name, text, 1, 1)}
+    bag = GrowingBag(
+        tmp_path / "bag", SplitLimits(), lambda: now, latched, topics=[TOPIC, DESCRIPTION]
+    )
+    bag.split()
+    assert counts(bag.folder) == (0, 0)
+    now = 7_000
+    bag.commit()
+    now = 8_000
+    bag.split()
+    bag.close()
+    with Reader(bag.folder) as reader:
+        assert [time for _, time, _ in reader.messages()] == [7_000, 8_000]

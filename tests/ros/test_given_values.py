@@ -1,0 +1,232 @@
+"""What is given at the start of a node or set on it: refused in one line where it is wrong."""
+
+import signal
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import fields
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+import rclpy
+from rclpy.exceptions import ParameterNotDeclaredException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from idim_iv_ros.cli.nodes import _arguments
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.nodes.collector.settings import CollectorSettings
+from idim_iv_ros.nodes.identifier.own_folder import OwnFolder
+from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
+from idim_iv_ros.nodes.parameters import changed, declare
+from idim_iv_ros.nodes.predictor.settings import PredictorSettings
+from idim_iv_ros.nodes.recorder.settings import RecorderSettings
+from idim_iv_ros.nodes.simulator.node import SimulatorSettings
+from idim_iv_ros.nodes.unknown_names import refuse_unknown_arguments, refuse_unknown_parameters
+from tests.ros.conftest import ARM2
+
+KINDS = {
+    "recorder": RecorderSettings,
+    "identifier": IdentifierSettings,
+    "collector": CollectorSettings,
+    "predictor": PredictorSettings,
+    "simulator": SimulatorSettings,
+}
+WRONG = {bool: 1, int: 2.5, float: "0.5", str: 12, tuple: "a"}
+
+
+@pytest.fixture
+def node() -> Iterator[Callable[..., Node]]:
+    """Make nodes that are given arguments of ROS."""
+    made: list[tuple[Node, rclpy.Context]] = []
+
+    def make(*arguments: str) -> Node:
+        context = rclpy.Context()
+        rclpy.init(args=["node", "--ros-args", *arguments], context=context)
+        made.append((Node("recorder", context=context), context))
+        return made[-1][0]
+
+    yield make
+    for node, context in made:
+        node.destroy_node()
+        context.try_shutdown()
+
+
+@pytest.fixture
+def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., int]]:
+    """Run a node in this process, in a context of its own, and return its exit status."""
+    monkeypatch.setattr("rclpy.utilities.g_default_context", None)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def run(name: str, *arguments: str) -> int:
+        status: int = import_module(f"idim_iv_ros.nodes.{name}.node").run([name, *arguments])
+        return status
+
+    with warnings.catch_warnings():
+        yield run
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+def said(capfd: pytest.CaptureFixture[str]) -> list[str]:
+    """Lines on stderr but those of the log."""
+    return [line for line in capfd.readouterr().err.splitlines() if not line.startswith("[")]
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_value_of_another_type_is_refused_when_set(name: str, node) -> None:
+    made = node("-p", f"configuration:={ARM2}")
+    declare(made, KINDS[name])
+    for each in fields(KINDS[name]):
+        value = WRONG[type(each.default)]
+        with pytest.raises(ParameterNotDeclaredException) as refused:
+            made.set_parameters([Parameter(each.name, value=value)])
+        assert str(refused.value).startswith(f"{each.name}: {value!r} ")
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("chunk_duration:=abc", ("chunk_duration", "'abc'", "a number", "0.1 to 10")),
+        ("chunk_duration:='0.5'", ("chunk_duration", "'0.5'", "a number", "0.1 to 10")),
+        ("chunk_duration:=.nan", ("chunk_duration", "nan", "a number", "0.1 to 10")),
+        ("chunk_duration:=[1.0]", ("chunk_duration", "double_array", "a number")),
+        ("max_file_size:=1e6", ("max_file_size", "1000000.0", "a whole number")),
+        ("max_file_size:=-1", ("max_file_size", "-1", "a whole number")),
+        ("autostart:='true'", ("autostart", "'true'", "true or false")),
+        ("bag_prefix:=2024", ("bag_prefix", "2024", "a text")),
+        ("extra_topics:=/tf", ("extra_topics", "'/tf'", "list of texts")),
+        ("chunk_duraton:=1.0", ("unknown", "chunk_duraton", "chunk_duration?")),
+        ("recorder:chunk_duraton:=1.0", ("unknown", "chunk_duraton", "chunk_duration?")),
+    ],
+)
+def test_a_wrong_start_names_parameter_value_and_need(
+    node, given: str, words: tuple[str, ...]
+) -> None:
+    arguments = ["--ros-args", "-p", given]
+    with pytest.raises(UsageError) as refused:
+        declare(node(*arguments[1:]), RecorderSettings, arguments)
+    assert all(each in str(refused.value) for each in words), refused.value
+
+
+def test_what_is_meant_is_taken(node) -> None:
+    given = ["-p", "late_after:=5", "-p", "extra_topics:=[]", "-p", "use_sim_time:=true"]
+    made = node(*given)
+    settings = declare(made, RecorderSettings, ["--ros-args", *given])
+    assert (settings.late_after, list(settings.extra_topics)) == (5.0, [""])
+    (result,) = made.set_parameters([Parameter("late_after", value=7)])
+    assert result.successful
+    assert made.get_parameter("late_after").value == 7.0
+    with pytest.raises(ParameterNotDeclaredException, match=r"late_aftr .* late_after\?"):
+        made.set_parameters([Parameter("late_aftr", value=7.0)])
+
+
+@pytest.mark.parametrize("text", ["2024", "true", "~", "a: b", 'é "x" \\ #1'])
+def test_the_command_line_passes_text_as_text(node, text: str) -> None:
+    given = _arguments("", {"bag_prefix": text, "autostart": True}, [])[1:]
+    settings = declare(node(*given[1:]), RecorderSettings, given)
+    assert (settings.bag_prefix, settings.autostart) == (text, True)
+
+
+@pytest.mark.parametrize(
+    ("section", "refused"),
+    [
+        ("recorder", True),
+        ("/**/recorder", True),
+        ("/left/recorder", True),
+        ("/**", False),
+        ("/left/*", False),
+        ("/right/recorder", None),
+        ("other", None),
+    ],
+)
+def test_an_unknown_parameter_in_a_file_is_refused_where_it_is_for_this_node_alone(
+    node, tmp_path: Path, capfd, section: str, refused: bool | None
+) -> None:
+    file = tmp_path / "parameters.yaml"
+    file.write_text(f'"{section}": {{ros__parameters: {{late_aftr: 1.0, deep: {{er: 2}}}}}}\n')
+    given = ["--params-file", str(file), "-r", "__ns:=/left" if "left" in section else "a:=b"]
+    made = node(*given)
+    words = "late_aftr (did you mean late_after?), deep.er"
+    if refused:
+        with pytest.raises(UsageError) as error:
+            declare(made, RecorderSettings, ["--ros-args", *given])
+        assert str(error.value) == f"unknown parameter {words}"
+    else:
+        declare(made, RecorderSettings, ["--ros-args", *given])
+        assert (words in capfd.readouterr().err) == (refused is False)
+
+
+def test_settings_of_publishers_that_no_node_has_are_named(node, capfd) -> None:
+    given = ["-p", "qos_overrides./joint_states.subscription.depth:=5"]
+    refuse_unknown_parameters(node(*given), (), ["--ros-args", *given])
+    assert "qos_overrides./joint_states" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["late_after:=1.0"], "late_after:=1.0;"),
+        (["--ros-args", "late_after:=1.0"], "late_after:=1.0;"),
+        (["--ros-args", "--log-levl", "info"], r"--log-levl \(did you mean --log-level\?\), info"),
+        (["--ros-args", "-p", "a:=1", "--", "tail"], "tail;"),
+    ],
+)
+def test_unknown_arguments_are_named(arguments: list[str], words: str) -> None:
+    with pytest.raises(UsageError, match=f"^unknown argument {words}"):
+        refuse_unknown_arguments(["node", *arguments])
+
+
+def test_arguments_of_ros_are_known() -> None:
+    refuse_unknown_arguments(
+        [
+            "node",
+            "--ros-args",
+            "-r",
+            "a:=b",
+            "--log-level",
+            "debug",
+            "-p",
+            "a:=1",
+            "--enclave",
+            "/e",
+        ]
+    )
+
+
+@pytest.mark.parametrize("name", [*KINDS, "watch"])
+def test_every_node_ends_before_it_is_ready(start, capfd, name: str) -> None:
+    configuration = ("--ros-args", "-p", f"configuration:={ARM2}")
+    for arguments in ((*configuration, "-p", "tracking_eror:=0.05"), ("tracking_error:=0.05",)):
+        assert start(name, *arguments) == 2
+        lines = said(capfd)
+        assert len(lines) == 1
+        assert lines[0].startswith(
+            f"{'robot_simulator' if name == 'simulator' else name}: unknown "
+        )
+        assert "tracking_er" in lines[0]
+
+
+@pytest.mark.parametrize("inside", ["", "deeper/still"])
+def test_a_folder_that_cannot_be_written_is_said_at_once(
+    start, capfd, tmp_path: Path, inside: str
+) -> None:
+    file = tmp_path / "file"
+    file.write_text("")
+    folder = file / inside
+    assert start("recorder", "--ros-args", "-p", f"bag_directory:={folder}") == 2
+    assert start("identifier", "--ros-args", "-p", f"output_directory:={folder}") == 2
+    tail = f"{folder}: cannot be written: Not a directory ({file})"
+    assert said(capfd) == [
+        f"recorder: parameter bag_directory: {tail}",
+        f"identifier: parameter output_directory: {tail}",
+    ]
+    with pytest.raises(UsageError, match=r"^bag_directory: "):
+        changed(RecorderSettings(), [Parameter("bag_directory", value=str(folder))])
+
+
+def test_a_folder_that_will_be_made_is_not_made_before(tmp_path: Path) -> None:
+    RecorderSettings(bag_directory=str(tmp_path / "a" / "b")).check()
+    assert not list(tmp_path.iterdir())
+    OwnFolder(tmp_path / "a" / "b").take()
+    assert (tmp_path / "a" / "b").is_dir()

@@ -1,0 +1,221 @@
+"""What the recorder says of a bag, and of a clock that is silent; messages come from the test."""
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from rosbags.rosbag2 import Reader
+from rosgraph_msgs.msg import Clock
+
+from idim_iv_interfaces.msg import BagClosed, RecorderStatus
+from idim_iv_ros.nodes.collector.neighbours import RecorderNeighbour
+from idim_iv_ros.nodes.recorder.node import Recorder
+from idim_iv_ros.nodes.recorder.topic_monitor import TopicMonitor
+from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
+from tests.ros.processes import only_bag
+
+JOINTS = TopicChannel("/told/joint_states", "sensor_msgs/msg/JointState")
+LATCHED = TopicChannel(
+    "/told/robot_description", "std_msgs/msg/String", (OfferedQos(durability="transient_local"),)
+)
+RAW = b"\0\1\0\0" + bytes(24)
+STEP = 10_000_000  # ns
+
+
+class Told:
+    """A recorder in this process, and what it publishes."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self.recorder = recorder
+        self.closed: list[BagClosed] = []
+        self.statuses: list[RecorderStatus] = []
+        recorder._bags.publish = self.closed.append
+        recorder._status.publish = self.statuses.append
+
+    def arrive(self, channel: TopicChannel, *sequence: int, late: int = 0) -> None:
+        """Hand over messages as the intake does."""
+        topic = next(t for t in self.recorder._topics.topics if t.name == channel.name)
+        topic.channel, topic.had_publishers = channel, True
+        taken = [
+            (
+                RAW,
+                {
+                    "received_timestamp": 10**18 + STEP * k + late,
+                    "source_timestamp": 10**18 + STEP * k,
+                    "publication_sequence_number": k,
+                },
+            )
+            for k in sequence
+        ]
+        self.recorder._writer.submit(channel, topic.monitor, taken, self.recorder._log_time())
+
+    def clock(self, seconds: int) -> None:
+        time = Clock(clock=Time(sec=seconds))
+        self.recorder.node._time_source.clock_callback(time)
+
+    def status(self) -> RecorderStatus:
+        self.recorder._writer.call(self.recorder._report)
+        return self.statuses[-1]
+
+
+@pytest.fixture
+def told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[..., Told]]:
+    """Start recorders in a context of their own."""
+    made: list[Recorder] = []
+    monkeypatch.setattr("rclpy.utilities.g_default_context", None)
+
+    def start(**parameters: str) -> Told:
+        values = {"bag_directory": str(tmp_path), "minimum_free_disk": "0", **parameters}
+        given = [text for item in values.items() for text in ("-p", ":=".join(item))]
+        rclpy.init(args=["recorder", "--ros-args", "-r", "__ns:=/told", *given])
+        made.append(Recorder())
+        return Told(made[0])
+
+    yield start
+    for recorder in made:
+        recorder.close()
+    rclpy.try_shutdown()
+
+
+def logged(bag: Path) -> dict[str, list[int]]:
+    with Reader(bag) as reader:
+        times: dict[str, list[int]] = {each.topic: [] for each in reader.connections}
+        for connection, time, _ in reader.messages():
+            times[connection.topic].append(time)
+    return times
+
+
+def test_stop_log_and_announcement_say_what_a_bag_lacks(told, capfd) -> None:
+    said = told(late_after="0.5")
+    said.recorder._start()
+    said.arrive(JOINTS, *range(1, 41))
+    said.arrive(JOINTS, *range(43, 60), *range(62, 101), late=10**9)
+    said.arrive(LATCHED, 1)
+    answer = said.recorder._stop()
+    (closed,) = said.closed
+    assert (closed.messages, closed.lost, closed.late, closed.gaps) == (97, 4, 56, 0)
+    assert closed.arrived == pytest.approx(0.96)
+    for words in (
+        "97 messages",
+        "4 lost (/told/joint_states)",
+        "56 late",
+        "0 gaps",
+        "96 % arrived",
+    ):
+        assert words in answer
+    assert answer in capfd.readouterr().err
+    said.recorder._start()
+    said.arrive(JOINTS, *range(101, 140), *range(200, 210))
+    assert "1 gaps (/told/joint_states)" in said.recorder._stop()
+    assert said.closed[1].gaps == 1
+
+
+def test_a_bag_without_messages_is_a_warning(told, capfd) -> None:
+    said = told()
+    said.recorder._start()
+    answer = said.recorder._stop()
+    assert ": 0 messages " in answer
+    assert "nobody publishes /told/joint_states" in answer
+    assert math.isnan(said.closed[0].arrived)
+    assert "[WARN]" in capfd.readouterr().err
+
+
+def test_a_driver_that_is_silent_is_named_beside_a_description(told, capfd) -> None:
+    said = told()
+    said.recorder._start()
+    said.arrive(LATCHED, 1)
+    said.arrive(JOINTS)
+    assert ": 1 messages " in (answer := said.recorder._stop())
+    assert "nothing came on /told/joint_states" in answer
+    assert "[WARN]" in capfd.readouterr().err
+
+
+def test_a_whole_bag_is_none(told, capfd) -> None:
+    said = told()
+    said.recorder._start()
+    said.arrive(JOINTS, *range(1, 51))
+    assert "100 % arrived" in said.recorder._stop()
+    assert "[WARN]" not in capfd.readouterr().err
+
+
+def test_of_a_million_with_one_lost_not_all_arrived(told) -> None:
+    said = told()
+    said.recorder._start()
+    said.arrive(JOINTS, 1, 2, 4)
+    said.recorder._topics.topics[0].monitor.received = 999_997
+    assert "99.99 % arrived" in said.recorder._stop()
+
+
+def test_lost_messages_of_several_publishers_are_not_known() -> None:
+    monitor = TopicMonitor(None, has_header=False)
+    assert not monitor.counts_lost
+    monitor.received, monitor._sequence = 5, 5
+    assert monitor.counts_lost
+    monitor.new_publishers(2)
+    assert not monitor.counts_lost
+
+
+def test_nothing_is_logged_at_time_zero(told, tmp_path: Path) -> None:
+    said = told(use_sim_time="true")
+    assert "/clock" in said.recorder._start()
+    said.arrive(LATCHED, 1)
+    said.arrive(JOINTS, 1, 2, 3)
+    status = said.status()
+    assert status.state == RecorderStatus.WAITING_FOR_CLOCK
+    assert "/clock" in status.fault
+    assert not any(each.recorded for each in status.topics)
+    said.recorder._split()
+    said.clock(7)
+    said.arrive(JOINTS, 4, 5)
+    assert said.status().state == RecorderStatus.RECORDING
+    assert said.status().fault == ""
+    said.clock(8)
+    said.arrive(JOINTS, 6)
+    said.recorder._stop()
+    seven, eight = 7 * 10**9, 8 * 10**9
+    times = logged(only_bag(tmp_path))
+    assert times["/told/joint_states"] == [seven, seven, eight]
+    assert times["/told/robot_description"] in ([seven], [eight])
+
+
+def test_a_recording_that_waits_can_be_stopped_and_begun_again(told, capfd) -> None:
+    said = told(use_sim_time="true")
+    said.recorder._start()
+    said.arrive(LATCHED, 1)
+    said.arrive(JOINTS, 1, 2, 3)
+    said.recorder._pause()
+    said.recorder._resume()
+    assert "/clock" in said.recorder._stop()
+    assert "[WARN]" in capfd.readouterr().err
+    assert said.closed[0].messages == 0
+    assert said.status().state == RecorderStatus.IDLE
+    assert said.status().fault == ""
+    said.recorder._start()
+    said.clock(9)
+    said.recorder._stop()
+    assert said.closed[1].messages == 1
+    assert logged(Path(said.closed[1].bag)) == {"/told/robot_description": [9 * 10**9]}
+
+
+def test_a_collector_does_not_move_a_robot_for_a_recorder_that_waits(told) -> None:
+    said = told(use_sim_time="true")
+    said.recorder._start()
+    neighbour = RecorderNeighbour(said.recorder.node)
+    neighbour._reported(said.status())
+    assert "/clock" in neighbour.trouble()
+    said.clock(1)
+    neighbour._reported(said.status())
+    assert neighbour.trouble() == ""
+
+
+def test_a_snapshot_holds_nothing_from_before_the_clock(told) -> None:
+    said = told(use_sim_time="true", snapshot_duration="60.0")
+    said.arrive(JOINTS, 1, 2)
+    said.clock(3)
+    said.arrive(JOINTS, 3)
+    said.recorder._snapshots.take()
+    said.recorder._snapshots.close()
+    assert logged(Path(said.closed[0].bag)) == {"/told/joint_states": [3 * 10**9]}
