@@ -25,6 +25,8 @@ def cannot_show(effect: Effect, joint: int, covered: OperatingRange) -> str:
 
     Each effect adds what it needs itself.
     """
+    if joint in covered.left_out:
+        return "its torque is left out: the summary says why"
     lever = float(covered.lever[joint])
     span, length = covered.span(joint), covered.length(joint)
     fastest = float(covered.fastest[joint])
@@ -45,8 +47,10 @@ def too_little(joint: int, covered: OperatingRange) -> bool:
     """Whether a joint moves so little that not even its parameters can be determined.
 
     Slow motion over a wide range shows weights and friction well; small motion that sticks shows
-    nothing.
+    nothing, and no more does a torque that is left out.
     """
+    if joint in covered.left_out:
+        return True
     lever = float(covered.lever[joint])
     span = covered.span(joint)
     fastest = float(covered.fastest[joint])
