@@ -72,7 +72,10 @@ def joint_findings(
     found: list[JointFinding] = []
     for joint, of_effort in enumerate(statistics):
         signals = _Signals(model, motions, joint, effort_unit)
-        found += signals.positions()
+        of_positions = list(signals.positions())
+        found += of_positions
+        if any(each.left_out for each in of_positions):
+            continue
         found += _too_few_rows(model, motions, cutoffs, joint)
         found += signals.outliers()
         if of_effort is not None:
@@ -212,11 +215,14 @@ class _Signals:
     def _static(self, found: EffortStatistics) -> str:
         if not self._in_newton_metres or found.static_share < _STATIC:
             return ""
-        if found.expected <= found.residual or found.shown > _ABSENT * found.expected:
+        expected, torque = found.expected, found.torque
+        if torque is not None and torque.certainty > _SIGNIFICANT:  # another unit than N m
+            expected *= min(torque.value, 1.0)
+        if expected <= found.residual or found.shown > _ABSENT * expected:
             return ""
         return (
             f"{100.0 * found.static_share:.4g} % of the effort is a function of position and "
-            f"direction, and of {found.expected:.2g} {self._torque} (rms) that the nominal masses "
+            f"direction, and of {expected:.2g} {self._torque} (rms) that the nominal masses "
             f"need to accelerate it holds {found.shown:.2g}: a friction or gravity compensation, "
             "not the whole torque; record that"
         )

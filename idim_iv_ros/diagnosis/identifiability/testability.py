@@ -19,6 +19,8 @@ from idim_iv_ros.diagnosis.structural.scan import Scan
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place
 from idim_iv_ros.signals import AutoregressiveModel
 
+_TORQUE = "an effort that is the torque of this joint, in enough rows"
+
 
 def cannot_show(effect: Effect, joint: int, covered: OperatingRange) -> str:
     """Why an effect cannot be seen at a joint whatever its size; empty where it may be.
@@ -88,7 +90,8 @@ def shown_by_motion(
                 if made is None:
                     reason = reason or "no shape of it is possible on this motion"
                     reason = data.unit_at(joint, reason)
-                    refused.append(NotTestable(effect.name, name, reason, effect.excitation))
+                    needed = _TORQUE if joint in covered.left_out else effect.excitation
+                    refused.append(NotTestable(effect.name, name, reason, needed))
                 else:
                     candidates.append(made)
         if not candidates:
