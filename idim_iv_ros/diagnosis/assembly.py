@@ -110,6 +110,7 @@ def assembled(found: Diagnosis) -> GapResult:
     """Build the result."""
     refit, model = found.refit, found.held.model
     data, law = refit.data, found.law
+    left_out = data.left_out
     causes = strongest_first(found.causes, data)
     tilted = any(cause.effect == GravityDirection.name for cause in causes)
     outside = unexplained(data, model, found.accepted if tilted else None)
@@ -125,15 +126,23 @@ def assembled(found: Diagnosis) -> GapResult:
             each for each in residual if left[each[0]] > settings.UNEXPLAINED_OVER_NOISE * each[3]
         ]
     small = [] if causes else remaining(errors, settings.PARAMETRIC_LEAST_TORQUE)
-    verdict = verdict_of(causes, outside, parameters=bool(not_named), unexplained=bool(residual))
+    nothing_shown = len(left_out) == len(data.joints)
+    verdict = verdict_of(
+        causes, outside, parameters=bool(not_named), unexplained=bool(residual) or nothing_shown
+    )
     listed = leading(causes, data)
     summary = [
+        *(
+            f"{data.joints[each.joint]} is left out: {each.sentence}."
+            for each in data.prepared.joint_findings
+            if each.left_out
+        ),
         sentences.capitalised(ARMATURE_MISSING) + "." if data.prepared.armature_missing else "",
         sentences.summary(
             verdict,
             listed,
             outside,
-            found.where.joint_gaps,
+            [gap for gap in found.where.joint_gaps if data.joints.index(gap.joint) not in left_out],
             found.without,
             more=len(causes) - len(listed),
             model="refit" if data.prepared.given is None else "nominal model",
@@ -279,7 +288,7 @@ def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
         *data.sources.controller,
         unchecked and f"commands not compared with the control law: {unchecked}",
         *(each.note or each.caveat for each in found.tracked),
-        *prepared.doubts,
+        *prepared.warnings,
         *prepared.advice,
         *prepared.reasons,
         *(

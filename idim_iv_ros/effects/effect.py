@@ -71,6 +71,8 @@ class OperatingRange:
         1 for revolute joints, 0.1 for prismatic ones: metres that count as a radian.
     sticking : bool
         Whether the closed loop is simulated, and so is known where joints stick.
+    left_out : frozenset of int
+        Joints whose torque says nothing of the robot.
     """
 
     low: FloatArray
@@ -84,6 +86,7 @@ class OperatingRange:
     row_rate: float
     lever: FloatArray
     sticking: bool = True
+    left_out: frozenset[int] = frozenset()
 
     def span(self, joint: int) -> float:
         """Range of the positions of a joint, rad (m)."""

@@ -127,7 +127,8 @@ def condition_number(rows: Sequence[JointRows], parameters: int) -> float:
 def _sigma(rows: Sequence[JointRows], values: FloatArray, share: float, total: int) -> FloatArray:
     """Standard deviation of each joint's residual; not so small that its weight is infinite."""
     sigma = [
-        np.linalg.norm(joint.reduced.residual(values)) / np.sqrt(max(len(joint) * share, 1.0))
+        joint.assumed_sigma
+        or np.linalg.norm(joint.reduced.residual(values)) / np.sqrt(max(len(joint) * share, 1.0))
         for joint in rows
     ]
     torque = max(float(np.linalg.norm(joint.reduced.torque)) for joint in rows) / np.sqrt(total)

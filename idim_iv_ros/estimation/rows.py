@@ -11,6 +11,9 @@ from idim_iv_ros.estimation.qr import BLOCK, r_factor, streamed_r_factor
 from idim_iv_ros.signals.autoregression import AutoregressiveModel
 from idim_iv_ros.types import FloatArray, IntArray
 
+# Noise over torque of rows that are left out: enough to lose all weight, and no column.
+_LEFT_OUT = 100.0
+
 
 @dataclass(frozen=True, eq=False)
 class JointRows:
@@ -34,6 +37,8 @@ class JointRows:
         Z; None where X is its own instrument.
     represented : int, optional
         How many rows were reduced to these by QR; None where these are the rows themselves.
+    left_out : bool
+        Whether the torque says nothing of the robot: its rows get next to no weight.
     """
 
     matrix: FloatArray
@@ -44,10 +49,19 @@ class JointRows:
     position: IntArray | None = None
     instrument_matrix: FloatArray | None = None
     represented: int | None = None
+    left_out: bool = False
 
     def __len__(self) -> int:
         """How many rows these are or, reduced, stand for."""
         return len(self.torque) if self.represented is None else self.represented
+
+    @property
+    def assumed_sigma(self) -> float | None:
+        """Noise of a torque that says nothing of the robot, N m (N); None of any other."""
+        if not self.left_out:
+            return None
+        rms = float(np.linalg.norm(self.torque) / np.sqrt(max(len(self), 1)))
+        return _LEFT_OUT * max(rms, 1e-300)
 
     @property
     def instruments(self) -> FloatArray:

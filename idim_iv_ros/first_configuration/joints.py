@@ -98,9 +98,7 @@ def _why_not(
     if joint.type not in MOVABLE:
         return f"its type is {joint.type}"
     if joint.tied or joint.beyond:
-        return joint.tied or f"it has {joint.beyond}"
-    if joint.mimics:
-        return f"it mimics {joint.mimics}"
+        return f"it is {joint.tied}" if joint.tied else f"it has {joint.beyond}"
     if _is_gripper(joint):
         return "a gripper, by its name"
     if any(each is None or each.lowest is None for each in position):

@@ -22,6 +22,7 @@ from idim_iv_ros.first_configuration.topics import (
     read_contents,
 )
 from idim_iv_ros.identification.prepare import prepare, read_configured
+from idim_iv_ros.identification.sanity import joint_findings
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.model.urdf_reader import description_key
 from idim_iv_ros.progress import Progress, Stopwatch
@@ -120,6 +121,7 @@ def propose_configuration(
         unit = guess_effort_unit(prepared)
         watch.stage("control law", 0.8)
         law = propose_law(prepared.motions)
+        findings = joint_findings(prepared.model, prepared.motions, prepared.cutoffs, unit.unit)
     reasons = {
         ("controller", "type"): law.reason,
         ("signals", "effort_unit"): unit.reason,
@@ -130,7 +132,9 @@ def propose_configuration(
         "controller": dict(law.keys),
         "signals": {**sources, "effort_unit": unit.unit},
     }
-    warnings = joints.warnings
+    warnings = joints.warnings + tuple(
+        f"{joints.joints[each.joint]}: {each.sentence}" for each in findings
+    )
     if preset is not None:
         warnings += _merge(preset, values, reasons, named, missing)
     limits = prepared.model.robot.limits.effort

@@ -6,16 +6,13 @@ from typing import Literal
 
 import numpy as np
 
-from idim_iv_ros.estimation.observation import observation_rows
+from idim_iv_ros.identification.effort_statistics import EffortStatistics, effort_statistics
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.model import JointLimits
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControllerFit, fit_controller
-from idim_iv_ros.types import FloatArray
 
-_FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
-_LEAST_SHARE = 0.05  # of the torque's variance that only the masses explain
-_LEAST_ROWS = 20
+_LEAST_SHARE = 0.05  # of what friction leaves of the effort's variance
 _LEAST_RATIO = 5.0  # standard deviations
 _SAME = (0.5, 2.0)  # effort over torque: masses of a URDF are not that far off
 _OVER_LIMIT = 1.5
@@ -37,64 +34,35 @@ class EffortUnit:
 
 
 def guess_effort_unit(prepared: PreparedRegression) -> EffortUnit:
-    """Compare the recorded efforts with the torques of the URDF's masses, then with its limits."""
-    peaks = np.max(
-        [np.abs(motion.signals.torque).max(axis=0) for motion in prepared.motions], axis=0
-    )
-    names = prepared.configuration.robot.joints
-    if prepared.model.robot.has_inertials:
-        ratios = _ratios(prepared)
-        if ratios:
-            middle = float(np.median(list(ratios.values())))
-            listed = ", ".join(f"{names[joint]} {ratio:.2g}" for joint, ratio in ratios.items())
-            measured = f"effort over the torque that the URDF's masses need: {listed}"
-            if _SAME[0] <= middle <= _SAME[1]:
-                return EffortUnit("N m", measured)
-            if middle < 0.0:
-                return EffortUnit("A", f"{measured}: the sign is opposite, see effort_scale")
-            return EffortUnit("A", f"{measured}: not a torque, probably a motor current")
-    return _from_limits(peaks, prepared.model.robot.limits, names)
-
-
-def _ratios(prepared: PreparedRegression) -> dict[int, float]:
-    """Effort over the torque of the URDF's masses, of the joints where that can be said.
+    """Compare the recorded efforts with the torques of the URDF's masses, then with its limits.
 
     Friction and the inertia of the joint's own drive, which no URDF gives, are left free: the ratio
-    is seen on gravity and on the other joints' motion (Frisch and Waugh's partial regression).
+    is seen on gravity and on the other joints' motion. A sign that is opposite is no other unit.
     """
-    base = prepared.model.base
-    given = prepared.model.given_without_friction
-    standard = base.layout.parameters
-    friction = np.array([standard[column].kind in _FRICTION for column in base.columns])
-    ratios = {}
-    for joint, rows in enumerate(observation_rows(prepared.model, prepared.motions)):
-        drive = np.array([each.kind == "Ia" and each.joint == joint for each in standard])
-        own = np.any(base.grouping[:, drive] != 0.0, axis=1)
-        if len(rows) < _LEAST_ROWS:
-            continue
-        free = np.column_stack([rows.matrix[:, (friction | own)[rows.columns]], np.ones(len(rows))])
-        torque = _without(free, rows.matrix @ given[rows.columns])
-        effort = _without(free, rows.torque)
-        energy = float(torque @ torque)
-        if energy <= 0.0:
-            continue
-        ratio = float(torque @ effort) / energy
-        residual = effort - ratio * torque
-        deviation = float(np.std(residual)) / np.sqrt(energy)
-        share = (
-            ratio**2 * energy / max(float(np.sum((rows.torque - rows.torque.mean()) ** 2)), 1e-300)
-        )
-        if share > _LEAST_SHARE and abs(ratio) > _LEAST_RATIO * deviation:
-            ratios[joint] = ratio
-    return ratios
+    names = prepared.configuration.robot.joints
+    statistics = effort_statistics(prepared.model, prepared.motions, prepared.cutoffs)
+    ratios = {
+        name: found.torque.value
+        for name, found in zip(names, statistics, strict=True)
+        if found is not None
+        and found.torque is not None
+        and found.torque.of_rest > _LEAST_SHARE
+        and abs(found.torque.certainty) > _LEAST_RATIO
+    }
+    if not ratios:
+        return _from_limits(statistics, prepared.model.robot.limits, names)
+    listed = ", ".join(f"{name} {ratio:.2g}" for name, ratio in ratios.items())
+    measured = f"effort over the torque that the URDF's masses need: {listed}"
+    if _SAME[0] <= float(np.median(np.abs(list(ratios.values())))) <= _SAME[1]:
+        return EffortUnit("N m", measured)
+    return EffortUnit("A", f"{measured}: not a torque, probably a motor current")
 
 
-def _without(columns: FloatArray, signal: FloatArray) -> FloatArray:
-    """What of a signal no combination of the columns explains."""
-    return np.asarray(signal - columns @ np.linalg.lstsq(columns, signal, rcond=None)[0])
-
-
-def _from_limits(peaks: FloatArray, limits: JointLimits, names: list[str]) -> EffortUnit:
+def _from_limits(
+    statistics: Sequence[EffortStatistics | None], limits: JointLimits, names: list[str]
+) -> EffortUnit:
+    """Compare the size of what friction leaves: a simulator's damping knows no limit."""
+    peaks = np.array([0.0 if each is None else each.peak for each in statistics])
     known = np.isfinite(limits.effort) & (limits.effort > 0.0)
     if not known.any():
         return EffortUnit(

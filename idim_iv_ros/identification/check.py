@@ -21,6 +21,7 @@ from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.files import CHECK_FORMAT, FilePaths
 from idim_iv_ros.identification.link_encoders import link_encoders
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
+from idim_iv_ros.identification.sanity import Level
 from idim_iv_ros.model import BaseParameters
 from idim_iv_ros.model.units import unit_at
 from idim_iv_ros.progress import Progress, Stopwatch
@@ -28,8 +29,6 @@ from idim_iv_ros.recording import Recording
 from idim_iv_ros.signal_source import topic_of
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.types import FloatArray
-
-Level = Literal["good", "limited", "unusable"]
 
 _INVENTED_LIMIT = 0.05  # share of samples without a measurement
 _JITTER_LIMIT = 0.2  # of the sampling interval
@@ -125,6 +124,11 @@ def _report(prepared: PreparedRegression, rows: Sequence[JointRows]) -> CheckRep
         findings += _joint_findings(prepared, joint, name)
         if len(rows[joint]) == 0:
             findings.append(Finding(name, "unusable", "never faster than the reversal speed"))
+        findings += [
+            Finding(name, each.level, each.sentence)
+            for each in prepared.joint_findings
+            if each.joint == joint
+        ]
     findings += _link_findings(prepared)
     parameters, condition = _visibility(prepared, rows)
     unseen = [parameter.name for parameter in parameters if parameter.seen == "no"]

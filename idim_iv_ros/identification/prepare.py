@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation.least_squares import unseen_parameters
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.files import FilePaths
+from idim_iv_ros.identification.sanity import JointFinding, joint_findings
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file, read_urdf_text
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording import (
@@ -96,6 +98,20 @@ class PreparedRegression:
         """What makes the nominal model hard to believe, a sentence each."""
         missing = (ARMATURE_MISSING,) if self.armature_missing else ()
         return (*self.model.robot.doubts, *missing)
+
+    @cached_property
+    def joint_findings(self) -> tuple[JointFinding, ...]:
+        """What is wrong with the signals of single joints."""
+        unit = self.configuration.signals.effort_unit
+        return joint_findings(self.model, self.motions, self.cutoffs, unit)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Doubts and what is wrong with the signals, a sentence each."""
+        joints = self.configuration.robot.joints
+        return self.doubts + tuple(
+            f"{joints[each.joint]}: {each.sentence}" for each in self.joint_findings
+        )
 
 
 def prepare(recordings: Sequence[Recording], configuration: Configuration) -> PreparedRegression:

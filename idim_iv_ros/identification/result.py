@@ -349,7 +349,7 @@ class IdentificationResult(Document):
     controller : tuple of str
         The control law that was fitted, in words; `fitted_gains` holds its numbers.
     doubts : tuple of str
-        What makes the nominal model hard to believe.
+        What makes the nominal model, or the signals of a joint, hard to believe.
     covariance : (b, b)
         Of the estimates in `parameters`, in their order and the products of their units; the
         diagonal holds the squares of their `std`.

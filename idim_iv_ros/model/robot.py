@@ -151,10 +151,13 @@ def _joint_type(urdf: Urdf, joint: str, source: str) -> JointType:
 
 
 def _locked_doubts(urdf: Urdf, joints: Sequence[str]) -> list[str]:
-    """Say where the joints of an MJCF stay that are not identified, if it is not at zero."""
+    """Say where the joints of an MJCF stay that are not identified, if it is not at zero.
+
+    Joints of a URDF that follow others are parts of grippers, and say nothing.
+    """
     said = []
     for name, joint in urdf.joints.items():
-        if name in joints or not (joint.tied or joint.rest):
+        if name in joints or not (joint.rest or (joint.tied and urdf.from_mjcf)):
             continue
         unit = "m" if joint.type == "prismatic" else "rad"
         place = "at its reference" if joint.type == "floating" else f"at {joint.rest:.4g} {unit}"

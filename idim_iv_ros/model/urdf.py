@@ -72,13 +72,11 @@ class UrdfJoint:
         What `<limit>` gives of lower, upper (rad, m), velocity (rad/s, m/s), effort (N m, N).
     damping, friction : float
         N m s/rad, N m (N s/m, N).
-    mimics : str
-        The joint that it follows; empty where it follows none.
     armature, rest : float
         Of an MJCF: drive inertia, kg m² (kg); where it stays if it is not identified, rad (m).
     tied, beyond : str
-        Of an MJCF: what it is or what ties it, if it is no joint of its own; what acts on it that
-        the nominal model has no term for. Empty otherwise.
+        What it is or what ties it, if it is no joint of its own; what acts on it that the nominal
+        model has no term for, of an MJCF. Empty otherwise.
     """
 
     name: str
@@ -90,7 +88,6 @@ class UrdfJoint:
     limits: dict[str, float]
     damping: float
     friction: float
-    mimics: str
     armature: float = 0.0
     rest: float = 0.0
     tied: str = ""

@@ -115,7 +115,7 @@ class _Reader:
         links: dict[str, Inertial | None] = {}
         for element in root.findall("link"):
             name = self._name(element, links)
-            inertial = element.find("inertial")
+            inertial = self._only(element, "inertial", f"link {name}")
             links[name] = None if inertial is None else self._inertial(inertial, f"link {name}")
         return links
 
@@ -135,7 +135,7 @@ class _Reader:
         return name
 
     def _inertial(self, element: ElementTree.Element, where: str) -> Inertial | None:
-        mass, inertia = element.find("mass"), element.find("inertia")
+        mass, inertia = (self._only(element, tag, where) for tag in ("mass", "inertia"))
         for tag, found in (("mass", mass), ("inertia", inertia)):
             if found is None:
                 self.problems.append(f"{where}: <inertial> has no <{tag}>")
@@ -162,12 +162,11 @@ class _Reader:
             self.problems.append(f"{where}: {words}; a joint is {', '.join(TYPES)}")
         ends = {}
         for tag in ("parent", "child"):
-            end = element.find(tag)
+            end = self._only(element, tag, where)
             ends[tag] = "" if end is None else end.get("link", "")
             if not ends[tag]:
                 self.problems.append(f"{where}: names no {tag} link")
-        axis, dynamics = element.find("axis"), element.find("dynamics")
-        mimic = element.find("mimic")
+        axis, dynamics = (self._only(element, tag, where) for tag in ("axis", "dynamics"))
         return UrdfJoint(
             name=name,
             type=joint_type,
@@ -180,20 +179,30 @@ class _Reader:
             limits=self._limits(element, where),
             damping=self._dynamics(dynamics, "damping", where),
             friction=self._dynamics(dynamics, "friction", where),
-            mimics="" if mimic is None else mimic.get("joint", "another joint"),
             **self._beyond(element, where),
         )
 
+    def _only(
+        self, element: ElementTree.Element, tag: str, where: str
+    ) -> ElementTree.Element | None:
+        """The one child of a tag; others would be passed over, and nobody knows which is meant."""
+        found = element.findall(tag)
+        if len(found) > 1:
+            self.problems.append(f"{where} has {len(found)} <{tag}>: leave one")
+        return found[0] if found else None
+
     def _beyond(self, element: ElementTree.Element, where: str) -> dict[str, Any]:
-        """What an MJCF says of a joint and a URDF does not."""
-        more = element.find(EXTENSION)
+        """What ties a joint, and what an MJCF says of it and a URDF does not."""
+        more, mimic = element.find(EXTENSION), element.find("mimic")
         if more is None:
-            return {}
+            if mimic is None:
+                return {}
+            return {"tied": f"made to follow {quoted(mimic.get('joint', 'another'))} by <mimic>"}
         numbers = {key: self._number(more, key, where, "0") for key in ("armature", "rest")}
         return {**numbers, "tied": more.get("tied", ""), "beyond": more.get("beyond", "")}
 
     def _limits(self, element: ElementTree.Element, where: str) -> dict[str, float]:
-        limit = element.find("limit")
+        limit = self._only(element, "limit", where)
         if limit is None:
             return {}
         keys = [key for key in ("lower", "upper", "velocity", "effort") if key in limit.attrib]
@@ -205,7 +214,7 @@ class _Reader:
         return 0.0 if element is None else self._number(element, key, f"{where}: <dynamics>", "0")
 
     def _origin(self, element: ElementTree.Element, where: str) -> pin.SE3:
-        origin = element.find("origin")
+        origin = self._only(element, "origin", where)
         if origin is None:
             return pin.SE3.Identity()
         place = f"{where} <origin>"

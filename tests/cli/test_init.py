@@ -103,7 +103,7 @@ def test_what_is_left_out_is_said_with_the_reason(run, record, urdf, tmp_path: P
     }
     reasons = {
         "left_finger_joint": "gripper",
-        "follower": "mimics left_finger_joint",
+        "follower": "made to follow left_finger_joint",
         "rail": "not in the bag",
         "torso": "not in the URDF",
     }

@@ -9,7 +9,9 @@ import pytest
 from idim_iv_ros.diagnosis.parametric.causes import parameter_errors, remaining
 from idim_iv_ros.diagnosis.sentences import remaining_parameter_errors
 
-DATA: Any = SimpleNamespace(joints=("joint_1", "joint_2"), unit_at=lambda *_: "N m")
+DATA: Any = SimpleNamespace(
+    joints=("joint_1", "joint_2"), unit_at=lambda *_: "N m", left_out=frozenset()
+)
 
 
 def outcome(after: list[float]) -> Any:

@@ -1,5 +1,6 @@
 """URDFs as they come: names of every kind, and files that are none."""
 
+import re
 import subprocess
 import sys
 
@@ -99,6 +100,12 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]><robot 
 LIMIT = '<limit lower="-2" upper="2" effort="10" velocity="3"/>'
 
 
+def beside_parent(more: str) -> str:
+    return re.sub("<dynamics[^>]*>", "", arm()).replace(
+        '<parent link="base"/>', f'<parent link="base"/>{more}', 1
+    )
+
+
 def joint(name: str, parent: str, child: str) -> str:
     return (
         f'<joint name="{name}" type="fixed"><parent link="{parent}"/>'
@@ -140,6 +147,9 @@ def joint(name: str, parent: str, child: str) -> str:
         (arm().replace('mass value="2.0"', 'mass value="1e300"'), "link l1: <mass> value is 1e300"),
         (arm().replace('<mass value="2.0"/>', ""), "link l1: <inertial> has no <mass>"),
         (arm().replace('ixx="0.02" ', "", 1), "link l1: <inertia> has no ixx"),
+        (arm().replace("</inertial>", "</inertial><inertial/>", 1), "link l1 has 2 <inertial>"),
+        (beside_parent('<dynamics damping="1"/>' * 2), "joint j1 has 2 <dynamics>"),
+        (beside_parent('<mimic joint="j2"/>'), "joint j1 is made to follow j2 by <mimic>"),
     ],
 )  # fmt: skip
 def test_a_file_that_is_no_robot_is_one_line_that_says_why(urdf: str, words: str) -> None:

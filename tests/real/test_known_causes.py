@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.real_causes import CASES
 from idim_iv_ros import load_configuration
 from idim_iv_ros.diagnosis.controller.check import LawCheck, check_law
 from idim_iv_ros.diagnosis.refit.refit import refitted
+from idim_iv_ros.identification.check import check
 from idim_iv_ros.identification.prepare import read_configured
 from tests.real.recordings import (
     DUTY_PER_GAIN,
@@ -77,3 +79,22 @@ def _numbers(parts: list[str]) -> tuple[float, float, float]:
     size, _, rest = part.partition(" N from ")
     begin, _, rest = rest.partition(" to ")
     return float(size.split()[-1]), float(begin), float(rest.split()[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "compensations"),
+    [
+        ("ur10", []),
+        ("design A0 with its own model", []),
+        ("pendubot, everything in the effort", []),
+        ("pendubot, disturbance missing", ["elbow"]),
+    ],
+)
+def test_only_a_friction_compensation_is_no_torque(
+    name: str, compensations: list[str], data: Path, tmp_path: Path
+) -> None:
+    """The command of the pendubot's elbow is that of its friction compensation, nothing else."""
+    (case,) = [each for each in CASES if each.name == name]
+    bags, configuration = case.make(data, tmp_path)
+    report = check(bags, load_configuration(configuration))
+    assert [each.where for each in report.findings if each.level == "unusable"] == compensations

@@ -74,4 +74,5 @@ def test_check_says_what_the_second_encoders_hold(data: Path, tmp_path: Path) ->
     report = check(kuka_bags(data, tmp_path), load_configuration(path))
     said = {each.where: each.sentence for each in report.findings if "behind" in each.sentence}
     assert set(said) == {"j1", "j2", "j3"}
+    assert report.usable
     assert all("0.6" in sentence and "mrad rms" in sentence for sentence in said.values())

@@ -76,6 +76,7 @@ def table(data: Path) -> dict[str, tuple[str, float, float]]:
 
 def test_tx40_has_sixty_base_parameters(result: IdentificationResult) -> None:
     assert len(result.parameters) == 60
+    assert not any(doubt.startswith("joint_") for doubt in result.doubts)
 
 
 def test_names_of_the_papers_table_are_among_them(result: IdentificationResult) -> None:

@@ -182,4 +182,5 @@ def _rows(first: JointRows, second: JointRows) -> JointRows:
         first.columns,
         (*first.segments, *later),
         first.name,
+        left_out=first.left_out or second.left_out,
     )

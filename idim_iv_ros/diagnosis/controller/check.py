@@ -99,8 +99,8 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
 
     All samples count, also at reversals, except those at the torque limit. Constants, a lag that
     most joints share, of up to two periods of the control until the effort acts, and a speed that
-    the law differentiates and filters (`law_speed`) are no mismatch. Empty where nothing can be
-    compared or nothing differs; `why_not_checked` says why.
+    the law differentiates and filters (`law_speed`) are no mismatch, nor is an effort that is no
+    torque. Empty where nothing can be compared or nothing differs; `why_not_checked` says why.
 
     Parameters
     ----------
@@ -116,7 +116,8 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
     period = control_period(configuration.controller, rates)
     speed = law_speed(data.prepared.motions, law)
     compared, every = {}, {}
-    for joint in range(len(data.joints)):
+    wrong = {each.joint for each in data.prepared.joint_findings if each.level == "unusable"}
+    for joint in sorted(set(range(len(data.joints))) - wrong):
         rows = command_regression(data.prepared.motions, law, joint, speed)
         if rows is not None:
             compared[joint] = law_change(rows, law, joint, period)

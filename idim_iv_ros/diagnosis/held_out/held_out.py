@@ -209,11 +209,12 @@ def held_out(
     """
     folds, note = interleaved_folds(data) if interleaved else folds_of(data, repeats)
     ends = extended.parameters + np.cumsum([0, *extended.widths])
+    white = white_noise_models(extended.joints, fit.residuals)
     plain, whitened = (
         _predicted(extended, noise_models, folds, ends)
-        for noise_models in (white_noise_models(fit.residuals), fit.noise_models)
+        for noise_models in (white, fit.noise_models)
     )
-    scales = [noise.sigma for noise in white_noise_models(fit.residuals)]
+    scales = [noise.sigma for noise in white]
     stages = [
         tuple(rest * scale for rest, scale in zip(stage, scales, strict=True)) for stage in plain
     ]

@@ -19,12 +19,16 @@ from idim_iv_ros.diagnosis.structural.scan import Scan
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place
 from idim_iv_ros.signals import AutoregressiveModel
 
+_TORQUE = "an effort that is the torque of this joint, in enough rows"
+
 
 def cannot_show(effect: Effect, joint: int, covered: OperatingRange) -> str:
     """Why an effect cannot be seen at a joint whatever its size; empty where it may be.
 
     Each effect adds what it needs itself.
     """
+    if joint in covered.left_out:
+        return "its torque is left out: the summary says why"
     lever = float(covered.lever[joint])
     span, length = covered.span(joint), covered.length(joint)
     fastest = float(covered.fastest[joint])
@@ -45,8 +49,10 @@ def too_little(joint: int, covered: OperatingRange) -> bool:
     """Whether a joint moves so little that not even its parameters can be determined.
 
     Slow motion over a wide range shows weights and friction well; small motion that sticks shows
-    nothing.
+    nothing, and no more does a torque that is left out.
     """
+    if joint in covered.left_out:
+        return True
     lever = float(covered.lever[joint])
     span = covered.span(joint)
     fastest = float(covered.fastest[joint])
@@ -84,7 +90,8 @@ def shown_by_motion(
                 if made is None:
                     reason = reason or "no shape of it is possible on this motion"
                     reason = data.unit_at(joint, reason)
-                    refused.append(NotTestable(effect.name, name, reason, effect.excitation))
+                    needed = _TORQUE if joint in covered.left_out else effect.excitation
+                    refused.append(NotTestable(effect.name, name, reason, needed))
                 else:
                     candidates.append(made)
         if not candidates:

@@ -31,7 +31,8 @@ def unexplained(data: Baseline, model: NamedModel, fit: Fit | None = None) -> Un
     ]
     if large:
         return _described(data, max(large, key=lambda each: each.candidate.gain))
-    found = [_events(data, fit or model.fit, joint) for joint in range(len(data.joints))]
+    joints = sorted(set(range(len(data.joints))) - data.left_out)
+    found = [_events(data, fit or model.fit, joint) for joint in joints]
     present = [each for each in found if each is not None]
     return max(present, key=lambda each: each.share, default=None)
 
@@ -64,7 +65,7 @@ def unexplained_residual(
             or rest > settings.UNEXPLAINED_OF_GAP * first.torque_rms[name]
         )
         noise = floor.sigma
-        much = much and share >= settings.LEAST_NONPARAMETRIC
+        much = much and share >= settings.LEAST_NONPARAMETRIC and joint not in data.left_out
         if noise is not None and rest > settings.UNEXPLAINED_OVER_NOISE * noise and much:
             found.append((joint, rest, share, noise))
     return sorted(found, key=lambda each: -each[2])

@@ -183,18 +183,23 @@ def where(
     """
     nominal = nominal_residuals(data, regression)
     shown = refit.residuals if nominal is None else nominal
+    left_out = {data.joints[joint] for joint in data.left_out}
     gaps = joint_gaps(data.joints, [rows.torque for rows in regression.joints], shown, floors)
     starts = [part.start for part in data.prepared.session.parts]
     axes = [axes_of(motion_at_rows(data, joint), starts) for joint in range(len(data.joints))]
     regimes, found = _regimes(data, regression, shown, axes, gaps, after_refit=False)
+    found = [each for each in found if each.regime.joint not in left_out]
     findings = found[: settings.NOMINAL_FINDINGS]
     if nominal is not None:
         _, found = _regimes(data, regression, refit.residuals, axes, gaps, after_refit=True)
         structured = {
             name
             for name, residual, floor in zip(data.joints, refit.residuals, floors, strict=True)
-            if floor.sigma is None
-            or np.mean(residual**2) > settings.REFIT_STRUCTURE * floor.sigma**2
+            if name not in left_out
+            and (
+                floor.sigma is None
+                or np.mean(residual**2) > settings.REFIT_STRUCTURE * floor.sigma**2
+            )
         }
         found = [each for each in found if each.regime.joint in structured]
         findings += found[: settings.REFIT_FINDINGS]

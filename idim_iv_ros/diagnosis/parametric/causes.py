@@ -195,6 +195,8 @@ def parameter_errors(data: Baseline, outcome: ParametricOutcome) -> tuple[Parame
         return ()
     errors = []
     for joint, name in enumerate(data.joints):
+        if joint in data.left_out:
+            continue
         named, refit = float(outcome.after[joint]), float(outcome.refit[joint])
         remaining = float(np.sqrt(max(named**2 - refit**2, 0.0)))
         errors.append(

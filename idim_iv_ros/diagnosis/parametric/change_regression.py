@@ -178,7 +178,8 @@ class ChangeRegression:
         before, after = self.rms(contribution)
         weights = np.array([1.0 / max(float(np.var(torque)), 1e-300) for torque in self.torques])
         weights *= [len(torque) for torque in self.torques]
-        return float(1.0 - np.sum(weights * after**2) / np.sum(weights * before**2))
+        gap = float(np.sum(weights * before**2))
+        return 1.0 - float(np.sum(weights * after**2)) / gap if gap > 0.0 else 0.0
 
 
 def change_regression(data: Baseline, regression: Regression, fit: Fit) -> ChangeRegression:
@@ -206,6 +207,8 @@ def change_regression(data: Baseline, regression: Regression, fit: Fit) -> Chang
         own = len(rows.columns)
         structural[:, extended.columns[own:] - b] = extended.matrix[:, own:]
         residual = rows.residual(space.given)
+        if rows.left_out:  # no share of the gap either
+            structural, unit, residual = (np.zeros_like(x) for x in (structural, unit, residual))
         table = np.column_stack([structural, unit, residual])
         whitened.append(fit.noise_models[joint].standardized(table, rows.segments))
         columns.append(unit)

@@ -66,6 +66,11 @@ class Baseline:
         return tuple(self.prepared.configuration.robot.joints)
 
     @property
+    def left_out(self) -> frozenset[int]:
+        """Joints whose torque says nothing of the robot."""
+        return frozenset(joint for joint, rows in enumerate(self.rows) if rows.left_out)
+
+    @property
     def row_rate(self) -> float:
         """Rows per second."""
         return self.prepared.cutoffs.row_rate
@@ -134,7 +139,11 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
 def refit_of(prepared: PreparedRegression) -> Baseline:
     """Refit the model to recordings that are already filtered; errors as `identify`."""
     configuration = prepared.configuration
-    rows = observation_rows(prepared.model, prepared.motions)
+    left_out = {each.joint for each in prepared.joint_findings if each.left_out}
+    rows = tuple(
+        replace(each, left_out=joint in left_out)
+        for joint, each in enumerate(observation_rows(prepared.model, prepared.motions))
+    )
     require_excitation(prepared, rows)
     sources = with_law_speed(
         instrument_sources(configuration, prepared.model, prepared.motions, prepared.cutoffs)
@@ -243,7 +252,7 @@ def smooth_regression(data: Baseline) -> Regression:
                 matrix[:, names.index(f"Fc{joint + 1}")] = motion.slip[:, joint]
             parts[joint].append(motion.rows(matrix)[motion.kept[:, joint]])
     joints = tuple(
-        JointRows(np.concatenate(part), rows.torque, rows.columns, rows.segments, rows.name)
+        replace(rows, matrix=np.concatenate(part), position=None, instrument_matrix=None)
         for rows, part in zip(data.rows, parts, strict=True)
     )
     return Regression(joints, len(model.base.columns))

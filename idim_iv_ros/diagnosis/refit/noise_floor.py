@@ -66,6 +66,9 @@ def noise_floors(
     """
     floors = []
     for joint, rows in enumerate(regression.joints):
+        if rows.left_out:
+            floors.append(NoiseFloor(None, LOWER_BOUND, ""))
+            continue
         energy, degrees = 0.0, 0.0
         for repeat in repeats:
             one, two = _matching(data, joint, repeat)

@@ -32,6 +32,7 @@ def operating_range(data: Baseline) -> OperatingRange:
         row_rate=data.row_rate,
         lever=np.array([1.0 if kind == "revolute" else settings.PRISMATIC_LEVER for kind in kinds]),
         sticking=data.sticking,
+        left_out=data.left_out,
     )
 
 

@@ -267,7 +267,7 @@ class CrossFitting:
     def _made(self, folds: tuple[IntArray, ...], note: str) -> CrossFit:
         found = self.attribution
         regression, values = found.regression, found.refit.values
-        gap = white_noise_models(found.fit.residuals)
+        gap = white_noise_models(regression.joints, found.fit.residuals)
         noise = null_noise(regression, found.fit.noise_models, folds)
         white = FoldProducts(regression, found.fit.noise_models, values, folds, self.menu, noise)
         plain = FoldProducts(regression, gap, values, folds, self.menu)

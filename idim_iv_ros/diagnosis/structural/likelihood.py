@@ -133,7 +133,7 @@ class Regression:
             residuals = tuple(rows.residual(solution) for rows in self.extended)
             if step < steps:
                 current = tuple(
-                    noise_model(residual, rows.segments)
+                    _assumed(rows) or noise_model(residual, rows.segments)
                     for residual, rows in zip(residuals, self.joints, strict=True)
                 )
         root = basis.inverse_root(self.total)
@@ -146,6 +146,7 @@ class Regression:
             log_likelihood=sum(
                 _log_likelihood(residual, rows.segments, noise)
                 for residual, rows, noise in zip(residuals, self.joints, current, strict=True)
+                if not rows.left_out
             ),
             factor=factor,
         )
@@ -164,6 +165,8 @@ class Regression:
         for rows, noise, residual in zip(
             self.extended, fit.noise_models, fit.residuals, strict=True
         ):
+            if rows.left_out:
+                continue
             both = np.column_stack([residual, rows.residual(without)])
             energies = np.mean(noise.standardized(both, rows.segments) ** 2, axis=0)
             energies = np.maximum(energies, 1e-300)
@@ -177,14 +180,23 @@ class Regression:
             basis = independent_basis(rows.r_factor[:, :-1], tolerance=NOT_SHOWN)
             own = basis.solve(rows.r_factor[:, -1], len(rows.columns))
             residuals.append(rows.torque - rows.matrix @ own)
-        return white_noise_models(residuals)
+        return white_noise_models(self.joints, residuals)
 
 
-def white_noise_models(residuals: Sequence[FloatArray]) -> tuple[AutoregressiveModel, ...]:
+def white_noise_models(
+    joints: Sequence[JointRows], residuals: Sequence[FloatArray]
+) -> tuple[AutoregressiveModel, ...]:
     """White noise of the size of each joint's residual: weights of the least torque gap."""
     return tuple(
-        AutoregressiveModel(np.zeros(0), float(np.var(residual)) or 1.0) for residual in residuals
+        _assumed(rows) or AutoregressiveModel(np.zeros(0), float(np.var(residual)) or 1.0)
+        for rows, residual in zip(joints, residuals, strict=True)
     )
+
+
+def _assumed(rows: JointRows) -> AutoregressiveModel | None:
+    """White noise of rows that are left out; None of others."""
+    sigma = rows.assumed_sigma
+    return None if sigma is None else AutoregressiveModel(np.zeros(0), sigma**2)
 
 
 def noise_model(residual: FloatArray, segments: Sequence[slice]) -> AutoregressiveModel:

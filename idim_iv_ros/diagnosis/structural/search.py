@@ -124,7 +124,7 @@ class Search:
 
     @cached_property
     def _white(self) -> tuple[AutoregressiveModel, ...]:
-        return white_noise_models(self.fit.residuals)
+        return white_noise_models(self.regression.joints, self.fit.residuals)
 
     @cached_property
     def _gap(self) -> Fit:

@@ -1,0 +1,271 @@
+"""What the effort of a joint is made of: torque of the nominal masses, friction, accelerations.
+
+Least squares on positions and efforts that are low-passed alike, at a sample of the rows: enough to
+see whether efforts are torques at all, before anything is identified with them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import inf
+
+import numpy as np
+import scipy
+
+from idim_iv_ros.model import InverseModel
+from idim_iv_ros.signals import Cutoffs, Motion, zero_phase_butterworth
+from idim_iv_ros.simulation import inverse_dynamics
+from idim_iv_ros.types import BoolArray, FloatArray
+
+_FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
+_MOST_ROWS = 1000
+ROWS_PER_COLUMN = 5
+_BATCHES = 10
+# Share of the efforts at either end that is pulled in: one outlier would decide the fit.
+TAIL = 5e-4
+_ROUNDING = 1e-9
+_LEAST_BAND = 0.1  # share of the spectrum above the position filter
+_MOST_NOISE = 0.75  # of the energy of accelerations
+_SIGNS = 8  # rounds of new signs
+_LEAST_OF_A_SIGN = 0.05  # of the rows
+
+
+@dataclass(frozen=True)
+class Share:
+    """Coefficient of one column of a regression.
+
+    Attributes
+    ----------
+    value, deviation : float
+        The standard deviation is that of batch means: residuals may be autocorrelated.
+    of_variance : float
+        Share of the effort's variance that it explains.
+    of_rest : float
+        Share of the variance that is left beside the other columns.
+    """
+
+    value: float
+    deviation: float
+    of_variance: float
+    of_rest: float
+
+    @property
+    def certainty(self) -> float:
+        """Value over standard deviation."""
+        return self.value / self.deviation if self.deviation > 0.0 else inf * np.sign(self.value)
+
+
+@dataclass(frozen=True)
+class EffortStatistics:
+    """Statistics of the effort of one joint.
+
+    Attributes
+    ----------
+    torque : Share or None
+        Of the torque that the nominal masses need, beside friction and the joint's drive inertia:
+        1 where efforts are torques. None where the nominal model needs none.
+    friction : Share or None
+        Of the direction of the speed beside the columns of masses and drives: dry friction. None
+        where these hold it.
+    peak : float
+        Of the effort without friction, but for outliers.
+    static_share : float
+        Share of the variance that position and direction of the speed explain.
+    expected, shown, residual : float
+        RMS, beside all that position and speed explain: of the nominal masses' torque of
+        accelerations, of what all columns of accelerations explain, and of what nothing explains.
+        The first is less what the noise of the positions adds, and zero where that is most of it:
+        noise in the columns hides what they explain.
+    given_friction, size : float
+        RMS of the nominal friction and of the effort.
+    signed, unsigned : float
+        RMS of the residual of the effort as it is, and taken for the size of a torque; the second
+        is infinite where the effort has both signs, or a torque with both signs is not likelier.
+    """
+
+    torque: Share | None
+    friction: Share | None
+    peak: float
+    static_share: float
+    expected: float
+    shown: float
+    residual: float
+    given_friction: float
+    size: float
+    signed: float
+    unsigned: float
+
+
+def effort_statistics(
+    model: InverseModel, motions: Sequence[Motion], cutoffs: Cutoffs
+) -> tuple[EffortStatistics | None, ...]:
+    """Take the statistics of each joint; None where it has fewer than five rows a column."""
+    stride = -(-sum(len(motion.decimation.kept) for motion in motions) // _MOST_ROWS)
+    counting = np.concatenate([motion.kept[::stride] for motion in motions])
+    active = [np.flatnonzero(columns) for columns in model.base.active]
+    enough = [
+        np.count_nonzero(kept) >= ROWS_PER_COLUMN * len(columns)
+        for kept, columns in zip(counting.T, active, strict=True)
+    ]
+    if not any(enough):
+        return (None,) * len(active)
+    parts = [_samples(motion, cutoffs.decimation, stride) for motion in motions]
+    samples = np.concatenate(parts, axis=1)
+    (position, speed, acceleration), noisy, effort = samples[:3], samples[3:6], samples[6]
+    robot = model.robot
+    bodies = robot.given.without_friction
+    noise = inverse_dynamics(robot, bodies, *noisy) - inverse_dynamics(
+        robot, bodies, position, speed, acceleration
+    )
+    moving = model.joint_matrices(position, speed, acceleration)
+    resting = model.joint_matrices(position, np.zeros_like(speed), np.zeros_like(speed))
+    standard = model.regressor.layout.parameters
+    friction = np.array([standard[column].kind in _FRICTION for column in model.base.columns])
+    given = model.given
+    found: list[EffortStatistics | None] = []
+    for joint, columns in enumerate(active):
+        if not enough[joint]:
+            found.append(None)
+            continue
+        drive = np.array([each.kind == "Ia" and each.joint == joint for each in standard])
+        kept = counting[:, joint]
+        rows = _Rows(
+            matrix=moving[joint][kept],
+            weight=resting[joint][kept],
+            given=given[columns],
+            friction=friction[columns],
+            drive=np.any(model.base.grouping[:, drive] != 0.0, axis=1)[columns],
+            speed=speed[kept, joint],
+            effort=effort[kept, joint],
+            noise=noise[kept, joint],
+        )
+        found.append(rows.statistics())
+    return tuple(found)
+
+
+def _samples(motion: Motion, cutoff: float, stride: int) -> FloatArray:
+    """Position, speed, acceleration in the band of the rows, again, and effort: (7, r, n_joints).
+
+    The second time of positions with as much noise once more as they have: that is what the
+    position filter removed, taken as white. One joint after the other, for the sake of memory.
+    """
+    signals, span, places = motion.signals, motion.span, motion.decimation.kept[::stride]
+    above = max(1.0 - 2.0 * motion.cutoff / signals.rate, _LEAST_BAND)
+    random = np.random.default_rng(0)
+    filtered = partial(zero_phase_butterworth, rate=signals.rate, cutoff=cutoff, order=motion.order)
+    made = np.empty((7, len(places), signals.position.shape[1]))
+    for joint in range(made.shape[2]):
+        position, torque = signals.position[:, [joint]], signals.torque[:, [joint]]
+        size = np.std((position - motion.position[:, [joint]])[span]) / np.sqrt(above)
+        again = position + size * random.standard_normal(position.shape)
+        for first, values in ((0, position), (3, again)):
+            states = motion.derivatives_of(filtered(values), 0, span.stop - span.start)
+            for place, state in enumerate(states, first):
+                made[place, :, joint] = state[places, 0]
+        usual = np.clip(torque, *np.quantile(torque, [TAIL, 1.0 - TAIL]))
+        made[6, :, joint] = filtered(usual)[span][places, 0]
+    return made
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Rows of one joint, of the moving and of the resting robot, and which columns are which."""
+
+    matrix: FloatArray
+    weight: FloatArray
+    given: FloatArray
+    friction: BoolArray
+    drive: BoolArray
+    speed: FloatArray
+    effort: FloatArray
+    noise: FloatArray
+
+    def statistics(self) -> EffortStatistics:
+        effort, bodies = self.effort, ~self.friction
+        direction, constant = np.sign(self.speed), np.ones(len(effort))
+        dissipative = np.column_stack([direction, self.speed])
+        of_friction = np.column_stack([self.matrix[:, self.friction], dissipative, constant])
+        weight, of_bodies = self.weight[:, bodies], self.matrix[:, bodies]
+        inertial = of_bodies - weight
+        static = _Span(weight, of_friction)
+        residual = _Span(weight, of_friction, inertial).without(effort)
+        everything = _Span(of_bodies, of_friction)
+        slow = _Span(weight, direction, constant).without(effort)
+        energies = [
+            float(np.mean(static.without(torque) ** 2))
+            for torque in (inertial @ self.given[bodies], self.noise)
+        ]
+        clear = energies[1] < _MOST_NOISE * energies[0]
+        needed = of_bodies @ self.given[bodies]
+        free = _Span(of_friction, self.matrix[:, self.drive])
+        peak = np.quantile(np.abs(_Span(dissipative).without(effort)), 1.0 - TAIL)
+        return EffortStatistics(
+            torque=_share(needed, free, effort),
+            friction=_share(direction, _Span(of_bodies, constant), effort),
+            peak=float(peak),
+            static_share=1.0 - float(np.mean(slow**2)) / max(float(np.var(effort)), 1e-300),
+            expected=float(np.sqrt(energies[0] - energies[1])) if clear else 0.0,
+            shown=_rms(static.without(effort) - residual),
+            residual=_rms(residual),
+            given_friction=_rms(self.matrix[:, self.friction] @ self.given[self.friction]),
+            size=_rms(effort),
+            signed=_rms(everything.without(effort)),
+            unsigned=_unsigned(everything, effort, (direction, np.sign(needed))),
+        )
+
+
+class _Span:
+    """What columns (r, c) can explain."""
+
+    def __init__(self, *columns: FloatArray) -> None:
+        table = np.column_stack(columns)
+        norms = np.linalg.norm(table, axis=0)
+        scaled = table[:, norms > 0.0] / norms[norms > 0.0]
+        basis, upper, _ = scipy.linalg.qr(scaled, mode="economic", pivoting=True)
+        self._basis = basis[:, np.abs(np.diag(upper)) > _ROUNDING]
+
+    def without(self, signal: FloatArray) -> FloatArray:
+        """What of a signal (r,) they do not."""
+        return np.asarray(signal - self._basis @ (self._basis.T @ signal))
+
+
+def _share(column: FloatArray, others: _Span, effort: FloatArray) -> Share | None:
+    """Coefficient of a column (r,) beside others (Frisch and Waugh's partial regression).
+
+    None where the others hold the column.
+    """
+    alone, rest = others.without(column), others.without(effort)
+    energy = float(alone @ alone)
+    if energy <= _ROUNDING * float(column @ column):
+        return None
+    value = float(alone @ rest) / energy
+    scores = np.array_split(alone * (rest - value * alone), _BATCHES)
+    deviation = float(np.sqrt(sum(float(each.sum()) ** 2 for each in scores))) / energy
+    explained = value**2 * energy
+    centred = effort - effort.mean()
+    return Share(
+        value,
+        deviation,
+        explained / max(float(centred @ centred), 1e-300),
+        explained / max(float(rest @ rest), 1e-300),
+    )
+
+
+def _unsigned(everything: _Span, effort: FloatArray, starts: Sequence[FloatArray]) -> float:
+    """RMS of the effort's size less that of the likeliest torque with both signs; see the class."""
+    size = effort if effort.mean() > 0.0 else -effort
+    best = inf
+    for start in starts:
+        signs = np.where(start < 0.0, -1.0, 1.0)
+        for _ in range(_SIGNS):
+            torque = signs * size - everything.without(signs * size)
+            signs, before = np.where(torque < 0.0, -1.0, 1.0), signs
+            if np.array_equal(signs, before):
+                break
+        if _LEAST_OF_A_SIGN < np.mean(signs > 0.0) < 1.0 - _LEAST_OF_A_SIGN:
+            best = min(best, _rms(np.abs(torque) - size))
+    return best
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

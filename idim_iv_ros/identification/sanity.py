@@ -1,0 +1,253 @@
+"""What of the signals of a joint contradicts its robot, before any physics is named.
+
+Positions and speeds against the limits of the URDF, efforts against the nominal model and against
+what no torque can be. Each finding is one sentence: what is wrong, and what to do.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from idim_iv_ros.identification.effort_statistics import (
+    ROWS_PER_COLUMN,
+    TAIL,
+    EffortStatistics,
+    effort_statistics,
+)
+from idim_iv_ros.model import InverseModel
+from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.signals import Cutoffs, Motion
+from idim_iv_ros.types import FloatArray
+
+Level = Literal["good", "limited", "unusable"]
+
+_DEGREE = np.pi / 180.0
+_BEYOND = 0.05  # of the range of the URDF, at either end
+_TOO_FAR, _TOO_FAST = 1.5, 1.2  # times the range, times the speed limit
+_TURNS = 4.0 * np.pi  # rad, of a joint without position limits that may be in degrees
+_OUTLIER = 10.0  # times the largest of all other efforts
+_SIGNIFICANT = 5.0  # standard deviations
+_POSITIVE = 2.0  # the same, from which friction takes energy out
+_MOSTLY_FRICTION = 0.5  # of the variance of the effort
+_STATIC = 0.95  # of that variance
+_ABSENT = 0.2  # of the torque of accelerations that the nominal masses need
+_BETTER_WITH_SIGNS = 0.7  # of the residual
+_BOTH_WAYS = 0.05  # of the samples
+_FRICTION = 3.0  # times the effort
+
+
+@dataclass(frozen=True)
+class JointFinding:
+    """What is wrong with the signals of one joint.
+
+    Attributes
+    ----------
+    joint : int
+    level : str
+        ``unusable`` where numbers identified with it mean nothing.
+    sentence : str
+    left_out : bool
+        Whether the joint's torque says nothing of its links and drive.
+    """
+
+    joint: int
+    level: Level
+    sentence: str
+    left_out: bool = False
+
+
+def joint_findings(
+    model: InverseModel, motions: Sequence[Motion], cutoffs: Cutoffs, effort_unit: str
+) -> tuple[JointFinding, ...]:
+    """Say what is wrong with the signals, joint by joint; empty where nothing is.
+
+    Parameters
+    ----------
+    effort_unit
+        ``N m``, ``A`` or ``V``: only torques are compared with those of the nominal model.
+    """
+    statistics = effort_statistics(model, motions, cutoffs)
+    found: list[JointFinding] = []
+    for joint, of_effort in enumerate(statistics):
+        signals = _Signals(model, motions, joint, effort_unit)
+        of_positions = list(signals.positions())
+        found += of_positions
+        if any(each.left_out for each in of_positions):
+            continue
+        found += _too_few_rows(model, motions, cutoffs, joint)
+        found += signals.outliers()
+        if of_effort is not None:
+            found += signals.efforts(of_effort)
+    return tuple(found)
+
+
+def _too_few_rows(
+    model: InverseModel, motions: Sequence[Motion], cutoffs: Cutoffs, joint: int
+) -> Iterator[JointFinding]:
+    """Say which band, or which duration, would give a joint enough rows."""
+    rows = sum(int(motion.kept[:, joint].sum()) for motion in motions)
+    columns = int(model.base.active[joint].sum())
+    if rows == 0 or rows >= ROWS_PER_COLUMN * columns:
+        return
+    more = ROWS_PER_COLUMN * columns / rows
+    seconds = more * sum(len(motion.position) / motion.signals.rate for motion in motions)
+    sentence = (
+        f"{rows} rows for its {columns} columns, fewer than {ROWS_PER_COLUMN} for each: record "
+        f"{seconds:.3g} s of such motion"
+    )
+    decimation, position = more * cutoffs.decimation, more * cutoffs.position
+    if position < min(motion.signals.rate for motion in motions) / 2.0:
+        sentence += (
+            f", or raise processing.decimation_cutoff to {decimation:.2g} Hz and position_cutoff "
+            f"to {position:.2g} Hz"
+        )
+    yield JointFinding(joint, "limited", sentence, left_out=True)
+
+
+@dataclass(frozen=True)
+class _Signals:
+    """The signals of one joint of all recordings."""
+
+    model: InverseModel
+    motions: Sequence[Motion]
+    joint: int
+    effort_unit: str
+
+    def positions(self) -> Iterator[JointFinding]:
+        """Positions and speeds that the URDF excludes."""
+        limits = self.model.robot.limits
+        lower, upper = float(limits.lower[self.joint]), float(limits.upper[self.joint])
+        fastest = float(limits.velocity[self.joint]) or np.inf
+        angle = unit_at("rad", self.model.robot.joint_types[self.joint])
+        low, high = np.quantile(self._position, [TAIL, 1.0 - TAIL])
+        speed = float(np.quantile(np.abs(self._speed), 1.0 - TAIL))
+        span, room = high - low, _BEYOND * (upper - lower)
+        moved = f"positions from {low:.3g} to {high:.3g} {angle}"
+        given = f"{lower:.3g} to {upper:.3g} {angle} of the URDF"
+        limited = bool(np.isfinite(room))
+        if limited:
+            inside = lower - room <= low * _DEGREE and high * _DEGREE <= upper + room
+            degrees = span > _TOO_FAR * (upper - lower) and inside
+        else:
+            degrees = span > _TURNS and speed > _TOO_FAR * fastest >= _TOO_FAR * speed * _DEGREE
+            given = f"the speed limit of {fastest:.3g} {angle}/s of the URDF"
+        if angle == "rad" and degrees:
+            sentence = (
+                f"{moved}, up to {speed:.3g} rad/s, at {given}: degrees, or angles of a motor "
+                "before its gear? Record rad, or give robot.motor_to_joint"
+            )
+            yield JointFinding(self.joint, "unusable", sentence, left_out=True)
+            return
+        if limited and (low < lower - room or high > upper + room):
+            why = (
+                "does its zero differ? Then give robot.position_offset"
+                if span <= upper - lower + 2.0 * room
+                else "is it the URDF of this robot, and the unit of its signals?"
+            )
+            yield JointFinding(self.joint, "limited", f"{moved}, outside {given}: {why}")
+        if speed > _TOO_FAST * fastest:
+            sentence = (
+                f"speeds up to {speed:.3g} {angle}/s, above the {fastest:.3g} of the URDF: look at "
+                "the unit of the positions and at the stamps"
+            )
+            yield JointFinding(self.joint, "limited", sentence)
+
+    def outliers(self) -> Iterator[JointFinding]:
+        """Efforts far above all others."""
+        size = np.abs(self._effort)
+        usual = float(np.quantile(size, 1.0 - TAIL))
+        count = int(np.count_nonzero(size > _OUTLIER * usual))
+        if usual > 0.0 and count:
+            yield JointFinding(
+                self.joint,
+                "limited",
+                f"{count} of {len(size)} efforts are far above all others (largest "
+                f"{size.max():.3g}, usual up to {usual:.3g}): look at the driver",
+            )
+
+    def efforts(self, found: EffortStatistics) -> Iterator[JointFinding]:
+        """Efforts that cannot be the torque of this joint."""
+        sentence = self._unsigned(found) or self._opposite(found) or self._static(found)
+        if sentence:
+            yield JointFinding(self.joint, "unusable", sentence, left_out=True)
+        elif self._in_newton_metres and found.given_friction > _FRICTION * found.size:
+            given = self.model.robot.given
+            sentence = (
+                f"damping {given.viscous[self.joint]:.3g} and friction "
+                f"{given.coulomb[self.joint]:.3g} of the nominal model would take "
+                f"{found.given_friction:.3g} {self._torque} (rms) of a measured {found.size:.3g}: "
+                "are they the gains of a simulated servo? Correct them in the robot's file"
+            )
+            yield JointFinding(self.joint, "limited", sentence)
+
+    def _unsigned(self, found: EffortStatistics) -> str:
+        low, high = np.quantile(self._effort, [TAIL, 1.0 - TAIL])
+        turning = np.mean(self._speed > 0.0)
+        if low < 0.0 < high or not _BOTH_WAYS < turning < 1.0 - _BOTH_WAYS:
+            return ""
+        if found.unsigned > _BETTER_WITH_SIGNS * found.signed:
+            return ""
+        return (
+            "the effort never changes its sign, and a torque that does explains it better "
+            f"(residual {found.unsigned:.3g} instead of {found.signed:.3g}): the driver publishes "
+            "its size alone; record one with a sign"
+        )
+
+    def _opposite(self, found: EffortStatistics) -> str:
+        """Say that the sign is opposite; friction that takes energy out excludes it."""
+        against = found.torque is not None and found.torque.certainty < -_SIGNIFICANT
+        friction = found.friction
+        if friction is None or friction.certainty > _POSITIVE:
+            return ""
+        driven = friction.certainty < -_SIGNIFICANT and friction.of_variance > _MOSTLY_FRICTION
+        if not (against or driven):
+            return ""
+        reasons = [f"friction gives energy ({friction.value:.3g} along the speed)"] * driven
+        if found.torque is not None and against:
+            reasons.append(f"it is {found.torque.value:.2g} times the nominal masses' torque")
+        return (
+            f"the effort has the opposite sign: {' and '.join(reasons)}; give it a negative "
+            "signals.effort_scale"
+        )
+
+    def _static(self, found: EffortStatistics) -> str:
+        if not self._in_newton_metres or found.static_share < _STATIC:
+            return ""
+        expected, torque = found.expected, found.torque
+        if torque is not None and torque.certainty > _SIGNIFICANT:  # another unit than N m
+            expected *= min(torque.value, 1.0)
+        if expected <= found.residual or found.shown > _ABSENT * expected:
+            return ""
+        return (
+            f"{100.0 * found.static_share:.4g} % of the effort is a function of position and "
+            f"direction, and of {expected:.2g} {self._torque} (rms) that the nominal masses "
+            f"need to accelerate it holds {found.shown:.2g}: a friction or gravity compensation, "
+            "not the whole torque; record that"
+        )
+
+    @property
+    def _in_newton_metres(self) -> bool:
+        return self.effort_unit == "N m" and self.model.robot.has_inertials
+
+    @property
+    def _torque(self) -> str:
+        return unit_at("N m", self.model.robot.joint_types[self.joint])
+
+    @property
+    def _position(self) -> FloatArray:
+        return np.concatenate([each.position[each.span, self.joint] for each in self.motions])
+
+    @property
+    def _speed(self) -> FloatArray:
+        return np.concatenate(
+            [
+                np.gradient(each.position[each.span, self.joint], 1.0 / each.signals.rate)
+                for each in self.motions
+            ]
+        )
+
+    @property
+    def _effort(self) -> FloatArray:
+        return np.concatenate([each.signals.torque[:, self.joint] for each in self.motions])

@@ -1,0 +1,276 @@
+"""Signals that contradict their robot are said to, and those of sound robots are not."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bags.simulated_arms import SimulatedArm, arm2, arm6, joint_topics, record
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis.diagnose import diagnose
+from idim_iv_ros.first_configuration import propose_configuration
+from idim_iv_ros.identification.check import CheckReport, check
+from idim_iv_ros.identification.identify import identify
+from idim_iv_ros.recording import write_bag
+from idim_iv_ros.simulation import SimulatedRecording, inverse_dynamics
+from idim_iv_ros.types import FloatArray
+
+Change = Callable[[SimulatedArm, SimulatedRecording], SimulatedRecording]
+ARM = arm2(seconds=10.0)
+RECORD = record(ARM, 1)
+JOINT = 1  # joint_2, whose torque has both signs
+
+
+def bag(folder: Path, arm: SimulatedArm, recorded: SimulatedRecording) -> Path:
+    path = folder / "run.mcap"
+    write_bag(path, joint_topics(arm, recorded))
+    return path
+
+
+def checked(
+    folder: Path,
+    recorded: SimulatedRecording,
+    arm: SimulatedArm = ARM,
+    configuration: Configuration | None = None,
+) -> CheckReport:
+    return check([bag(folder, arm, recorded)], configuration or arm.configuration)
+
+
+def where(report: CheckReport, level: str) -> list[str]:
+    return sorted({each.where for each in report.findings if each.level == level})
+
+
+def with_effort(values: FloatArray, recorded: SimulatedRecording = RECORD) -> SimulatedRecording:
+    """The recording with another effort of joint_2."""
+    effort = recorded.effort.copy()
+    effort[:, JOINT] = values
+    return replace(recorded, effort=effort)
+
+
+def slower(arm: SimulatedArm, times: float) -> SimulatedArm:
+    """The first part of the same path, so many times slower."""
+    index = np.arange(len(arm.position_reference))
+    position, velocity = (
+        np.column_stack([np.interp(index / times, index, joint) for joint in reference.T])
+        for reference in (arm.position_reference, arm.velocity_reference)
+    )
+    return replace(arm, position_reference=position, velocity_reference=velocity / times)
+
+
+def noisy(recorded: SimulatedRecording, size: float) -> SimulatedRecording:
+    noise = size * np.random.default_rng(2).standard_normal(recorded.position.shape)
+    return replace(recorded, position=recorded.position + noise)
+
+
+def in_band(arm: SimulatedArm, decimation: float, position: float) -> Configuration:
+    processing = arm.configuration.processing.model_copy(
+        update={"position_cutoff": position, "decimation_cutoff": decimation}
+    )
+    return arm.configuration.model_copy(update={"processing": processing})
+
+
+def of_friction(compensated: float = 0.9) -> FloatArray:
+    return compensated * np.tanh(RECORD.truth.velocity[:, JOINT] / 0.02)
+
+
+def of_gravity() -> FloatArray:
+    """A compensation by the true masses, without a trace of accelerations."""
+    nothing = np.zeros_like(RECORD.truth.position)
+    bodies = ARM.truth.without_friction
+    return inverse_dynamics(ARM.robot, bodies, RECORD.truth.position, nothing, nothing)[:, JOINT]
+
+
+@pytest.mark.parametrize(
+    "effort",
+    [
+        pytest.param(lambda: -RECORD.effort[:, JOINT], id="opposite"),
+        pytest.param(lambda: np.abs(RECORD.effort[:, JOINT]), id="unsigned"),
+        pytest.param(of_friction, id="friction compensation"),
+        pytest.param(of_gravity, id="gravity compensation"),
+    ],
+)
+def test_effort_that_is_no_torque_is_said_of_its_joint(effort, tmp_path: Path) -> None:
+    report = checked(tmp_path, with_effort(effort()))
+    assert where(report, "unusable") == ["joint_2"]
+    assert not report.usable
+
+
+def test_friction_with_the_wrong_sign_tells_where_no_mass_does(tmp_path: Path) -> None:
+    """Currents of unknown constants, and the wrist of a robot that no nominal mass loads."""
+    arm = arm6(seconds=10.0)
+    recorded = record(arm, 1)
+    effort = 3.0 * recorded.effort
+    effort[:, 5] *= -1.0
+    signals = arm.configuration.signals.model_copy(update={"effort_unit": "A"})
+    configuration = arm.configuration.model_copy(update={"signals": signals})
+    report = checked(tmp_path, replace(recorded, effort=effort), arm, configuration)
+    assert where(report, "unusable") == ["joint_6"]
+
+
+@pytest.mark.parametrize("noise", [0.0, 3e-4])
+@pytest.mark.parametrize("make", [arm2, arm6])
+def test_torques_of_slow_and_noisy_motions_are_torques(make, noise: float, tmp_path: Path) -> None:
+    """Up to 99.99 % of them are gravity and friction, and most of the acceleration is noise."""
+    arm = slower(make(seconds=20.0, rate=500.0), 5.0)
+    report = checked(tmp_path, noisy(record(arm, 1), noise), arm, in_band(arm, 20.0, 50.0))
+    assert where(report, "unusable") == []
+
+
+@pytest.mark.parametrize(
+    "robot",
+    [
+        {"position_offset": [0.3, -0.3]},
+        {"gravity": [0.0, 0.0, 9.81]},
+        {"gravity": [0.0, 0.0, 0.0]},
+    ],
+)
+def test_wrong_zero_or_gravity_is_no_wrong_sign(robot, tmp_path: Path) -> None:
+    section = ARM.configuration.robot.model_copy(update=robot)
+    configuration = ARM.configuration.model_copy(update={"robot": section})
+    assert where(checked(tmp_path, RECORD, configuration=configuration), "unusable") == []
+
+
+def test_degrees_are_no_positions_in_radians(tmp_path: Path) -> None:
+    degrees = replace(RECORD, position=np.degrees(RECORD.position))
+    assert where(checked(tmp_path, degrees), "unusable") == ["joint_1", "joint_2"]
+
+
+def test_position_beyond_the_limits_is_said_with_both(tmp_path: Path) -> None:
+    """Half a turn from the zero of the URDF: it may be the encoder's, and is no other unit."""
+    position = RECORD.position + np.array([0.0, np.pi])
+    report = checked(tmp_path, replace(RECORD, position=position))
+    assert where(report, "limited") == ["joint_2"]
+    assert report.usable
+    (finding,) = [each for each in report.findings if each.level == "limited"]
+    said = [float(each) for each in re.findall(r"-?\d+\.?\d*", finding.sentence)[:4]]
+    low, high = np.quantile(position[:, JOINT], [0.0, 1.0])
+    assert said == pytest.approx([low, high, -2.6, 2.6], abs=0.1)
+
+
+@pytest.mark.parametrize("limit", ["", '<limit lower="0" upper="0" velocity="0" effort="0"/>'])
+def test_limits_that_are_missing_accuse_nobody(limit: str, tmp_path: Path) -> None:
+    """A joint that turns on and on, and one whose limits are zero for want of any."""
+    urdf = ARM.configuration.robot.urdf
+    assert urdf is not None
+    text = re.sub(r"<limit[^>]*/>", limit, urdf.read_text(encoding="utf-8"))
+    if not limit:
+        text = text.replace('type="revolute"', 'type="continuous"')
+    (tmp_path / "free.urdf").write_text(text)
+    section = ARM.configuration.robot.model_copy(update={"urdf": tmp_path / "free.urdf"})
+    configuration = ARM.configuration.model_copy(update={"robot": section})
+    position = RECORD.position + np.array([0.0, 8.0 * np.pi])
+    report = checked(tmp_path, replace(RECORD, position=position), configuration=configuration)
+    assert [each for each in report.findings if each.where.startswith("joint_") and
+            each.level != "good"] == []  # fmt: skip
+
+
+def test_speeds_beyond_the_limit_are_said(tmp_path: Path) -> None:
+    urdf = ARM.configuration.robot.urdf
+    assert urdf is not None
+    text = re.sub(r'velocity="[\d.]+"', 'velocity="1.0"', urdf.read_text(encoding="utf-8"))
+    (tmp_path / "slow.urdf").write_text(text)
+    section = ARM.configuration.robot.model_copy(update={"urdf": tmp_path / "slow.urdf"})
+    configuration = ARM.configuration.model_copy(update={"robot": section})
+    report = checked(tmp_path, RECORD, configuration=configuration)
+    assert where(report, "limited") == ["joint_1", "joint_2"]
+
+
+def test_band_that_is_named_gives_enough_rows(tmp_path: Path) -> None:
+    few = in_band(ARM, 1.5, 3.75)
+    report = checked(tmp_path, RECORD, configuration=few)
+    assert where(report, "limited") == ["joint_1", "joint_2"]
+    named = [
+        re.findall(r"cutoff\D*([\d.]+) Hz", each.sentence)
+        for each in report.findings
+        if each.level == "limited"
+    ]
+    decimation, position = np.max(np.array(named, dtype=float), axis=0)
+    wider = in_band(ARM, float(decimation), float(position))
+    assert where(check([tmp_path / "run.mcap"], wider), "limited") == []
+    result = identify([tmp_path / "run.mcap"], few)
+    assert [each.split(":")[0] for each in result.doubts] == ["joint_1", "joint_2"]
+
+
+def test_damping_that_the_torque_does_not_have_is_said(tmp_path: Path) -> None:
+    """A servo's gain, as models for simulators have it in the place of damping."""
+    urdf = ARM.configuration.robot.urdf
+    assert urdf is not None
+    text = re.sub(r'damping="[\d.]+"', 'damping="200"', urdf.read_text(encoding="utf-8"))
+    (tmp_path / "stiff.urdf").write_text(text)
+    section = ARM.configuration.robot.model_copy(update={"urdf": tmp_path / "stiff.urdf"})
+    configuration = ARM.configuration.model_copy(update={"robot": section})
+    report = checked(tmp_path, RECORD, configuration=configuration)
+    assert where(report, "limited") == ["joint_1", "joint_2"]
+
+
+@pytest.mark.parametrize(
+    ("change", "unit", "warned"),
+    [
+        pytest.param(lambda effort: effort, "N m", 0, id="torque"),
+        pytest.param(lambda effort: 0.1 * effort, "A", 0, id="current"),
+        pytest.param(
+            lambda effort: effort + 200.0 * RECORD.truth.velocity, "N m", 0, id="damping of 200"
+        ),
+        pytest.param(
+            lambda effort: effort + 1e5 * (np.arange(len(effort)) == 5000)[:, None],
+            "N m",
+            2,
+            id="outlier",
+        ),
+        pytest.param(lambda effort: -effort, "N m", 2, id="opposite sign"),
+        pytest.param(lambda effort: -0.1 * effort, "A", 2, id="current of opposite sign"),
+    ],
+)
+def test_unit_of_the_efforts_is_that_of_most(
+    change, unit: str, warned: int, tmp_path: Path
+) -> None:
+    path = bag(tmp_path, ARM, replace(RECORD, effort=change(RECORD.effort)))
+    proposal = propose_configuration([path], ARM.configuration.robot.urdf)
+    assert proposal.values["signals"]["effort_unit"] == unit
+    assert sum(each.startswith("joint_") for each in proposal.warnings) == warned
+
+
+def test_outlier_is_said_with_its_size_and_the_usual_one(tmp_path: Path) -> None:
+    effort = RECORD.effort[:, JOINT].copy()
+    usual = np.abs(effort).max()
+    effort[5000] = 1e5
+    (finding,) = [
+        each for each in checked(tmp_path, with_effort(effort)).findings if "1e+05" in each.sentence
+    ]
+    assert finding.where == "joint_2"
+    numbers = [float(each) for each in re.findall(r"\d+\.?\d*(?:e\+\d+)?", finding.sentence)]
+    assert numbers == pytest.approx([1, 10_000, 1e5, usual], rel=0.05)
+
+
+@pytest.fixture(scope="module")
+def opposite(tmp_path_factory: pytest.TempPathFactory):
+    """A diagnosis in which only the sign of joint_2's effort is wrong."""
+    arm = replace(ARM, truth=ARM.robot.given)
+    recorded = record(arm, 1)
+    path = bag(tmp_path_factory.mktemp("opposite"), arm, with_effort(-recorded.effort[:, JOINT],
+               recorded))  # fmt: skip
+    return diagnose([path], arm.configuration)
+
+
+def test_diagnosis_names_nothing_of_an_effort_with_the_wrong_sign(opposite) -> None:
+    """Neither masses nor a control law of negative gains, at either joint: nothing is wrong."""
+    assert opposite.causes == ()
+    assert opposite.summary.startswith("joint_2 is left out")
+    assert {each.joint for each in opposite.parameter_errors} == {"joint_1"}
+    assert "joint_2" in {each.joint for each in opposite.not_testable}
+
+
+def test_diagnosis_goes_on_with_the_joints_that_have_enough_rows(tmp_path: Path) -> None:
+    """joint_2 is measured in the last second only: 35 rows would be needed."""
+    path = tmp_path / "run.mcap"
+    states, reference = joint_topics(ARM, RECORD)
+    hidden = np.asarray(states.effort).copy()
+    hidden[:8600, JOINT] = np.nan
+    write_bag(path, [replace(states, effort=hidden), reference])
+    result = diagnose([path], in_band(ARM, 8.0, 20.0))
+    assert result.summary.startswith("joint_2 is left out")
+    assert {each.joint for each in result.causes} <= {"joint_1", None}
+    assert [each.joint for each in result.parameter_errors] == ["joint_1"]
