@@ -73,15 +73,9 @@ class RecorderNeighbour:
             return ""
         if silent := self._silence():
             return f"{silent}; {Path(status.bag).name or 'the bag'} holds what was written before"
-<<<<<<< HEAD
-        if self._records and status.state != RecorderStatus.RECORDING:
-=======
-        if status.state == RecorderStatus.RECORDING:
-            self._records = True
-        elif status.state == RecorderStatus.WAITING_FOR_CLOCK:
+        if status.state == RecorderStatus.WAITING_FOR_CLOCK:
             return f"the recorder does not record yet: {status.fault}"
-        elif self._records:  # what it said before it began may come later
->>>>>>> t/nodes
+        if self._records and status.state != RecorderStatus.RECORDING:
             return f"the recorder does not record any more: {status.fault or 'somebody stopped it'}"
         return ""
 
