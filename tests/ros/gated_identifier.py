@@ -1,13 +1,14 @@
 """The node `identifier` as it is, but for its worker: see `gated_worker`."""
 
 import os
+import sys
 from pathlib import Path
 
 from idim_iv_ros.nodes.identifier import worker
-from idim_iv_ros.nodes.identifier.node import main
+from idim_iv_ros.nodes.identifier.node import run
 
 ROOT = Path(__file__).resolve().parents[2]
 
 os.environ["PYTHONPATH"] = f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"
 worker._START = "from tests.ros.gated_worker import main; main()"
-main()
+sys.exit(run(sys.argv))
