@@ -50,9 +50,11 @@ def structural_cause(
     place = effect.place
     joint, unit = data.joints[place.joint], data.unit_at(place.joint, "N m")
     where = joint if place.other is None else f"{joint} and {data.joints[place.other]}"
+    kind = effect.effect.meaning(effect.shape)
     text = (
-        f"{_spaced(effect.effect.name)} at {where}: the torque gap at {joint} falls from "
-        f"{gap.before:.3g} to {gap.after:.3g} {unit} on data not used to choose or fit it"
+        f"{_spaced(effect.effect.name)} at {where}{kind and f' ({kind})'}: "
+        f"the torque gap at {joint} falls from {gap.before:.3g} to {gap.after:.3g} {unit} "
+        "on data not used to choose or fit it"
     )
     if gap.noise_floor is not None:
         text += f" (noise {gap.noise_floor:.3g} {unit})"

@@ -246,6 +246,10 @@ class StructuralEffect(Cause, Generic[S]):
         """
         return ""
 
+    def meaning(self, shape: S) -> str:
+        """Which kind of the effect a shape is, in words; empty where there is one kind only."""
+        return ""
+
     def size_in_words(self, shape: S, coefficients: FloatArray, torque: float) -> str:
         """First number that is fitted and not zero, with its unit and the largest torque."""
         found = self.parameters(shape, coefficients, np.zeros(len(coefficients)))

@@ -49,6 +49,10 @@ class RobotMotion(Protocol):
         """(s, n_joints): torque of the links alone, without drives and friction."""
 
     @property
+    def static_load(self) -> FloatArray:
+        """(s, n_joints): load at the same speeds without accelerations: gravity and Coriolis."""
+
+    @property
     def torque(self) -> FloatArray:
         """(s, n_joints): torque of the refit."""
 

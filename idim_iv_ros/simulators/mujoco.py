@@ -216,12 +216,20 @@ class Effects:
             self._mujoco.mj_forward(model, data)
         force = -self._offset
         if self._rows.state.shape[0]:
-            load = np.empty(model.nv)
+            load, static = np.empty((2, model.nv))
             self._mujoco.mj_rne(model, data, 1, load)
+            self._mujoco.mj_rne(model, data, 0, static)
             push = -np.sign(data.qfrc_constraint[self._dof])
             moved = np.zeros_like(q) if first else q - self._before
             motion = Motion(
-                q, dq, data.qacc[self._dof], load[self._dof], push, moved, np.zeros_like(q)
+                q,
+                dq,
+                data.qacc[self._dof],
+                load[self._dof],
+                static[self._dof],
+                push,
+                moved,
+                np.zeros_like(q),
             )
             level, damping, opposing = self._now
             torques(

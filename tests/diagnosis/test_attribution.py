@@ -24,7 +24,9 @@ from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC, Nonparametric
 from idim_iv_ros.diagnosis.structural.rules import acceptable, with_most_of_gap
 from idim_iv_ros.effects.asymmetric_friction import AsymmetricFriction
+from idim_iv_ros.effects.contribution import Load
 from idim_iv_ros.effects.effect import Effect
+from idim_iv_ros.effects.load_dependent_friction import LoadShape
 from idim_iv_ros.effects.position_ripple import PositionRipple
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.effects.stribeck import Stribeck
@@ -105,6 +107,25 @@ def test_right_effect_and_joint_come_first(
     found = attribute(data, world(data, 1, joint, torque, pole), EVERYTHING)
     assert names_of(found)[0] == (name, joint)
     assert len(found.found) == 1
+
+
+def gravity_and_coriolis(motion: SmoothMotion) -> np.ndarray:
+    """Of joint 1: what is left of the load without mass matrix times accelerations."""
+    inertial = np.einsum("sj,sj->s", motion.inertia[:, 0], motion.acceleration)
+    return np.asarray(motion.load[:, 0] - inertial)
+
+
+@pytest.mark.parametrize(
+    ("load", "torque"), [(Load.STATIC, gravity_and_coriolis), (Load.LINKS, lambda m: m.load[:, 0])]
+)
+def test_friction_says_which_torque_is_its_load(data: Baseline, load: Load, torque: Torque) -> None:
+    rows = world(data, 5, 0, lambda m: 0.1 * abs(torque(m)) * m.slip[:, 0])
+    found = attribute(data, rows, EVERYTHING)
+    assert names_of(found) == [("load_dependent_friction", 0)]
+    candidate = found.found[0].candidate
+    assert isinstance(candidate.shape, LoadShape) and candidate.shape.load is load
+    named = candidate.effect.parameters(candidate.shape, *np.zeros((2, candidate.width)))
+    assert named["static_torque"].value == (load is Load.STATIC)
 
 
 def test_a_cause_says_how_well_its_numbers_are_known(data: Baseline) -> None:

@@ -7,7 +7,12 @@ import pytest
 
 from bags.simulated_arms import arm2
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, simulate_closed_loop
+from idim_iv_ros.simulation import (
+    SimulatedEffect,
+    inverse_dynamics,
+    mass_matrix,
+    simulate_closed_loop,
+)
 
 JOINTS = ("joint_1", "joint_2")
 
@@ -201,6 +206,27 @@ def test_friction_follows_the_load_of_the_links(arm, joint):
     np.testing.assert_allclose(extra[:, 1 - joint], 0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("joint", [0, 1])
+def test_friction_follows_gravity_and_coriolis_alone(arm, joint):
+    law = {"driving": 0.15, "driven": 0.05, "exponent": 0.8, "scale": 10.0, "static_torque": 1.0}
+    result = followed(arm, on(joint, "load_dependent_friction", **law))
+    extra, moving = surplus(arm, result)
+    zero = np.zeros(2)
+    links = dataclasses.replace(
+        arm.truth, drive_inertia=zero, viscous=zero, coulomb=zero, offset=zero
+    )
+    motion = (result.position, result.velocity, result.acceleration)
+    inertia = mass_matrix(arm.robot, links, result.position)
+    load = inverse_dynamics(arm.robot, links, *motion)
+    load -= np.einsum("sij,sj->si", inertia, result.acceleration)
+    load, v = load[moving, joint], result.velocity[moving, joint]
+    expected = np.sign(v) * 10.0 * (np.abs(load) / 10.0) ** 0.8
+    expected *= np.where(load * v > 0.0, 0.15, 0.05)
+    assert np.ptp(expected) > 0.1
+    np.testing.assert_allclose(extra[:, joint], expected, atol=1e-9)
+    np.testing.assert_allclose(extra[:, 1 - joint], 0.0, atol=1e-9)
+
+
 def test_bristles_are_maxwell_slip_elements_and_replace_part_of_coulomb_friction(arm):
     spans, levels = (2e-3, 1e-2), (0.3, 0.2)
     parameters = {
@@ -304,6 +330,12 @@ def test_friction_that_only_the_sum_keeps_from_driving_is_simulated_whole(arm):
         (
             SimulatedEffect("load_dependent_friction", "joint_1", {"motor_torque": 0.5}),
             ["motor_torque", "0 or 1"],
+        ),
+        (
+            SimulatedEffect(
+                "load_dependent_friction", "joint_1", {"motor_torque": 1.0, "static_torque": 1.0}
+            ),
+            ["motor_torque", "static_torque"],
         ),
         (SimulatedEffect("controller_mismatch", "joint_1", {"lag": -1e-3}), ["lag", "negative"]),
         (SimulatedEffect("time_delay", "joint_1", {"delay": -1.0}), ["delay", "negative"]),

@@ -106,6 +106,12 @@ class SmoothMotion:
         return self._torque(self.links)
 
     @cached_property
+    def static_load(self) -> FloatArray:
+        """(s, n_joints) N m: `load` without accelerations: gravity and Coriolis."""
+        still = np.zeros_like(self.acceleration)
+        return inverse_dynamics(self.robot, self.links, self.position, self.velocity, still)
+
+    @cached_property
     def torque(self) -> FloatArray:
         """(s, n_joints) N m: torque of the refit, its dry friction as it sticks and slips."""
         return self._torque(self.whole.without_dry_friction) + self.whole.coulomb * self.slip
