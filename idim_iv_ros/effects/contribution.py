@@ -35,7 +35,7 @@ class Instant(NamedTuple):
 
     Attributes
     ----------
-    time : s since the start of the session
+    time, elapsed : s since the start of the session, and of the recording
     position : rad (m)
     speed : rad/s (m/s)
         In the direction in which it moves, not negative; of a coupling that of its contact.
@@ -49,6 +49,7 @@ class Instant(NamedTuple):
     """
 
     time: float
+    elapsed: float
     position: float
     speed: float
     direction: float

@@ -63,8 +63,8 @@ class OperatingRange:
         Largest torque of the links, and of the joint.
     inertia : kg m² (kg)
         Mean of the links' about the joint.
-    duration : float
-        s, from the start of the first to the end of the last recording.
+    duration, longest : float
+        s, from the start of the first to the end of the last recording, and of the longest one.
     row_rate : float
         Hz.
     lever : (n_joints,)
@@ -83,6 +83,7 @@ class OperatingRange:
     torque: FloatArray
     inertia: FloatArray
     duration: float
+    longest: float
     row_rate: float
     lever: FloatArray
     sticking: bool = True

@@ -29,6 +29,10 @@ class RobotMotion(Protocol):
         """(s,) s, of the session."""
 
     @property
+    def elapsed(self) -> FloatArray:
+        """(s,) s, since the start of the recording."""
+
+    @property
     def position(self) -> FloatArray:
         """(s, n_joints)."""
 

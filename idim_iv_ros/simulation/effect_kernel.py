@@ -200,9 +200,8 @@ def effect_torques(
                 load = effects.static[c]
             elif rows.load[t] == Load.MOTOR:
                 load += _drive_torque(plant, effects, c, sign, speed, mode, holding)
-        at = Instant(
-            effects.start_time + time, position, max(sign * w, 0.0), sign, load, velocity, step
-        )
+        now = effects.start_time + time
+        at = Instant(now, time, position, max(sign * w, 0.0), sign, load, velocity, step)
         torque = _torque(rows.kind[t], rows.value[t], at, rows.state[t])
         plant.level[c] += torque.level
         if c < n:

@@ -61,7 +61,8 @@ class Effects:
         A file of effects or a diagnosis (gap.json). Effects that are marked `native` are passed
         over: the model has them.
     start_time : float
-        s since the start of the session at which the data's time is zero, for friction that drifts.
+        s since the start of the session at which the data's time is zero, for friction that drifts
+        through it; what starts anew with each recording counts from there.
 
     Attributes
     ----------
@@ -236,7 +237,8 @@ class Effects:
                 self._rows,
                 self._friction,
                 motion,
-                self._start_time + time,
+                self._start_time,
+                time,
                 step,
                 level,
                 damping,

@@ -99,6 +99,7 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
         rows: Rows,
         friction: Friction,
         motion: Motion,
+        start_time: float,
         time: float,
         step: float,
         level: FloatArray,
@@ -134,7 +135,8 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
                 elif rows.load[t] == Load.MOTOR:
                     load += friction.inertia[c] * motion.acceleration[c]
                     load += sign * friction.model_level[c] + friction.damping[c] * velocity
-            at = Instant(time + 0.5 * step, position, max(sign * ahead, 0.0), sign, load,
+            middle = time + 0.5 * step
+            at = Instant(start_time + middle, middle, position, max(sign * ahead, 0.0), sign, load,
                          velocity, step)  # fmt: skip
             term = _torque(rows.kind[t], rows.value[t], at, rows.state[t])
             level[c] += term.level

@@ -11,13 +11,15 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.held_out.held_out import held_out
 from idim_iv_ros.diagnosis.localisation.unexplained import unexplained
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.structural import search
 from idim_iv_ros.diagnosis.structural.attribution import Attribution, attribute
+from idim_iv_ros.diagnosis.structural.candidate import operating_range
 from idim_iv_ros.diagnosis.structural.causes import Selection, named_model, structural_causes
 from idim_iv_ros.diagnosis.structural.cross_fitting import CrossFitting
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
@@ -25,13 +27,15 @@ from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC, Nonpar
 from idim_iv_ros.diagnosis.structural.rules import acceptable, with_most_of_gap
 from idim_iv_ros.effects.asymmetric_friction import AsymmetricFriction
 from idim_iv_ros.effects.contribution import Load
-from idim_iv_ros.effects.effect import Effect
+from idim_iv_ros.effects.effect import Effect, Place
+from idim_iv_ros.effects.friction_drift import DriftShape, FrictionDrift
 from idim_iv_ros.effects.load_dependent_friction import LoadShape
 from idim_iv_ros.effects.position_ripple import PositionRipple
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.effects.stribeck import Stribeck
 from idim_iv_ros.effects.torque_saturation import TorqueSaturation
 from tests.diagnosis.simulated_sessions import arm2_session
+from tests.estimation.test_simulated_arms import recorded
 
 NOISE = (0.15, 0.05)  # N m, of a row
 Torque = Callable[[SmoothMotion], np.ndarray]
@@ -65,12 +69,12 @@ def world(
     """Rows of the refit with the torque of the estimate, an effect and noise."""
     random = np.random.default_rng(seed)
     plain = smooth_regression(data)
-    motion = data.motions[0]
     made = []
     for number, rows in enumerate(plain.joints):
         values = rows.matrix @ data.estimate.linear.values[rows.columns]
         if torque is not None and number == joint:
-            values = values + motion.rows(torque(motion)[:, None])[motion.kept[:, joint], 0]
+            added = [m.rows(torque(m)[:, None])[m.kept[:, joint], 0] for m in data.motions]
+            values = values + np.concatenate(added)
         noise = NOISE[number] * random.standard_normal(len(values) + 50)
         noise = np.sqrt(1.0 - pole**2) * lfilter([1.0], [1.0, -pole], noise)[50:]
         made.append(replace(rows, torque=values + noise))
@@ -126,6 +130,38 @@ def test_friction_says_which_torque_is_its_load(data: Baseline, load: Load, torq
     assert isinstance(candidate.shape, LoadShape) and candidate.shape.load is load
     named = candidate.effect.parameters(candidate.shape, *np.zeros((2, candidate.width)))
     assert named["static_torque"].value == (load is Load.STATIC)
+
+
+@pytest.fixture(scope="module")
+def two_recordings() -> Baseline:
+    """Of 10 s, the second a minute after the first."""
+    arms = [arm2(seconds=10.0, seed=seed) for seed in (1, 2)]
+    records = [replace(recorded(arm, 1), start=70.0 * k) for k, arm in enumerate(arms)]
+    return baseline(records, arms[0].configuration)
+
+
+@pytest.mark.parametrize("restarts", [True, False])
+def test_friction_that_starts_anew_is_told_from_that_of_the_session(
+    two_recordings: Baseline, restarts: bool
+) -> None:
+    starts = {
+        id(motion): start for motion, start in zip(two_recordings.motions, (0.0, 70.0), strict=True)
+    }
+
+    def torque(m: SmoothMotion) -> np.ndarray:
+        size, start, constant = (0.5, starts[id(m)], 4.0) if restarts else (1.0, 0.0, 60.0)
+        return np.asarray(size * np.exp(-(m.time - start) / constant) * m.slip[:, 1])
+
+    found = attribute(two_recordings, world(two_recordings, 6, 1, torque), [FrictionDrift()])
+    (only,) = found.found
+    shape = only.candidate.shape
+    assert isinstance(shape, DriftShape) and shape.restarts == restarts
+    assert shape.time_constant == pytest.approx(4.0 if restarts else 60.0, rel=0.3)
+
+
+def test_one_recording_has_one_clock(data: Baseline) -> None:
+    grid = FrictionDrift().grid(Place(0), operating_range(data))
+    assert {shape.restarts for shape in grid} == {False}
 
 
 def test_a_cause_says_how_well_its_numbers_are_known(data: Baseline) -> None:

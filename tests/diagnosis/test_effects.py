@@ -49,6 +49,7 @@ def operating_range_of(motion: SmoothMotion) -> OperatingRange:
         torque=np.abs(motion.torque).max(axis=0),
         inertia=np.mean(np.einsum("sii->si", motion.inertia), axis=0),
         duration=float(motion.time[-1]),
+        longest=float(motion.elapsed[-1]),
         row_rate=50.0,
         lever=np.ones(2),
     )
@@ -90,8 +91,10 @@ FORMULAS: list[tuple[str, Shape, list[float], Formula]] = [
      lambda m, q, v: np.sign(v) * 0.5 * np.cos(7.0 * q - np.arctan2(0.3, 0.4))),
     ("position_dependent_friction", TightSpot(0.2, 0.1), [0.6],
      lambda m, q, v: np.sign(v) * 0.6 * np.exp(-100.0 * (q - 0.2) ** 2)),
-    ("friction_drift", DriftShape(30.0), [0.5, 0.2],
+    ("friction_drift", DriftShape(30.0, False), [0.5, 0.2],
      lambda m, q, v: (0.5 * np.sign(v) + 0.2 * v) * np.exp(-m.time / 30.0)),
+    ("friction_drift", DriftShape(30.0, True), [0.5, 0.2],
+     lambda m, q, v: (0.5 * np.sign(v) + 0.2 * v) * np.exp(-(m.time - 40.0) / 30.0)),
     ("torque_saturation", KneeShape(3.0), [0.4],
      lambda m, q, v: 0.4 * (m.torque[:, 1] - np.clip(m.torque[:, 1], -3.0, 3.0))),
     ("position_ripple", Waves((9.0, 31.0)), [0.1, 0.2, 0.3, -0.4],
@@ -109,6 +112,7 @@ FORMULAS: list[tuple[str, Shape, list[float], Formula]] = [
 @pytest.mark.parametrize(("name", "shape", "values", "formula"), FORMULAS)
 def test_torque_is_that_of_the_formula(name, shape, values, formula) -> None:
     motion = synthetic()
+    motion = replace(motion, start=40.0, time=40.0 + motion.time)
     found = total(motion, name, shape, values)
     assert list(found) == [1]
     expected = formula(motion, motion.position[:, 1], motion.velocity[:, 1])
@@ -242,7 +246,9 @@ UNITS = {
         "static_torque": "",
     },
     "position_dependent_friction": {"wave_number_1": "1/rad", "sine_1": "N m", "cosine_1": "N m"},
-    "friction_drift": {"time_constant": "s", "coulomb": "N m", "viscous": "N m s/rad"},
+    "friction_drift": {
+        "time_constant": "s", "coulomb": "N m", "viscous": "N m s/rad", "restarts": "",
+    },
     "presliding": {"span_1": "rad", "level_1": "N m"},
     "backlash": {"gap": "rad", "stiffness": "N m/rad", "damping": "N m s/rad"},
     "elasticity": {"stiffness": "N m/rad", "damping": "N m s/rad"},
@@ -463,7 +469,7 @@ def test_what_is_simulated_uses_the_laws_that_the_file_declares(cause: Cause) ->
         law = getattr(each, "law", None)
         assert law is None or law in cause.laws
         if isinstance(each, (TorqueTerm, CouplingTerm)):
-            at = Instant(1.0, 0.3, 0.5, 1.0, 2.0, 0.5, 1e-3)
+            at = Instant(2.0, 1.0, 0.3, 0.5, 1.0, 2.0, 0.5, 1e-3)
             called = njit(each.law.torque.py_func)  # from Python, as the laws themselves cannot be
             torque = called(np.array(each.values), at, np.zeros(STATES))
             assert len(torque) == len(Torque._fields) and np.isfinite(torque).all()

@@ -22,7 +22,7 @@ INERTIA = 0.5  # kg m²
 ONE = np.ones(1)
 COVERED = OperatingRange(
     low=-ONE, high=ONE, slowest=0.01 * ONE, fastest=ONE, load=5.0 * ONE, torque=20.0 * ONE,
-    inertia=INERTIA * ONE, duration=20.0, row_rate=50.0, lever=ONE,
+    inertia=INERTIA * ONE, duration=20.0, longest=20.0, row_rate=50.0, lever=ONE,
 )  # fmt: skip
 
 

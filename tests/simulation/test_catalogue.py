@@ -62,6 +62,7 @@ EXTENT = OperatingRange(
     torque=np.array([40.0, 12.0]),
     inertia=np.array([2.0, 0.3]),
     duration=60.0,
+    longest=20.0,
     row_rate=40.0,
     lever=np.ones(2),
 )
@@ -167,7 +168,7 @@ CASES = [
     Case("load_dependent_friction", LoadShape(1.3, 10.0, True, Load.STATIC), (0.08, 0.04)),
     Case("position_dependent_friction", Waves((3.0, 7.0)), (0.2, -0.1, 0.1, 0.1)),
     Case("position_dependent_friction", TightSpot(0.4, 0.2), (0.4,), joint=1),
-    Case("friction_drift", DriftShape(2.0), (0.4, 0.3)),
+    Case("friction_drift", DriftShape(2.0, False), (0.4, 0.3)),
     # Between two samples a bristle may begin to slide.
     Case("presliding", BristleShape((2e-3, 1e-2)), (0.3, 0.2), 1e-3),
     # Two masses: the catalogue takes the inertia of the link's shift alone, not what the shift

@@ -95,6 +95,10 @@ FORMULAS = {
         {"time_constant": 2.0, "coulomb": 0.8, "viscous": 0.5},
         lambda q, v, t: np.exp(-(t + 1.5) / 2.0) * (0.8 * np.sign(v) + 0.5 * v),
     ),
+    "friction_drift anew": (
+        {"time_constant": 2.0, "coulomb": 0.8, "viscous": 0.5, "restarts": 1.0},
+        lambda q, v, t: np.exp(-t / 2.0) * (0.8 * np.sign(v) + 0.5 * v),
+    ),
     "position_ripple": (
         {
             "wave_number_1": 40.0, "sine_1": 0.5, "cosine_1": 0.2,
@@ -125,7 +129,7 @@ FORMULAS = {
 @pytest.mark.parametrize("name", FORMULAS)
 def test_acting_torque_is_the_model_plus_the_formula(arm, name, joint):
     parameters, formula = FORMULAS[name]
-    effect = {"drag": "nonlinear_viscous", "spring": "spring"}.get(name.split()[0], name)
+    effect = {"drag": "nonlinear_viscous"}.get(name.split()[0], name.split()[0])
     result = followed(arm, on(joint, effect, **parameters), start_time=1.5)
     extra, moving = surplus(arm, result)
     time = np.arange(len(result.position)) / arm.rate
