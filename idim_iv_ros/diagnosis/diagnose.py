@@ -154,6 +154,7 @@ def concluded(
         *parametric_results(data, parametric.causes, held.floors, effects),
         *controller_causes(data, law, [each.candidate for each in model.found]),
         *refit.gravity_causes(held.tested),
+        *refit.delays,
     ]
     measured = measured_transmissions(data, regression)
     causes = with_friction(causes)

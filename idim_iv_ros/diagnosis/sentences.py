@@ -168,6 +168,22 @@ def missing_gravity(acceleration: FloatArray) -> str:
     )
 
 
+def delay_of_all(delay: EffectParameter, period: float, support: float) -> str:
+    """A delay of all joints that no control of this period (s) makes; `support`: of the loop."""
+    assert delay.std is not None
+    half = 1e3 * settings.NORMAL_95 * delay.std
+    if abs(support) < settings.LEAST_SUPPORT:
+        which = "which this recording cannot tell"
+    else:
+        which = f"the motion is that of a loop with{'' if support > 0.0 else 'out'} the delay"
+    return (
+        f"time delay of all joints: efforts act {1e3 * delay.value:.3f} ± {half:.2g} ms after "
+        f"their stamps ({delay.value / period:.2f} control periods, of which a held command takes "
+        f"half a one): the stamps are early, or commands take that long in the loop; {which}. "
+        "Everything else was diagnosed with efforts at the time at which they act"
+    )
+
+
 def beyond_the_law(
     data: Baseline,
     joint: int,
