@@ -262,12 +262,31 @@ def small_nonparametric(data: Baseline, candidate: Candidate) -> str:
     return f"{nonparametric(data, candidate)}: {share:.2g} % of its torque, too small to matter"
 
 
-def events(joint: str, share: float, recording: str, time: float) -> str:
-    """Short events that hold a share of a residual's energy, the largest at a time (s)."""
-    return (
-        f"{joint}: {100 * settings.EVENT_SAMPLES:g} % of the samples hold {100 * share:.0f} % of "
-        f"the residual's energy, the largest in {recording} {time:.1f} s after its start"
+def events(
+    data: Baseline,
+    joint: int,
+    share: float,
+    largest: tuple[int, float],
+    every: Sequence[tuple[int, float]],
+) -> str:
+    """Short events that hold a share of a residual's energy.
+
+    Parameters
+    ----------
+    largest, every
+        (recording, s since its start) of the largest sample; of all events, the largest first.
+    """
+    bags = [part.bag for part in data.prepared.session.parts]
+    text = (
+        f"{data.joints[joint]}: {100 * settings.EVENT_SAMPLES:g} % of the samples hold "
+        f"{100 * share:.0f} % of the residual's energy, the largest in {bags[largest[0]]} "
+        f"{largest[1]:.1f} s after its start"
     )
+    if len(every) > 1:
+        shown = sorted(every[: settings.LAW_MOST_EVENTS])
+        times = ", ".join(f"{time:.1f} s of {bags[recording]}" for recording, time in shown)
+        text += f"; {len(every)} pulses, the strongest at {times}"
+    return text
 
 
 def finding(each: Finding, session: Sequence[SessionPart]) -> str:

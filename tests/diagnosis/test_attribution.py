@@ -4,6 +4,7 @@ The motion is that of a simulated recording; its torque is replaced, so nothing 
 effects is used.
 """
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -12,6 +13,7 @@ import pytest
 from scipy.signal import lfilter
 
 from bags.simulated_arms import arm2
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.held_out import held_out
 from idim_iv_ros.diagnosis.localisation.unexplained import unexplained
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
@@ -19,8 +21,14 @@ from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.structural import search
 from idim_iv_ros.diagnosis.structural.attribution import Attribution, attribute
+from idim_iv_ros.diagnosis.structural.brief import why_of_pulses
 from idim_iv_ros.diagnosis.structural.candidate import operating_range
-from idim_iv_ros.diagnosis.structural.causes import Selection, named_model, structural_causes
+from idim_iv_ros.diagnosis.structural.causes import (
+    Selection,
+    built_model,
+    named_model,
+    structural_causes,
+)
 from idim_iv_ros.diagnosis.structural.cross_fitting import CrossFitting
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC, Nonparametric
@@ -33,6 +41,7 @@ from idim_iv_ros.effects.load_dependent_friction import LoadShape
 from idim_iv_ros.effects.position_ripple import PositionRipple
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.effects.stribeck import Stribeck
+from idim_iv_ros.effects.time_delay import TimeDelay
 from idim_iv_ros.effects.torque_saturation import TorqueSaturation
 from tests.diagnosis.simulated_sessions import arm2_session
 from tests.estimation.test_simulated_arms import recorded
@@ -231,10 +240,39 @@ def test_contacts_are_not_named_but_described_with_their_joint_and_time(data: Ba
     assert (rest.joint, rest.family) == ("joint_1", "event")
     assert 0.12 < rest.share <= 1.0
     seconds = float(rest.where.split(" s after its start")[0].split()[-1])
-    largest = [2.3, 4.9, 7.1, 9.2, 11.8, 14.1]
-    assert min(abs(seconds - start) for start in largest) < 0.3
+    starts = np.array([2.3, 4.9, 7.1, 9.2, 11.8, 14.1])
+    assert np.abs(seconds - starts).min() < 0.3
+    listed = [float(each) for each in re.findall(r"([0-9.]+) s of simulated", rest.where)]
+    assert len(listed) == settings.LAW_MOST_EVENTS
+    assert len({int(np.abs(starts - each).argmin()) for each in listed}) == len(listed)
+    assert max(np.abs(starts - each).min() for each in listed) < 0.3
     quiet = attribute(data, world(data, 4), ())
     assert unexplained(data, named_model(quiet)) is None
+
+
+def late(motion: SmoothMotion) -> np.ndarray:
+    """Torque of joint 1 that acts 10 ms after its command."""
+    torque = motion.torque[:, 0]
+    return np.asarray(np.interp(motion.time + 0.01, motion.time, torque) - torque)
+
+
+@pytest.mark.parametrize(("everywhere", "named"), [(True, True), (False, False)])
+def test_a_delay_that_is_seen_beside_pulses_only_is_none(
+    data: Baseline, everywhere: bool, named: bool
+) -> None:
+    """The law answers a pulse: what follows it looks like a late torque."""
+
+    def torque(motion: SmoothMotion) -> np.ndarray:
+        pushed = pulses(motion)
+        near = np.convolve(pushed != 0.0, np.ones(round(0.2 * motion.rate)), "same") > 0.0
+        return np.asarray(pushed + late(motion) * (1.0 if everywhere else near))
+
+    delays = attribute(data, world(data, 7, 0, late), [TimeDelay()])
+    rows = world(data, 7, 0, torque)
+    attribution = replace(delays, regression=rows, refit=rows.fit())
+    model = built_model(attribution, list(delays.found), [])
+    assert [each.candidate.effect.name for each in model.found] == ["time_delay"]
+    assert (why_of_pulses(data, model, 0) == "") == named
 
 
 @pytest.mark.parametrize(("kind", "unit"), [("revolute", "rad"), ("prismatic", "m")])
