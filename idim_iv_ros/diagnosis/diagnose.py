@@ -10,6 +10,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.against.contrast import contrasted
 from idim_iv_ros.diagnosis.assembly import Diagnosis, assembled
 from idim_iv_ros.diagnosis.controller.check import check_law, controller_causes
+from idim_iv_ros.diagnosis.controller.one_gain import beside_gains
 from idim_iv_ros.diagnosis.identifiability.testability import shown_by_motion
 from idim_iv_ros.diagnosis.localisation.where import where
 from idim_iv_ros.diagnosis.nominal import read_nominal_model, with_nominal
@@ -148,12 +149,15 @@ def concluded(
     # or a tilt, may be the difference itself.
     able = [each for each in parameters if each.in_base_parameters or not agreed.differences]
     parametric = parametric_causes(data, *model.for_parameters(data), able)
+    errors = parametric_results(data, parametric.causes, held.floors, effects)
     law = check_law(data, without, shift=refit.shift.shift)
+    law = beside_gains(data, law, errors, without, shift=refit.shift.shift)
     causes = [
         *structural_causes(data, model, held.tested, simulated, selections_of(held)),
-        *parametric_results(data, parametric.causes, held.floors, effects),
+        *errors,
         *controller_causes(data, law, [each.candidate for each in model.found]),
         *refit.gravity_causes(held.tested),
+        *refit.delays,
     ]
     measured = measured_transmissions(data, regression)
     causes = with_friction(causes)

@@ -50,9 +50,11 @@ def structural_cause(
     place = effect.place
     joint, unit = data.joints[place.joint], data.unit_at(place.joint, "N m")
     where = joint if place.other is None else f"{joint} and {data.joints[place.other]}"
+    kind = effect.effect.meaning(effect.shape)
     text = (
-        f"{_spaced(effect.effect.name)} at {where}: the torque gap at {joint} falls from "
-        f"{gap.before:.3g} to {gap.after:.3g} {unit} on data not used to choose or fit it"
+        f"{_spaced(effect.effect.name)} at {where}{kind and f' ({kind})'}: "
+        f"the torque gap at {joint} falls from {gap.before:.3g} to {gap.after:.3g} {unit} "
+        "on data not used to choose or fit it"
     )
     if gap.noise_floor is not None:
         text += f" (noise {gap.noise_floor:.3g} {unit})"
@@ -166,6 +168,22 @@ def missing_gravity(acceleration: FloatArray) -> str:
     )
 
 
+def delay_of_all(delay: EffectParameter, period: float, support: float) -> str:
+    """A delay of all joints that no control of this period (s) makes; `support`: of the loop."""
+    assert delay.std is not None
+    half = 1e3 * settings.NORMAL_95 * delay.std
+    if abs(support) < settings.LEAST_SUPPORT:
+        which = "which this recording cannot tell"
+    else:
+        which = f"the motion is that of a loop with{'' if support > 0.0 else 'out'} the delay"
+    return (
+        f"time delay of all joints: efforts act {1e3 * delay.value:.3f} ± {half:.2g} ms after "
+        f"their stamps ({delay.value / period:.2f} control periods, of which a held command takes "
+        f"half a one): the stamps are early, or commands take that long in the loop; {which}. "
+        "Everything else was diagnosed with efforts at the time at which they act"
+    )
+
+
 def beyond_the_law(
     data: Baseline,
     joint: int,
@@ -244,12 +262,31 @@ def small_nonparametric(data: Baseline, candidate: Candidate) -> str:
     return f"{nonparametric(data, candidate)}: {share:.2g} % of its torque, too small to matter"
 
 
-def events(joint: str, share: float, recording: str, time: float) -> str:
-    """Short events that hold a share of a residual's energy, the largest at a time (s)."""
-    return (
-        f"{joint}: {100 * settings.EVENT_SAMPLES:g} % of the samples hold {100 * share:.0f} % of "
-        f"the residual's energy, the largest in {recording} {time:.1f} s after its start"
+def events(
+    data: Baseline,
+    joint: int,
+    share: float,
+    largest: tuple[int, float],
+    every: Sequence[tuple[int, float]],
+) -> str:
+    """Short events that hold a share of a residual's energy.
+
+    Parameters
+    ----------
+    largest, every
+        (recording, s since its start) of the largest sample; of all events, the largest first.
+    """
+    bags = [part.bag for part in data.prepared.session.parts]
+    text = (
+        f"{data.joints[joint]}: {100 * settings.EVENT_SAMPLES:g} % of the samples hold "
+        f"{100 * share:.0f} % of the residual's energy, the largest in {bags[largest[0]]} "
+        f"{largest[1]:.1f} s after its start"
     )
+    if len(every) > 1:
+        shown = sorted(every[: settings.LAW_MOST_EVENTS])
+        times = ", ".join(f"{time:.1f} s of {bags[recording]}" for recording, time in shown)
+        text += f"; {len(every)} pulses, the strongest at {times}"
+    return text
 
 
 def finding(each: Finding, session: Sequence[SessionPart]) -> str:

@@ -9,6 +9,7 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Cause, Unexplained, Verdict
 from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.effects.drive_inertia import DriveInertia
+from idim_iv_ros.effects.time_delay import TimeDelay
 
 
 def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
@@ -16,7 +17,8 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
 
     Of causes that move several joints the shares of all count. Another control law has no gap of
     the torque: its evidence decides whether it comes before the structural causes or after them.
-    Drive inertia that the configuration leaves out comes first: it was known to be missing.
+    What was put in before anything else was looked for comes first: drive inertia that the
+    configuration leaves out, and a delay of all joints.
     """
     laws = [cause for cause in causes if cause.effect == ControllerMismatch.name]
     others = [cause for cause in causes if cause.effect != ControllerMismatch.name]
@@ -26,18 +28,18 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
     if structural and _most_evidence(laws) > _most_evidence([others[each] for each in structural]):
         place = structural[0]
     ordered = [*others[:place], *laws, *others[place:]]
-    return sorted(ordered, key=lambda cause: not _left_out(cause))
+    return sorted(ordered, key=lambda cause: not _put_in_first(cause))
 
 
 def leading(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
-    """Return the causes that take most of the gap, in the order in which they are listed."""
+    """Return the causes that take most of the gap, and first ones, in their order."""
     most = settings.MOST_CAUSES_IN_SUMMARY
-    widest = sorted(causes, key=lambda cause: -_taken(cause, data))[:most]
-    return [cause for cause in causes if any(cause is each for each in widest)]
+    widest = sorted(causes, key=lambda cause: (not _put_in_first(cause), -_taken(cause, data)))
+    return [cause for cause in causes if any(cause is each for each in widest[:most])]
 
 
-def _left_out(cause: Cause) -> bool:
-    return cause.effect == DriveInertia.name and cause.joint is None
+def _put_in_first(cause: Cause) -> bool:
+    return cause.effect in (DriveInertia.name, TimeDelay.name) and cause.joint is None
 
 
 def _most_evidence(group: Sequence[Cause]) -> float:

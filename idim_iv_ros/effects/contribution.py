@@ -6,6 +6,7 @@ they are. `p` are the values of a contribution, in the order that its file gives
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any, NamedTuple
 
 from idim_iv_ros.compilation import kernel
@@ -17,25 +18,38 @@ STATES = 2
 LEAST_SPEED = 1e-9
 
 
+class Load(IntEnum):
+    """Torque that the load of a joint is taken as.
+
+    Of the rigid links: all of it, or without their accelerations (gravity and Coriolis). Of the
+    motor: that of the whole model (links, drives, friction, offset).
+    """
+
+    LINKS = 0
+    MOTOR = 1
+    STATIC = 2
+
+
 class Instant(NamedTuple):
     """Where a joint is at the middle of a time step.
 
     Attributes
     ----------
-    time : s since the start of the session
+    time, elapsed : s since the start of the session, and of the recording
     position : rad (m)
     speed : rad/s (m/s)
         In the direction in which it moves, not negative; of a coupling that of its contact.
     direction : 1 or -1
         In which it moves or, at rest, would be moved; 0 where nothing moves it.
     load : N m (N)
-        Of the rigid links, or of the whole model (`TorqueTerm.of_motor`).
+        What the term takes as such (`TorqueTerm.load`).
     velocity : rad/s (m/s)
         At the start of the step.
     step : s
     """
 
     time: float
+    elapsed: float
     position: float
     speed: float
     direction: float
@@ -120,8 +134,7 @@ class TorqueTerm:
         Whether it lets the joint stick.
     replaced : float
         N m (N) of the model's Coulomb friction that it takes the place of.
-    of_motor : bool
-        Whether its load is that of the whole model (links, drives, friction, offset).
+    load : Load
     """
 
     law: TorqueLaw
@@ -129,7 +142,7 @@ class TorqueTerm:
     friction: bool = False
     dry: bool = False
     replaced: float = 0.0
-    of_motor: bool = False
+    load: Load = Load.LINKS
 
 
 @dataclass(frozen=True)

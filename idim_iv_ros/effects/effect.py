@@ -63,8 +63,8 @@ class OperatingRange:
         Largest torque of the links, and of the joint.
     inertia : kg m² (kg)
         Mean of the links' about the joint.
-    duration : float
-        s, from the start of the first to the end of the last recording.
+    duration, longest : float
+        s, from the start of the first to the end of the last recording, and of the longest one.
     row_rate : float
         Hz.
     lever : (n_joints,)
@@ -83,6 +83,7 @@ class OperatingRange:
     torque: FloatArray
     inertia: FloatArray
     duration: float
+    longest: float
     row_rate: float
     lever: FloatArray
     sticking: bool = True
@@ -244,6 +245,10 @@ class StructuralEffect(Cause, Generic[S]):
         Wider than `plausible`, which says what is common: numbers that the search fits and that no
         hardware has belong to something else, and the effect is not named.
         """
+        return ""
+
+    def meaning(self, shape: S) -> str:
+        """Which kind of the effect a shape is, in words; empty where there is one kind only."""
         return ""
 
     def size_in_words(self, shape: S, coefficients: FloatArray, torque: float) -> str:

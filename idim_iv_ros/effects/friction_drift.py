@@ -24,15 +24,25 @@ _LEAST_SESSION = 20.0  # s
 
 @dataclass(frozen=True)
 class DriftShape(Shape):
-    """Time constant, s."""
+    """How friction fades.
+
+    Attributes
+    ----------
+    time_constant : float
+        s.
+    restarts : bool
+        Whether the clock starts anew with each recording, as where a robot rests in between;
+        else it runs through the session.
+    """
 
     time_constant: float
+    restarts: bool
 
 
 @kernel
 def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
-    """Values: time constant, coulomb, viscous."""
-    left = math.exp(-at.time / p[0])
+    """Values: time constant, coulomb, viscous, restarts."""
+    left = math.exp(-(at.elapsed if p[3] == 1.0 else at.time) / p[0])
     return Torque(left * p[1], left * p[2], 0.0, 0.0)
 
 
@@ -40,7 +50,7 @@ _LAW = TorqueLaw(_torque)
 
 
 class FrictionDrift(StructuralEffect[DriftShape]):
-    """exp(−t / time_constant) · (coulomb sign(dq) + viscous dq), t since the first recording."""
+    """exp(−t / time_constant) · (coulomb sign(dq) + viscous dq), t of the session or recording."""
 
     name = "friction_drift"
     order = 60
@@ -55,13 +65,29 @@ class FrictionDrift(StructuralEffect[DriftShape]):
         ParameterSpec(
             "viscous", "N m s/rad", "viscous friction at the start beyond that at the end"
         ),
-    )
+        ParameterSpec(
+            "restarts", "", "clock that starts anew with each recording (1) or not (0)",
+            bound="0 or 1",
+        ),
+    )  # fmt: skip
     laws = (_LAW,)
 
     def grid(self, place: Place, covered: OperatingRange) -> list[DriftShape]:
-        """From a twentieth of the session to three of it, which is a straight line."""
-        times = logarithmic(0.05 * covered.duration, 3 * covered.duration, 8)
-        return [DriftShape(float(time)) for time in times]
+        """From a twentieth of the session to three of it, which is a straight line.
+
+        Of several recordings also from a tenth of the longest to three of it, anew in each.
+        """
+        session = logarithmic(0.05 * covered.duration, 3.0 * covered.duration, 8)
+        recording = logarithmic(0.1 * covered.longest, 3.0 * covered.longest, 7)
+        several = covered.longest < covered.duration
+        return [
+            *(DriftShape(float(time), False) for time in session),
+            *(DriftShape(float(time), True) for time in recording if several),
+        ]
+
+    def free_numbers(self, shape: DriftShape) -> int:
+        """The time constant."""
+        return 1
 
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
         """It needs a session that warms the joint up."""
@@ -74,12 +100,17 @@ class FrictionDrift(StructuralEffect[DriftShape]):
     ) -> dict[int, FloatArray]:
         """Dry and viscous friction of one that fade."""
         v = motion.velocity[:, place.joint]
-        fading = np.exp(-motion.time / shape.time_constant)
+        time = motion.elapsed if shape.restarts else motion.time
+        fading = np.exp(-time / shape.time_constant)
         return {place.joint: fading[:, None] * np.column_stack([motion.slip[:, place.joint], v])}
 
     def admissible(self, shape: DriftShape, coefficients: FloatArray) -> bool:
         """Friction may fall or rise."""
         return True
+
+    def meaning(self, shape: DriftShape) -> str:
+        """Whose clock it goes by."""
+        return "anew in each recording" if shape.restarts else "through the session"
 
     def parameters(
         self, shape: DriftShape, coefficients: FloatArray, deviations: FloatArray
@@ -89,9 +120,11 @@ class FrictionDrift(StructuralEffect[DriftShape]):
             time_constant=(shape.time_constant, None),
             coulomb=(coefficients[0], deviations[0]),
             viscous=(coefficients[1], deviations[1]),
+            restarts=(shape.restarts, None),
         )
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
         """Friction, its Coulomb part dry."""
-        values = tuple(given.value[name] for name in ("time_constant", "coulomb", "viscous"))
+        names = ("time_constant", "coulomb", "viscous", "restarts")
+        values = tuple(given.value[name] for name in names)
         return [TorqueTerm(_LAW, values, friction=True, dry=True)]

@@ -1,18 +1,24 @@
 """Dry friction that grows with the load of the transmission."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
-from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
+from idim_iv_ros.effects.contribution import Instant, Load, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import JointScale, OperatingRange, Place, Shape, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
 _MOST = 1.0  # friction as large as the load: a screw that is driven from its nut
 _TYPICAL = 0.1  # of the load: 3 to 40 %
+_LOADS = {
+    Load.LINKS: "load: torque of the links",
+    Load.MOTOR: "load: torque of the motor",
+    Load.STATIC: "load: gravity and Coriolis torque",
+}
 
 
 @dataclass(frozen=True)
@@ -27,14 +33,14 @@ class LoadShape(Shape):
     two_directions : bool
         Whether both directions of the power flow have a coefficient of their own: a gear that is
         driven loses less or more than one that drives.
-    of_motor : bool
-        Whether the load is the motor's whole torque instead of that of the links.
+    load : Load
+        Torque that is taken as the load.
     """
 
     exponent: float
     scale: float
     two_directions: bool
-    of_motor: bool
+    load: Load
 
 
 @kernel
@@ -65,6 +71,10 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
             "motor_torque", "", "load taken as the motor's torque (1) or the links' (0)",
             bound="0 or 1",
         ),
+        ParameterSpec(
+            "static_torque", "", "load taken as the links' torque without accelerations (1)",
+            bound="0 or 1",
+        ),
     )  # fmt: skip
     laws = (_LAW,)
 
@@ -73,9 +83,11 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
         scale = float(covered.load[place.joint])
         if scale <= 0.0:
             return []
-        both = (False, True)
         return [
-            LoadShape(e, scale, two, all_) for e in (0.8, 1.0, 1.3) for two in both for all_ in both
+            LoadShape(exponent, scale, two_directions, load)
+            for exponent in (0.8, 1.0, 1.3)
+            for two_directions in (False, True)
+            for load in Load
         ]
 
     def neighbours(
@@ -92,7 +104,13 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
     def columns(self, motion: RobotMotion, place: Place, shape: LoadShape) -> dict[int, FloatArray]:
         """Friction of coefficients of one, by direction of the power flow where it has two."""
         v = motion.velocity[:, place.joint]
-        load = (motion.torque if shape.of_motor else motion.load)[:, place.joint]
+        match shape.load:
+            case Load.LINKS:
+                load = motion.load[:, place.joint]
+            case Load.MOTOR:
+                load = motion.torque[:, place.joint]
+            case Load.STATIC:
+                load = motion.static_load[:, place.joint]
         share = (np.abs(load) / shape.scale) ** shape.exponent
         whole = shape.scale * share * motion.slip[:, place.joint]
         if not shape.two_directions:
@@ -117,6 +135,10 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
         largest = float(max(coefficients[0], coefficients[-1]))
         return "" if largest <= _MOST else f"friction would be {largest:.2g} times the load"
 
+    def meaning(self, shape: LoadShape) -> str:
+        """Which torque is the load."""
+        return _LOADS[shape.load]
+
     def parameters(
         self, shape: LoadShape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
@@ -126,12 +148,19 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
             driven=(coefficients[-1], deviations[-1]),
             exponent=(shape.exponent, None),
             scale=(shape.scale, None),
-            motor_torque=(shape.of_motor, None),
+            motor_torque=(shape.load is Load.MOTOR, None),
+            static_torque=(shape.load is Load.STATIC, None),
         )
+
+    def refused(self, value: Mapping[str, float]) -> str:
+        """One torque is the load."""
+        both = value["motor_torque"] == value["static_torque"] == 1.0
+        return "motor_torque and static_torque are not both 1: one of them is the load" * both
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
         """Dry friction."""
         names = ("driving", "driven", "exponent", "scale")
         values = tuple(given.value[name] for name in names)
-        of_motor = given.value["motor_torque"] == 1.0
-        return [TorqueTerm(_LAW, values, friction=True, dry=True, of_motor=of_motor)]
+        load = Load.MOTOR if given.value["motor_torque"] == 1.0 else Load.LINKS
+        load = Load.STATIC if given.value["static_torque"] == 1.0 else load
+        return [TorqueTerm(_LAW, values, friction=True, dry=True, load=load)]

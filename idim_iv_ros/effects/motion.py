@@ -29,6 +29,10 @@ class RobotMotion(Protocol):
         """(s,) s, of the session."""
 
     @property
+    def elapsed(self) -> FloatArray:
+        """(s,) s, since the start of the recording."""
+
+    @property
     def position(self) -> FloatArray:
         """(s, n_joints)."""
 
@@ -47,6 +51,10 @@ class RobotMotion(Protocol):
     @property
     def load(self) -> FloatArray:
         """(s, n_joints): torque of the links alone, without drives and friction."""
+
+    @property
+    def static_load(self) -> FloatArray:
+        """(s, n_joints): load at the same speeds without accelerations: gravity and Coriolis."""
 
     @property
     def torque(self) -> FloatArray:

@@ -14,6 +14,7 @@ from idim_iv_ros.effects.contribution import (
     DriveCurve,
     EncoderError,
     LawChange,
+    Load,
     ShaftPart,
     TorqueTerm,
 )
@@ -143,6 +144,7 @@ def affected_robot(
         link_speed=np.zeros(n),
         rest=np.zeros(n),
         load=np.zeros(n),
+        static=np.zeros(n),
         inertial=np.zeros(n),
         rigid_mass=np.zeros((n, n)),
         measured=np.zeros((2, n)),
@@ -151,7 +153,7 @@ def affected_robot(
     return AffectedRobot(changing, arrays, shafts, float(longest))
 
 
-_Row = tuple[int, int, bool, tuple[float, ...]]
+_Row = tuple[int, int, Load, tuple[float, ...]]
 
 
 def effect_rows(added: JointContributions, place: IntArray, *, first_coupling: int) -> Rows:
@@ -161,16 +163,16 @@ def effect_rows(added: JointContributions, place: IntArray, *, first_coupling: i
     for joint, _, each in added.items:
         if isinstance(each, TorqueTerm):
             kind = TORQUE_LAWS.index(each.law)
-            torques.append((kind, int(place[joint]), each.of_motor, each.values))
+            torques.append((kind, int(place[joint]), each.load, each.values))
         elif isinstance(each, CouplingTerm):
-            torques.append((TORQUE_LAWS.index(each.law), contact, False, each.values))
+            torques.append((TORQUE_LAWS.index(each.law), contact, Load.LINKS, each.values))
             contact += 1
     curves: list[_Row] = [
-        (DRIVE_LAWS.index(curve.law), int(place[joint]), False, curve.values)
+        (DRIVE_LAWS.index(curve.law), int(place[joint]), Load.LINKS, curve.values)
         for joint, curve in sorted(added.of(DriveCurve), key=lambda item: item[1].rank)
     ]
     errors: list[_Row] = [
-        (ENCODER_LAWS.index(error.law), int(place[joint]), False, error.values)
+        (ENCODER_LAWS.index(error.law), int(place[joint]), Load.LINKS, error.values)
         for joint, error in added.of(EncoderError)
     ]
     rows = [*torques, *curves, *errors]
@@ -182,7 +184,7 @@ def effect_rows(added: JointContributions, place: IntArray, *, first_coupling: i
         kind=np.array([row[0] for row in rows], dtype=np.int64),
         joint=np.array([row[1] for row in rows], dtype=np.int64),
         value=value,
-        of_motor=np.array([row[2] for row in rows], dtype=bool),
+        load=np.array([row[2] for row in rows], dtype=np.int64),
         state=np.zeros((len(torques), STATES)),
         stateful=np.array(stateful, dtype=np.int64),
         first_error=len(torques) + len(curves),

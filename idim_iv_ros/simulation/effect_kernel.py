@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.compilation import dispatcher, kernel
-from idim_iv_ros.effects.contribution import LEAST_SPEED, Instant
+from idim_iv_ros.effects.contribution import LEAST_SPEED, Instant, Load
 from idim_iv_ros.effects.registry import DRIVE_LAWS, ENCODER_LAWS, TORQUE_LAWS
 from idim_iv_ros.simulation.plant import Plant
 from idim_iv_ros.types import FloatArray, IntArray
@@ -41,8 +41,8 @@ class Rows(NamedTuple):
     ----------
     kind, joint, value : (rows,), (rows,), (rows, most values)
         Of each its law, its joint in tree order (of a coupling its contact), the law's values.
-    of_motor : (rows,)
-        Torques whose load is that of the whole model.
+    load : (rows,)
+        What a torque takes as the load (`contribution.Load`).
     state : (t, STATES)
     stateful : (torques with a state,)
         Their rows.
@@ -53,7 +53,7 @@ class Rows(NamedTuple):
     kind: IntArray
     joint: IntArray
     value: FloatArray
-    of_motor: NDArray[np.bool_]
+    load: IntArray
     state: FloatArray
     stateful: IntArray
     first_error: int
@@ -80,8 +80,9 @@ class Effects(NamedTuple):
     link : (n,)
         Coordinate of each link.
     shaft_joint, shaft_gap, shaft_stiffness, shaft_damping : (N - n,)
-    force, stiffness, link_q, link_speed, rest, load, inertial, rigid_mass, measured
-        Written by compiled code. load, inertial (n,): torque of the links, of the drives' inertia.
+    force, stiffness, link_q, link_speed, rest, load, static, inertial, rigid_mass, measured
+        Written by compiled code. load, static, inertial (n,): torque of the links, the same without
+        accelerations, and of the drives' inertia.
     """
 
     rows: Rows
@@ -103,6 +104,7 @@ class Effects(NamedTuple):
     link_speed: FloatArray
     rest: FloatArray
     load: FloatArray
+    static: FloatArray
     inertial: FloatArray
     rigid_mass: FloatArray
     measured: FloatArray
@@ -194,11 +196,12 @@ def effect_torques(
         position = velocity = load = 0.0
         if c < n:
             position, velocity, load = q[c], dq[c], effects.load[c]
-            if rows.of_motor[t]:
+            if rows.load[t] == Load.STATIC:
+                load = effects.static[c]
+            elif rows.load[t] == Load.MOTOR:
                 load += _drive_torque(plant, effects, c, sign, speed, mode, holding)
-        at = Instant(
-            effects.start_time + time, position, max(sign * w, 0.0), sign, load, velocity, step
-        )
+        now = effects.start_time + time
+        at = Instant(now, time, position, max(sign * w, 0.0), sign, load, velocity, step)
         torque = _torque(rows.kind[t], rows.value[t], at, rows.state[t])
         plant.level[c] += torque.level
         if c < n:

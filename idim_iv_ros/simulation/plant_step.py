@@ -82,7 +82,7 @@ def prepare_with_effects(
     newton_euler(plant, effects.link_speed, effects.rest, work, work.bias)
     composite_rigid_body(plant, work, effects.rigid_mass)
     for i in range(n):
-        effects.load[i] = work.bias[i]
+        effects.static[i] = effects.load[i] = work.bias[i]
         for j in range(n):
             effects.load[i] += effects.rigid_mass[i, j] * ddq[effects.link[j]]
         effects.inertial[i] = 0.0

@@ -61,7 +61,8 @@ class Effects:
         A file of effects or a diagnosis (gap.json). Effects that are marked `native` are passed
         over: the model has them.
     start_time : float
-        s since the start of the session at which the data's time is zero, for friction that drifts.
+        s since the start of the session at which the data's time is zero, for friction that drifts
+        through it; what starts anew with each recording counts from there.
 
     Attributes
     ----------
@@ -216,19 +217,28 @@ class Effects:
             self._mujoco.mj_forward(model, data)
         force = -self._offset
         if self._rows.state.shape[0]:
-            load = np.empty(model.nv)
+            load, static = np.empty((2, model.nv))
             self._mujoco.mj_rne(model, data, 1, load)
+            self._mujoco.mj_rne(model, data, 0, static)
             push = -np.sign(data.qfrc_constraint[self._dof])
             moved = np.zeros_like(q) if first else q - self._before
             motion = Motion(
-                q, dq, data.qacc[self._dof], load[self._dof], push, moved, np.zeros_like(q)
+                q,
+                dq,
+                data.qacc[self._dof],
+                load[self._dof],
+                static[self._dof],
+                push,
+                moved,
+                np.zeros_like(q),
             )
             level, damping, opposing = self._now
             torques(
                 self._rows,
                 self._friction,
                 motion,
-                self._start_time + time,
+                self._start_time,
+                time,
                 step,
                 level,
                 damping,

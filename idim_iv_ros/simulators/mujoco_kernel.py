@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.compilation import dispatcher, entry, kernel, source_digest
 from idim_iv_ros.effects import registry
-from idim_iv_ros.effects.contribution import LEAST_SPEED, Instant
+from idim_iv_ros.effects.contribution import LEAST_SPEED, Instant, Load
 from idim_iv_ros.effects.registry import TORQUE_LAWS
 from idim_iv_ros.simulation import effect_kernel
 from idim_iv_ros.simulation.effect_kernel import (
@@ -65,8 +65,8 @@ class Motion(NamedTuple):
     ----------
     position, velocity, acceleration : (n,)
         The acceleration is that of the last step.
-    load : (n,)
-        Torque of the links, N m (N).
+    load, static : (n,)
+        Torque of the links, and the same without accelerations, N m (N).
     push : (n,)
         Direction in which a joint at rest would be moved, −1, 0 or 1.
     moved, rest : (n,)
@@ -77,6 +77,7 @@ class Motion(NamedTuple):
     velocity: FloatArray
     acceleration: FloatArray
     load: FloatArray
+    static: FloatArray
     push: FloatArray
     moved: FloatArray
     rest: FloatArray
@@ -98,6 +99,7 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
         rows: Rows,
         friction: Friction,
         motion: Motion,
+        start_time: float,
         time: float,
         step: float,
         level: FloatArray,
@@ -128,10 +130,13 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
                 velocity = motion.velocity[c]
                 position = motion.position[c] + 0.5 * step * velocity
                 load = motion.load[c]
-                if rows.of_motor[t]:
+                if rows.load[t] == Load.STATIC:
+                    load = motion.static[c]
+                elif rows.load[t] == Load.MOTOR:
                     load += friction.inertia[c] * motion.acceleration[c]
                     load += sign * friction.model_level[c] + friction.damping[c] * velocity
-            at = Instant(time + 0.5 * step, position, max(sign * ahead, 0.0), sign, load,
+            middle = time + 0.5 * step
+            at = Instant(start_time + middle, middle, position, max(sign * ahead, 0.0), sign, load,
                          velocity, step)  # fmt: skip
             term = _torque(rows.kind[t], rows.value[t], at, rows.state[t])
             level[c] += term.level

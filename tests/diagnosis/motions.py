@@ -51,6 +51,7 @@ def smooth_motion(
         links=links,
         whole=truth,
         rate=rate,
+        start=0.0,
         time=np.arange(samples) / rate,
         position=position,
         velocity=velocity,

@@ -4,6 +4,7 @@ The motion is that of a simulated recording; its torque is replaced, so nothing 
 effects is used.
 """
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -11,25 +12,39 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from bags.simulated_arms import arm2
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.held_out.held_out import held_out
 from idim_iv_ros.diagnosis.localisation.unexplained import unexplained
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.structural import search
 from idim_iv_ros.diagnosis.structural.attribution import Attribution, attribute
-from idim_iv_ros.diagnosis.structural.causes import Selection, named_model, structural_causes
+from idim_iv_ros.diagnosis.structural.brief import why_of_pulses
+from idim_iv_ros.diagnosis.structural.candidate import operating_range
+from idim_iv_ros.diagnosis.structural.causes import (
+    Selection,
+    built_model,
+    named_model,
+    structural_causes,
+)
 from idim_iv_ros.diagnosis.structural.cross_fitting import CrossFitting
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC, Nonparametric
 from idim_iv_ros.diagnosis.structural.rules import acceptable, with_most_of_gap
 from idim_iv_ros.effects.asymmetric_friction import AsymmetricFriction
-from idim_iv_ros.effects.effect import Effect
+from idim_iv_ros.effects.contribution import Load
+from idim_iv_ros.effects.effect import Effect, Place
+from idim_iv_ros.effects.friction_drift import DriftShape, FrictionDrift
+from idim_iv_ros.effects.load_dependent_friction import LoadShape
 from idim_iv_ros.effects.position_ripple import PositionRipple
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.effects.stribeck import Stribeck
+from idim_iv_ros.effects.time_delay import TimeDelay
 from idim_iv_ros.effects.torque_saturation import TorqueSaturation
 from tests.diagnosis.simulated_sessions import arm2_session
+from tests.estimation.test_simulated_arms import recorded
 
 NOISE = (0.15, 0.05)  # N m, of a row
 Torque = Callable[[SmoothMotion], np.ndarray]
@@ -63,12 +78,12 @@ def world(
     """Rows of the refit with the torque of the estimate, an effect and noise."""
     random = np.random.default_rng(seed)
     plain = smooth_regression(data)
-    motion = data.motions[0]
     made = []
     for number, rows in enumerate(plain.joints):
         values = rows.matrix @ data.estimate.linear.values[rows.columns]
         if torque is not None and number == joint:
-            values = values + motion.rows(torque(motion)[:, None])[motion.kept[:, joint], 0]
+            added = [m.rows(torque(m)[:, None])[m.kept[:, joint], 0] for m in data.motions]
+            values = values + np.concatenate(added)
         noise = NOISE[number] * random.standard_normal(len(values) + 50)
         noise = np.sqrt(1.0 - pole**2) * lfilter([1.0], [1.0, -pole], noise)[50:]
         made.append(replace(rows, torque=values + noise))
@@ -105,6 +120,57 @@ def test_right_effect_and_joint_come_first(
     found = attribute(data, world(data, 1, joint, torque, pole), EVERYTHING)
     assert names_of(found)[0] == (name, joint)
     assert len(found.found) == 1
+
+
+def gravity_and_coriolis(motion: SmoothMotion) -> np.ndarray:
+    """Of joint 1: what is left of the load without mass matrix times accelerations."""
+    inertial = np.einsum("sj,sj->s", motion.inertia[:, 0], motion.acceleration)
+    return np.asarray(motion.load[:, 0] - inertial)
+
+
+@pytest.mark.parametrize(
+    ("load", "torque"), [(Load.STATIC, gravity_and_coriolis), (Load.LINKS, lambda m: m.load[:, 0])]
+)
+def test_friction_says_which_torque_is_its_load(data: Baseline, load: Load, torque: Torque) -> None:
+    rows = world(data, 5, 0, lambda m: 0.1 * abs(torque(m)) * m.slip[:, 0])
+    found = attribute(data, rows, EVERYTHING)
+    assert names_of(found) == [("load_dependent_friction", 0)]
+    candidate = found.found[0].candidate
+    assert isinstance(candidate.shape, LoadShape) and candidate.shape.load is load
+    named = candidate.effect.parameters(candidate.shape, *np.zeros((2, candidate.width)))
+    assert named["static_torque"].value == (load is Load.STATIC)
+
+
+@pytest.fixture(scope="module")
+def two_recordings() -> Baseline:
+    """Of 10 s, the second a minute after the first."""
+    arms = [arm2(seconds=10.0, seed=seed) for seed in (1, 2)]
+    records = [replace(recorded(arm, 1), start=70.0 * k) for k, arm in enumerate(arms)]
+    return baseline(records, arms[0].configuration)
+
+
+@pytest.mark.parametrize("restarts", [True, False])
+def test_friction_that_starts_anew_is_told_from_that_of_the_session(
+    two_recordings: Baseline, restarts: bool
+) -> None:
+    starts = {
+        id(motion): start for motion, start in zip(two_recordings.motions, (0.0, 70.0), strict=True)
+    }
+
+    def torque(m: SmoothMotion) -> np.ndarray:
+        size, start, constant = (0.5, starts[id(m)], 4.0) if restarts else (1.0, 0.0, 60.0)
+        return np.asarray(size * np.exp(-(m.time - start) / constant) * m.slip[:, 1])
+
+    found = attribute(two_recordings, world(two_recordings, 6, 1, torque), [FrictionDrift()])
+    (only,) = found.found
+    shape = only.candidate.shape
+    assert isinstance(shape, DriftShape) and shape.restarts == restarts
+    assert shape.time_constant == pytest.approx(4.0 if restarts else 60.0, rel=0.3)
+
+
+def test_one_recording_has_one_clock(data: Baseline) -> None:
+    grid = FrictionDrift().grid(Place(0), operating_range(data))
+    assert {shape.restarts for shape in grid} == {False}
 
 
 def test_a_cause_says_how_well_its_numbers_are_known(data: Baseline) -> None:
@@ -174,10 +240,39 @@ def test_contacts_are_not_named_but_described_with_their_joint_and_time(data: Ba
     assert (rest.joint, rest.family) == ("joint_1", "event")
     assert 0.12 < rest.share <= 1.0
     seconds = float(rest.where.split(" s after its start")[0].split()[-1])
-    largest = [2.3, 4.9, 7.1, 9.2, 11.8, 14.1]
-    assert min(abs(seconds - start) for start in largest) < 0.3
+    starts = np.array([2.3, 4.9, 7.1, 9.2, 11.8, 14.1])
+    assert np.abs(seconds - starts).min() < 0.3
+    listed = [float(each) for each in re.findall(r"([0-9.]+) s of simulated", rest.where)]
+    assert len(listed) == settings.LAW_MOST_EVENTS
+    assert len({int(np.abs(starts - each).argmin()) for each in listed}) == len(listed)
+    assert max(np.abs(starts - each).min() for each in listed) < 0.3
     quiet = attribute(data, world(data, 4), ())
     assert unexplained(data, named_model(quiet)) is None
+
+
+def late(motion: SmoothMotion) -> np.ndarray:
+    """Torque of joint 1 that acts 10 ms after its command."""
+    torque = motion.torque[:, 0]
+    return np.asarray(np.interp(motion.time + 0.01, motion.time, torque) - torque)
+
+
+@pytest.mark.parametrize(("everywhere", "named"), [(True, True), (False, False)])
+def test_a_delay_that_is_seen_beside_pulses_only_is_none(
+    data: Baseline, everywhere: bool, named: bool
+) -> None:
+    """The law answers a pulse: what follows it looks like a late torque."""
+
+    def torque(motion: SmoothMotion) -> np.ndarray:
+        pushed = pulses(motion)
+        near = np.convolve(pushed != 0.0, np.ones(round(0.2 * motion.rate)), "same") > 0.0
+        return np.asarray(pushed + late(motion) * (1.0 if everywhere else near))
+
+    delays = attribute(data, world(data, 7, 0, late), [TimeDelay()])
+    rows = world(data, 7, 0, torque)
+    attribution = replace(delays, regression=rows, refit=rows.fit())
+    model = built_model(attribution, list(delays.found), [])
+    assert [each.candidate.effect.name for each in model.found] == ["time_delay"]
+    assert (why_of_pulses(data, model, 0) == "") == named
 
 
 @pytest.mark.parametrize(("kind", "unit"), [("revolute", "rad"), ("prismatic", "m")])

@@ -79,8 +79,17 @@ def test_summary_tells_the_widest_and_counts_the_others(monkeypatch: pytest.Monk
     assert "1 smaller cause is listed" in summary("both", told, None, GAPS, (), more=1)
 
 
-def test_drive_inertia_that_the_configuration_leaves_out_stands_before_all() -> None:
-    left_out = replace(closing("drive_inertia", "parametric", "", 0.1, 0.09, 1e2), joint=None)
-    of_a_joint = closing("drive_inertia", "parametric", "joint_2", 0.1, 0.09, 1e2)
-    assert names(strongest_first([FIRST, LARGE, left_out], DATA))[0] == "drive_inertia"  # type: ignore[arg-type]
-    assert names(strongest_first([FIRST, LARGE, of_a_joint], DATA))[0] != "drive_inertia"  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("effect", "kind"), [("drive_inertia", "parametric"), ("time_delay", "structural")]
+)
+def test_what_was_put_in_before_anything_else_stands_first(
+    effect: str, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Drive inertia that the configuration leaves out, and a delay of all joints."""
+    monkeypatch.setattr(settings, "MOST_CAUSES_IN_SUMMARY", 2)
+    of_all = replace(closing(effect, kind, "", 0.1, 0.09, 1e2), joint=None)
+    of_a_joint = closing(effect, kind, "joint_2", 0.1, 0.09, 1e2)
+    causes = strongest_first([FIRST, LARGE, of_all], DATA)  # type: ignore[arg-type]
+    assert names(causes)[0] == effect
+    assert names(leading(causes, DATA)) == [effect, "payload"]  # type: ignore[arg-type]
+    assert names(strongest_first([FIRST, LARGE, of_a_joint], DATA))[0] != effect  # type: ignore[arg-type]

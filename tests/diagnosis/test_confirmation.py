@@ -10,6 +10,9 @@ from idim_iv_ros.diagnosis.result import Gap
 from idim_iv_ros.diagnosis.structural import confirmation
 from idim_iv_ros.diagnosis.structural.confirmation import FoldTest
 from idim_iv_ros.diagnosis.structural.cross_fitting import Chosen
+from idim_iv_ros.effects.contribution import Load
+from idim_iv_ros.effects.effect import Place
+from idim_iv_ros.effects.load_dependent_friction import LoadDependentFriction, LoadShape
 
 
 class KnownFigures:
@@ -232,8 +235,9 @@ def test_an_effect_without_numbers_is_named_if_nothing_of_another_kind_predicts_
 def test_numbers_that_are_known_together_only_are_said_to_be(together: bool) -> None:
     data: Any = SimpleNamespace(joints=("elbow",), unit_at=lambda joint, unit: unit)
     effect: Any = SimpleNamespace(
-        place=SimpleNamespace(joint=0, other=None), effect=SimpleNamespace(name="spring")
+        place=Place(0), effect=LoadDependentFriction(), shape=LoadShape(1.0, 5.0, True, Load.STATIC)
     )
     gap = Gap(1.0, 0.5, None, 0.5, (0.4, 0.6))
     text = sentences.structural_cause(data, effect, [], gap, 0.4, together=together)
     assert ("each of its numbers by itself is not" in text) == together
+    assert "Coriolis" in text

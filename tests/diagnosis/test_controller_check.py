@@ -17,8 +17,11 @@ from idim_iv_ros.diagnosis.controller.check import (
 from idim_iv_ros.diagnosis.controller.command_regression import command_regression
 from idim_iv_ros.diagnosis.controller.law_change import acceptable
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed
+from idim_iv_ros.diagnosis.controller.one_gain import beside_gains
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.simulation import control_law, simulate_closed_loop
+from tests.diagnosis.test_verdict import cause
 from tests.estimation.test_simulated_arms import recorded
 
 
@@ -63,6 +66,33 @@ def test_an_integral_that_is_not_configured_is_found(arm: SimulatedArm) -> None:
     (finding,) = found(arm, 1, ki=np.array([0.0, 400.0]))
     assert finding.joint == "joint_2"
     assert finding.parameters["ki"].value == pytest.approx(400.0, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("joint", "factor", "left"),
+    [("joint_2", 1 / 1.15, 0), ("joint_2", 1.15, 1), ("joint_1", 1 / 1.15, 1)],
+)
+def test_a_gain_of_the_recorded_effort_is_no_other_law(
+    arm: SimulatedArm, joint: str, factor: float, left: int
+) -> None:
+    """The effort of joint 2 is recorded too large: the law holds with the inverse, only there."""
+    recording = recorded(arm, 1)
+    larger = replace(recording.effort, values=recording.effort.values * [1.0, 1.15])
+    data = baseline([replace(recording, effort=larger)], arm.configuration)
+    law = check_law(data)
+    assert [each.joint for each in law.findings] == ["joint_2"]
+    gain = {"factor": EffectParameter(factor, 0.004, "")}
+    gained = replace(cause("torque_gain", "parametric"), joint=joint, parameters=gain)
+    assert len(beside_gains(data, law, [gained]).findings) == left
+
+
+def test_another_law_stays_beside_a_gain(arm: SimulatedArm) -> None:
+    """Only the position gain is larger, by the inverse of the factor."""
+    data = diagnosed(arm, 1, kp=arm.law.kp * [1.0, 1.3])
+    gain = {"factor": EffectParameter(1 / 1.3, 0.01, "")}
+    gained = replace(cause("torque_gain", "parametric"), joint="joint_2", parameters=gain)
+    found = beside_gains(data, check_law(data), [gained]).findings
+    assert [each.joint for each in found] == ["joint_2"]
 
 
 def test_what_cannot_be_compared_is_said(arm: SimulatedArm) -> None:

@@ -15,7 +15,7 @@ from idim_iv_ros.diagnosis.structural.nonparametric import Stop, StopShape
 from idim_iv_ros.effects import registry
 from idim_iv_ros.effects.backlash import BacklashShape
 from idim_iv_ros.effects.cause import Cause, GivenNumbers
-from idim_iv_ros.effects.contribution import STATES, CouplingTerm, Instant, Torque, TorqueTerm
+from idim_iv_ros.effects.contribution import STATES, CouplingTerm, Instant, Load, Torque, TorqueTerm
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place, Shape
 from idim_iv_ros.effects.elasticity import ShaftShape
 from idim_iv_ros.effects.encoder_eccentricity import DiscShape
@@ -49,6 +49,7 @@ def operating_range_of(motion: SmoothMotion) -> OperatingRange:
         torque=np.abs(motion.torque).max(axis=0),
         inertia=np.mean(np.einsum("sii->si", motion.inertia), axis=0),
         duration=float(motion.time[-1]),
+        longest=float(motion.elapsed[-1]),
         row_rate=50.0,
         lever=np.ones(2),
     )
@@ -62,6 +63,12 @@ def total(
     return {j: rows @ np.asarray(values) for j, rows in columns.items()}
 
 
+def gravity_and_coriolis(motion: SmoothMotion) -> FloatArray:
+    """Of joint 2: what is left of the load without mass matrix times accelerations."""
+    inertial = np.einsum("sj,sj->s", motion.inertia[:, 1], motion.acceleration)
+    return np.asarray(motion.load[:, 1] - inertial)
+
+
 Formula = Callable[[SmoothMotion, FloatArray, FloatArray], FloatArray]
 # Name, shape, coefficients, torque at joint 2 from motion, position and velocity.
 FORMULAS: list[tuple[str, Shape, list[float], Formula]] = [
@@ -69,20 +76,25 @@ FORMULAS: list[tuple[str, Shape, list[float], Formula]] = [
      lambda m, q, v: 0.7 * np.sign(v) / np.exp((abs(v) / 0.2) ** 1.5)),
     ("nonlinear_viscous", PowerShape(0.6), [1.3], lambda m, q, v: 1.3 * v / abs(v) ** 0.4),
     ("asymmetric_friction", Shape(), [0.2], lambda m, q, v: np.where(v > 0, 0.2 * v, -0.2 * v)),
-    ("load_dependent_friction", LoadShape(1.0, 5.0, False, False), [0.1],
+    ("load_dependent_friction", LoadShape(1.0, 5.0, False, Load.LINKS), [0.1],
      lambda m, q, v: 0.1 * abs(m.load[:, 1]) * np.sign(v)),
-    ("load_dependent_friction", LoadShape(1.3, 5.0, True, False), [0.1, 0.2],
+    ("load_dependent_friction", LoadShape(1.3, 5.0, True, Load.LINKS), [0.1, 0.2],
      lambda m, q, v: np.where(m.load[:, 1] * v > 0, 0.1, 0.2) * np.sign(v)
      * 5.0 * (abs(m.load[:, 1]) / 5.0) ** 1.3),
-    ("load_dependent_friction", LoadShape(0.8, 5.0, True, True), [0.1, 0.2],
+    ("load_dependent_friction", LoadShape(0.8, 5.0, True, Load.MOTOR), [0.1, 0.2],
      lambda m, q, v: np.where(m.torque[:, 1] * v > 0, 0.1, 0.2) * np.sign(v)
      * 5.0 * (abs(m.torque[:, 1]) / 5.0) ** 0.8),
+    ("load_dependent_friction", LoadShape(1.3, 5.0, True, Load.STATIC), [0.1, 0.2],
+     lambda m, q, v: np.where(gravity_and_coriolis(m) * v > 0, 0.1, 0.2) * np.sign(v)
+     * 5.0 * (abs(gravity_and_coriolis(m)) / 5.0) ** 1.3),
     ("position_dependent_friction", Waves((7.0,)), [0.3, 0.4],
      lambda m, q, v: np.sign(v) * 0.5 * np.cos(7.0 * q - np.arctan2(0.3, 0.4))),
     ("position_dependent_friction", TightSpot(0.2, 0.1), [0.6],
      lambda m, q, v: np.sign(v) * 0.6 * np.exp(-100.0 * (q - 0.2) ** 2)),
-    ("friction_drift", DriftShape(30.0), [0.5, 0.2],
+    ("friction_drift", DriftShape(30.0, False), [0.5, 0.2],
      lambda m, q, v: (0.5 * np.sign(v) + 0.2 * v) * np.exp(-m.time / 30.0)),
+    ("friction_drift", DriftShape(30.0, True), [0.5, 0.2],
+     lambda m, q, v: (0.5 * np.sign(v) + 0.2 * v) * np.exp(-(m.time - 40.0) / 30.0)),
     ("torque_saturation", KneeShape(3.0), [0.4],
      lambda m, q, v: 0.4 * (m.torque[:, 1] - np.clip(m.torque[:, 1], -3.0, 3.0))),
     ("position_ripple", Waves((9.0, 31.0)), [0.1, 0.2, 0.3, -0.4],
@@ -100,6 +112,7 @@ FORMULAS: list[tuple[str, Shape, list[float], Formula]] = [
 @pytest.mark.parametrize(("name", "shape", "values", "formula"), FORMULAS)
 def test_torque_is_that_of_the_formula(name, shape, values, formula) -> None:
     motion = synthetic()
+    motion = replace(motion, start=40.0, time=40.0 + motion.time)
     found = total(motion, name, shape, values)
     assert list(found) == [1]
     expected = formula(motion, motion.position[:, 1], motion.velocity[:, 1])
@@ -230,9 +243,12 @@ UNITS = {
     "asymmetric_friction": {"viscous": "N m s/rad"},
     "load_dependent_friction": {
         "driving": "", "driven": "", "exponent": "", "scale": "N m", "motor_torque": "",
+        "static_torque": "",
     },
     "position_dependent_friction": {"wave_number_1": "1/rad", "sine_1": "N m", "cosine_1": "N m"},
-    "friction_drift": {"time_constant": "s", "coulomb": "N m", "viscous": "N m s/rad"},
+    "friction_drift": {
+        "time_constant": "s", "coulomb": "N m", "viscous": "N m s/rad", "restarts": "",
+    },
     "presliding": {"span_1": "rad", "level_1": "N m"},
     "backlash": {"gap": "rad", "stiffness": "N m/rad", "damping": "N m s/rad"},
     "elasticity": {"stiffness": "N m/rad", "damping": "N m s/rad"},
@@ -339,7 +355,12 @@ def test_shapes_are_refined_in_the_range_of_their_own_joint() -> None:
 @pytest.mark.parametrize(
     ("name", "shape", "common", "large"),
     [
-        ("load_dependent_friction", LoadShape(1.0, 5.0, True, False), [0.05, 0.09], [0.05, 0.11]),
+        (
+            "load_dependent_friction",
+            LoadShape(1.0, 5.0, True, Load.LINKS),
+            [0.05, 0.09],
+            [0.05, 0.11],
+        ),
         ("time_delay", DelayShape(0.002), [0.9], [1.1]),
         ("encoder_eccentricity", DiscShape(False), [0.001, -0.0019], [0.001, -0.0021]),
         ("elasticity", ShaftShape(0.1 * (2 * np.pi * 11.0) ** 2, 1.0), [0.9], [1.1]),
@@ -448,7 +469,7 @@ def test_what_is_simulated_uses_the_laws_that_the_file_declares(cause: Cause) ->
         law = getattr(each, "law", None)
         assert law is None or law in cause.laws
         if isinstance(each, (TorqueTerm, CouplingTerm)):
-            at = Instant(1.0, 0.3, 0.5, 1.0, 2.0, 0.5, 1e-3)
+            at = Instant(2.0, 1.0, 0.3, 0.5, 1.0, 2.0, 0.5, 1e-3)
             called = njit(each.law.torque.py_func)  # from Python, as the laws themselves cannot be
             torque = called(np.array(each.values), at, np.zeros(STATES))
             assert len(torque) == len(Torque._fields) and np.isfinite(torque).all()
@@ -468,7 +489,7 @@ def test_every_effect_has_a_name_of_its_own_and_known_confounders() -> None:
     [
         ("stribeck", StribeckShape(0.1, 1.0), [0.3], [-0.3]),
         ("nonlinear_viscous", PowerShape(2.0), [0.3], [-0.3]),
-        ("load_dependent_friction", LoadShape(1.0, 5.0, True, False), [0.1, 0.2], [0.1, -0.2]),
+        ("load_dependent_friction", LoadShape(1.0, 5.0, True, Load.LINKS), [0.1, 0.2], [0.1, -0.2]),
         ("presliding", BristleShape((0.01, 0.1)), [0.1, 0.2], [0.1, -0.2]),
         ("backlash", BacklashShape(0.01, 1e3, 1.0, 1.0), [1.0], [-1.0]),
         ("elasticity", ShaftShape(1e3, 1.0), [1.0], [-1.0]),

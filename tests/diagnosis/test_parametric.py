@@ -230,7 +230,7 @@ def covered(span: float, fastest: float, lever: float = 1.0) -> OperatingRange:
     one = np.ones(1)
     return OperatingRange(
         low=0.0 * one, high=span * one, slowest=0.001 * one, fastest=fastest * one, load=one,
-        torque=one, inertia=one, duration=10.0, row_rate=50.0, lever=lever * one,
+        torque=one, inertia=one, duration=10.0, longest=10.0, row_rate=50.0, lever=lever * one,
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from idim_iv_ros.diagnosis.structural.confidence import _same_torque
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC
 from idim_iv_ros.diagnosis.structural.possible import why_impossible, why_not_reached
 from idim_iv_ros.effects.backlash import Backlash, BacklashShape
+from idim_iv_ros.effects.contribution import Load
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Shape
 from idim_iv_ros.effects.elasticity import Elasticity, ShaftShape
 from idim_iv_ros.effects.load_dependent_friction import LoadDependentFriction, LoadShape
@@ -21,7 +22,7 @@ INERTIA = 0.5  # kg m²
 ONE = np.ones(1)
 COVERED = OperatingRange(
     low=-ONE, high=ONE, slowest=0.01 * ONE, fastest=ONE, load=5.0 * ONE, torque=20.0 * ONE,
-    inertia=INERTIA * ONE, duration=20.0, row_rate=50.0, lever=ONE,
+    inertia=INERTIA * ONE, duration=20.0, longest=20.0, row_rate=50.0, lever=ONE,
 )  # fmt: skip
 
 
@@ -45,8 +46,13 @@ def shaft(hertz: float, share_of_critical: float) -> ShaftShape:
         (Backlash(), BacklashShape(0.06, 1e3, 1.0, 5.0), 1.0, "a play of 0.06 rad"),
         (TimeDelay(), DelayShape(0.012), 1.5, ""),
         (TimeDelay(), DelayShape(0.012), 2.0, "24 ms"),
-        (LoadDependentFriction(), LoadShape(1.0, 5.0, False, False), 0.4, ""),
-        (LoadDependentFriction(), LoadShape(1.0, 5.0, False, False), 1.3, "1.3 times the load"),
+        (LoadDependentFriction(), LoadShape(1.0, 5.0, False, Load.LINKS), 0.4, ""),
+        (
+            LoadDependentFriction(),
+            LoadShape(1.0, 5.0, False, Load.LINKS),
+            1.3,
+            "1.3 times the load",
+        ),
     ],
 )
 def test_numbers_that_no_arm_has(

@@ -13,6 +13,7 @@ from scipy.interpolate import CubicSpline
 from bags import simulated_arms
 from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, _chain, aligned
 from idim_iv_ros.recording import Recording
 from tests.diagnosis.simulated_sessions import arm2_session
@@ -105,8 +106,47 @@ def test_a_joint_that_is_later_than_the_other_keeps_its_delay(
     assert "joint_2 differs" in chain.sentence(data.joints)
 
 
+def early(recording: Recording, arm: SimulatedArm, delay: float) -> Recording:
+    effort = later(effort_of(recording), [delay, delay], arm.rate)
+    return replace(recording, effort=replace(recording.effort, values=effort))
+
+
+@pytest.mark.parametrize("place", ["stamps", "loop"])
+def test_a_delay_of_all_joints_is_a_cause_and_the_loop_tells_where_it_is(place: str) -> None:
+    arm, delay = arm2(seconds=8.0), 4e-3
+    if place == "loop":
+        arm = replace(arm, law=replace(arm.law, delay=delay))
+    recording = recorded(arm, 1)
+    if place == "stamps":
+        recording = early(recording, arm, delay)
+    refit = refitted([recording], arm.configuration, ())
+    (cause,) = refit.delays
+    assert (cause.effect, cause.joint) == ("time_delay", None)
+    found = cause.parameters["delay"]
+    assert found.std is not None and found.std < 0.5e-3
+    assert found.value == pytest.approx(delay, abs=4.0 * found.std)
+    assert cause.torque_gap.after < 0.9 * cause.torque_gap.before
+    in_loop = refit.data.prepared.configuration.controller.delay
+    assert in_loop == pytest.approx(delay if place == "loop" else 0.0, abs=1e-3)
+    assert refitted([recording], arm.configuration, ("time_delay",)).delays == ()
+
+
+@pytest.mark.parametrize("delay", [0.0, 1.5e-3])
+def test_a_command_that_is_held_and_computed_for_a_period_is_no_cause(delay: float) -> None:
+    arm = arm2(seconds=8.0)
+    assert refitted([early(recorded(arm, 1), arm, delay)], arm.configuration, ()).delays == ()
+
+
+def test_a_delay_that_the_configuration_has_is_no_cause() -> None:
+    arm = arm2(seconds=8.0)
+    controller = arm.configuration.controller.model_copy(update={"delay": 4e-3})
+    configuration = arm.configuration.model_copy(update={"controller": controller})
+    arm = replace(arm, law=replace(arm.law, delay=4e-3))
+    assert refitted([recorded(arm, 1)], configuration, ()).delays == ()
+
+
 def test_of_two_joints_that_differ_the_earlier_has_the_common_shift() -> None:
     """A measured effort is a mean over the period before; one drive is late by 0.9 ms beyond it."""
-    chain = _chain(np.array([-0.15e-3, -1.03e-3]), np.array([2e-5, 2e-5]), 2e-3)
+    chain = _chain(np.array([-0.15e-3, -1.03e-3]), np.array([2e-5, 2e-5]), 2e-3, 0.0)
     assert chain.agreeing.tolist() == [False, True]
     assert chain.shift == pytest.approx(-1.03e-3)

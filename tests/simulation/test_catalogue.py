@@ -10,6 +10,7 @@ import pytest
 
 from bags.simulated_arms import arm2
 from idim_iv_ros.effects.backlash import BacklashShape
+from idim_iv_ros.effects.contribution import Load
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape
 from idim_iv_ros.effects.elasticity import ShaftShape
 from idim_iv_ros.effects.encoder_eccentricity import DiscShape
@@ -61,6 +62,7 @@ EXTENT = OperatingRange(
     torque=np.array([40.0, 12.0]),
     inertia=np.array([2.0, 0.3]),
     duration=60.0,
+    longest=20.0,
     row_rate=40.0,
     lever=np.ones(2),
 )
@@ -154,12 +156,19 @@ CASES = [
     Case("nonlinear_viscous", PowerShape(2.0), (0.2,), joint=1),
     Case("asymmetric_friction", Shape(), (-0.2,)),
     # The load is that of the step before: late where the torque steps.
-    Case("load_dependent_friction", LoadShape(0.8, 10.0, True, False), (0.08, 0.04), 2e-3),
-    Case("load_dependent_friction", LoadShape(1.0, 10.0, False, True), (0.08,), 2e-3),
-    Case("load_dependent_friction", LoadShape(0.6, 10.0, True, True), (0.04, 0.08), 5e-3, joint=1),
+    Case("load_dependent_friction", LoadShape(0.8, 10.0, True, Load.LINKS), (0.08, 0.04), 2e-3),
+    Case("load_dependent_friction", LoadShape(1.0, 10.0, False, Load.MOTOR), (0.08,), 2e-3),
+    Case(
+        "load_dependent_friction",
+        LoadShape(0.6, 10.0, True, Load.MOTOR),
+        (0.04, 0.08),
+        5e-3,
+        joint=1,
+    ),
+    Case("load_dependent_friction", LoadShape(1.3, 10.0, True, Load.STATIC), (0.08, 0.04)),
     Case("position_dependent_friction", Waves((3.0, 7.0)), (0.2, -0.1, 0.1, 0.1)),
     Case("position_dependent_friction", TightSpot(0.4, 0.2), (0.4,), joint=1),
-    Case("friction_drift", DriftShape(2.0), (0.4, 0.3)),
+    Case("friction_drift", DriftShape(2.0, False), (0.4, 0.3)),
     # Between two samples a bristle may begin to slide.
     Case("presliding", BristleShape((2e-3, 1e-2)), (0.3, 0.2), 1e-3),
     # Two masses: the catalogue takes the inertia of the link's shift alone, not what the shift

@@ -7,7 +7,12 @@ import pytest
 
 from bags.simulated_arms import arm2
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, simulate_closed_loop
+from idim_iv_ros.simulation import (
+    SimulatedEffect,
+    inverse_dynamics,
+    mass_matrix,
+    simulate_closed_loop,
+)
 
 JOINTS = ("joint_1", "joint_2")
 
@@ -90,6 +95,10 @@ FORMULAS = {
         {"time_constant": 2.0, "coulomb": 0.8, "viscous": 0.5},
         lambda q, v, t: np.exp(-(t + 1.5) / 2.0) * (0.8 * np.sign(v) + 0.5 * v),
     ),
+    "friction_drift anew": (
+        {"time_constant": 2.0, "coulomb": 0.8, "viscous": 0.5, "restarts": 1.0},
+        lambda q, v, t: np.exp(-t / 2.0) * (0.8 * np.sign(v) + 0.5 * v),
+    ),
     "position_ripple": (
         {
             "wave_number_1": 40.0, "sine_1": 0.5, "cosine_1": 0.2,
@@ -120,7 +129,7 @@ FORMULAS = {
 @pytest.mark.parametrize("name", FORMULAS)
 def test_acting_torque_is_the_model_plus_the_formula(arm, name, joint):
     parameters, formula = FORMULAS[name]
-    effect = {"drag": "nonlinear_viscous", "spring": "spring"}.get(name.split()[0], name)
+    effect = {"drag": "nonlinear_viscous"}.get(name.split()[0], name.split()[0])
     result = followed(arm, on(joint, effect, **parameters), start_time=1.5)
     extra, moving = surplus(arm, result)
     time = np.arange(len(result.position)) / arm.rate
@@ -198,6 +207,27 @@ def test_friction_follows_the_load_of_the_links(arm, joint):
     error = extra[:, joint] - expected
     # The load is that of an instant before: wrong where it changes sign, small elsewhere.
     assert np.sqrt(np.mean(error**2)) < 0.01 * np.sqrt(np.mean(expected**2))
+    np.testing.assert_allclose(extra[:, 1 - joint], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_friction_follows_gravity_and_coriolis_alone(arm, joint):
+    law = {"driving": 0.15, "driven": 0.05, "exponent": 0.8, "scale": 10.0, "static_torque": 1.0}
+    result = followed(arm, on(joint, "load_dependent_friction", **law))
+    extra, moving = surplus(arm, result)
+    zero = np.zeros(2)
+    links = dataclasses.replace(
+        arm.truth, drive_inertia=zero, viscous=zero, coulomb=zero, offset=zero
+    )
+    motion = (result.position, result.velocity, result.acceleration)
+    inertia = mass_matrix(arm.robot, links, result.position)
+    load = inverse_dynamics(arm.robot, links, *motion)
+    load -= np.einsum("sij,sj->si", inertia, result.acceleration)
+    load, v = load[moving, joint], result.velocity[moving, joint]
+    expected = np.sign(v) * 10.0 * (np.abs(load) / 10.0) ** 0.8
+    expected *= np.where(load * v > 0.0, 0.15, 0.05)
+    assert np.ptp(expected) > 0.1
+    np.testing.assert_allclose(extra[:, joint], expected, atol=1e-9)
     np.testing.assert_allclose(extra[:, 1 - joint], 0.0, atol=1e-9)
 
 
@@ -304,6 +334,12 @@ def test_friction_that_only_the_sum_keeps_from_driving_is_simulated_whole(arm):
         (
             SimulatedEffect("load_dependent_friction", "joint_1", {"motor_torque": 0.5}),
             ["motor_torque", "0 or 1"],
+        ),
+        (
+            SimulatedEffect(
+                "load_dependent_friction", "joint_1", {"motor_torque": 1.0, "static_torque": 1.0}
+            ),
+            ["motor_torque", "static_torque"],
         ),
         (SimulatedEffect("controller_mismatch", "joint_1", {"lag": -1e-3}), ["lag", "negative"]),
         (SimulatedEffect("time_delay", "joint_1", {"delay": -1.0}), ["delay", "negative"]),

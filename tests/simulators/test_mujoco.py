@@ -87,6 +87,23 @@ def test_friction_that_depends_on_load_sees_the_torque_of_the_links() -> None:
         assert opposing(model, active, q, dq) == pytest.approx(expected, rel=2e-3)
 
 
+def test_friction_that_depends_on_static_load_sees_no_accelerations() -> None:
+    effect = on("load_dependent_friction", driving=0.1, driven=0.04, static_torque=1.0)
+    model = pendulum(effect)
+    active = Effects(model, [effect])
+    for q, dq in ((0.3, 1.0), (0.3, -1.0), (2.9, 1.0)):
+        still = mujoco.MjData(model)
+        still.qpos[0], still.qvel[0] = q, dq
+        mujoco.mj_forward(model, still)
+        load = np.empty(2)
+        mujoco.mj_rne(model, still, 1, load)
+        static = float(still.qfrc_bias[0])
+        assert abs(load[0] - static) > 1.0
+        share = 0.1 if static * dq > 0.0 else 0.04
+        expected = 0.4 * dq + np.sign(dq) * (1.5 + share * abs(static))
+        assert opposing(model, active, q, dq) == pytest.approx(expected, rel=2e-3)
+
+
 def test_bristles_bend_and_slip_in_the_place_of_dry_friction() -> None:
     """Pulled slowly one way and back: a Maxwell element by its definition."""
     effect = on("presliding", span_1=0.01, level_1=1.5)
@@ -139,6 +156,7 @@ MOTIONS = {
     "stribeck": [on("stribeck", excess=1.2, speed=0.15)],
     "load": [on("load_dependent_friction", driving=0.1, driven=0.05)],
     "load of motor": [on("load_dependent_friction", driving=0.1, driven=0.05, motor_torque=1.0)],
+    "static load": [on("load_dependent_friction", driving=0.1, driven=0.05, static_torque=1.0)],
     "position": [on("position_dependent_friction", wave_number_1=3.0, sine_1=0.6)],
     "presliding": [on("presliding", span_1=0.003, level_1=1.2)],
     "stiff bristle": [on("presliding", span_1=0.0003, level_1=1.2)],

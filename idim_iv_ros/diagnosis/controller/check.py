@@ -19,7 +19,7 @@ from idim_iv_ros.diagnosis.controller.law_change import (
     supported,
     without_best,
 )
-from idim_iv_ros.diagnosis.controller.law_event import LawEvent
+from idim_iv_ros.diagnosis.controller.law_event import events_in
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, law_speed
 from idim_iv_ros.diagnosis.parametric.significance import differs
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
@@ -34,8 +34,6 @@ from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
 from idim_iv_ros.effects.encoder_eccentricity import EncoderEccentricity
 from idim_iv_ros.simulation import ControlLaw, control_law, control_period
-from idim_iv_ros.statistics.residuals import excess_kurtosis
-from idim_iv_ros.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -172,40 +170,9 @@ def _beyond_the_law(data: Baseline, joint: int, change: LawChange, rows: Command
     size, command = float(np.sqrt(np.mean(rest**2))), rows.size
     if size < settings.MUCH_BEYOND_LAW * command:
         return ""
-    return sentences.beyond_the_law(data, joint, (size, command), _events(rest, rows))
-
-
-def _events(rest: FloatArray, rows: CommandRegression) -> list[LawEvent]:
-    """The largest first; none where it acts all the time.
-
-    An event begins and ends where it falls below a share of its own peak: filters smear it, and
-    the loop swings after it.
-    """
-    energy = rest**2
-    if excess_kurtosis(rest) < settings.LAW_EVENT_KURTOSIS:
-        return []
-    large = np.flatnonzero(np.abs(rest) > settings.LAW_EVENT_SIZE * np.median(np.abs(rest)))
-    if len(large) == 0:
-        return []
-    time, which = rows.time, rows.recording
-    apart = np.diff(time[large]) > settings.LAW_EVENTS_APART
-    parts = np.split(large, np.flatnonzero((np.diff(which[large]) != 0) | apart) + 1)
-    events = []
-    for part in parts:
-        peak = float(np.abs(rest[part]).max())
-        core = part[np.abs(rest[part]) >= settings.LAW_EVENT_EDGE * peak]
-        events.append(
-            LawEvent(
-                begin=float(time[core[0]]),
-                end=float(time[core[-1]]),
-                recording=int(which[core[0]]),
-                size=float(np.median(rest[core])),
-                energy=float(energy[part].sum()),
-            )
-        )
-    events.sort(key=lambda event: -event.energy)
-    least = settings.LAW_LEAST_EVENT * events[0].energy
-    return [event for event in events if event.energy >= least]
+    return sentences.beyond_the_law(
+        data, joint, (size, command), events_in(rest, rows.recording, rows.time)
+    )
 
 
 def _longest_lag(compared: Sequence[LawChange], period: float, shift: float) -> float:

@@ -1,4 +1,4 @@
-"""Something that commands hold at a certain time and their law does not."""
+"""Something that commands or torques hold at a certain time and their model does not."""
 
 from dataclasses import dataclass
 
@@ -30,6 +30,43 @@ class LawEvent:
     recording: int
     size: float
     energy: float
+
+
+def events_in(rest: FloatArray, recording: NDArray[np.int64], time: FloatArray) -> list[LawEvent]:
+    """Find the events in what a model leaves, the largest first; none where it acts all the time.
+
+    An event begins and ends where it falls below a share of its own peak: filters smear it, and
+    the loop swings after it.
+
+    Parameters
+    ----------
+    rest, recording, time
+        (r,) N m (N); which recording a row belongs to; s.
+    """
+    energy = rest**2
+    if excess_kurtosis(rest) < settings.LAW_EVENT_KURTOSIS:
+        return []
+    large = np.flatnonzero(np.abs(rest) > settings.LAW_EVENT_SIZE * np.median(np.abs(rest)))
+    if len(large) == 0:
+        return []
+    apart = np.diff(time[large]) > settings.LAW_EVENTS_APART
+    parts = np.split(large, np.flatnonzero((np.diff(recording[large]) != 0) | apart) + 1)
+    events = []
+    for part in parts:
+        peak = float(np.abs(rest[part]).max())
+        core = part[np.abs(rest[part]) >= settings.LAW_EVENT_EDGE * peak]
+        events.append(
+            LawEvent(
+                begin=float(time[core[0]]),
+                end=float(time[core[-1]]),
+                recording=int(recording[core[0]]),
+                size=float(np.median(rest[core])),
+                energy=float(energy[part].sum()),
+            )
+        )
+    events.sort(key=lambda event: -event.energy)
+    least = settings.LAW_LEAST_EVENT * events[0].energy
+    return [event for event in events if event.energy >= least]
 
 
 def beside_no_event(

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
+from idim_iv_ros.diagnosis.controller.law_event import events_in
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import Stage, Unexplained
@@ -30,7 +31,12 @@ def unexplained(data: Baseline, model: NamedModel, fit: Fit | None = None) -> Un
         if each.candidate.share_of_torque(sizes) >= settings.LEAST_NONPARAMETRIC
     ]
     if large:
-        return _described(data, max(large, key=lambda each: each.candidate.gain))
+        largest = max(large, key=lambda each: each.candidate.gain)
+        joint = largest.candidate.place.joint
+        # A function that leaves the events takes what follows from them: the law answers.
+        _, beside = model.for_parameters(data)
+        events = _events(data, beside, joint) and _events(data, fit or model.fit, joint)
+        return events or _described(data, largest)
     joints = sorted(set(range(len(data.joints))) - data.left_out)
     found = [_events(data, fit or model.fit, joint) for joint in joints]
     present = [each for each in found if each is not None]
@@ -98,13 +104,13 @@ def _events(data: Baseline, fit: Fit, joint: int) -> Unexplained | None:
     size = float(np.sqrt(share * np.mean(fit.residuals[joint] ** 2)))
     if size < settings.LEAST_NONPARAMETRIC * data.torque_sizes[joint]:
         return None
-    largest = int(np.argmax(energy))
-    motion = data.motions[int(data.recordings[joint][largest])]
-    time = motion.time[motion.decimation.kept[data.places[joint][largest]]]
-    part = data.prepared.session.parts[int(data.recordings[joint][largest])]
+    largest, recording = int(np.argmax(energy)), data.recordings[joint]
+    time = data.counting(joint, [each.elapsed[each.decimation.kept] for each in data.motions])
+    first = (int(recording[largest]), float(time[largest]))
+    more = [(each.recording, each.begin) for each in events_in(white, recording, time)]
     return Unexplained(
         joint=data.joints[joint],
         family="event",
         share=share,
-        where=sentences.events(data.joints[joint], share, part.bag, float(time) - part.start),
+        where=sentences.events(data, joint, share, first, more),
     )

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
@@ -19,13 +20,13 @@ from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, simulated_sl
 from idim_iv_ros.diagnosis.result import EffectParameter, JointChange
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv
-from idim_iv_ros.estimation.observation import observation_rows
+from idim_iv_ros.estimation.observation import observation_rows, torque_rows
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.estimation.sources import InstrumentSources, instrument_sources
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.model import DynamicParameters, units
 from idim_iv_ros.recording import Recording
-from idim_iv_ros.signals import REVERSAL_MARGIN
+from idim_iv_ros.signals import REVERSAL_MARGIN, Motion
 from idim_iv_ros.types import FloatArray
 
 
@@ -49,6 +50,8 @@ class Baseline:
     motions : tuple of SmoothMotion
     sticking : bool
         Whether it is known where joints stick: the closed loop of every recording is simulated.
+    shift : float
+        s by which the effort of the rows is later than recorded.
     """
 
     prepared: PreparedRegression
@@ -59,6 +62,7 @@ class Baseline:
     places: tuple[NDArray[np.int64], ...]
     motions: tuple[SmoothMotion, ...]
     sticking: bool
+    shift: float = 0.0
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -136,14 +140,19 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
     return _explained(found, configuration, REVERSAL_MARGIN if margin is None else margin)
 
 
-def refit_of(prepared: PreparedRegression) -> Baseline:
-    """Refit the model to recordings that are already filtered; errors as `identify`."""
+def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:
+    """Refit the model to recordings that are already filtered; errors as `identify`.
+
+    `shift`: s by which the effort is taken to be later than recorded.
+    """
     configuration = prepared.configuration
     left_out = {each.joint for each in prepared.joint_findings if each.left_out}
     rows = tuple(
         replace(each, left_out=joint in left_out)
         for joint, each in enumerate(observation_rows(prepared.model, prepared.motions))
     )
+    if shift != 0.0:
+        rows = later(rows, prepared.motions, shift)
     require_excitation(prepared, rows)
     sources = with_law_speed(
         instrument_sources(configuration, prepared.model, prepared.motions, prepared.cutoffs)
@@ -177,6 +186,24 @@ def refit_of(prepared: PreparedRegression) -> Baseline:
         tuple(_places(prepared, joint) for joint in joints),
         motions,
         all(slip is not None for slip in slips),
+        shift,
+    )
+
+
+def later(
+    rows: tuple[JointRows, ...], motions: Sequence[Motion], shift: float
+) -> tuple[JointRows, ...]:
+    """Return the rows with the recorded effort `shift` seconds later."""
+    torques = []
+    for motion in motions:
+        signals = motion.signals
+        moved = scipy.ndimage.shift(
+            signals.torque, (shift * signals.rate, 0.0), order=settings.SHIFT_SPLINE, mode="nearest"
+        )
+        torques.append(torque_rows(replace(motion, signals=replace(signals, torque=moved))))
+    return tuple(
+        replace(row, torque=np.concatenate([torque[joint] for torque in torques]))
+        for joint, row in enumerate(rows)
     )
 
 

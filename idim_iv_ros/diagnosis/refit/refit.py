@@ -8,7 +8,7 @@ import numpy as np
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.parametric.missing import MissingGravity, missing_gravity
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, refit_of, smooth_regression
 from idim_iv_ros.diagnosis.refit.gain_ripple import GainRipple, without_gain_ripples
 from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
@@ -18,6 +18,8 @@ from idim_iv_ros.diagnosis.result import Cause, NotTestable
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.effects.gravity_direction import GravityDirection
 from idim_iv_ros.effects.presliding import Presliding
+from idim_iv_ros.effects.time_delay import TimeDelay
+from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.recording import Recording
 
 
@@ -40,6 +42,8 @@ class Refit:
         Which the nominal model lacks; `data` has it.
     weightless : HeldOut or None
         The nominal model without it and its refit.
+    delays : tuple of Cause
+        A shift that is longer than the control makes it.
     """
 
     data: Baseline
@@ -49,6 +53,7 @@ class Refit:
     softened: SoftFriction | None = None
     gravity: MissingGravity | None = None
     weightless: HeldOut | None = None
+    delays: tuple[Cause, ...] = ()
 
     @property
     def hidden(self) -> tuple[tuple[str, int], ...]:
@@ -103,23 +108,59 @@ def refitted(
     data = baseline(recordings, configuration)
     if beside is not None:
         data = beside(data)
-        return on_likelier_motion(data, smooth_regression(data))
+        return _aligned_throughout(data, smooth_regression(data), without)
     regression = smooth_regression(data)
     may_lack = GravityDirection.name not in without
     gravity = missing_gravity(data, regression) if may_lack else None
     if gravity is None:
-        return _chain_taken_out(data, regression)
+        return _chain_taken_out(data, regression, without)
     weightless = _nominal_and_refit(data, regression)
     data = baseline(recordings, gravity.corrected(configuration))
-    refit = _chain_taken_out(data, smooth_regression(data))
+    refit = _chain_taken_out(data, smooth_regression(data), without)
     return replace(refit, gravity=gravity, weightless=weightless)
 
 
-def _chain_taken_out(data: Baseline, regression: Regression) -> Refit:
+def _chain_taken_out(data: Baseline, regression: Regression, without: Collection[str]) -> Refit:
     """Align the effort, and take the ripple of its gain out of it."""
-    refit = on_likelier_motion(data, regression)
+    refit = _aligned_throughout(data, regression, without)
     data, regression, ripples = without_gain_ripples(refit.data, refit.regression)
     return replace(refit, data=data, regression=regression, ripples=ripples)
+
+
+def _aligned_throughout(data: Baseline, regression: Regression, without: Collection[str]) -> Refit:
+    """Align the effort; where it is far too early, before the model is fitted as well.
+
+    A refit to such efforts takes the delay for friction and inertia, and the motion and the dry
+    friction that are simulated with those are wrong where joints turn. So are those of a loop
+    without the delay, if it is one of the loop: the likelier motion decides.
+    """
+    early = on_likelier_motion(data, regression)
+    if not early.shift.beyond_control:
+        return early
+    before = [float(np.std(each)) for each in regression.fit().residuals]
+    shift, prepared = early.shift.shift, data.prepared
+    of_stamps = refit_of(prepared, shift)
+    refit = on_likelier_motion(of_stamps, smooth_regression(of_stamps))
+    support = 0.0
+    if of_stamps.sticking:
+        of_loop = refit_of(_with_delay(prepared, shift), shift)
+        other = on_likelier_motion(of_loop, smooth_regression(of_loop))
+        support = _likelihood(other) - _likelihood(refit)
+        refit = max(refit, other, key=_likelihood)
+    found = replace(refit.shift, configured=early.shift.configured)
+    if TimeDelay.name in without or not found.beyond_control:
+        return refit
+    after = [float(np.std(each)) for each in refit.regression.fit().residuals]
+    return replace(refit, delays=(found.cause(refit.data, before, after, support),))
+
+
+def _with_delay(prepared: PreparedRegression, delay: float) -> PreparedRegression:
+    """Return the same with a law whose commands take as long, s."""
+    configuration = prepared.configuration
+    controller = configuration.controller.model_copy(update={"delay": delay})
+    return replace(
+        prepared, configuration=configuration.model_copy(update={"controller": controller})
+    )
 
 
 def on_likelier_motion(data: Baseline, regression: Regression) -> Refit:
@@ -134,7 +175,11 @@ def on_likelier_motion(data: Baseline, regression: Regression) -> Refit:
     motions = tuple(map(measured_motion, data.motions, data.prepared.motions))
     other = replace(data, motions=motions)
     measured = _with_friction(other, smooth_regression(other))
-    return max(joined, measured, key=lambda refit: refit.regression.fit().log_likelihood)
+    return max(joined, measured, key=_likelihood)
+
+
+def _likelihood(refit: Refit) -> float:
+    return float(refit.regression.fit().log_likelihood)
 
 
 def _with_friction(data: Baseline, regression: Regression) -> Refit:

@@ -3,22 +3,32 @@
 A law at period T computes its command from samples at t and the drive holds it until t + T: taken
 as a signal at t, the torque acts T/2 late, and later with every period of computing time. The
 drives of one robot share this, so that it is estimated once and taken out before causes are looked
-for. What a single joint has beyond it stays in the data, where `time_delay` finds it.
+for. What a single joint has beyond it stays in the data, where `time_delay` finds it; a shift that
+is longer than that is a cause itself.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
-from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import EffectParameter, SignalChain
+from idim_iv_ros.diagnosis import sentences, settings
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, later
+from idim_iv_ros.diagnosis.result import (
+    NOT_CALIBRATED,
+    Cause,
+    EffectParameter,
+    Evidence,
+    Gap,
+    SignalChain,
+)
 from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression
-from idim_iv_ros.estimation.observation import torque_rows
+from idim_iv_ros.effects.time_delay import TimeDelay
 from idim_iv_ros.simulation import control_period
 from idim_iv_ros.types import BoolArray, FloatArray
+
+# Control periods by which a command acts late: half of one while it is held, one of computing.
+_OF_CONTROL = 1.5
 
 
 @dataclass(frozen=True)
@@ -30,8 +40,8 @@ class EffortShift:
     shift, std : float
         Common to the joints that agree, s; positive where the effort is recorded before it acts.
         Zero, with `std` None, where no common shift can be said.
-    period : float
-        Of the control, s.
+    period, configured : float
+        Of the control, and the delay that the configured law has, s.
     joint_shifts, joint_stds : (n_joints,) s
         Each joint's own.
     agreeing : (n_joints,) bool
@@ -41,9 +51,55 @@ class EffortShift:
     shift: float
     std: float | None
     period: float
+    configured: float
     joint_shifts: FloatArray
     joint_stds: FloatArray
     agreeing: BoolArray
+
+    @property
+    def beyond_control(self) -> bool:
+        """Whether most joints share more than a command makes that is held and computed."""
+        shared = int(self.agreeing.sum())
+        if self.std is None or shared < 2 or 2 * shared <= len(self.agreeing):
+            return False
+        unsure = settings.SHIFT_AGREEMENT * self.period + settings.SHIFT_DEVIATIONS * self.std
+        return self.shift - self.configured - unsure > _OF_CONTROL * self.period
+
+    def cause(
+        self, data: Baseline, before: Sequence[float], after: Sequence[float], support: float
+    ) -> Cause:
+        """Build the cause.
+
+        Parameters
+        ----------
+        before, after
+            Torque gaps of the joints without and with the shift, N m (N).
+        support
+            By how much the logarithm of the likelihood is higher with the delay in the loop; 0
+            where no loop is simulated.
+        """
+        assert self.std is not None
+        delay = EffectParameter(self.shift - self.configured, self.std, "s")
+        changes = [
+            data.joint_change(joint, *each)
+            for joint, each in enumerate(zip(before, after, strict=True))
+        ]
+        one, two = (float(np.linalg.norm(each)) for each in (before, after))
+        return Cause(
+            effect=TimeDelay.name,
+            kind="structural",
+            joint=None,
+            other_joint=None,
+            parameters={"delay": delay},
+            evidence=Evidence(
+                (delay.value / self.std) ** 2, None, None, "", p_value_from=NOT_CALIBRATED
+            ),
+            indistinguishable_from=(),
+            torque_gap=Gap(one, two, None, 1.0 - two / one, None),
+            joint_gaps=tuple(sorted(changes, key=lambda each: -each.share_of_torque)),
+            simulation_gap=None,
+            sentence=sentences.delay_of_all(delay, self.period, support),
+        )
 
     def part_of_result(self, joints: Sequence[str], law_speed: str | None) -> SignalChain:
         """Return it by the names of the joints, with the speed of the law in words."""
@@ -98,13 +154,15 @@ def aligned(data: Baseline, regression: Regression) -> tuple[Baseline, Regressio
     """
     rates = [motion.signals.rate for motion in data.prepared.motions]
     period = control_period(data.prepared.configuration.controller, rates)
-    chain = _chain(np.zeros(len(data.joints)), np.full(len(data.joints), np.inf), period)
+    control = (period, data.prepared.configuration.controller.delay)
+    chain = _chain(np.zeros(len(data.joints)), np.full(len(data.joints), np.inf), *control)
     slopes = [_rate_of_torque(data, joint) for joint in range(len(data.joints))]
     shifted = data
     for _ in range(settings.SHIFT_STEPS):
         shifts, deviations = _joint_shifts(_with_torque_of(shifted, regression), slopes)
-        chain = _chain(chain.shift + shifts, deviations, period)
-        shifted = _shifted(data, chain.shift)
+        chain = _chain(shifted.shift + shifts, deviations, *control)
+        rows = later(data.rows, data.prepared.motions, chain.shift)
+        shifted = replace(data, rows=rows, shift=chain.shift)
     return shifted, _with_torque_of(shifted, regression), chain
 
 
@@ -136,7 +194,9 @@ def _rate_of_torque(data: Baseline, joint: int) -> Columns:
     return {joint: data.counting(joint, rates)}
 
 
-def _chain(shifts: FloatArray, deviations: FloatArray, period: float) -> EffortShift:
+def _chain(
+    shifts: FloatArray, deviations: FloatArray, period: float, configured: float
+) -> EffortShift:
     """Shift that most joints share; of as many, the earliest: a joint can only be later."""
     usable = np.isfinite(deviations) & (deviations > 0.0) & (deviations < period)
     likely = (shifts >= settings.EARLIEST_SHIFT * period) & (
@@ -160,22 +220,4 @@ def _chain(shifts: FloatArray, deviations: FloatArray, period: float) -> EffortS
         shift = float(np.sum(weights * shifts[best]) / weights.sum())
         spread = float(np.sum(weights * (shifts[best] - shift) ** 2) / max(best.sum() - 1, 1))
         std = float(np.sqrt(max(1.0, spread) / weights.sum()))
-    return EffortShift(shift, std, period, shifts, deviations, best)
-
-
-def _shifted(data: Baseline, shift: float) -> Baseline:
-    """Return the baseline with the effort of its rows `shift` seconds later."""
-    if shift == 0.0:
-        return data
-    torques = []
-    for motion in data.prepared.motions:
-        signals = motion.signals
-        later = scipy.ndimage.shift(
-            signals.torque, (shift * signals.rate, 0.0), order=settings.SHIFT_SPLINE, mode="nearest"
-        )
-        torques.append(torque_rows(replace(motion, signals=replace(signals, torque=later))))
-    rows = tuple(
-        replace(row, torque=np.concatenate([torque[joint] for torque in torques]))
-        for joint, row in enumerate(data.rows)
-    )
-    return replace(data, rows=rows)
+    return EffortShift(shift, std, period, configured, shifts, deviations, best)

@@ -75,8 +75,10 @@ class SmoothMotion:
         Of the refit: the rigid bodies alone, and with drives and friction.
     rate : float
         Hz, of this grid.
+    start : float
+        Of the recording, s of the session (`recording.session`).
     time : (s,) s
-        Of the session (`recording.session`).
+        Of the session.
     position, velocity, acceleration : (s, n_joints)
         rad, rad/s, rad/s² (m …).
     slip : (s, n_joints)
@@ -92,6 +94,7 @@ class SmoothMotion:
     links: DynamicParameters
     whole: DynamicParameters
     rate: float
+    start: float
     time: FloatArray
     position: FloatArray
     velocity: FloatArray
@@ -100,10 +103,21 @@ class SmoothMotion:
     decimation: ParallelDecimation
     kept: NDArray[np.bool_]
 
+    @property
+    def elapsed(self) -> FloatArray:
+        """(s,) s since the start of the recording."""
+        return self.time - self.start
+
     @cached_property
     def load(self) -> FloatArray:
         """(s, n_joints) N m: torque of the links alone, without drives and friction."""
         return self._torque(self.links)
+
+    @cached_property
+    def static_load(self) -> FloatArray:
+        """(s, n_joints) N m: `load` without accelerations: gravity and Coriolis."""
+        still = np.zeros_like(self.acceleration)
+        return inverse_dynamics(self.robot, self.links, self.position, self.velocity, still)
 
     @cached_property
     def torque(self) -> FloatArray:
@@ -199,6 +213,7 @@ def smooth_motions(
                 links=links,
                 whole=whole,
                 rate=rate / stride,
+                start=start,
                 time=time,
                 position=states[0][grid],
                 velocity=states[1][grid],

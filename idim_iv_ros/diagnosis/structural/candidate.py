@@ -29,6 +29,7 @@ def operating_range(data: Baseline) -> OperatingRange:
         torque=np.max([np.abs(m.torque).max(axis=0) for m in motions], axis=0),
         inertia=np.mean([np.einsum("sii->i", m.inertia) / len(m.time) for m in motions], axis=0),
         duration=float(max(m.time[-1] for m in motions)),
+        longest=float(max(m.elapsed[-1] for m in motions)),
         row_rate=data.row_rate,
         lever=np.array([1.0 if kind == "revolute" else settings.PRISMATIC_LEVER for kind in kinds]),
         sticking=data.sticking,

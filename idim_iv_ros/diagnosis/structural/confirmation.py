@@ -12,6 +12,7 @@ from idim_iv_ros.diagnosis.parametric.gain_beside_friction import with_gains
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
 from idim_iv_ros.diagnosis.structural.attribution import Attribution, Found
+from idim_iv_ros.diagnosis.structural.brief import why_of_pulses
 from idim_iv_ros.diagnosis.structural.candidate import operating_range
 from idim_iv_ros.diagnosis.structural.causes import NamedModel, built_model, label, named_model
 from idim_iv_ros.diagnosis.structural.cross_fitting import Chosen, CrossFitting
@@ -191,11 +192,12 @@ def impossible(data: Baseline, model: NamedModel, folds: CrossFitting) -> list[s
     covered = operating_range(data)
     ends = np.cumsum(model.regression.widths)
     reasons = []
-    for each, end in zip(model.found, ends, strict=True):
+    for number, (each, end) in enumerate(zip(model.found, ends, strict=True)):
         coefficients = model.fit.coefficients[end - each.candidate.width : end]
         reasons.append(
             why_impossible(each, coefficients, covered, divided)
             or why_of_the_gain(data, each, model.fit, coefficients)
+            or why_of_pulses(data, model, number)
         )
     return reasons
 
