@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from idim_iv_ros.identification.effort_statistics import (
+    FEWEST_ROWS_PER_COLUMN,
     ROWS_PER_COLUMN,
     TAIL,
     EffortStatistics,
@@ -103,7 +104,8 @@ def _too_few_rows(
             f", or raise processing.decimation_cutoff to {decimation:.2g} Hz and position_cutoff "
             f"to {position:.2g} Hz"
         )
-    yield JointFinding(joint, "limited", sentence, left_out=True)
+    # The other joints know most of these columns: with two rows for each there is still a residual.
+    yield JointFinding(joint, "limited", sentence, left_out=rows < FEWEST_ROWS_PER_COLUMN * columns)
 
 
 @dataclass(frozen=True)

@@ -264,11 +264,11 @@ def test_diagnosis_names_nothing_of_an_effort_with_the_wrong_sign(opposite) -> N
 
 
 def test_diagnosis_goes_on_with_the_joints_that_have_enough_rows(tmp_path: Path) -> None:
-    """joint_2 is measured in the last second only: 35 rows would be needed."""
+    """joint_2 is measured at the very end only: 14 rows would be needed, two for each column."""
     path = tmp_path / "run.mcap"
     states, reference = joint_topics(ARM, RECORD)
     hidden = np.asarray(states.effort).copy()
-    hidden[:8600, JOINT] = np.nan
+    hidden[:9200, JOINT] = np.nan
     write_bag(path, [replace(states, effort=hidden), reference])
     result = diagnose([path], in_band(ARM, 8.0, 20.0))
     assert result.summary.startswith("joint_2 is left out")
