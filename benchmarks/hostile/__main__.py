@@ -12,7 +12,6 @@ import json
 import sys
 from pathlib import Path
 
-from benchmarks.hostile.cells import SHARES
 from benchmarks.hostile.judge import Answer, judge
 from benchmarks.hostile.page import page_lines
 from benchmarks.measurement import write_page
@@ -49,7 +48,6 @@ def main() -> None:
     making = verbs.add_parser("generate", help="write cells, seal their labels")
     making.add_argument("--seed", type=int, required=True)
     making.add_argument("--cells", type=int, required=True)
-    making.add_argument("--group", choices=SHARES, help="of the cells those of one group alone")
     running = verbs.add_parser("run", help="diagnose every cell")
     running.add_argument("--command", default=COMMAND)
     running.add_argument("--timeout", type=float, default=1800.0, help="seconds a cell")
@@ -64,7 +62,7 @@ def main() -> None:
         # What makes the robots needs MuJoCo and compiled code; scoring does not.
         from benchmarks.hostile.generate import generate
 
-        generate(given.out, given.cells, given.seed, given.processes, given.group)
+        generate(given.out, given.cells, given.seed, given.processes)
     elif given.verb == "run":
         failed = run(given.out, given.command, processes=given.processes, timeout=given.timeout)
         if failed:
