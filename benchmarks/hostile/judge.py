@@ -8,6 +8,7 @@ from benchmarks.withheld_effects.verdict import ANYWHERE, Cause, Verdict
 
 NORMAL_975 = 1.959964
 HIT_PLACES = 2  # the truth may stand so far down in the set of a cause
+NOWHERE = 1_000_000
 Name = tuple[str, str | None]
 
 
@@ -117,7 +118,7 @@ def judge(
         found=tuple(
             Found(
                 hit=any(rank(cause, truth) < HIT_PLACES for cause in verdict.causes),
-                anywhere=any(rank(cause, truth) < len(cause.alike) for cause in verdict.causes),
+                anywhere=any(rank(cause, truth) < NOWHERE for cause in verdict.causes),
                 first=bool(judged) and rank(judged[0][0], truth) < HIT_PLACES,
             )
             for truth in truths
@@ -136,9 +137,9 @@ def judge(
 
 
 def rank(cause: Cause, truth: Mapping[str, Any]) -> int:
-    """Place of a true effect in the set of a cause, from 0; the set's size where it is not."""
+    """Place of a true effect in the set of a cause, from 0; `NOWHERE` where it is not."""
     places = (k for k, name in enumerate(cause.alike) if _named(name, [truth]))
-    return next(places, len(cause.alike))
+    return next(places, NOWHERE)
 
 
 def _named(name: Name, truths: Iterable[Mapping[str, Any]]) -> bool:
