@@ -1,20 +1,30 @@
-"""The list of cells: which robot and plant, which effects at which ratio, which lengths."""
+"""The list of cells: which robot and plant, which effects at which ratio, which lengths.
 
+A cell's place in the list tells nothing, and every beginning of the list has all kinds of cells
+in about the shares of the whole: what was run in that order may be judged before its end.
+"""
+
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.hostile.robots import LARGE, SMALL, joint_count
 from benchmarks.withheld_effects.cells import Asked
 from benchmarks.withheld_effects.effects import OUTSIDE, PARAMETRIC, STRUCTURAL
-from benchmarks.withheld_effects.robot import given_robot
 
-# Cells of each group in every twenty.
-SHARES = {"none": 5, "single": 7, "pair": 2, "outside": 2, "payload": 2, "parametric": 2}
-LARGE, OWN_PLANT = 3, 5  # one cell in so many has 6 or 7 joints, runs in MuJoCo's own plant
-RATIOS = (0.6, 4.0)
+# Cells of each kind in one round of the list; `single` and `parametric` of each effect.
+ROUND = {"none": 102, "single": 6, "pair": 24, "payload": 20, "outside": 16, "parametric": 5}
+# An effect in two forms has half as many cells again.
+FORMS = {
+    "load_dependent_friction": ("load_dependent_friction", "static_load_friction"),
+    "friction_drift": ("friction_drift", "friction_drift_anew"),
+}
+RATIOS = (1.1, 4.5)
 # The second plant is what MuJoCo steps: it has no shaft, no bristles and no pair of joints.
 SECOND_LACKS = {"elasticity", "backlash", "presliding", "joint_coupling"}
-FRICTIONS = ("load_dependent_friction", "stribeck")
+FRICTIONS = ("load_dependent_friction", "static_load_friction", "stribeck")
+LONG = 16  # one cell in so many has one recording of 40 to 60 s
 
 
 @dataclass(frozen=True)
@@ -26,15 +36,15 @@ class HostileCell:
     index : int
         Place in the list; seeds everything together with the master seed.
     group : str
-        none, single, pair, outside, payload (beside friction), parametric.
+        none, single, pair, payload (beside friction), outside, parametric.
     robot : str
     plant : str
         ``time_stepping`` or ``mujoco``.
     effects : tuple of Asked
     seconds : tuple of float
         Of each recording.
-    without : None
-        No effect is left out of the catalogue.
+    numbers_off : bool
+        Every number of the nominal model is off; else all are right within 0.2 %.
     """
 
     index: int
@@ -43,79 +53,105 @@ class HostileCell:
     plant: str
     effects: tuple[Asked, ...]
     seconds: tuple[float, ...]
-    without: None = None
-
-    @property
-    def identified(self) -> bool:
-        """Whether the nominal model was fitted to the robot before one number changed."""
-        return self.group in ("payload", "parametric")
+    numbers_off: bool
 
 
 def hostile_cells(count: int, master: int) -> tuple[HostileCell, ...]:
-    """`count` cells of a seed; of another count with the same seed they are others."""
-    rng = np.random.default_rng([master, count])
-    turn = [str(group) for group, share in SHARES.items() for _ in range(share)]
-    # Every twenty cells hold each group as often as its share says.
-    rounds = [rng.permutation(turn) for _ in range(-(-count // len(turn)))]
-    groups = [str(group) for group in np.concatenate(rounds)[:count]]
-    large = rng.permutation([k % LARGE == 0 for k in range(count)])
-    own = rng.permutation([k % OWN_PLANT == 0 for k in range(count)])
-    left: dict[str, list[str]] = {}
+    """The first `count` cells of a seed's list."""
+    rng = np.random.default_rng(master)
+    cells: list[HostileCell] = []
+    while len(cells) < count:
+        cells += _one_round(rng, list(_kinds(rng)), len(cells))
+    return tuple(cells[:count])
+
+
+def _kinds(rng: np.random.Generator) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Group and effects of every cell of one round, kind by kind."""
+    singles = [name for name in STRUCTURAL for _ in range(ROUND["single"]) if name not in FORMS]
+    for forms in FORMS.values():
+        singles += [name for name in forms for _ in range(3 * ROUND["single"] // 4)]
+    singles += ["common_delay"] * ROUND["single"]
+    frictions = [FRICTIONS[k % len(FRICTIONS)] for k in range(ROUND["payload"])]
+    outside = [name for name in OUTSIDE for _ in range(ROUND["outside"] // len(OUTSIDE))]
+    yield from (("none", ()) for _ in range(ROUND["none"]))
+    yield from (("single", (name,)) for name in singles)
+    yield from (("pair", names) for names in _pairs(rng))
+    yield from (("payload", ("payload", name)) for name in frictions)
+    yield from (("outside", (name,)) for name in outside)
+    for name in PARAMETRIC:
+        yield from (("parametric", (name,)) for _ in range(ROUND["parametric"]))
+
+
+def _pairs(rng: np.random.Generator) -> list[tuple[str, str]]:
+    """Two effects each; every effect comes as often as any other."""
+    names: list[str] = []
+    while len(names) < 2 * ROUND["pair"]:
+        names += [str(name) for name in rng.permutation(list(STRUCTURAL))]
+    halves = zip(names[0::2], names[1::2], strict=False)
+    pairs = [(first, second) for first, second in halves if first != second]
+    return pairs[: ROUND["pair"]]
+
+
+def _one_round(
+    rng: np.random.Generator, drafts: list[tuple[str, tuple[str, ...]]], start: int
+) -> list[HostileCell]:
+    kinds: dict[tuple[str, tuple[str, ...]], list[int]] = {}
+    for place, draft in enumerate(drafts):
+        # Pairs are one kind, whatever their effects.
+        key = draft if draft[0] != "pair" else ("pair", ())
+        kinds.setdefault(key, []).append(place)
+    order = np.empty(len(drafts))
+    small, second, off = np.zeros((3, len(drafts)), dtype=bool)
+    for turn, places in enumerate(kinds.values()):
+        size = len(places)
+        order[places] = (np.arange(size) + rng.random(size)) / size
+        small[rng.permutation(places)[: (size + turn % 4) // 4]] = True
+        second[rng.permutation(places)[: (size + turn % 3) // 3]] = True
+        off[rng.permutation(places)[: (size + turn % 2) // 2]] = True
+    stock: dict[bool, list[str]] = {True: [], False: []}
     cells = []
-    for index, group in enumerate(groups):
-        robot = str(rng.choice(["arm6", "arm7"])) if large[index] else "arm2"
-        plant = "mujoco" if own[index] else "time_stepping"
+    for number, place in enumerate(np.argsort(order)):
+        group, names = drafts[place]
+        two = bool(small[place])
+        stock[two] = stock[two] or [str(arm) for arm in rng.permutation(SMALL if two else [*LARGE])]
+        arm = stock[two].pop()
         cells.append(
             HostileCell(
-                index,
-                group,
-                robot,
-                plant,
-                _effects(rng, group, robot, plant, left),
-                _lengths(rng, robot),
+                index=start + number,
+                group=group,
+                robot=arm,
+                plant="mujoco"
+                if second[place] and not SECOND_LACKS & {*names}
+                else "time_stepping",
+                effects=_asked(rng, group, names, joint_count(arm)),
+                seconds=_lengths(rng, long=number % LONG == LONG // 2),
+                numbers_off=bool(off[place]) and group not in ("payload", "parametric"),
             )
         )
-    return tuple(cells)
+    return cells
 
 
-def _lengths(rng: np.random.Generator, robot: str) -> tuple[float, ...]:
-    """Three recordings of about 12 s; two of about 11 s where there are more joints."""
-    middle, count = (12.0, 3) if robot == "arm2" else (11.0, 2)
-    return tuple(float(each) for each in np.round(middle * rng.uniform(0.75, 1.25, count), 1))
+def _lengths(rng: np.random.Generator, *, long: bool) -> tuple[float, ...]:
+    """Two recordings of about 10 s, or one of about 15 s; now and then one that is long."""
+    if long:
+        return (float(np.round(rng.uniform(40.0, 60.0), 1)),)
+    if rng.random() < 0.6:
+        return tuple(float(each) for each in np.round(rng.uniform(10.0, 11.0, 2), 1))
+    return (float(np.round(rng.uniform(12.0, 18.0), 1)),)
 
 
-def _effects(
-    rng: np.random.Generator, group: str, robot: str, plant: str, left: dict[str, list[str]]
+def _asked(
+    rng: np.random.Generator, group: str, names: tuple[str, ...], joints: int
 ) -> tuple[Asked, ...]:
-    joints = len(given_robot(robot).joints)
-
-    def asked(name: str) -> Asked:
-        ratio = float(np.exp(rng.uniform(*np.log(RATIOS))))
-        return Asked(name, int(rng.integers(joints)), ratio)
-
-    def next_of(names: list[str], number: int = 1) -> list[str]:
-        """Names in turns: each comes as often as any other."""
-        stock = left.setdefault(group, [])
-        if len([name for name in stock if name in names]) < number:
-            stock += [str(name) for name in rng.permutation(names)]
-        taken: list[str] = []
-        for name in list(stock):
-            if name in names and name not in taken and len(taken) < number:
-                taken.append(name)
-                stock.remove(name)
-        return taken
-
-    structural = [name for name in STRUCTURAL if plant != "mujoco" or name not in SECOND_LACKS]
-    if group == "single":
-        return tuple(map(asked, next_of(structural)))
-    if group == "pair":
-        return tuple(map(asked, next_of(structural, 2)))
-    if group == "outside":
-        return tuple(map(asked, next_of(list(OUTSIDE))))
-    if group == "parametric":
-        return tuple(map(asked, next_of(list(PARAMETRIC))))
     if group == "payload":
-        loaded = 0 if robot == "arm2" else int(rng.integers(1, 3))
-        friction = Asked(next_of(list(FRICTIONS))[0], loaded, float(rng.uniform(0.8, 3.0)))
+        # Friction where a payload is felt.
+        loaded = 0 if joints == 2 else int(rng.integers(1, 3))
+        friction = Asked(names[1], loaded, float(rng.uniform(1.0, 3.0)))
         return Asked("payload", joints - 1, float(rng.uniform(2.0, 8.0))), friction
-    return ()
+    asked = []
+    for name in names:
+        # A joint that turns about the vertical, or a last one, carries no load to speak of.
+        carries = name in FORMS["load_dependent_friction"] and joints > 2
+        joint = int(rng.integers(1, 4) if carries else rng.integers(joints))
+        asked.append(Asked(name, joint, float(np.exp(rng.uniform(*np.log(RATIOS))))))
+    return tuple(asked)

@@ -38,13 +38,18 @@ def write_files(folder: Path, made: HostileSession, seed: int) -> None:
 
 def configuration(made: HostileSession) -> dict[str, Any]:
     """What the user knows of the robot."""
-    nuisances = made.nuisances
-    loaded = YAML(typ="safe").load(made.given.yaml.read_text(encoding="utf-8"))
-    given: dict[str, Any] = {key: loaded[key] for key in ("robot", "simulator", "controller")}
-    law = given["controller"]
-    for gain, power in (("kp", 2), ("kd", 1), ("ki", 2)):
-        if gain in law:
-            law[gain] = [float(each) * nuisances.softer**power for each in law[gain]]
+    nuisances, robot = made.nuisances, made.given
+    law: dict[str, Any] = {
+        "type": "pd",
+        "kp": (robot.controller.kp * nuisances.softer**2).tolist(),
+        "kd": (robot.controller.kd * nuisances.softer).tolist(),
+        "torque_limit": robot.controller.limit.tolist(),
+    }
+    given: dict[str, Any] = {
+        "robot": {"urdf": robot.urdf.name, "joints": list(robot.joints)},
+        "simulator": {"armature": robot.armature.tolist()},
+        "controller": law,
+    }
     law["period"] = nuisances.period
     if not nuisances.knows_period:
         del law["period"]

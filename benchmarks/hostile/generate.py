@@ -10,20 +10,19 @@ from benchmarks.hostile.session import make_session
 from benchmarks.withheld_effects.generate import cell_name, keep, write_cells
 
 
-def generate(
-    out: Path, count: int, seed: int, processes: int = 1, group: str | None = None
-) -> None:
+def generate(out: Path, count: int, seed: int, processes: int = 1) -> None:
     """Write those of `count` cells that are not there yet, then seal their labels.
 
-    Of one `group` alone where one is given: the same cells as among all of them.
+    Names begin with the place in the list, so that they are diagnosed in its order.
 
     Raises
     ------
     ValueError, RuntimeError
         As `benchmarks.withheld_effects.generate.write_cells`.
     """
-    chosen = [c for c in hostile_cells(count, seed) if group in (None, c.group)]
-    cells = {cell_name(cell, seed): cell for cell in chosen}
+    cells = {
+        f"{cell.index:04d}_{cell_name(cell, seed)[:6]}": cell for cell in hostile_cells(count, seed)
+    }
     write_cells(out, cells, master=seed, processes=processes, write=write_cell)
 
 

@@ -1,13 +1,34 @@
 """One answer against one label: what was named, what was missed, what was made up."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.withheld_effects.verdict import Cause, Verdict, holds
+from benchmarks.withheld_effects.verdict import ANYWHERE, Cause, Verdict
 
 NORMAL_975 = 1.959964
-NEEDS_LAW = ("controller_mismatch",)
+HIT_PLACES = 2  # the truth may stand so far down in the set of a cause
+NOWHERE = 1_000_000
+Name = tuple[str, str | None]
+
+
+@dataclass(frozen=True)
+class Found:
+    """One true effect in an answer.
+
+    Attributes
+    ----------
+    hit : bool
+        A cause whose first name is this effect, or whose set has it among the first two.
+    anywhere : bool
+        In some set, at any place.
+    first : bool
+        In this sense a hit, and by the first of the causes that count.
+    """
+
+    hit: bool
+    anywhere: bool
+    first: bool
 
 
 @dataclass(frozen=True)
@@ -19,56 +40,57 @@ class Answer:
     label : dict
         Of the generator.
     seconds : float
-        Of one core.
+        Of processor.
+    peak : float
+        MB of memory; NaN where it was not measured.
     verdict : str
     said : tuple of str
         All causes in their order, ``effect[joint]``, the set behind a bar.
+    found : tuple of Found
+        Of each true effect of the catalogue.
     false_names : tuple of str
-        Causes whose whole set is wrong.
-    found : tuple of bool
-        For each true effect: is it, or is it in the set of, an accepted cause?
-    first : bool
-        The first cause that is judged is a true effect at its joint, or has one in its set.
+        Causes that count and whose whole set is wrong.
     sets : tuple of int
-        Sizes of the sets of the judged causes.
-    covering : tuple of bool
-        Whether each of these sets holds a true effect.
+        Sizes of the sets of the causes that count.
+    claims : tuple of (float or None, bool)
+        Probability said, and truth of the first name, of each cause that counts.
     mass_in_interval : bool or None
         Of a true payload; None without one, or where it was not named itself.
-    unanswerable : tuple of str
-        True effects that nothing in the files can show: not asked for, and not in `found`.
     """
 
     label: dict[str, Any]
     seconds: float
+    peak: float
     verdict: str
     said: tuple[str, ...]
+    found: tuple[Found, ...]
     false_names: tuple[str, ...]
-    found: tuple[bool, ...]
-    first: bool
     sets: tuple[int, ...]
-    covering: tuple[bool, ...]
+    claims: tuple[tuple[float | None, bool], ...]
     mass_in_interval: bool | None
-    unanswerable: tuple[str, ...] = ()
 
     @property
     def outcome(self) -> str:
-        """``hit``, ``abstained`` or ``missed``, and false names; of one row of the page."""
-        if self.false_names:
-            return "false name" if not any(self.found) else "hit and false name"
-        if not self.found:
-            cannot = f" (no {' and '.join(self.unanswerable)} can)" if self.unanswerable else ""
-            return f"right: nothing named{cannot}"
-        if all(self.found):
-            return "hit"
-        return "part found" if any(self.found) else "abstained"
+        """``right``, ``part``, ``missed``, with `` + false`` where a cause is."""
+        hits = [each.hit for each in self.found]
+        said = "right" if all(hits) else "part" if any(hits) else "missed"
+        return said + (" + false" if self.false_names else "")
+
+    @property
+    def right(self) -> bool:
+        """Everything found, and nothing made up."""
+        return self.outcome == "right"
 
 
-def judge(label: dict[str, Any], document: Mapping[str, Any], seconds: float) -> Answer:
+def judge(
+    label: dict[str, Any], document: Mapping[str, Any], seconds: float, peak: float = float("nan")
+) -> Answer:
     """Compare gap.json with the truth.
 
-    Where the nominal model is off, what that makes true is not asked for and is no false name.
-    Another control law is not asked for where the configuration says that the law is unknown.
+    A name that is true for another reason than what is asked for (`also_true` of the label: what
+    errors of the nominal model make true) counts for nothing, either way: a cause that begins
+    with such a name is not judged unless it is a hit, and in the set of another cause the name is
+    as if it were not there.
 
     Raises
     ------
@@ -76,54 +98,72 @@ def judge(label: dict[str, Any], document: Mapping[str, Any], seconds: float) ->
         Another format.
     """
     verdict = Verdict.read(dict(document))
-    unanswerable = _unanswerable(label)
-    truths = [
-        truth
-        for truth in label["effects"]
-        if truth["kind"] != "outside" and truth["effect"] not in unanswerable
+    truths = [truth for truth in label["effects"] if truth["kind"] != "outside"]
+    also = [(each["effect"], each["joint"]) for each in label["also_true"]]
+    judged = []
+    for cause, item in zip(verdict.causes, document["causes"], strict=True):
+        hit = any(rank(cause, truth) < HIT_PLACES for truth in truths)
+        if hit or not _is_one_of(cause.alike[0], also) or _named(cause.alike[0], truths):
+            judged.append((cause, item))
+    counted = [
+        [name for name in cause.alike if _named(name, truths) or not _is_one_of(name, also)]
+        for cause, _ in judged
     ]
-    asked = {truth["effect"] for truth in truths}
-    also = set(label["also_true"]) - asked
-    judged = [cause for cause in verdict.causes if _about(cause, truths) or not _also(cause, also)]
-    covering = tuple(_about(cause, truths) for cause in judged)
     return Answer(
         label=label,
         seconds=seconds,
+        peak=peak,
         verdict=verdict.verdict,
         said=tuple(map(_words, verdict.causes)),
-        false_names=tuple(
-            _words(cause) for cause, right in zip(judged, covering, strict=True) if not right
+        found=tuple(
+            Found(
+                hit=any(rank(cause, truth) < HIT_PLACES for cause in verdict.causes),
+                anywhere=any(rank(cause, truth) < NOWHERE for cause in verdict.causes),
+                first=bool(judged) and rank(judged[0][0], truth) < HIT_PLACES,
+            )
+            for truth in truths
         ),
-        found=tuple(any(holds(cause, truth) for cause in judged) for truth in truths),
-        first=bool(covering) and covering[0],
-        sets=tuple(len(cause.alike) for cause in judged),
-        covering=covering,
+        false_names=tuple(
+            _words(cause)
+            for (cause, _), names in zip(judged, counted, strict=True)
+            if not any(_named(name, truths) for name in names)
+        ),
+        sets=tuple(map(len, counted)),
+        claims=tuple(
+            (item.get("probability"), _named(cause.alike[0], truths)) for cause, item in judged
+        ),
         mass_in_interval=_mass(truths, document),
-        unanswerable=unanswerable,
     )
 
 
-def _unanswerable(label: Mapping[str, Any]) -> tuple[str, ...]:
-    """Another law than the configured one, where none is configured: one can only abstain."""
-    if label["nuisances"]["knows_controller"]:
-        return ()
-    effects = {truth["effect"] for truth in label["effects"]}
-    return tuple(effect for effect in NEEDS_LAW if effect in effects)
+def rank(cause: Cause, truth: Mapping[str, Any]) -> int:
+    """Place of a true effect in the set of a cause, from 0; `NOWHERE` where it is not."""
+    places = (k for k, name in enumerate(cause.alike) if _named(name, [truth]))
+    return next(places, NOWHERE)
 
 
-def _about(cause: Cause, truths: list[dict[str, Any]]) -> bool:
-    return any(holds(cause, truth) for truth in truths)
+def _named(name: Name, truths: Iterable[Mapping[str, Any]]) -> bool:
+    """Is a name one of these true effects, at its joint?
+
+    Either joint of a coupling is right, and any of a payload and of the direction of gravity. What
+    acts on all joints has no joint: that is its name.
+    """
+    effect, joint = name
+    for truth in truths:
+        joints = {truth["joint"]}
+        if truth["joint"] is not None:
+            joints |= {*truth["joints"]}
+        if effect == truth["effect"] and (effect in ANYWHERE or joint in joints):
+            return True
+    return False
 
 
-def _also(cause: Cause, also: set[str]) -> bool:
-    """Whether a cause, or one in its set, is what the nuisances make true."""
-    return any(effect in also for effect, _ in cause.alike)
+def _is_one_of(name: Name, also: Iterable[Name]) -> bool:
+    return any(name[0] == effect and joint in (None, name[1]) for effect, joint in also)
 
 
 def _words(cause: Cause) -> str:
-    (effect, joint), *others = cause.alike
-    own = f"{effect}[{joint}]" if joint else effect
-    return own + "".join(f" | {name}[{place}]" if place else f" | {name}" for name, place in others)
+    return " | ".join(f"{effect}[{joint}]" if joint else effect for effect, joint in cause.alike)
 
 
 def _mass(truths: list[dict[str, Any]], document: Mapping[str, Any]) -> bool | None:

@@ -155,6 +155,7 @@ def stepped_by_mujoco(
     state: tuple[np.ndarray, np.ndarray],
     inputs: tuple[np.ndarray, np.ndarray],
     losses: tuple[np.ndarray, np.ndarray],
+    bias: np.ndarray,
     drive: Drive,
     controller: Controller,
     chain: Chain,
@@ -178,6 +179,8 @@ def stepped_by_mujoco(
         Views of ctrl and qfrc_applied, (n_joints,) N m.
     losses
         Views of dof_damping N m s/rad and dof_frictionloss N m, (n_joints,).
+    bias
+        View of qfrc_bias, (n_joints,) N m: gravity and Coriolis torque of the last step.
     """
     periods, n = course.position.shape
     period, step = controller.period, controller.period / substeps
@@ -210,7 +213,8 @@ def stepped_by_mujoco(
                 torque = motor_torque(drive, j, sent, angle[j])
                 viscous, drag = sliding_torque(drive, j, velocity[j], heat[j])
                 forward = velocity[j] >= 0.0
-                level = dry_level(drive, j, angle[j], velocity[j], torque, heat[j], forward)
+                load = bias[j] if drive.load_static[j] > 0.0 else torque
+                level = dry_level(drive, j, angle[j], velocity[j], load, heat[j], forward)
                 control[j], damping[j], loss[j] = torque, viscous, level
                 applied[j] = link_torque(drive, j, angle[j], velocity[j]) + drag
                 applied[j] += course.external[k, j] - drive.offset[j]

@@ -10,10 +10,10 @@ from benchmarks.withheld_effects.robot import GivenRobot
 from benchmarks.withheld_effects.sensors import Sensors
 
 FloatArray = NDArray[np.float64]
-CONTROL_RATES = (250.0, 500.0, 500.0, 1000.0, 1000.0, 1000.0, 2000.0, 2000.0)  # Hz
-SLOWEST_RECORDING = 250.0  # Hz
-SLOW_PERIOD = 1.5e-3  # s, from which on the loop needs softer gains
-SOFTER = 0.55
+CONTROL_RATES = (100.0, 250.0, 500.0, 500.0, 1000.0, 1000.0, 1000.0, 1000.0, 2000.0, 2000.0)  # Hz
+SLOWEST_RECORDING = 100.0  # Hz
+# Periods (s) from which on the loop needs gains that are softer by a factor.
+SOFTER = ((5e-3, 0.3), (1.5e-3, 0.55), (0.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,9 @@ class Nuisances:
         )
 
 
-def drawn(rng: np.random.Generator, given: GivenRobot, *, identified: bool) -> Nuisances:
+def drawn(
+    rng: np.random.Generator, given: GivenRobot, *, identified: bool, needs_law: bool = False
+) -> Nuisances:
     """Draw the nuisances of one cell.
 
     Parameters
@@ -122,6 +124,8 @@ def drawn(rng: np.random.Generator, given: GivenRobot, *, identified: bool) -> N
     identified
         The nominal model was fitted to the robot: its inertials are within 0.2 percent and
         nothing is missing in it, so that one wrong number can be told.
+    needs_law
+        The configuration knows the control law, without which its effect cannot be seen.
     """
     n = len(given.joints)
     period = 1.0 / rng.choice(CONTROL_RATES)
@@ -129,11 +133,11 @@ def drawn(rng: np.random.Generator, given: GivenRobot, *, identified: bool) -> N
     effort_every = int(rng.choice([1, 1, 2]))
     offset = float(rng.uniform(-1e-3, 1e-3)) if rng.random() < 0.4 else 0.0
     current = rng.random() < 0.4
-    reference = rng.random() < 0.85
-    controller = rng.random() < 0.75
+    reference = rng.random() < 0.85 or needs_law
+    controller = rng.random() < 0.75 or needs_law
     return Nuisances(
         period=float(period),
-        record_every=int(rng.choice([each for each in (1, 1, 2, 4) if each <= most])),
+        record_every=int(rng.choice([each for each in (1, 1, 2, 4, 10) if each <= most])),
         computing=float(rng.choice([0.0, rng.uniform(0.1, 0.6), 1.0]) * period),
         lateness=float(rng.uniform(0.0, 4e-3)) if rng.random() < 0.7 else 0.0,
         effort=str(rng.choice(["command", "measured"])),
@@ -155,7 +159,7 @@ def drawn(rng: np.random.Generator, given: GivenRobot, *, identified: bool) -> N
         knows_controller=bool(controller and reference),
         knows_period=bool(rng.random() < 0.6),
         repeats=bool(rng.random() < 0.35),
-        softer=SOFTER if period > SLOW_PERIOD else 1.0,
+        softer=next(factor for least, factor in SOFTER if period >= least),
         nominal_error=0.002 if identified else float(rng.uniform(0.05, 0.3)),
         knows_armature=bool(identified or rng.random() < 0.8),
         part=_part(rng) if not identified else 0.0,

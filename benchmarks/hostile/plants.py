@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from benchmarks.hostile.loop import Chain, Recorded, stepped_by_mujoco, stepped_in_time
 from benchmarks.hostile.nuisances import Nuisances
 from benchmarks.withheld_effects.control import Course
+from benchmarks.withheld_effects.drive import packed
 from benchmarks.withheld_effects.robot import rigid_body_model, set_inertials
 from benchmarks.withheld_effects.world import SETTLE, Runaway, World
 
@@ -101,7 +102,7 @@ def _in_time(world: World, chain: Chain, course: Course, heat: FloatArray) -> tu
     return stepped_in_time(
         (model._address, data._address),
         (data.qpos, data.qvel, data.qacc),
-        world.drive,
+        packed(world.drive),
         world.controller,
         chain,
         course,
@@ -126,7 +127,8 @@ def _by_mujoco(
         (data.qpos, data.qvel),
         (data.ctrl, data.qfrc_applied),
         (model.dof_damping, model.dof_frictionloss),
-        world.drive,
+        data.qfrc_bias,
+        packed(world.drive),
         world.controller,
         chain,
         course,

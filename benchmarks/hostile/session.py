@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from benchmarks.hostile.cells import HostileCell
 from benchmarks.hostile.nuisances import Nuisances, drawn
 from benchmarks.hostile.plants import Run, chain_of, run
-from benchmarks.withheld_effects.calibration import COOLING, Calibrated, Course, calibrate, session
+from benchmarks.hostile.robots import robot
+from benchmarks.withheld_effects.calibration import Calibrated, Course, calibrate, session
 from benchmarks.withheld_effects.effects import EFFECTS, PARAMETRIC, STRUCTURAL, Effect
 from benchmarks.withheld_effects.motion import rich_motion
 from benchmarks.withheld_effects.robot import (
@@ -18,7 +19,6 @@ from benchmarks.withheld_effects.robot import (
     Inertials,
     altered_inertials,
     given_inertials,
-    given_robot,
 )
 from benchmarks.withheld_effects.sensors import Sensors
 from benchmarks.withheld_effects.world import Runaway, World, plain_world
@@ -27,6 +27,8 @@ FloatArray = NDArray[np.float64]
 SHIFT = 0.04  # m by which centres of mass are off, per relative error of the inertials
 WEAKER = 0.7  # what strengths are multiplied with until the loop holds
 LEAST_ERROR = 0.05
+REDRAWN = 3  # times that shapes are drawn until the ratios can be reached
+TRIAL, CLOSE = 10.0, 0.15  # s of a motion for calibration, and how near its ratio must come
 
 
 @dataclass(frozen=True)
@@ -43,40 +45,49 @@ class HostileSession:
 def make_session(cell: HostileCell, master: int) -> HostileSession:
     """Draw the true robot of a cell and its nuisances, calibrate its effects, record it.
 
-    Strengths are found on the benchmark's own plant at its own period with the cell's sensors and
-    no other nuisance: ρ is what the effect is, not what a poor signal chain hides of it.
+    Strengths are found on the benchmark's own plant at its own period, on a motion of its own of
+    TRIAL seconds, with the cell's sensors and no other nuisance: ρ is what the effect is, not what
+    a poor signal chain hides of it.
     """
-    given = given_robot(cell.robot)
-    seeds = np.random.SeedSequence([master, cell.index]).spawn(5)
-    robot, noise, chain = (np.random.default_rng(seed) for seed in seeds[:3])
-    motion = int(np.random.default_rng(seeds[3]).integers(2**31))
-    nuisances = drawn(chain, given, identified=cell.identified)
-    world = _world(given, nuisances, robot)
-    effects = _effects(cell, given, seeds[4])
-    courses = [
-        Course(*each, int(seed))
-        for each, seed in zip(
-            _motions(cell, nuisances, given, motion),
-            noise.integers(2**31, size=len(cell.seconds)),
-            strict=True,
-        )
-    ]
-    found = _calibrated(world, effects, cell, courses)
+    seeds = np.random.SeedSequence([master, cell.index]).spawn(6)
+    arm, body, noise, chain = (np.random.default_rng(seed) for seed in seeds[:4])
+    given = robot(cell.robot, arm)
+    motion = int(np.random.default_rng(seeds[4]).integers(2**31))
+    nuisances = drawn(
+        chain,
+        given,
+        identified=not cell.numbers_off,
+        needs_law=any(asked.effect == "controller_mismatch" for asked in cell.effects),
+    )
+    world = _world(given, nuisances, body)
+    for shape in seeds[5].spawn(REDRAWN):
+        effects = _effects(cell, given, shape)
+        found = _calibrated(world, effects, cell, motion)
+        if all(each.reached for each in found):
+            break
     slower = _with_chain(given, nuisances)
-    motions = _motions(cell, nuisances, slower, motion)
-    strengths = [each.strength for each in found]
-    same = _effects(cell, slower, seeds[4])
-    runs, sensors, strengths = _recorded(cell, world, nuisances, same, strengths, motions, courses)
+    runs, sensors, strengths = _recorded(
+        cell,
+        world,
+        nuisances,
+        _effects(cell, slower, shape),
+        [each.strength for each in found],
+        _motions(cell, nuisances, slower, motion),
+        noise.integers(2**31, size=len(cell.seconds)).tolist(),
+    )
     label = {
         "group": cell.group,
         "robot": cell.robot,
+        "joints": len(given.joints),
         "plant": cell.plant,
         "seconds": list(cell.seconds),
+        "numbers_off": cell.numbers_off,
         "nuisances": nuisances.document(),
-        "also_true": also_true(nuisances),
+        "also_true": also_true(nuisances, effects, given),
         "effects": [
             {
                 "effect": effect.name,
+                "form": asked.effect,
                 "kind": _kind(effect.name),
                 "joint": None if effect.joint is None else given.joints[effect.joint],
                 "joints": [given.joints[j] for j in effect.joints],
@@ -101,16 +112,26 @@ def _effects(cell: HostileCell, given: GivenRobot, seed: np.random.SeedSequence)
     return [EFFECTS[asked.effect](shape, given, asked.joint) for asked in cell.effects]
 
 
-def also_true(nuisances: Nuisances) -> list[str]:
-    """Parametric causes that the nuisances make true: no false names, and not asked for."""
-    true = []
+def also_true(
+    nuisances: Nuisances, effects: Sequence[Effect], given: GivenRobot
+) -> list[dict[str, str | None]]:
+    """Names that nobody asks for and that are not false, at one joint or (None) at any.
+
+    What the errors of the nominal model make true; the offset that asymmetric friction cannot be
+    told from; the delay of one joint where all have it.
+    """
+    anywhere, true = [], []
     if nuisances.nominal_error >= LEAST_ERROR:
-        true += ["link_inertia", "friction_level", "drive_inertia"]
+        # Another last link is the given one with a payload.
+        anywhere += ["link_inertia", "friction_level", "drive_inertia", "payload"]
     if not nuisances.knows_armature:
-        true.append("drive_inertia")
-    if nuisances.part:
-        true.append("payload")
-    return sorted(set(true))
+        anywhere.append("drive_inertia")
+    for effect in effects:
+        if effect.name == "time_delay" and effect.joint is None:
+            anywhere.append("time_delay")
+        if effect.name == "asymmetric_friction" and effect.joint is not None:
+            true.append({"effect": "torque_offset", "joint": given.joints[effect.joint]})
+    return true + [{"effect": name, "joint": None} for name in sorted(set(anywhere))]
 
 
 def _world(given: GivenRobot, nuisances: Nuisances, rng: np.random.Generator) -> World:
@@ -178,14 +199,20 @@ def _motions(
 
 
 def _calibrated(
-    world: World, effects: Sequence[Effect], cell: HostileCell, courses: list[Course]
+    world: World, effects: Sequence[Effect], cell: HostileCell, motion: int
 ) -> list[Calibrated]:
     """Strengths at which the effects stand out by the ratios that are asked for."""
     if not effects:
         return []
+    # What acts at few instants, or over a session, needs two recordings.
+    count = 2 if any(effect.whole_session for effect in effects) else 1
+    courses = [
+        Course(*rich_motion(world.given, np.random.default_rng([motion, 2, k]), TRIAL), motion + k)
+        for k in range(count)
+    ]
     floor = session(world, courses)
     return [
-        calibrate(world, effect, courses, floor, asked.rho)
+        calibrate(world, effect, courses, floor, asked.rho, CLOSE)
         for effect, asked in zip(effects, cell.effects, strict=True)
     ]
 
@@ -197,7 +224,7 @@ def _recorded(
     effects: Sequence[Effect],
     strengths: list[float],
     motions: Sequence[tuple[FloatArray, FloatArray]],
-    courses: Sequence[Course],
+    seeds: Sequence[int],
 ) -> tuple[list[Run], Sensors, list[float]]:
     """Recordings, what records their efforts, and the strengths with which the loop holds."""
     law = _with_chain(world.given, nuisances).controller
@@ -210,9 +237,9 @@ def _recorded(
         heat = np.zeros(len(world.given.joints))
         runs = []
         try:
-            for motion, course in zip(motions, courses, strict=True):
-                runs.append(run(true, cell.plant, chain, motion, course.seed, heat))
-                heat *= COOLING
+            for motion, seed in zip(motions, seeds, strict=True):
+                runs.append(run(true, cell.plant, chain, motion, seed, heat))
+                heat *= true.warmth_kept
         except Runaway:
             strengths = [WEAKER * strength for strength in strengths]
             continue

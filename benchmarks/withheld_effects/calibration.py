@@ -19,9 +19,7 @@ from benchmarks.withheld_effects.robot import given_inertials
 from benchmarks.withheld_effects.world import Record, Runaway, World, record
 
 FloatArray = NDArray[np.float64]
-TOLERANCE = 0.07
 TRIALS = 12
-COOLING = 0.8  # share of the warmth that is left when the next recording starts
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,7 @@ def session(world: World, courses: Sequence[Course]) -> list[Record]:
     records = []
     for course in courses:
         records.append(record(world, course.position, course.velocity, course.seed, heat))
-        heat *= COOLING
+        heat *= world.warmth_kept
     return records
 
 
@@ -79,12 +77,13 @@ def calibrate(
     courses: Sequence[Course],
     without: Sequence[Record],
     rho: float,
+    tolerance: float = 0.07,
 ) -> Calibrated:
     """Find the strength at which `effect.seen_at` shows `rho`.
 
     Bracketed secant steps on the logarithms; `without` are the recordings of these courses
     without the effect, with the same noise. Where the effect cannot show as much, the largest
-    that it showed.
+    that it showed. An effect whose usual strength is its largest keeps that.
     """
     joint = effect.seen_at
     floor = variance(world, without, effect.measure)
@@ -96,12 +95,14 @@ def calibrate(
             return np.inf
         return float(ratio(variance(world, records, effect.measure), floor)[joint])
 
+    if effect.usual == effect.largest:
+        return Calibrated(effect.usual, shown(effect.usual), True)
     low, high = None, None
     strength = min(effect.usual * rho, effect.largest)
     best = Calibrated(0.0, 0.0, False)
     for _ in range(TRIALS):
         found = shown(strength)
-        if abs(found / rho - 1.0) < TOLERANCE:
+        if abs(found / rho - 1.0) < tolerance:
             return Calibrated(strength, found, True)
         if np.isfinite(found) and abs(found - rho) < abs(best.rho - rho):
             best = Calibrated(strength, found, False)

@@ -30,6 +30,7 @@ class Drive(NamedTuple):
     load_scale: FloatArray  # N m, never zero
     load_exponent: FloatArray
     load_direction: FloatArray  # share by which driving and being driven differ
+    load_static: FloatArray  # 1: load is gravity and Coriolis torque; 0: torque of the motor
     patch: FloatArray  # share of the dry friction, (n_joints, 2): wave, tight spot
     patch_wave: FloatArray  # rad/rad
     patch_at: FloatArray  # rad, (n_joints, 2)
@@ -106,6 +107,20 @@ def rigid_drive(
         "pair": np.zeros(2, dtype=np.int64),
     }
     return Drive(**{**nothing, **own})
+
+
+def packed(drive: Drive) -> np.void:
+    """The drives as one record for compiled code, which reads it as it would read the tuple.
+
+    A tuple of sixty arrays is copied, and its references counted, at every call: with the record
+    a step takes a sixth of the time.
+    """
+    values = drive._asdict()
+    kind = np.dtype([(name, value.dtype, value.shape) for name, value in values.items()])
+    record = np.zeros(1, kind)[0]
+    for name, value in values.items():
+        record[name] = value
+    return record
 
 
 def altered(drive: Drive, joint: int, **values: float | FloatArray) -> Drive:

@@ -156,7 +156,8 @@ def seal(out: Path, cells: Mapping[str, Any], master: int) -> str:
         for name in sorted(cells)
     }
     text = json.dumps({"master_seed": master, "cells": labels}, indent=1) + "\n"
-    options = {name: ["--without", cell.without] for name, cell in cells.items() if cell.without}
+    without = {name: getattr(cell, "without", None) for name, cell in cells.items()}
+    options = {name: ["--without", effect] for name, effect in without.items() if effect}
     (out / OPTIONS).write_text(json.dumps(dict(sorted(options.items())), indent=1) + "\n")
     (out / LABELS).write_text(text, encoding="utf-8")
     digest = hashlib.sha256(text.encode()).hexdigest()

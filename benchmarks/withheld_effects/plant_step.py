@@ -143,8 +143,9 @@ def _motor(drive: Drive, state: State, j: int, sent: float, step: float) -> None
     viscous, drag = sliding_torque(drive, j, speed, heat)
     state.effective[m, m] += drive.inertia[j] + 0.5 * step * viscous
     state.push[m] += torque - drive.offset[j] + drag - viscous * speed
-    forward = dry_level(drive, j, angle, speed, torque, heat, True)
-    backward = dry_level(drive, j, angle, speed, torque, heat, False)
+    load = state.bias[j] if drive.load_static[j] > 0.0 else torque
+    forward = dry_level(drive, j, angle, speed, load, heat, True)
+    backward = dry_level(drive, j, angle, speed, load, heat, False)
     state.lower[j], state.upper[j] = -step * forward, step * backward
     travel = drive.bristle_travel[j]
     if travel > 0.0:

@@ -9,7 +9,6 @@ The labels are not read; their hash is noted before the first cell is diagnosed.
 import argparse
 import json
 import os
-import resource
 import shlex
 import shutil
 import subprocess
@@ -51,8 +50,8 @@ def run(out: Path, command: str = COMMAND, *, processes: int = 2, timeout: float
 def diagnose(out: Path, name: str, command: str, options: list[str], timeout: float) -> bool:
     """Run the command on one cell; True when it left a gap.json.
 
-    verdicts/NAME appears when the command has ended: gap.json, run.json with the seconds and, if
-    it failed, failure.txt with what it said. A report is not kept.
+    verdicts/NAME appears when the command has ended: gap.json, run.json with seconds and memory
+    and, if it failed, failure.txt with what it said. A report is not kept.
     """
     folder = out / "verdicts" / name
     making = out / ".diagnosing" / name
@@ -71,32 +70,38 @@ def diagnose(out: Path, name: str, command: str, options: list[str], timeout: fl
         *options,
     ]
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    began, before = time.perf_counter(), _processor_seconds()
-    try:
-        ended = subprocess.run(
-            call, capture_output=True, text=True, timeout=timeout, env=environment, check=False
-        )
-        said = "" if ended.returncode == 0 else ended.stderr.strip() or "no message"
-    except subprocess.TimeoutExpired:
-        said = f"no end after {timeout:g} s"
-    seconds, spent = time.perf_counter() - began, _processor_seconds() - before
+    began = time.perf_counter()
+    with (making / "stderr.txt").open("w+", encoding="utf-8") as stderr:
+        process = subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=stderr, env=environment)
+        while True:
+            ended, status, used = os.wait4(process.pid, os.WNOHANG)
+            late = time.perf_counter() - began > timeout
+            if ended or late:
+                break
+            time.sleep(0.05)
+        if not ended:
+            process.kill()
+            _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        stderr.seek(0)
+        said = "" if process.returncode == 0 else stderr.read().strip() or "no message"
+    said = said if ended else f"no end after {timeout:g} s"
+    (making / "stderr.txt").unlink()
+    seconds, spent = time.perf_counter() - began, used.ru_utime + used.ru_stime
     well = not said and (making / "gap.json").is_file()
     if not well:
         (making / "gap.json").unlink(missing_ok=True)
         (making / "failure.txt").write_text(said or "no gap.json", encoding="utf-8")
     (making / "report.html").unlink(missing_ok=True)
     (making / "run.json").write_text(
-        json.dumps({"seconds": seconds, "processor_seconds": spent}) + "\n"
+        json.dumps(
+            {"seconds": seconds, "processor_seconds": spent, "peak_MB": used.ru_maxrss / 1024.0}
+        )
+        + "\n"
     )
     making.rename(folder)
     print(f"{name} {seconds:.1f} s{'' if well else ', no verdict'}", flush=True)
     return well
-
-
-def _processor_seconds() -> float:
-    """Of all diagnoses that have ended; of one, where one runs at a time."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def main() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.withheld_effects.control import Controller, Course
-from benchmarks.withheld_effects.drive import Drive, rigid_drive
+from benchmarks.withheld_effects.drive import Drive, packed, rigid_drive
 from benchmarks.withheld_effects.plant import run
 from benchmarks.withheld_effects.robot import (
     GivenRobot,
@@ -31,7 +31,7 @@ class World:
 
     `feedforward` and `disturbance` give torques (n_periods, n_joints) N m from random numbers and
     the reference position (n_periods, n_joints) rad: what the controller adds and what acts on
-    the links.
+    the links. `warmth_kept` is the share of the warmth that is left when the next recording starts.
     """
 
     given: GivenRobot
@@ -42,6 +42,7 @@ class World:
     sensors: Sensors
     feedforward: Disturbance | None = None
     disturbance: Disturbance | None = None
+    warmth_kept: float = 0.8
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,7 @@ def record(
     measured, speed, commands, link, done = run(
         (model._address, data._address),
         (data.qpos, data.qvel, data.qacc),
-        world.drive,
+        packed(world.drive),
         world.controller,
         course,
         world.sensors.resolution,

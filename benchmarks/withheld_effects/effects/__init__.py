@@ -50,6 +50,15 @@ OUTSIDE: dict[str, Draw] = {
         outside.sensor_dropout,
     )
 }
-EFFECTS = {**STRUCTURAL, **PARAMETRIC, **OUTSIDE}
+# Other forms of effects above: their name is that of the effect.
+VARIANTS: dict[str, Draw] = {
+    draw.__name__: draw
+    for draw in (
+        friction.static_load_friction,
+        friction.friction_drift_anew,
+        actuation.common_delay,
+    )
+}
+EFFECTS = {**STRUCTURAL, **VARIANTS, **PARAMETRIC, **OUTSIDE}
 
-__all__ = ["EFFECTS", "OUTSIDE", "PARAMETRIC", "STRUCTURAL", "Draw", "Effect"]
+__all__ = ["EFFECTS", "OUTSIDE", "PARAMETRIC", "STRUCTURAL", "VARIANTS", "Draw", "Effect"]

@@ -19,6 +19,20 @@ def time_delay(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effec
     return Effect("time_delay", joint, apply, 2.3, 16.0)
 
 
+def common_delay(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
+    """One delay of all joints, 1 to 6 ms whatever the ratio that is asked for."""
+    seconds = rng.uniform(1e-3, 6e-3)
+
+    def apply(world: World, strength: float) -> World:
+        delay = world.drive.delay + strength * seconds
+        return with_drive(world, world.drive._replace(delay=delay))
+
+    n = len(given.joints)
+    return Effect(
+        "time_delay", None, apply, 1.0, 1.0, {"seconds": seconds}, joints=(joint, *range(n))
+    )
+
+
 def torque_saturation(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
     """A knee beyond which the torque follows only in part; the catalogue's is a cubic."""
     slope = rng.uniform(0.0, 0.5)

@@ -1,5 +1,7 @@
 """Effects of friction; what differs from the catalogue's forms stands in each docstring."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from benchmarks.withheld_effects.drive import BRISTLES, altered
@@ -99,6 +101,17 @@ def load_dependent_friction(rng: np.random.Generator, given: GivenRobot, joint: 
     return Effect("load_dependent_friction", joint, apply, 0.035, 0.9, dict(shape))
 
 
+def static_load_friction(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
+    """Load-dependent friction whose load is the torque of gravity and Coriolis forces alone."""
+    transmitted = load_dependent_friction(rng, given, joint)
+
+    def apply(world: World, strength: float) -> World:
+        loaded = transmitted.apply(world, strength)
+        return with_drive(loaded, altered(loaded.drive, joint, load_static=1.0))
+
+    return replace(transmitted, apply=apply, largest=3.0)
+
+
 def position_dependent_friction(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
     """Two incommensurate waves off the grid of integers, or one tight spot."""
     centre, room = given.centre[joint], 0.25 * (given.upper - given.lower)[joint]
@@ -175,6 +188,16 @@ def friction_drift(rng: np.random.Generator, given: GivenRobot, joint: int) -> E
         {"time": time, "dry_part": dry_part},
         whole_session=True,
     )
+
+
+def friction_drift_anew(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
+    """A drift that starts anew with each recording: the joint cools down between them."""
+    on = friction_drift(rng, given, joint)
+
+    def apply(world: World, strength: float) -> World:
+        return replace(on.apply(world, strength), warmth_kept=0.0)
+
+    return replace(on, apply=apply)
 
 
 def presliding(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:

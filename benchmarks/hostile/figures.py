@@ -1,0 +1,100 @@
+"""What is asked of the answers: a yes or no of each cell, for the page and for comparisons."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from benchmarks.hostile.judge import Answer
+
+LEAST_RATIO = 1.0  # ρ from which on an effect is asked for; the calibration may miss by a tenth
+
+Ask = Callable[[Answer], bool | None]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A share of cells.
+
+    Attributes
+    ----------
+    name : str
+    target : str
+        What the diagnosis is to reach; empty where nothing is asked.
+    ask : Ask
+        Yes or no of a cell; None where the question is not asked of it.
+    """
+
+    name: str
+    target: str
+    ask: Ask
+
+
+def _of(group: str, ask: Ask, where: Callable[[Mapping[str, Any]], bool] = lambda _: True) -> Ask:
+    return lambda cell: ask(cell) if cell.label["group"] == group and where(cell.label) else None
+
+
+def _asked(label: Mapping[str, Any]) -> bool:
+    return bool(label["effects"][0]["rho"] >= 0.9 * LEAST_RATIO)
+
+
+def _small(label: Mapping[str, Any]) -> bool:
+    return bool(label["joints"] == 2)
+
+
+def _false(cell: Answer) -> bool:
+    return bool(cell.false_names)
+
+
+def _hit(number: int = 0) -> Ask:
+    return lambda cell: cell.found[number].hit
+
+
+def form(cell: Answer) -> str:
+    """Effect of a cell with one, in the form in which it was simulated."""
+    effect = cell.label["effects"][0]
+    return str(effect.get("form") or effect["effect"])
+
+
+FIGURES = (
+    Figure("false cause, nothing wrong", "≤ 3 %", _of("none", _false)),
+    Figure("– every number off", "≤ 3 %", _of("none", _false, lambda label: label["numbers_off"])),
+    Figure("– numbers right", "≤ 3 %", _of("none", _false, lambda label: not label["numbers_off"])),
+    Figure(
+        "one effect, 2 joints: hit",
+        "≥ 92 %",
+        _of("single", _hit(), lambda label: _asked(label) and _small(label)),
+    ),
+    Figure(
+        "one effect, 6 and 7 joints: hit",
+        "≥ 90 %",
+        _of("single", _hit(), lambda label: _asked(label) and not _small(label)),
+    ),
+    Figure(
+        "– every number off",
+        "≥ 90 %",
+        _of("single", _hit(), lambda label: _asked(label) and label["numbers_off"]),
+    ),
+    Figure(
+        "– numbers right",
+        "≥ 90 %",
+        _of("single", _hit(), lambda label: _asked(label) and not label["numbers_off"]),
+    ),
+    Figure("– anywhere in a set", "", _of("single", lambda cell: cell.found[0].anywhere, _asked)),
+    Figure("– and the first cause", "", _of("single", lambda cell: cell.found[0].first, _asked)),
+    Figure("one wrong number: hit", "", _of("parametric", _hit(), _asked)),
+    Figure(
+        "pairs, both hit",
+        "≥ 75 %",
+        _of("pair", lambda cell: all(each.hit for each in cell.found)),
+    ),
+    Figure("payload beside friction: payload hit", "≥ 90 %", _of("payload", _hit(0))),
+    Figure(
+        "– its mass in the 95 % interval, where named",
+        "≥ 90 %",
+        _of("payload", lambda cell: cell.mass_in_interval),
+    ),
+    Figure("– friction hit", "≥ 90 %", _of("payload", _hit(1))),
+    Figure("outside the catalogue, misnamed", "≤ 5 %", _of("outside", _false)),
+    Figure("cells with a false cause", "", _false),
+    Figure("cells right: all found, nothing made up", "", lambda cell: cell.right),
+)
