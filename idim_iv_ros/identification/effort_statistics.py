@@ -19,8 +19,8 @@ from idim_iv_ros.types import BoolArray, FloatArray
 
 _FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
 _MOST_ROWS = 1000
-# Rows of a joint for each of its columns, below which that is said, and below which a diagnosis does
-# without the joint.
+# Rows of a joint for each of its columns, below which that is said, and below which a diagnosis
+# does without the joint.
 ROWS_PER_COLUMN, FEWEST_ROWS_PER_COLUMN = 5, 2
 _BATCHES = 10
 # Share of the efforts at either end that is pulled in: one outlier would decide the fit.
