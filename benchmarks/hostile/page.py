@@ -94,7 +94,8 @@ def _by_effect(cells: Iterable[Answer]) -> list[str]:
         "|---|---|---|---|---|",
     ]
     for name, some in sorted(groups.items()):
-        wrong = Counter(each.split("[")[0] for cell in some for each in cell.false_names)
+        first = [each.split(" | ")[0].split("[")[0] for cell in some for each in cell.false_names]
+        wrong = Counter(first)
         lines.append(
             f"| {name} | {share(cell.found[0].hit for cell in some)} "
             f"| {sum(cell.found[0].anywhere for cell in some)} "
