@@ -43,9 +43,15 @@ def test_a_name_and_a_terminal_of_other_encodings(
     done = ended("check", named, "--config", config(), **locale)
     assert (done.returncode, lines(done.stderr)) == (0, [])
     assert rb"b\xe9.mcap" in done.stdout and b"sigma <= 10" in done.stdout
-    document = ended("check", named, "--config", config(), "--json", **locale)
-    whole = ended("check", named, "--config", config(), "--json")
-    assert json.loads(document.stdout) == json.loads(whole.stdout)
+
+
+def test_a_document_is_the_same_in_any_encoding(run, config, bag: Path, tmp_path: Path) -> None:
+    named = tmp_path / os.fsdecode(b"b\xe9.mcap")
+    shutil.copy(bag, named)
+    document = ended("check", named, "--config", config(), "--json", **PLAIN, **ASCII)
+    assert json.loads(document.stdout) == json.loads(
+        run("check", named, "--config", config(), "--json").out
+    )
     assert rb'"b\\xe9.mcap"' in document.stdout
 
 
@@ -84,7 +90,7 @@ def test_a_stdout_that_is_closed_is_refused_before_a_file_takes_its_place() -> N
     assert "stdout is closed" in done.stderr and done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("columns", ["0", "1", "-3", "x", ""])
+@pytest.mark.parametrize("columns", ["0", "x"])
 def test_a_width_that_is_none_is_that_of_no_terminal(columns: str) -> None:
     done = ended("check", "--help", COLUMNS=columns)
     assert done.returncode == 0
