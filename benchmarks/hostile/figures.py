@@ -33,8 +33,9 @@ def _of(group: str, ask: Ask, where: Callable[[Mapping[str, Any]], bool] = lambd
     return lambda cell: ask(cell) if cell.label["group"] == group and where(cell.label) else None
 
 
-def _asked(label: Mapping[str, Any]) -> bool:
-    return bool(label["effects"][0]["rho"] >= 0.9 * LEAST_RATIO)
+def asked(label: Mapping[str, Any]) -> bool:
+    """Whether all effects of a cell stand out enough to be asked for."""
+    return all(effect["rho"] >= 0.9 * LEAST_RATIO for effect in label["effects"])
 
 
 def _small(label: Mapping[str, Any]) -> bool:
@@ -62,30 +63,30 @@ FIGURES = (
     Figure(
         "one effect, 2 joints: hit",
         "≥ 92 %",
-        _of("single", _hit(), lambda label: _asked(label) and _small(label)),
+        _of("single", _hit(), lambda label: asked(label) and _small(label)),
     ),
     Figure(
         "one effect, 6 and 7 joints: hit",
         "≥ 90 %",
-        _of("single", _hit(), lambda label: _asked(label) and not _small(label)),
+        _of("single", _hit(), lambda label: asked(label) and not _small(label)),
     ),
     Figure(
         "– every number off",
         "≥ 90 %",
-        _of("single", _hit(), lambda label: _asked(label) and label["numbers_off"]),
+        _of("single", _hit(), lambda label: asked(label) and label["numbers_off"]),
     ),
     Figure(
         "– numbers right",
         "≥ 90 %",
-        _of("single", _hit(), lambda label: _asked(label) and not label["numbers_off"]),
+        _of("single", _hit(), lambda label: asked(label) and not label["numbers_off"]),
     ),
-    Figure("– anywhere in a set", "", _of("single", lambda cell: cell.found[0].anywhere, _asked)),
-    Figure("– and the first cause", "", _of("single", lambda cell: cell.found[0].first, _asked)),
-    Figure("one wrong number: hit", "", _of("parametric", _hit(), _asked)),
+    Figure("– anywhere in a set", "", _of("single", lambda cell: cell.found[0].anywhere, asked)),
+    Figure("– and the first cause", "", _of("single", lambda cell: cell.found[0].first, asked)),
+    Figure("one wrong number: hit", "", _of("parametric", _hit(), asked)),
     Figure(
         "pairs, both hit",
         "≥ 75 %",
-        _of("pair", lambda cell: all(each.hit for each in cell.found)),
+        _of("pair", lambda cell: all(each.hit for each in cell.found), asked),
     ),
     Figure("payload beside friction: payload hit", "≥ 90 %", _of("payload", _hit(0))),
     Figure(

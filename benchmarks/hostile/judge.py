@@ -98,7 +98,7 @@ def judge(
         Another format.
     """
     verdict = Verdict.read(dict(document))
-    truths = [truth for truth in label["effects"] if truth["kind"] != "outside"]
+    truths = truths_of(label)
     also = [(each["effect"], each["joint"]) for each in label["also_true"]]
     judged = []
     for cause, item in zip(verdict.causes, document["causes"], strict=True):
@@ -134,6 +134,18 @@ def judge(
         ),
         mass_in_interval=_mass(truths, document),
     )
+
+
+def truths_of(label: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Effects that are asked for: of the catalogue, and present in the recording.
+
+    Where an effect cannot be made to stand out at all its strength is zero: it is not there.
+    """
+    return [
+        truth
+        for truth in label["effects"]
+        if truth["kind"] != "outside" and truth["strength"] != 0.0
+    ]
 
 
 def rank(cause: Cause, truth: Mapping[str, Any]) -> int:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from math import nan, sqrt
 from statistics import mean, median, stdev
 
-from benchmarks.hostile.figures import FIGURES, Ask, form
+from benchmarks.hostile.figures import FIGURES, Ask, asked, form
 from benchmarks.hostile.judge import Answer
 from benchmarks.withheld_effects.tables import NORMAL_975, share
 
@@ -87,7 +87,7 @@ def _figures(cells: list[Answer]) -> list[str]:
 def _by_effect(cells: Iterable[Answer]) -> list[str]:
     groups: dict[str, list[Answer]] = defaultdict(list)
     for cell in cells:
-        if cell.label["group"] in ("single", "parametric"):
+        if cell.label["group"] in ("single", "parametric") and asked(cell.label):
             groups[form(cell)].append(cell)
     lines = [
         "| effect alone | hit | anywhere | false causes beside it | said instead |",

@@ -16,7 +16,7 @@ from idim_iv_ros.errors import UsageError
 _ANSWER = 15.0  # s; the recorder gives up a disk that hangs after ten
 _SILENT = 5.0  # s, or three periods of its status, after which the recorder is gone
 _PERIODS = 3
-_WRITING = (*(RecorderStatus.RECORDING, RecorderStatus.PAUSED, RecorderStatus.WAITING_FOR_CLOCK),)
+_WRITING = {RecorderStatus.RECORDING, RecorderStatus.PAUSED, RecorderStatus.WAITING_FOR_CLOCK}
 
 # Returns when the first holds, at the latest after seconds; the last says what is waited for.
 Wait = Callable[[Callable[[], bool], float, str], None]

@@ -166,6 +166,7 @@ def label(
                 "kind": "structural",
                 "mass": 1.0,
                 "rho": 1.0,
+                "strength": 1.0,
             }
             for name, joint in effects
         ],
@@ -215,6 +216,18 @@ def test_what_errors_of_the_nominal_model_make_true_counts_for_nothing_either_wa
     assert judge(label(also_true=also), excused, 1.0).false_names
     unknown = judge(label(), answer((*inertia, [])), 1.0)
     assert unknown.false_names == ("link_inertia[joint_1]",)
+
+
+def test_an_effect_that_is_too_weak_is_not_asked_for_and_one_of_no_strength_is_not_there() -> None:
+    weak, absent = label(BACKLASH), label(BACKLASH)
+    weak["effects"][0]["rho"] = 0.5
+    absent["effects"][0] |= {"rho": 0.0, "strength": 0.0}
+    cells = {"a": judge(weak, answer(), 1.0), "b": judge(absent, answer(), 1.0)}
+    assert not cells["a"].right and cells["b"].right
+    page = "\n".join(page_lines(cells, {}))
+    assert "one effect, 2 joints: hit | — |" in page and "| backlash |" not in page
+    said = answer(("backlash", "structural", "joint_1", []))
+    assert judge(absent, said, 1.0).false_names == ("backlash[joint_1]",)
 
 
 def test_mass_of_a_payload_counts_where_it_is_in_its_interval() -> None:
