@@ -26,7 +26,8 @@ class JointVerdict:
 
     `torque_percent`: the residual less the noise of the sensors, in percent of the joint's torque;
     None where it is unknown. `rejected_percent`: the largest deviation that a test rejects for,
-    likewise. `note`: what was rejected and is too small to matter.
+    likewise. `note`: what was rejected and is too small for a verdict. `rejected`: whether the
+    instruments are, by however little.
     """
 
     joint: str
@@ -35,6 +36,7 @@ class JointVerdict:
     torque_percent: float | None = None
     rejected_percent: float = 0.0
     note: str = ""
+    rejected: bool = False
 
 
 @dataclass(frozen=True)
@@ -71,9 +73,13 @@ def judge_joint(
     """
     beyond = _beyond(residual, noise)
     verdict = _judged(instruments, residual, specification, beyond)
-    rejected = [test for test in (instruments, *specification) if test.accepted is False]
-    largest = max((test.torque_deviation_percent or 0.0 for test in rejected), default=0.0)
-    return replace(verdict, torque_percent=beyond, rejected_percent=largest)
+    tests = [test for test in (instruments, *specification) if test.accepted is False]
+    return replace(
+        verdict,
+        torque_percent=beyond,
+        rejected_percent=max((test.torque_deviation_percent or 0.0 for test in tests), default=0.0),
+        rejected=instruments.accepted is False,
+    )
 
 
 def _beyond(residual: ResidualDiagnosis, noise: float | None) -> float | None:
@@ -125,10 +131,8 @@ def _judged(
             f"standard deviations cannot be judged.{more}",
         )
     if residual.white:
-        sentence = (
-            f"{head}, and the residual may be treated as white: the estimates and their standard "
-            f"deviations hold.{more}"
-        )
+        hold = ": the estimates and their standard deviations hold" if not note else ""
+        sentence = f"{head}, and the residual may be treated as white{hold}.{more}"
         return JointVerdict(joint, "valid", sentence, note=note)
     return JointVerdict(joint, "autocorrelated", _autocorrelated(residual, head) + more, note=note)
 
@@ -230,7 +234,7 @@ def judge_all(
         for kind in ("misspecified", "inconclusive", "autocorrelated")
     )
     largest = sorted(joints, key=lambda joint: -joint.rejected_percent)
-    small = _small(largest, instruments)
+    small = _small(largest)
     if wrong:
         wrong = [each.joint for each in largest if each.verdict == "misspecified"]
         sentence = (
@@ -240,7 +244,8 @@ def judge_all(
         if inconclusive:
             sentence += f" The tests are inconclusive at {_names(inconclusive)}."
         return OverallVerdict("misspecified", sentence + small)
-    if instruments is not None and instruments.accepted is False and not small:
+    if _shared(joints, instruments):
+        assert instruments is not None
         return OverallVerdict(
             "misspecified",
             "No joint alone rejects its instruments, but all rows together do "
@@ -253,7 +258,7 @@ def judge_all(
         reason = None if instruments is None else instruments.reason
         sentence += f": {reason}." if reason else "; the reason is given with each joint."
         return OverallVerdict("inconclusive", sentence + small)
-    head = "No error that matters." if small else "The instruments are valid."
+    head = "Errors are small." if small else "The instruments are valid."
     if autocorrelated:
         return OverallVerdict(
             "autocorrelated",
@@ -265,23 +270,26 @@ def judge_all(
     return OverallVerdict("valid", f"{head} The residuals are white.{rest}{small}")
 
 
-def _small(largest: Sequence[JointVerdict], instruments: HypothesisTest | None) -> str:
-    """What was rejected and is too small to matter, the largest first; empty if nothing."""
+def _shared(joints: Sequence[JointVerdict], instruments: HypothesisTest | None) -> bool:
+    """Whether all rows reject the instruments, no joint alone does, and it is not too little."""
+    if instruments is None or instruments.accepted is not False:
+        return False
+    sizes = [instruments.torque_deviation_percent, *(each.torque_percent for each in joints)]
+    little = all(size is not None and size < SMALL_TORQUE_PERCENT for size in sizes)
+    return not little and not any(each.rejected for each in joints)
+
+
+def _small(largest: Sequence[JointVerdict]) -> str:
+    """What was rejected and is too small for a verdict, the largest first; empty if nothing."""
     noted = [each for each in largest if each.note]
-    if noted:
-        others = [each.joint for each in noted[1:]]
-        where = f"at {noted[0].joint} {noted[0].note}"
-        where += f", and less at {_names(others)}" if others else ""
-    elif instruments is not None and instruments.accepted is False:
-        sizes = [instruments.torque_deviation_percent, *(each.torque_percent for each in largest)]
-        if any(size is None or size >= SMALL_TORQUE_PERCENT for size in sizes):
-            return ""
-        where = "simulated and measured motion differ over all joints together"
-    else:
+    if not noted:
         return ""
+    others = [each.joint for each in noted[1:]]
+    where = f"at {noted[0].joint} {noted[0].note}"
+    where += f", and less at {_names(others)}" if others else ""
     return (
-        f" Below {SMALL_TORQUE_PERCENT:g} % of the torque: {where}. No simulator is wrong because "
-        "of that, but single parameters may be off by more than their standard deviations."
+        f" Small beside the torque: {where}. Single parameters may be off by more than their "
+        "standard deviations."
     )
 
 

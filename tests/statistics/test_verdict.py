@@ -86,6 +86,22 @@ def test_the_joint_whose_deviation_is_largest_comes_first(white):
     assert sentence.index("joint_2") < sentence.index("joint_3")
 
 
+def test_a_note_at_one_joint_does_not_hide_what_all_rows_reject(white):
+    """The residual of a joint follows the speed a little; all rows together differ by far more."""
+    noted = judge_joint(VALID, white, [left(0.4)], noise_below(white, 5.0))
+    assert noted.verdict == "valid" and noted.note and not noted.rejected
+    assert judge_all([noted], rejected(3.0)).verdict == "misspecified"
+    little = judge_joint(VALID, white, [], noise_below(white, 0.5))
+    assert judge_all([little], rejected(0.3)).verdict == "valid"
+    assert judge_all([little], rejected(3.0)).verdict == "misspecified"
+
+
+def test_a_note_promises_no_standard_deviations(white):
+    judged = judge_joint(rejected(0.3), white, [], noise_below(white, 0.5))
+    assert "hold" not in judged.sentence
+    assert "hold" not in judge_all([judged], rejected(0.3)).sentence
+
+
 def test_untested_instruments_tell_nothing_and_say_why(white):
     judged = judge_joint(UNTESTED, white)
     assert judged.verdict == "inconclusive"
