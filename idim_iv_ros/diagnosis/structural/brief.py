@@ -8,6 +8,9 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.causes import NamedModel
 from idim_iv_ros.types import FloatArray
 
+# Mean square of an effect between the pulses, over that of all rows, from which on it acts there.
+_ACTS_BETWEEN = 0.5
+
 
 def why_of_pulses(data: Baseline, model: NamedModel, number: int) -> str:
     """Why an effect is not that of the catalogue; empty where it is needed between the pulses.
@@ -22,8 +25,8 @@ def why_of_pulses(data: Baseline, model: NamedModel, number: int) -> str:
     white = noise.standardized(model.fit.residuals[joint], rows.segments)
     time = data.counting(joint, [each.elapsed[each.decimation.kept] for each in data.motions])
     calm = beside_no_event(white, data.recordings[joint], time)
-    own = candidate.columns[joint] @ candidate.coefficients
-    if calm.all() or np.mean(own[calm] ** 2) < 0.5 * np.mean(own**2):
+    power = (candidate.columns[joint] @ candidate.coefficients) ** 2
+    if calm.all() or np.mean(power[calm]) < _ACTS_BETWEEN * np.mean(power):
         return ""
     matrix = noise.standardized(rows.matrix, rows.segments)[calm]
     torque = noise.standardized(rows.torque, rows.segments)[calm]
@@ -36,6 +39,6 @@ def why_of_pulses(data: Baseline, model: NamedModel, number: int) -> str:
 
 
 def _left(matrix: FloatArray, torque: FloatArray) -> float:
-    """Energy that least squares leave."""
+    """Energy that least squares of a torque on the columns of a matrix leave."""
     rest = torque - matrix @ np.linalg.lstsq(matrix, torque, rcond=None)[0]
     return max(float(rest @ rest), 1e-300)
