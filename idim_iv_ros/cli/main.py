@@ -27,7 +27,7 @@ def main() -> None:
     with interruption_ends_process():
         # Here, so that Ctrl-C has its answer while they are imported.
         from idim_iv_ros.cli.application import application
-        from idim_iv_ros.cli.streams import drop_stdout, prepare_streams
+        from idim_iv_ros.cli.streams import STDOUT, drop_stdout, prepare_streams
         from idim_iv_ros.errors import IdimError, silence_foreign_warnings
 
         silence_foreign_warnings()
@@ -58,6 +58,8 @@ def main() -> None:
             if os.environ.get("IDIM_IV_TRACEBACK"):
                 raise
             _complain(_of_system(error))
+            if isinstance(error, OSError) and error.filename == STDOUT:
+                drop_stdout()
             sys.exit(1)
 
 

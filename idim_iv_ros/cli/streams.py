@@ -8,6 +8,7 @@ from io import TextIOWrapper
 from idim_iv_ros.encoding import SPELT
 from idim_iv_ros.errors import UsageError
 
+STDOUT = "stdout"  # in errors, in the place of the name of a file
 _NARROWEST = 20  # columns in which words of the tables can be read
 
 
@@ -27,7 +28,7 @@ def prepare_streams() -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors=SPELT)
     for name in {"write", "flush"} - set(vars(sys.stdout)):
-        setattr(sys.stdout, name, _naming("stdout", getattr(sys.stdout, name)))
+        setattr(sys.stdout, name, _naming(STDOUT, getattr(sys.stdout, name)))
     columns = os.environ.get("COLUMNS", "")
     if not (columns.isdecimal() and int(columns) >= _NARROWEST):
         os.environ.pop("COLUMNS", None)

@@ -19,14 +19,19 @@ ASCII = {"PYTHONIOENCODING": "ascii"}
 def ended(
     *arguments: object, out: object = subprocess.PIPE, **environment: str
 ) -> subprocess.CompletedProcess[bytes]:
-    """Run the command in a process of its own, whose streams are bytes."""
+    """Run the command in a process of its own, whose streams are bytes and buffered."""
     return subprocess.run(
         [sys.executable, "-c", START, *map(str, arguments)],
         stdout=out,  # type: ignore[call-overload]
         stderr=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": str(REPOSITORY), "COLUMNS": "80", **environment},
+        env={**buffered(), "PYTHONPATH": str(REPOSITORY), "COLUMNS": "80", **environment},
         check=False,
     )
+
+
+def buffered() -> dict[str, str]:
+    """The environment of the tests, but for what would write every line at once."""
+    return {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
 
 
 def lines(error: bytes) -> list[str]:
@@ -83,7 +88,7 @@ def test_a_stdout_that_is_closed_is_refused_before_a_file_takes_its_place() -> N
         ["sh", "-c", '"$0" -c "$1" --version >&-', sys.executable, START],
         capture_output=True,
         text=True,
-        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        env={**buffered(), "PYTHONPATH": str(REPOSITORY)},
         check=False,
     )
     assert done.returncode == 2
