@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from idim_iv_ros.cli.diagnose import _each_against, run_diagnosis
+from idim_iv_ros.cli.diagnose import separated_sets
 from idim_iv_ros.report import gap_report_html
 from tests.report.sample_contrast import sample_contrast
 
@@ -20,13 +20,10 @@ from tests.report.sample_contrast import sample_contrast
     ],
 )
 def test_names_behind_against_belong_to_it_up_to_the_next_option(given: str, read: str) -> None:
-    assert list(_each_against(given.split())) == read.split()
+    assert list(separated_sets(given.split())) == read.split()
 
 
-def test_what_changed_is_printed_before_the_reference_by_itself(
-    config, tmp_path: Path, capsys, monkeypatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "140")
+def test_what_changed_is_printed_before_the_reference_by_itself(diagnose, capsys) -> None:
     calls = []
 
     def stand_in(bags, configuration, *, without=(), against=(), nominal=None, progress=None):
@@ -34,10 +31,7 @@ def test_what_changed_is_printed_before_the_reference_by_itself(
         return sample_contrast()
 
     sets = [Path("a.mcap")], [Path("b1.mcap"), Path("b2.mcap")]
-    run_diagnosis(
-        sets[0], config(), tmp_path / "why", (), diagnose=stand_in, effects=(),
-        against=sets[1], nominal=Path("result.json"),
-    )  # fmt: skip
+    diagnose(stand_in, sets[0], against=sets[1], nominal=Path("result.json"))
     assert calls == [(tuple(sets[1]), Path("result.json"))]
     printed = " ".join(capsys.readouterr().out.split())
     result = sample_contrast()

@@ -13,7 +13,7 @@ from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from idim_iv_ros.cli.nodes import _arguments
+from idim_iv_ros.cli.nodes import ros_arguments
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.collector.settings import CollectorSettings
 from idim_iv_ros.nodes.identifier.own_folder import OwnFolder
@@ -123,7 +123,7 @@ def test_what_is_meant_is_taken(node) -> None:
 
 @pytest.mark.parametrize("text", ["2024", "true", "~", "a: b", 'é "x" \\ #1'])
 def test_the_command_line_passes_text_as_text(node, text: str) -> None:
-    given = _arguments("", {"bag_prefix": text, "autostart": True}, [])[1:]
+    given = ros_arguments("", {"bag_prefix": text, "autostart": True}, [])[1:]
     settings = declare(node(*given[1:]), RecorderSettings, given)
     assert (settings.bag_prefix, settings.autostart) == (text, True)
 
