@@ -16,10 +16,10 @@ from rclpy.parameter import Parameter
 from idim_iv_ros.cli.nodes import ros_arguments
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.collector.settings import CollectorSettings
-from idim_iv_ros.nodes.identifier.own_folder import OwnFolder
+from idim_iv_ros.nodes.identifier.folder_lock import FolderLock
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
 from idim_iv_ros.nodes.parameters import changed, declare
-from idim_iv_ros.nodes.predictor.settings import PredictorSettings
+from idim_iv_ros.nodes.predictor.node import PredictorSettings
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
 from idim_iv_ros.nodes.simulator.node import SimulatorSettings
 from idim_iv_ros.nodes.unknown_names import refuse_unknown_arguments, refuse_unknown_parameters
@@ -228,5 +228,5 @@ def test_a_folder_that_cannot_be_written_is_said_at_once(
 def test_a_folder_that_will_be_made_is_not_made_before(tmp_path: Path) -> None:
     RecorderSettings(bag_directory=str(tmp_path / "a" / "b")).check()
     assert not list(tmp_path.iterdir())
-    OwnFolder(tmp_path / "a" / "b").take()
+    FolderLock(tmp_path / "a" / "b").take()
     assert (tmp_path / "a" / "b").is_dir()

@@ -2,18 +2,9 @@
 
 from collections.abc import Sequence
 
-from builtin_interfaces.msg import Time
-
 from idim_iv_interfaces.msg import DriftComparison, DriftReport, ParameterDrift, PastIdentification
+from idim_iv_ros.nodes.entry import time_message
 from idim_iv_ros.nodes.identifier.estimate_history import Comparison, PastEstimates
-
-_SECOND = 1_000_000_000
-
-
-def time_of(stamp: int | None) -> Time:
-    """Return a stamp, ns since 1970; zero for none."""
-    stamp = stamp or 0
-    return Time(sec=stamp // _SECOND, nanosec=stamp % _SECOND)
 
 
 def drift_sentence(comparisons: Sequence[Comparison]) -> str:
@@ -44,14 +35,14 @@ def drift_report(comparisons: Sequence[Comparison]) -> DriftReport:
         comparisons=[_comparison(each) for each in comparisons],
     )
     if comparisons:
-        report.header.stamp = time_of(comparisons[-1].newest.stamp)
+        report.header.stamp = time_message(comparisons[-1].newest.stamp)
     return report
 
 
 def past_identification(entry: PastEstimates) -> PastIdentification:
     """Return an entry of the history."""
     return PastIdentification(
-        stamp=time_of(entry.stamp),
+        stamp=time_message(entry.stamp),
         robot=entry.robot,
         configuration=entry.configuration,
         estimator=entry.estimator,
@@ -87,11 +78,11 @@ def _comparison(each: Comparison) -> DriftComparison:
         estimator=newest.estimator,
         bags=list(newest.bags),
         drifting=bool(each.drifting),
-        since=time_of(each.since if each.drifting else None),
+        since=time_message((each.since or 0) if each.drifting else 0),
     )
     if baseline is not None:
         message.baseline_bags = list(baseline.bags)
-        message.baseline_stamp = time_of(baseline.stamp)
+        message.baseline_stamp = time_message(baseline.stamp)
         message.limit = each.drifts[0].limit
         message.parameters = [
             ParameterDrift(

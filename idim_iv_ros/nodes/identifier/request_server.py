@@ -11,11 +11,10 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus
 from rclpy.action.server import ActionServer, CancelResponse, ServerGoalHandle
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
+from idim_iv_ros.nodes.entry import steady_timer
 from idim_iv_ros.nodes.identifier.job import Job, JobListener
 
 # Requests that may wait for the executor: the default of services, ten, drops the rest of a burst
@@ -40,9 +39,7 @@ class PacedAnswers:
     def __init__(self, node: Node) -> None:
         self._waiting: deque[Callable[[], object]] = deque()
         self._room = _AT_ONCE
-        self._timer = node.create_timer(
-            _PAUSE, self._next_turn, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._timer = steady_timer(node, _PAUSE, self._next_turn)
 
     def __call__(self, answer: Callable[[], object]) -> None:
         """Call `answer` now or in a later turn; the order is kept."""
@@ -231,7 +228,7 @@ class RequestServer:
         self._asked_for: list[Job] = []
         whole = node.resolve_service_name(name)
         self._clients = Clients(node, whole), Clients(node, f"{whole}/_action/get_result")
-        node.create_timer(_LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady_timer(node, _LOOK, self._look)
         self._paced = PacedAnswers(node)
         create_deferred_service(node, service, name, self._asked, self._paced)
         self._actions = DeferredActionServer(node, action, name, self._accepted, self._cancel)

@@ -5,15 +5,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rich.console import Console
 from rich.live import Live
 
 from idim_iv_interfaces.msg import DriftReport, Prediction, RecorderStatus
-from idim_iv_ros.nodes.entry import Closable, run_node
+from idim_iv_ros.nodes.entry import LATCHED, Closable, run_node, steady_timer
 from idim_iv_ros.nodes.unknown_names import refuse_unknown_parameters
 from idim_iv_ros.nodes.watch.state import JointJudgement, LiveView, joint_views
 from idim_iv_ros.nodes.watch.terminal import live_table
@@ -64,12 +61,11 @@ class Watcher:
         self._judgements: dict[str, JointJudgement] = {}
         self._nodes: dict[str, str] = {}
         self._predictors = 0
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_subscription(Prediction, _TOPIC, self._predicted, 50)
         node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 50)
         node.create_subscription(RecorderStatus, "recorder/status", self._recorded, 10)
-        node.create_subscription(DriftReport, "identifier/drift", self._drifted, latched)
-        node.create_timer(_DRAWN, self._draw, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_subscription(DriftReport, "identifier/drift", self._drifted, LATCHED)
+        steady_timer(node, _DRAWN, self._draw)
         self._console = Console()
         self._live: Live | None = None
         if self._page is not None:
