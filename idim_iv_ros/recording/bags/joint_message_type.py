@@ -295,16 +295,14 @@ def _placed(message: bytes, found: Located, names: tuple[str, ...], places: Plac
             continue
         offsets = np.array([-1 if each is None else each.offset for each in held], dtype=np.int64)
         placed[quantity], fields[quantity] = (offsets, codes.pop()), (0, len(held))
-    structure = np.concatenate([np.arange(start, stop) for start, stop in found.structure])
-    stamp = found.numbers.get("header.stamp.sec") or found.numbers.get("stamp.sec")
     return PlacedLayout(
         size=len(message),
-        order="<" if message[1] == 1 else ">",
-        stamp=None if stamp is None else stamp.offset,
+        order=found.order,
+        stamp=found.stamp,
         names=names,
         fields=fields,
         fixed=np.frombuffer(message, dtype=np.uint8),
-        structure=structure,
+        structure=found.places,
         places=placed,
         origins={quantity: path for quantity, (path, _) in places.items() if quantity in placed},
     )

@@ -4,9 +4,11 @@ import struct
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from rosbags.interfaces import Nodetype
 
 from idim_iv_ros.recording.bags.definitions import MessageType
+from idim_iv_ros.types import IntArray
 
 _SIZES = {
     "bool": "u1", "byte": "u1", "char": "u1", "octet": "u1",
@@ -41,13 +43,27 @@ class Located:
         Bytes that decide where all others lie: lengths and texts.
     end : int
         Where the message ends; padding may follow.
+    order : str
+        ``<`` or ``>``: byte order.
     """
 
+    order: str
     numbers: dict[str, Numbers] = field(default_factory=dict)
     texts: dict[str, tuple[str, ...]] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
     structure: list[tuple[int, int]] = field(default_factory=lambda: [(0, 4)])
     end: int = 4
+
+    @property
+    def stamp(self) -> int | None:
+        """Offset of the seconds of the header's stamp, None where there is none."""
+        seconds = self.numbers.get("header.stamp.sec") or self.numbers.get("stamp.sec")
+        return None if seconds is None else seconds.offset
+
+    @property
+    def places(self) -> IntArray:
+        """Places (n,) of the bytes of the structure."""
+        return np.concatenate([np.arange(start, stop) for start, stop in self.structure])
 
 
 def locate(message: bytes, kind: MessageType) -> Located:
@@ -71,8 +87,7 @@ def locate(message: bytes, kind: MessageType) -> Located:
 class _Walk:
     def __init__(self, message: bytes, kind: MessageType) -> None:
         self.bytes, self.kind = message, kind
-        self.order = "<" if message[1] == 1 else ">"
-        self.found = Located()
+        self.found = Located("<" if message[1] == 1 else ">")
         self.items = 0
 
     def message(self, name: str, path: str, depth: int) -> None:
@@ -115,7 +130,7 @@ class _Walk:
         size = int(code[1])
         if count:
             self.align(size)
-        self.found.numbers[path] = Numbers(self.found.end, count, self.order + code)
+        self.found.numbers[path] = Numbers(self.found.end, count, self.found.order + code)
         self.advance(size * count)
 
     def count(self) -> int:
@@ -123,7 +138,7 @@ class _Walk:
         start = self.found.end
         self.advance(4)
         self.found.structure.append((start, start + 4))
-        return int(struct.unpack_from(self.order + "I", self.bytes, start)[0])
+        return int(struct.unpack_from(self.found.order + "I", self.bytes, start)[0])
 
     def text(self) -> str:
         size = self.count()
