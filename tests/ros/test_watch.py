@@ -6,15 +6,17 @@ import json
 import math
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
 from idim_iv_interfaces.msg import Prediction, RecorderStatus
-from idim_iv_ros.nodes.watch.state import JointJudgement, LiveView, joint_views
+from idim_iv_ros.nodes.watch.state import JointView, LiveView
 from idim_iv_ros.nodes.watch.terminal import live_table
 from idim_iv_ros.nodes.watch.web import LivePage
+from idim_iv_ros.prediction.rows import LIMIT, SHARE
 from tests.browser import CHROMIUM, Browser
 from tests.ros.processes import HANG, Observer, Process
 
@@ -23,12 +25,12 @@ JOINTS = tuple(f"joint_{k}" for k in range(1, 8))
 
 
 def view(warns: bool = False) -> LiveView:
-    judgements = {
-        "joint_1": JointJudgement("N m", 3.1 if warns else 1.1, 1.4, warns, "residual 0.1 N m"),
-        "joint_2": JointJudgement("N", NAN, NAN, False, "no motion to judge by"),
-    }
-    numbers = ([-123.456, 1.0], [-123.0, NAN], [-0.456, NAN], [1.2, NAN])
-    joints = joint_views(("joint_1", "joint_2"), numbers, judgements)
+    values = {"unit": "N m", SHARE: "3.1" if warns else "1.1", LIMIT: "1.4"}
+    first = JointView.diagnosed("joint_1", values, warns, "residual 0.1 N m")
+    numbers = {"measured": -123.456, "predicted": -123.0, "residual": -0.456, "share": 1.2}
+    still = {"unit": "N", SHARE: "nan", LIMIT: "unknown"}
+    second = JointView.diagnosed("joint_2", still, False, "no motion to judge by")
+    joints = (replace(first, **numbers), replace(second, measured=1.0))
     return LiveView("arm", 12.0, 0.15, "", joints, {"recorder": "idle"})
 
 
@@ -55,7 +57,7 @@ def test_what_is_beyond_its_limit_is_said_in_words() -> None:
 
 def test_why_nothing_is_predicted_is_said() -> None:
     text = shown(LiveView("", 0.0, NAN, "nobody publishes /joint_states", ()))
-    assert "nothing is predicted: nobody publishes /joint_states" in text
+    assert "nobody publishes /joint_states" in text
 
 
 def states(url: str, after: int = 0) -> list[dict]:
@@ -106,7 +108,7 @@ def test_a_port_that_is_taken_is_refused_in_one_line(page: LivePage) -> None:
     from idim_iv_ros.errors import UsageError
 
     port = int(page.url.rstrip("/").rpartition(":")[2])
-    with pytest.raises(UsageError, match=f"--web {port}: Address already in use; name another"):
+    with pytest.raises(UsageError, match=f"--web {port}:"):
         LivePage(port)
 
 

@@ -13,7 +13,6 @@ from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.files import RESULT
 from idim_iv_ros.identification import result as identification
 from idim_iv_ros.nodes.entry import LATCHED, time_message
-from idim_iv_ros.nodes.identifier.drift_messages import drift_report, past_identification
 from idim_iv_ros.nodes.identifier.estimate_history import (
     Comparison,
     EstimateHistory,
@@ -21,7 +20,12 @@ from idim_iv_ros.nodes.identifier.estimate_history import (
 )
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS, Job
 from idim_iv_ros.nodes.identifier.messages import result_message
-from idim_iv_ros.nodes.identifier.report import drift_diagnosis, joint_diagnoses
+from idim_iv_ros.nodes.identifier.report import (
+    drift_diagnosis,
+    drift_report,
+    joint_diagnoses,
+    past_identification,
+)
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
 
 
