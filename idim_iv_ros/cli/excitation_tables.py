@@ -61,7 +61,7 @@ def print_use(console: Console, model: InverseModel, limits: MotionLimits, use: 
         f"Largest share of each limit (allowed: {100 * limits.margin:g} %)", highlight=False
     )
     headings = ("position", "velocity", "acceleration", "torque")
-    columns = ["joint", *(f">{each}" for each in headings)]
+    columns = ["joint", *(f">{heading}" for heading in headings)]
     rows = []
     for index, joint in enumerate(model.robot.joints):
         shares = (use.position, use.velocity, use.acceleration)
@@ -95,7 +95,7 @@ def _print_parameters(console: Console, excitation: Excitation, whole: bool) -> 
     if not bad:
         return
     headings = ("nominal", "predicted σ", "%σ", "unexplained")
-    columns = ["parameter", *(f">{each}" for each in headings)]
+    columns = ["parameter", *(f">{heading}" for heading in headings)]
     columns.append("unit")
     rows = []
     for parameter in bad:

@@ -112,7 +112,7 @@ def print_parameters(
     """
     from idim_iv_ros.cli.table import print_table, unbroken
 
-    columns = ["parameter", *(f">{each}" for each in ("value", "σ", "%σ"))]
+    columns = ["parameter", ">value", ">σ", ">%σ"]
     if truth:
         columns += [">truth", ">off by"]
     columns.append("unit")

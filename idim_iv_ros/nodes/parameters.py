@@ -202,7 +202,7 @@ def follow_changes(
     """
 
     def check(parameters: list[Parameter]) -> SetParametersResult:
-        given = {each.name: each.value for each in parameters}
+        given = {item.name: item.value for item in parameters}
         try:
             reason = refuse(given)
             if not reason:
@@ -214,7 +214,7 @@ def follow_changes(
         return SetParametersResult(successful=not reason, reason=reason)
 
     def follow(parameters: list[Parameter]) -> None:
-        apply(changed(read(), parameters), {each.name for each in parameters})
+        apply(changed(read(), parameters), {item.name for item in parameters})
 
     node.add_on_set_parameters_callback(check)
     node.add_post_set_parameters_callback(follow)

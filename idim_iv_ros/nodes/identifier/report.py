@@ -78,17 +78,19 @@ def drift_diagnosis(name: str, comparisons: Sequence[Comparison]) -> DiagnosticS
 def drift_sentence(comparisons: Sequence[Comparison]) -> str:
     """Say in one line which parameters changed, and since when."""
     parts = []
-    for each in comparisons:
-        if each.drifting:
+    for comparison in comparisons:
+        if comparison.drifting:
             changed = "; ".join(
                 f"{drift.parameter} {drift.first:.4g} → {drift.value:.4g} "
                 f"({drift.statistic:+.1f} σ)"
-                for drift in each.drifting
+                for drift in comparison.drifting
             )
-            parts.append(f"{_kind(each, comparisons)}{changed}: changed since {_since(each)}")
+            parts.append(
+                f"{_kind(comparison, comparisons)}{changed}: changed since {_since(comparison)}"
+            )
     if parts:
         return "; ".join(parts)
-    compared = [each for each in comparisons if each.drifts]
+    compared = [comparison for comparison in comparisons if comparison.drifts]
     if not compared:
         return "no earlier identification to compare with"
     last = compared[-1]
@@ -98,9 +100,9 @@ def drift_sentence(comparisons: Sequence[Comparison]) -> str:
 def drift_report(comparisons: Sequence[Comparison]) -> DriftReport:
     """Return what `~/drift` publishes."""
     report = DriftReport(
-        drifting=any(each.drifting for each in comparisons),
+        drifting=any(comparison.drifting for comparison in comparisons),
         message=drift_sentence(comparisons),
-        comparisons=[_comparison(each) for each in comparisons],
+        comparisons=[_comparison(comparison) for comparison in comparisons],
     )
     if comparisons:
         report.header.stamp = time_message(comparisons[-1].newest.stamp)
@@ -138,20 +140,20 @@ def _kind(comparison: Comparison, comparisons: Sequence[Comparison]) -> str:
     return f"{', '.join(parts)}: "
 
 
-def _comparison(each: Comparison) -> DriftComparison:
-    newest, baseline = each.newest, each.baseline
+def _comparison(comparison: Comparison) -> DriftComparison:
+    newest, baseline = comparison.newest, comparison.baseline
     message = DriftComparison(
         robot=newest.robot,
         configuration=newest.configuration,
         estimator=newest.estimator,
         bags=list(newest.bags),
-        drifting=bool(each.drifting),
-        since=time_message((each.since or 0) if each.drifting else 0),
+        drifting=bool(comparison.drifting),
+        since=time_message((comparison.since or 0) if comparison.drifting else 0),
     )
     if baseline is not None:
         message.baseline_bags = list(baseline.bags)
         message.baseline_stamp = time_message(baseline.stamp)
-        message.limit = each.drifts[0].limit
+        message.limit = comparison.drifts[0].limit
         message.parameters = [
             ParameterDrift(
                 name=drift.parameter,
@@ -162,6 +164,6 @@ def _comparison(each: Comparison) -> DriftComparison:
                 statistic=drift.statistic,
                 drifts=drift.drifts,
             )
-            for drift in each.drifts
+            for drift in comparison.drifts
         ]
     return message

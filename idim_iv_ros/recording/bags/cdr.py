@@ -157,19 +157,19 @@ def read_layout(message: bytes, message_type: str) -> CdrLayout:
         The bytes are not a message of this type.
     """
     try:
-        found = locate(message, _TYPES[message_type])
+        located = locate(message, _TYPES[message_type])
     except ValueError as error:
         raise DataError(f"not a {message_type} message") from error
     return CdrLayout(
         size=len(message),
-        order=found.order,
-        stamp=found.stamp,
-        names=found.texts.get("name", ()),
+        order=located.order,
+        stamp=located.stamp,
+        names=located.texts.get("name", ()),
         fields={
             name: (numbers.offset, numbers.count)
-            for name, numbers in found.numbers.items()
+            for name, numbers in located.numbers.items()
             if numbers.code.endswith("f8")
         },
         fixed=np.frombuffer(message, dtype=np.uint8),
-        structure=found.places,
+        structure=located.places,
     )
