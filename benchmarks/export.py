@@ -151,7 +151,7 @@ def ur10_with_masses(folder: Path) -> Path:
         centre = 0.5 * np.array(ends.get(name, np.zeros(3)))
         links[name] = LinkBody(mass, centre, np.eye(3) * mass * 0.06**2)
     path = folder / "ur10.urdf"
-    path.write_bytes(with_values(source.read_bytes(), links, {}, source.name))
+    path.write_bytes(with_values(source.read_bytes(), links, {}, {}, source.name))
     return path
 
 
@@ -161,7 +161,7 @@ def round_trip(folder: Path) -> list[str]:
     before = diagnose(bag, configuration)
     path = folder / "gap.json"
     before.write(path)
-    made = export(path, configuration, folder / "arm6")
+    made = export(path, configuration, folder / "arm6", refit=True)
     lines = re.search(r"```yaml\n(.*?)```", made.changes.read_text(), re.S)
     text = configuration.source.read_text()
     text = re.sub(r"simulator:\n  armature:.*\n", lines[1], text, count=1)

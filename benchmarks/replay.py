@@ -177,7 +177,7 @@ def case(
     result = diagnose(bags, configuration)
     gap = out / f"{planted.effect}.gap.json"
     result.write(gap)
-    made = export(gap, configuration, out / f"{planted.effect}.exported")
+    made = export(gap, configuration, out / f"{planted.effect}.exported", refit=True)
     effects = read_effects(made.effects).effects
     beyond = any(not BY_NAME[each.effect].in_base_parameters for each in effects)
     last = WITH_EFFECTS if beyond else CORRECTED

@@ -14,7 +14,8 @@ def gap_content(*causes: Mapping[str, Any], parameters: Mapping[str, Any] | None
     Parameters
     ----------
     causes
-        Keys that differ from those of a sample cause; `parameters` as name to value.
+        Keys that differ from those of a sample cause; `parameters` as name to value, or
+        to a mapping with its std.
     parameters
         Base parameters of the extended model, name to value.
     """
@@ -25,4 +26,7 @@ def gap_content(*causes: Mapping[str, Any], parameters: Mapping[str, Any] | None
 
 
 def _numbers(values: Mapping[str, Any]) -> Content:
-    return {name: {"value": value, "std": None, "unit": ""} for name, value in values.items()}
+    return {
+        name: value if isinstance(value, dict) else {"value": value, "std": None, "unit": ""}
+        for name, value in values.items()
+    }

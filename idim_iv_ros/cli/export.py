@@ -22,14 +22,29 @@ def export_command(
     ],
     config: Config,
     out: Out,
+    refit: Annotated[
+        bool,
+        typer.Option(
+            "--refit",
+            help="Of a diagnosis all parameters of its refit, not the named causes alone.",
+        ),
+    ] = False,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CAUSE[@JOINT]",
+            help="Leave out a named cause, for example payload; may be given again.",
+        ),
+    ] = None,
     force: Force = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
     """Write a result as URDF, MuJoCo model, effects, Isaac Lab actuators and a table of changes.
 
-    The URDF is that of the configuration with other inertials, damping and friction, and nothing
-    else changed. With robot.mjcf it is that MJCF, with armature too. Neither is written over.
+    Of a diagnosis: the URDF of the configuration with the named causes, a payload as a link of its
+    own; of an identification: with its inertials, damping and friction. Nothing else changes. With
+    robot.mjcf it is that MJCF, with armature too. Neither is written over.
 
     Example: idim-iv export why/gap.json --config ur5.yaml --out simulator
     """
@@ -38,7 +53,14 @@ def export_command(
     from idim_iv_ros.simulator_files import export
 
     output = Output(quiet=quiet, as_json=as_json)
-    made = export(result, load_configuration(config), out, force=force)
+    made = export(
+        result,
+        load_configuration(config),
+        out,
+        force=force,
+        refit=refit,
+        without=without or (),
+    )
     output.document(
         {
             "files": [str(file) for file in made.files],

@@ -12,7 +12,7 @@ recording decides what it shows, and the divergence from the nominal model the r
 """
 
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -181,6 +181,40 @@ def nearest_physical(
         torque_error=error,
         seconds=time.perf_counter() - begin,
     )
+
+
+def nearest_body(
+    link: ReferenceLink, places: Sequence[int], values: FloatArray, std: FloatArray
+) -> FloatArray:
+    """Return XX … M (10,) of the body nearest to some of its numbers.
+
+    Parameters
+    ----------
+    link
+        The body that decides what these numbers leave open.
+    places : (k,)
+        Which of XX … M are known.
+    values, std : (k,)
+
+    Raises
+    ------
+    DataError
+        The solver found none.
+    ImportError
+        clarabel is not installed.
+    """
+    known, none = link.to_parameters[list(places)], np.zeros(0)
+    problem = ConicProblem(
+        matrix=known / std[:, None],
+        right=values / std,
+        links=1,
+        nominal=none,
+        scale=none,
+        bounded=none.astype(bool),
+        tie_breaker=TIE_BREAKER,
+        least=LEAST_OF_NOMINAL,
+    )
+    return np.asarray(link.to_parameters @ problem.solve())
 
 
 def _coordinates(robot: RobotModel, base: BaseParameters) -> _Coordinates:

@@ -1,13 +1,14 @@
 """What a result says of a robot, and whether it says it of this one."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.result import Cause, GapResult
+from idim_iv_ros.diagnosis.result import Cause, GapResult, ParameterError
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import GAP_FORMAT, read_text
@@ -21,11 +22,18 @@ from idim_iv_ros.model import (
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
 from idim_iv_ros.model.parameters import INERTIAL
 from idim_iv_ros.model.urdf_reader import LARGEST
-from idim_iv_ros.physical import PhysicalParameters, nearest_physical
-from idim_iv_ros.physical.nearest import TO_INSTALL
+from idim_iv_ros.physical import PhysicalParameters, StandardValue
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulation.effects import joint_effects
+from idim_iv_ros.simulator_files.named import (
+    Load,
+    cause_name,
+    kept_causes,
+    mended_model,
+    numbers_in_words,
+)
 from idim_iv_ros.simulators.effects_file import PlantedEffect
+from idim_iv_ros.types import FloatArray
 
 _LARGEST = 50.0  # MB
 _LONGEST_DELAY = 1.0  # s, as controller.delay
@@ -43,12 +51,23 @@ class Answer:
         Its recordings, as the result names them.
     diagnosed : bool
         A gap.json; otherwise a result.json.
+    refit : bool
+        Whether the parameters are the physical set of the refit; otherwise they are the nominal
+        ones with the causes.
     robot : RobotModel
     physical : PhysicalParameters
+    parameters : tuple of StandardValue
+    loads : tuple of Load
+        Payloads as bodies of their own; empty of a refit.
+    gravity : (3,) m/s²
     effects : tuple of PlantedEffect
-        Structural causes; parametric ones are in `physical`.
+        Causes beyond these.
     in_parameters : tuple of str
-        Causes that are in `physical`, in words.
+        Causes that are no effects, in words.
+    left_out : tuple of str
+        Names of causes that were not wanted.
+    errors : tuple of ParameterError
+        What of the torque gap the causes leave at each joint.
     notes : tuple of str
         What a reader of the files must know.
     """
@@ -56,24 +75,44 @@ class Answer:
     path: Path
     bags: tuple[str, ...]
     diagnosed: bool
+    refit: bool
     robot: RobotModel
     physical: PhysicalParameters
+    parameters: tuple[StandardValue, ...]
+    loads: tuple[Load, ...]
+    gravity: FloatArray
     effects: tuple[PlantedEffect, ...]
     in_parameters: tuple[str, ...]
+    left_out: tuple[str, ...]
+    errors: tuple[ParameterError, ...]
     notes: tuple[str, ...]
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """Standard parameters by name."""
+        return {each.name: each.value for each in self.parameters}
 
     def value(self, kind: str, joint: int, otherwise: float) -> float:
         """One standard parameter; `otherwise` where the model does not have it."""
-        return self.physical.values.get(f"{kind}{joint + 1}", otherwise)
+        return self.values.get(f"{kind}{joint + 1}", otherwise)
 
 
-def read_answer(path: Path, configuration: Configuration, urdf: str, source: str) -> Answer:
+def read_answer(
+    path: Path,
+    configuration: Configuration,
+    urdf: str,
+    source: str,
+    *,
+    refit: bool = False,
+    without: Collection[str] = (),
+) -> Answer:
     """Read a result.json or gap.json and make sure that it is of this robot.
 
     Raises
     ------
     UsageError
-        It is neither, or of another robot or URDF, or has no physically consistent parameters.
+        It is neither, or of another robot or URDF, has no physically consistent parameters, or no
+        cause that is to be left out.
     """
     text = read_text(path, "the result", megabytes=_LARGEST)
     result: GapResult | IdentificationResult
@@ -90,14 +129,61 @@ def read_answer(path: Path, configuration: Configuration, urdf: str, source: str
         )
     physical = result.physical
     if physical is None:
-        physical = _consistent(path, result, model)
-    else:
-        _require_same_nominal(path, result, physical, model, source)
-    causes = result.causes if isinstance(result, GapResult) else ()
-    effects, inside, notes = _effects(path, causes, joints)
-    diagnosed = isinstance(result, GapResult)
+        raise UsageError(
+            f"{path}: has no physically consistent parameters: "
+            f"{result.why_no_physical or 'it was written before they were part of it'}; then "
+            f"run `idim-iv {result.written_by}` again"
+        )
+    _require_same_nominal(path, result, physical, model, source)
     bags = tuple(bag if isinstance(bag, str) else bag.path for bag in result.bags)
-    return Answer(path, bags, diagnosed, model.robot, physical, effects, inside, notes)
+    gap = result if isinstance(result, GapResult) else None
+    if without and (refit or gap is None):
+        raise UsageError(
+            f"{path}: --without {', '.join(without)}: "
+            + ("one dense refit" if refit else "an identification")
+            + " has no causes that could be left out"
+        )
+    causes = [] if gap is None else list(gap.causes)
+    _require_known(path, causes)
+    kept, others = kept_causes(causes, without, str(path))
+    effects, notes = _effects(path, kept, joints)
+    errors: tuple[ParameterError, ...] = ()
+    parameters, loads = physical.parameters, tuple[Load, ...]()
+    gravity = np.array(model.robot.pinocchio.gravity.linear)
+    if not refit and gap is not None:
+        if gap.nominal is not None:
+            raise UsageError(
+                f"{path}: its causes are changes of {gap.nominal.file}, which is no {source}: "
+                "export with --refit, or diagnose with the URDF that an export of that file wrote"
+            )
+        mended = mended_model(model, kept, others, physical, str(path))
+        parameters, loads, gravity = mended.parameters, mended.loads, mended.gravity
+        effects, errors = (*effects, *mended.effects), gap.parameter_errors
+        if not np.array_equal(gravity, model.robot.pinocchio.gravity.linear):
+            listed = ", ".join(f"{each:.5g}" for each in gravity)
+            notes += (
+                f"gravity_direction: robot.gravity would be [{listed}] m/s²; an MJCF that is made "
+                "from a URDF has it, no other file",
+            )
+    parametric = [each for each in kept if each.kind == "parametric"]
+    return Answer(
+        path=path,
+        bags=bags,
+        diagnosed=gap is not None,
+        refit=refit or gap is None,
+        robot=model.robot,
+        physical=physical,
+        parameters=parameters,
+        loads=loads,
+        gravity=gravity,
+        effects=effects,
+        in_parameters=tuple(
+            f"{cause_name(each)}: {numbers_in_words(each.parameters)}" for each in parametric
+        ),
+        left_out=tuple(map(cause_name, others)),
+        errors=errors,
+        notes=notes,
+    )
 
 
 def _require_same_joints(
@@ -110,32 +196,6 @@ def _require_same_joints(
             f"{configuration.source or 'the configuration'} {', '.join(joints)}: another robot"
         )
     return joints
-
-
-def _consistent(
-    path: Path, result: GapResult | IdentificationResult, model: InverseModel
-) -> PhysicalParameters:
-    """Physical parameters of an older result.json, which has none."""
-    again = f"run `idim-iv {result.written_by}` again"
-    if result.why_no_physical:
-        raise UsageError(
-            f"{path}: has no physically consistent parameters: {result.why_no_physical}; then "
-            f"{again}"
-        )
-    if isinstance(result, GapResult):
-        raise UsageError(
-            f"{path}: was written before physically consistent parameters were part of it; {again}"
-        )
-    names = tuple(each.name for each in result.parameters)
-    if names != model.base.names:
-        raise UsageError(
-            f"{path}: its base parameters are not those of this robot and configuration; {again}"
-        )
-    values = np.array([each.value for each in result.parameters])
-    try:
-        return nearest_physical(model.robot, model.base, values, result.covariance)
-    except ImportError as error:
-        raise UsageError(TO_INSTALL) from error
 
 
 def _require_same_nominal(
@@ -176,31 +236,38 @@ def _require_same_nominal(
             )
 
 
-def _effects(
-    path: Path, causes: Sequence[Cause], joints: Sequence[str]
-) -> tuple[tuple[PlantedEffect, ...], tuple[str, ...], tuple[str, ...]]:
-    """Effects to simulate, causes that are in the parameters, and notes."""
-    effects, inside, notes = [], [], []
+def _require_known(path: Path, causes: Sequence[Cause]) -> None:
     for number, cause in enumerate(causes):
-        known = BY_NAME.get(cause.effect)
-        where = f" at {cause.joint}" if cause.joint else ""
-        if known is None:
+        if cause.effect not in BY_NAME:
             raise UsageError(
-                f"{path}: causes.{number}: {cause.effect}{where} is unknown to this version of "
+                f"{path}: causes.{number}: {cause_name(cause)} is unknown to this version of "
                 "idim_iv_ros"
             )
-        if known.kind == "parametric":
-            inside.append(f"{cause.effect}{where}")
-            continue
-        values = {name: each.value for name, each in cause.parameters.items()}
-        if values.get("delay", 0.0) > _LONGEST_DELAY:
-            raise UsageError(
-                f"{path}: causes.{number}: a delay of {values['delay']:g} s is no drive's"
-            )
-        effects.append(PlantedEffect(cause.effect, cause.joint, cause.other_joint, values))
-        if cause.indistinguishable_from:
-            others = ", ".join(each.effect for each in cause.indistinguishable_from)
-            notes.append(f"{cause.effect}{where} is indistinguishable from {others}: it is a guess")
+        delay = cause.parameters.get("delay")
+        if delay is not None and delay.value > _LONGEST_DELAY:
+            raise UsageError(f"{path}: causes.{number}: a delay of {delay.value:g} s is no drive's")
+
+
+def _effects(
+    path: Path, causes: Sequence[Cause], joints: Sequence[str]
+) -> tuple[tuple[PlantedEffect, ...], tuple[str, ...]]:
+    """Structural effects to simulate, and notes."""
+    structural = [each for each in causes if BY_NAME[each.effect].kind == "structural"]
+    effects = tuple(
+        PlantedEffect(
+            each.effect,
+            each.joint,
+            each.other_joint,
+            {name: number.value for name, number in each.parameters.items()},
+        )
+        for each in structural
+    )
+    notes = tuple(
+        f"{cause_name(each)} is indistinguishable from "
+        f"{', '.join(other.effect for other in each.indistinguishable_from)}: it is a guess"
+        for each in structural
+        if each.indistinguishable_from
+    )
     # Names and numbers as the simulator takes them.
     joint_effects(
         [
@@ -211,4 +278,4 @@ def _effects(
         ],
         joints,
     )
-    return tuple(effects), tuple(inside), tuple(notes)
+    return effects, notes

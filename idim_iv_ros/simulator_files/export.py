@@ -1,7 +1,7 @@
 """From a result to the files of a simulator: the whole of `idim-iv export`."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from idim_iv_ros.files import EFFECTS, FilePath, complete_files, made_folder
 from idim_iv_ros.model import read_urdf_file, read_urdf_text
 from idim_iv_ros.model.urdf_reader import decoded_urdf, description_key
 from idim_iv_ros.simulator_files.answer import Answer, read_answer
-from idim_iv_ros.simulator_files.changes import changes_text, simulator_lines
+from idim_iv_ros.simulator_files.changes import changes_text
 from idim_iv_ros.simulator_files.findings import (
     ISAAC_LAB,
     Exported,
@@ -28,7 +28,7 @@ from idim_iv_ros.simulator_files.links import LinkBody, body_of_joint, link_bodi
 from idim_iv_ros.simulator_files.mjcf import JointValues, mjcf_text
 from idim_iv_ros.simulator_files.mjcf_effects import Coupled, native_effects
 from idim_iv_ros.simulator_files.shared_friction import below_zero
-from idim_iv_ros.simulator_files.urdf_text import MOMENTS, with_values
+from idim_iv_ros.simulator_files.urdf_text import with_values
 from idim_iv_ros.simulators.effects_file import EffectsFile, PlantedEffect
 from idim_iv_ros.types import FloatArray
 
@@ -36,9 +36,18 @@ CHANGES = "changes.md"
 
 
 def export(
-    result: FilePath, configuration: Configuration, out: FilePath, *, force: bool = False
+    result: FilePath,
+    configuration: Configuration,
+    out: FilePath,
+    *,
+    force: bool = False,
+    refit: bool = False,
+    without: Collection[str] = (),
 ) -> Exported:
     """Write a result as URDF, MJCF, effects, actuators of Isaac Lab and a table of changes.
+
+    Of a diagnosis these are the nominal model and the named causes, a payload as a body of its own;
+    of an identification its physical parameters.
 
     All files appear together, or none does; none takes the place of the file that was read. Where
     the nominal model is an MJCF, that file is kept, with other values in it.
@@ -53,6 +62,10 @@ def export(
         Folder; created if it does not exist.
     force
         Replace files there that an export did not write.
+    refit
+        Write the physical parameters of a diagnosis, too, which hold what it does not name.
+    without
+        Causes that are left out: names of effects, or ``effect@joint``.
 
     Returns
     -------
@@ -62,7 +75,7 @@ def export(
     ------
     UsageError
         The result is not of this robot and URDF, holds an effect that this version does not know,
-        or the files cannot be written.
+        or not the cause that is left out; the files cannot be written.
     """
     path, out = Path(result), Path(out)
     source = configuration.robot.description
@@ -73,20 +86,17 @@ def export(
         )
     text = read_urdf_file(source)
     content = source.read_bytes()
-    answer = read_answer(path, configuration, text, str(source))
+    answer = read_answer(path, configuration, text, str(source), refit=refit, without=without)
     urdf = read_urdf_text(text, str(source))
     kept = description_key(source) == "mjcf"
     made = _files(source, out, answer, kept=kept)
     _require_other_files(made, source, path, configuration, force)
     robot = answer.robot
-    bodies = {
-        name: body_of_joint(answer.physical.values, joint)
-        for joint, name in enumerate(robot.joints)
-    }
+    bodies = {name: body_of_joint(answer.values, joint) for joint, name in enumerate(robot.joints)}
     links, notes = link_bodies(urdf, bodies, str(source))
     drives = _joint_values(answer, bodies)
     law = drive_law(configuration.controller, robot.joints, answer.effects)
-    negative = below_zero(answer.physical, robot.joints)
+    negative = below_zero(answer.values, robot.joints)
     notes += tuple(
         f"friction of {each.joint} below zero, which another effect there makes up for, is the "
         f"{each.effect} with parameters {each.parameters}: the file holds zero in its place"
@@ -116,7 +126,6 @@ def _files(source: Path, out: Path, answer: Answer, *, kept: bool) -> Exported:
     return Exported(
         urdf=None if kept else out / f"{source.stem}.urdf",
         mjcf=out / f"{source.stem}.xml",
-        values=None if kept else out / f"{source.stem}.values.yaml",
         effects=out / EFFECTS,
         isaac_lab=None if kept else out / ISAAC_LAB,
         changes=out / CHANGES,
@@ -130,13 +139,13 @@ def _from_urdf(made: Exported, what: Findings, configuration: Configuration) -> 
     """Contents of all files; the MJCF is new, and holds what effects it can."""
     answer, drives, law, source = what.answer, what.drives, what.law, str(what.source)
     robot, notes = answer.robot, what.notes
-    assert made.urdf is not None and made.values is not None and made.isaac_lab is not None
+    assert made.urdf is not None and made.isaac_lab is not None
     native, effects = native_effects(what.planted, robot, law)
     dynamics = {
         name: {"damping": float(drives.damping[joint]), "friction": float(drives.friction[joint])}
         for joint, name in enumerate(robot.joints)
     }
-    written = with_values(what.content, what.links, dynamics, source)
+    written = with_values(what.content, what.links, dynamics, what.mounted, source)
     require_read_back(decoded_urdf(written), configuration, what)
     comments = _comments(what.origin, law, effects)
     names = [file.name for file in made.files]
@@ -144,13 +153,14 @@ def _from_urdf(made: Exported, what: Findings, configuration: Configuration) -> 
         notes = (*notes, f"{', '.join(couplings)}: in {EFFECTS} and the MJCF; a URDF has no place")
     texts = {
         made.urdf: written,
-        made.mjcf: mjcf_text(robot, what.urdf, drives, law, native, comments).encode(),
-        made.values: _overlay(answer, what.links, dynamics, what.origin).encode(),
+        made.mjcf: mjcf_text(
+            answer, what.urdf, drives, law, native, what.mounted, comments
+        ).encode(),
         made.effects: EffectsFile(base_parameters=couplings, effects=effects).to_json().encode(),
         made.isaac_lab: isaac_lab_text(
             robot, made.urdf.name, drives, law, effects, what.origin
         ).encode(),
-        made.changes: changes_text(answer, what.changed, effects, law, names, notes).encode(),
+        made.changes: changes_text(answer, effects, law, names, notes).encode(),
     }
     return texts, effects, notes
 
@@ -184,8 +194,8 @@ def _joint_values(answer: Answer, bodies: Mapping[str, FloatArray]) -> JointValu
             int(first),
             int(second),
             1.0,
-            answer.physical.values.get(f"Fvm{second + 1}", 0.0),
-            answer.physical.values.get(f"Fcm{second + 1}", 0.0),
+            answer.values.get(f"Fvm{second + 1}", 0.0),
+            answer.values.get(f"Fcm{second + 1}", 0.0),
             float(numbers["Ia"][second]),
         )
         for first, second in robot.given.coupling_joints
@@ -203,8 +213,8 @@ def _joint_values(answer: Answer, bodies: Mapping[str, FloatArray]) -> JointValu
 def _base_of_couplings(answer: Answer) -> dict[str, float]:
     return {
         each.name: each.value
-        for each in answer.physical.parameters
-        if each.name.startswith(("Fvm", "Fcm"))
+        for each in answer.parameters
+        if each.name.startswith(("Fvm", "Fcm")) and each.value != each.given
     }
 
 
@@ -222,32 +232,6 @@ def _comments(origin: str, law: DriveLaw, effects: tuple[PlantedEffect, ...]) ->
         names = ", ".join(f"{each.effect} at {each.joint}" for each in missing)
         lines.append(f"Not in this file, but in effects.json for Effects: {names}.")
     return lines
-
-
-def _overlay(
-    answer: Answer,
-    links: Mapping[str, LinkBody],
-    dynamics: Mapping[str, Mapping[str, float]],
-    origin: str,
-) -> str:
-    """Values by link and joint, for a description that is made by macros."""
-    lines = [f"# From {origin} by idim_iv_ros, for descriptions that macros make.", "links:"]
-    for name, body in links.items():
-        inertia = body.inertia
-        lines += [
-            f"  {name}:",
-            f"    mass: {body.mass!r}   # kg",
-            f"    origin: {{xyz: [{', '.join(repr(float(v)) for v in body.centre)}], "
-            "rpy: [0.0, 0.0, 0.0]}   # m, rad",
-            "    inertia: {"
-            + ", ".join(f"{key}: {float(inertia[place])!r}" for key, place in MOMENTS.items())
-            + "}   # kg m²",
-        ]
-    lines.append("joints:")
-    for name, values in dynamics.items():
-        listed = ", ".join(f"{key}: {value!r}" for key, value in values.items())
-        lines.append(f"  {name}: {{{listed}}}   # N m s/rad, N m")
-    return "\n".join([*lines, *simulator_lines(answer)]) + "\n"
 
 
 def _write(contents: Mapping[Path, bytes], out: Path) -> None:

@@ -12,10 +12,10 @@ from idim_iv_ros.model import kinematics_digest, load_robot
 from idim_iv_ros.model.parameters import REGRESSOR_ORDER
 from idim_iv_ros.model.urdf import Urdf
 from idim_iv_ros.simulator_files.answer import Answer
-from idim_iv_ros.simulator_files.changes import ChangedLink
 from idim_iv_ros.simulator_files.law import DriveLaw
 from idim_iv_ros.simulator_files.links import LinkBody
 from idim_iv_ros.simulator_files.mjcf import JointValues
+from idim_iv_ros.simulator_files.named import Load
 from idim_iv_ros.simulators.effects_file import PlantedEffect
 from idim_iv_ros.types import FloatArray
 
@@ -29,8 +29,8 @@ class Exported:
 
     Attributes
     ----------
-    urdf, mjcf, values, effects, isaac_lab, changes : Path
-        Where the nominal model is an MJCF, `urdf`, `values` and `isaac_lab` are None.
+    urdf, mjcf, effects, isaac_lab, changes : Path
+        Where the nominal model is an MJCF, `urdf` and `isaac_lab` are None.
     not_native : tuple of str
         Effects that MuJoCo has no element for.
     notes : tuple of str
@@ -40,7 +40,6 @@ class Exported:
 
     urdf: Path | None
     mjcf: Path
-    values: Path | None
     effects: Path
     isaac_lab: Path | None
     changes: Path
@@ -51,7 +50,7 @@ class Exported:
     @property
     def files(self) -> tuple[Path, ...]:
         """All of them."""
-        files = (self.urdf, self.mjcf, self.values, self.effects, self.isaac_lab, self.changes)
+        files = (self.urdf, self.mjcf, self.effects, self.isaac_lab, self.changes)
         return tuple(file for file in files if file is not None)
 
 
@@ -78,21 +77,19 @@ class Findings:
         return f"{self.answer.path.name} ({kind})"
 
     @property
-    def changed(self) -> list[ChangedLink]:
-        """Links before and after."""
-        return [
-            ChangedLink(name, _given(self.urdf, name), body) for name, body in self.links.items()
-        ]
+    def mounted(self) -> dict[str, tuple[str, Load]]:
+        """Payloads by a link name that no link has, each with the link that carries it."""
+        taken, found = set(self.urdf.links), {}
+        for load in self.answer.loads:
+            name = load.name
+            while name in taken:
+                name += "_found"
+            taken.add(name)
+            found[name] = (self.urdf.joints[load.joint].child, load)
+        return found
 
 
 Texts = tuple[dict[Path, bytes], tuple[PlantedEffect, ...], tuple[str, ...]]
-
-
-def _given(urdf: Urdf, link: str) -> LinkBody | None:
-    inertial = urdf.links[link]
-    if inertial is None:
-        return None
-    return LinkBody(inertial.mass, inertial.centre, inertial.inertia)
 
 
 def require_read_back(text: str, configuration: Configuration, what: Findings) -> None:
@@ -100,6 +97,8 @@ def require_read_back(text: str, configuration: Configuration, what: Findings) -
     source, drives = str(what.source), what.drives
     robot = load_robot(text, configuration.robot.joints, source=source)
     meant = np.array(list(what.bodies.values()))
+    for load in what.answer.loads:
+        meant[list(what.bodies).index(load.joint)] += load.parameters
     found = robot.given.inertial[:, list(REGRESSOR_ORDER)]
     same = np.allclose(found, meant, rtol=0.0, atol=_READ_BACK * np.abs(meant).max())
     same &= np.allclose(robot.given.viscous, drives.damping, rtol=_READ_BACK)

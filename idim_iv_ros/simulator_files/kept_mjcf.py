@@ -26,7 +26,13 @@ def kept_mjcf(made: Exported, what: Findings, configuration: Configuration) -> T
             "robot.urdf, whose export makes an MJCF with it"
         )
     written, more = with_mjcf_values(
-        what.content, source, what.urdf, what.links, answer.robot.joints, what.drives
+        what.content,
+        source,
+        what.urdf,
+        what.links,
+        answer.robot.joints,
+        what.drives,
+        what.mounted,
     )
     require_read_back(mjcf_as_urdf(source, decoded_urdf(written)), configuration, what)
     notes = (
@@ -43,8 +49,6 @@ def kept_mjcf(made: Exported, what: Findings, configuration: Configuration) -> T
     texts = {
         made.mjcf: written,
         made.effects: EffectsFile(effects=effects).to_json().encode(),
-        made.changes: changes_text(
-            answer, what.changed, effects, what.law, names, notes, file="MJCF"
-        ).encode(),
+        made.changes: changes_text(answer, effects, what.law, names, notes, file="MJCF").encode(),
     }
     return texts, effects, notes

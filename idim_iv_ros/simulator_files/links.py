@@ -21,6 +21,7 @@ from idim_iv_ros.types import FloatArray
 
 # Of the nominal link the rest must have at least this share in every direction.
 _LEAST = 1e-4
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,9 @@ def link_bodies(
         own = next(each for each in parts if each.link == main)
         rest = target - sum((_known(each) for each in others), np.zeros(10))
         reference = rest if own.parameters is None else own.parameters
-        if _possible(rest, reference):
+        if own.parameters is not None and _same(rest, reference):
+            continue
+        if is_possible(rest, reference):
             found[main] = LinkBody.of(rest)
             continue
         names = ", ".join(each.link for each in others)
@@ -130,7 +133,12 @@ def _carried(urdf: Urdf, identified: set[str]) -> dict[str, list[_Part]]:
     return carried
 
 
-def _possible(parameters: FloatArray, reference: FloatArray) -> bool:
+def _same(one: FloatArray, other: FloatArray) -> bool:
+    """Whether two bodies differ by no more than rounding."""
+    return bool(np.abs(one - other).max() <= _ROUNDING * np.abs(other).max())
+
+
+def is_possible(parameters: FloatArray, reference: FloatArray) -> bool:
     """Whether a body has these parameters, and no sliver of the reference is left."""
     try:
         root = np.linalg.inv(upper_root(pseudo_inertia(reference)))

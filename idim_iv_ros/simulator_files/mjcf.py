@@ -1,7 +1,7 @@
 """A MuJoCo model of a robot with the parameters of a result, every number in full precision."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -13,9 +13,12 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.model.mjcf_ties import COUPLING
 from idim_iv_ros.model.urdf import Urdf
+from idim_iv_ros.simulator_files.answer import Answer
 from idim_iv_ros.simulator_files.law import DriveLaw
 from idim_iv_ros.simulator_files.links import LinkBody
 from idim_iv_ros.simulator_files.mjcf_effects import Coupled, NativeEffects
+from idim_iv_ros.simulator_files.named import Load
+from idim_iv_ros.simulator_files.xml_edits import comment_text, number_text, numbers_text
 from idim_iv_ros.types import FloatArray
 
 _THICKNESS = 0.12  # of a drawn link, of its length
@@ -44,19 +47,21 @@ class JointValues:
 
 
 def mjcf_text(
-    robot: RobotModel,
+    answer: Answer,
     urdf: Urdf,
     values: JointValues,
     law: DriveLaw,
     native: NativeEffects,
+    mounted: Mapping[str, tuple[str, Load]],
     comments: Sequence[str],
 ) -> str:
     """Return the model as text.
 
     Parameters
     ----------
-    robot
-        Kinematics; locked joints and fixed links are part of the body that carries them.
+    answer
+        Of its robot the kinematics; locked joints and fixed links are part of the body that carries
+        them.
     urdf
         Names of links.
     values
@@ -65,6 +70,8 @@ def mjcf_text(
         commands are torques.
     native
         Effects that elements of the model have.
+    mounted
+        Payloads by the name of their body.
     comments
         Lines at the top.
 
@@ -73,16 +80,16 @@ def mjcf_text(
     UsageError
         A coupled transmission whose drives have less inertia or damping than it takes from them.
     """
+    robot = answer.robot
     root = Element("mujoco", model=robot.name)
     for line in comments:
-        root.append(ElementTree.Comment(f" {line.replace('--', '- -')} "))
+        root.append(ElementTree.Comment(f" {comment_text(line)} "))
     SubElement(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
-    gravity = np.array(robot.pinocchio.gravity.linear)
     SubElement(
         root,
         "option",
         timestep=_number(law.period),
-        gravity=_numbers(gravity),
+        gravity=_numbers(answer.gravity),
         integrator="implicitfast",
     )
     custom = SubElement(root, "custom")
@@ -90,7 +97,9 @@ def mjcf_text(
     _native_names(custom, robot, native)
     world = SubElement(root, "worldbody")
     values = _behind_transmission(values, robot)
-    _bodies(world, robot, urdf, values, law, native)
+    bodies = _bodies(world, robot, urdf, values, law, native)
+    for name, (_, load) in mounted.items():
+        _payload(bodies[load.joint], name, load)
     couplings = [*values.couplings, *native.couplings]
     if couplings:
         _tendons(SubElement(root, "tendon"), robot, couplings)
@@ -150,8 +159,8 @@ def _bodies(
     values: JointValues,
     law: DriveLaw,
     native: NativeEffects,
-) -> None:
-    """One body for each joint, in the order of the tree."""
+) -> dict[str, Element]:
+    """One body for each joint, in the order of the tree; returned by joint."""
     model = robot.pinocchio
     elements: dict[int, Element] = {0: world}
     for tree in range(1, model.njoints):
@@ -162,16 +171,25 @@ def _bodies(
         body = SubElement(carrier, "body", {"name": urdf.joints[name].child, **_placement(place)})
         elements[tree] = body
         own = values.bodies[joint]
-        moments = own.inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
-        SubElement(
-            body,
-            "inertial",
-            pos=_numbers(own.centre),
-            mass=_number(own.mass),
-            fullinertia=_numbers(moments),
-        )
+        SubElement(body, "inertial", inertial_of(own))
         _joint(body, robot, joint, values, law, native, np.array(urdf.joints[name].axis))
         _drawn(body, robot, tree, own)
+    return {robot.joints[int(joint)]: elements[k + 1] for k, joint in enumerate(robot.order)}
+
+
+def _payload(carrier: Element, name: str, load: Load) -> None:
+    """A body of its own, in the frame of the one that carries it."""
+    carrier.append(ElementTree.Comment(f" {comment_text(load.words)} "))
+    SubElement(SubElement(carrier, "body", name=name), "inertial", inertial_of(load.body))
+
+
+def inertial_of(body: LinkBody, anchor: FloatArray | None = None) -> dict[str, str]:
+    """Attributes of an `<inertial>`; `anchor` (3,): of the body's frame in that of the joint, m."""
+    return {
+        "pos": numbers_text(body.centre + (0.0 if anchor is None else anchor)),
+        "mass": number_text(body.mass),
+        "fullinertia": numbers_text(body.inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]),
+    }
 
 
 def _joint(
@@ -189,9 +207,9 @@ def _joint(
         "name": robot.joints[joint],
         "type": "hinge" if robot.joint_types[joint] == "revolute" else "slide",
         "axis": _numbers(axis / np.linalg.norm(axis)),
-        "armature": _number(values.armature[joint]),
-        "damping": _numbers(damping),
-        "frictionloss": _number(values.friction[joint]),
+        "armature": number_text(values.armature[joint]),
+        "damping": numbers_text(np.array(damping)),
+        "frictionloss": number_text(values.friction[joint]),
     }
     if math.isfinite(low) and math.isfinite(high):
         attributes["range"] = _numbers([low, high])

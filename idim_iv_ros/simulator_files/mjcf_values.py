@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import permutations
 from pathlib import Path
 from typing import Any
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pinocchio as pin
@@ -18,9 +19,16 @@ from idim_iv_ros.model.mjcf import compiled_mjcf
 from idim_iv_ros.model.mjcf_ties import native_elements
 from idim_iv_ros.model.urdf import Urdf
 from idim_iv_ros.simulator_files.links import LinkBody
-from idim_iv_ros.simulator_files.mjcf import JointValues
+from idim_iv_ros.simulator_files.mjcf import JointValues, inertial_of
 from idim_iv_ros.simulator_files.mjcf_elements import Body, elements_of
-from idim_iv_ros.simulator_files.xml_edits import Edits, Element, number_text, numbers_text
+from idim_iv_ros.simulator_files.named import Load
+from idim_iv_ros.simulator_files.xml_edits import (
+    Edits,
+    Element,
+    comment_text,
+    number_text,
+    numbers_text,
+)
 from idim_iv_ros.types import FloatArray
 
 _TURNS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
@@ -36,8 +44,9 @@ def with_mjcf_values(
     links: Mapping[str, LinkBody],
     joints: Sequence[str],
     values: JointValues,
+    mounted: Mapping[str, tuple[str, Load]],
 ) -> tuple[bytes, tuple[str, ...]]:
-    """Return the MJCF with other inertials, armature, damping and friction, and what to say of it.
+    """Return the MJCF with other values and bodies for payloads, and what to say of it.
 
     Parameters
     ----------
@@ -51,6 +60,8 @@ def with_mjcf_values(
     joints
         Those that are identified, in the order of `values`.
     values
+    mounted
+        Payloads by the name of their body, each with the link that carries it.
 
     Raises
     ------
@@ -65,6 +76,8 @@ def with_mjcf_values(
     for place, name in enumerate(joints):
         file.joint(urdf, name, values, place)
     new = [file.inertial(name, body) for name, body in links.items()]
+    for name, (link, load) in mounted.items():
+        file.payload(name, link, load)
     without = [name for name, was_there in zip(links, new, strict=True) if not was_there]
     if without:
         notes += (
@@ -164,18 +177,16 @@ class _File:
     def inertial(self, link: str, new: LinkBody) -> bool:
         """Write the inertial of a link; False where the body had none."""
         body = self._body(link)
-        centre = numbers_text(new.centre + self._anchor(link))
-        full = numbers_text(new.inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)])
-        mass = number_text(new.mass)
+        values = inertial_of(new, self._anchor(link))
         element = body.inertial
         if element is None:
-            line = f'<inertial pos="{centre}" mass="{mass}" fullinertia="{full}"/>'
-            self.edits.first_child(body.element, [line])
+            self.edits.first_child(body.element, [_inertial_text(values)])
             return False
-        self.edits.set(element, {"pos": centre, "mass": mass}, zeros=True)
         present = self.edits.attributes(element)
+        full = {"fullinertia": values.pop("fullinertia")}
+        self.edits.set(element, values, zeros=True)
         if "diaginertia" not in present:
-            self.edits.set(element, {"fullinertia": full})
+            self.edits.set(element, full)
             return True
         index = self.model.body(link).id
         w, x, y, z = (float(each) for each in self.model.body_iquat[index])
@@ -188,6 +199,17 @@ class _File:
             self.edits.rename(element, turn, "quat", numbers_text(quaternion))
         return True
 
+    def payload(self, name: str, link: str, load: Load) -> None:
+        """A body of its own within the one that carries it."""
+        anchor = numbers_text(self._anchor(link))
+        lines = [
+            f"<!-- {comment_text(load.words)} -->",
+            f'<body name={quoteattr(name)} pos="{anchor}">',
+            f"  {_inertial_text(inertial_of(load.body))}",
+            "</body>",
+        ]
+        self.edits.first_child(self._body(link).element, lines)
+
     def _anchor(self, link: str) -> FloatArray:
         """From the frame of a body to that of its link, m, as `mjcf_as_urdf` places it."""
         body, types = self.model.body(link), self.mujoco.mjtJoint
@@ -197,6 +219,10 @@ class _File:
         if int(self.model.jnt_type[last]) not in (int(types.mjJNT_HINGE), int(types.mjJNT_SLIDE)):
             return np.zeros(3)
         return np.array(self.model.jnt_pos[last])
+
+
+def _inertial_text(values: Mapping[str, str]) -> str:
+    return f"<inertial {' '.join(f'{key}={quoteattr(text)}' for key, text in values.items())}/>"
 
 
 def _principal(inertia: FloatArray, before: FloatArray) -> tuple[FloatArray, FloatArray]:

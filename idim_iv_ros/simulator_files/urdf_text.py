@@ -2,12 +2,17 @@
 
 from collections.abc import Mapping
 from xml.parsers import expat
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.simulator_files.links import LinkBody
+from idim_iv_ros.simulator_files.named import Load
 from idim_iv_ros.simulator_files.xml_edits import (
     Edits,
     Element,
+    comment_text,
     end_of_tag,
     number_text,
     numbers,
@@ -28,9 +33,10 @@ def with_values(
     content: bytes,
     links: Mapping[str, LinkBody],
     dynamics: Mapping[str, Mapping[str, float]],
+    mounted: Mapping[str, tuple[str, Load]],
     source: str,
 ) -> bytes:
-    """Return the URDF with other inertials, damping and friction.
+    """Return the URDF with other inertials, damping and friction, and links for payloads.
 
     Parameters
     ----------
@@ -40,6 +46,8 @@ def with_values(
         Inertials of links by name; one is inserted where a link has none.
     dynamics
         ``damping`` and ``friction`` of joints by name.
+    mounted
+        Payloads by the name of their link, each with the link that carries it.
     source
         What to call the URDF in messages.
 
@@ -56,6 +64,8 @@ def with_values(
         edits.inertial(found["link", name], body)
     for name, values in dynamics.items():
         edits.dynamics(found["joint", name], values)
+    for name, (link, load) in mounted.items():
+        edits.payload(found["robot", ""], name, link, load)
     return edits.made()
 
 
@@ -68,7 +78,9 @@ def _elements(content: bytes) -> dict[tuple[str, str], Element]:
     def start(tag: str, attributes: dict[str, str]) -> None:
         element = Element(parser.CurrentByteIndex, len(stack))
         element.end_of_start = end_of_tag(content, element.start)
-        if len(stack) == 1 and tag in ("link", "joint"):
+        if not stack:
+            found["robot", ""] = element
+        elif len(stack) == 1 and tag in ("link", "joint"):
             found[tag, attributes.get("name", "")] = element
         elif stack:
             stack[-1].children.setdefault(tag, element)
@@ -82,29 +94,48 @@ def _elements(content: bytes) -> dict[tuple[str, str], Element]:
     return found
 
 
+def _moments(body: LinkBody) -> dict[str, str]:
+    values = numbers_text(np.array([body.inertia[place] for place in MOMENTS.values()]))
+    return dict(zip(MOMENTS, values.split(), strict=True))
+
+
+def _inertial(body: LinkBody) -> list[str]:
+    listed = " ".join(f'{key}="{value}"' for key, value in _moments(body).items())
+    return [
+        "<inertial>",
+        f'  <origin xyz="{numbers_text(body.centre)}" rpy="0 0 0"/>',
+        f'  <mass value="{number_text(body.mass)}"/>',
+        f"  <inertia {listed}/>",
+        "</inertial>",
+    ]
+
+
 class _UrdfEdits(Edits):
     """What the elements of a URDF hold."""
+
+    def payload(self, robot: Element, name: str, carrier: str, load: Load) -> None:
+        """A link of its own, fixed to another, at the end of the robot."""
+        lines = [
+            f"<!-- {comment_text(load.words)} -->",
+            f"<link name={quoteattr(name)}>",
+            *(f"  {line}" for line in _inertial(load.body)),
+            "</link>",
+            f'<joint name={quoteattr(f"{name}_fixed")} type="fixed">',
+            f"  <parent link={quoteattr(carrier)}/>",
+            f"  <child link={quoteattr(name)}/>",
+            "</joint>",
+        ]
+        self.insert(robot.end, b"".join(b"  " + each.encode() + self.newline for each in lines))
 
     def inertial(self, link: Element, body: LinkBody) -> None:
         """Mass, centre and moments of a link."""
         centre = numbers_text(body.centre)
-        moments = {key: number_text(body.inertia[place]) for key, place in MOMENTS.items()}
         inertial = link.children.get("inertial")
         if inertial is None:
-            listed = " ".join(f'{key}="{value}"' for key, value in moments.items())
-            self.first_child(
-                link,
-                [
-                    "<inertial>",
-                    f'  <origin xyz="{centre}" rpy="0 0 0"/>',
-                    f'  <mass value="{number_text(body.mass)}"/>',
-                    f"  <inertia {listed}/>",
-                    "</inertial>",
-                ],
-            )
+            self.first_child(link, _inertial(body))
             return
         self.set(inertial.children["mass"], {"value": number_text(body.mass)})
-        self.set(inertial.children["inertia"], moments)
+        self.set(inertial.children["inertia"], _moments(body))
         origin = inertial.children.get("origin")
         if origin is None:
             before = inertial.children["mass"].start

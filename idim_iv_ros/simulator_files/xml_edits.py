@@ -4,6 +4,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from idim_iv_ros.types import FloatArray
 
 _ATTRIBUTE = re.compile(rb"([^\s=/<>\"']+)\s*=\s*(\"[^\"]*\"|'[^']*')")
@@ -59,7 +61,7 @@ class Edits:
         for key, text in values.items():
             if key in present:
                 start, stop = present[key]
-                if numbers((start, stop), self.content) != [float(word) for word in text.split()]:
+                if not _same(numbers((start, stop), self.content), text):
                     self._edits.append((start, stop, text.encode()))
             elif zeros or any(float(word) for word in text.split()):
                 place = element.end_of_start - 1
@@ -121,11 +123,23 @@ def numbers(span: tuple[int, int], content: bytes) -> list[float]:
     return [float(word) for word in content[span[0] : span[1]].split()]
 
 
+def _same(before: list[float], text: str) -> bool:
+    """Whether a text has the same numbers but for its rounding."""
+    new = [float(word) for word in text.split()]
+    return len(new) == len(before) and np.allclose(new, before, rtol=1e-12, atol=0.0)
+
+
 def number_text(value: float) -> str:
-    """Shortest digits that are read back as the same number."""
-    return repr(float(value) + 0.0)
+    """As many digits as are beyond the rounding of sums."""
+    return f"{float(value) + 0.0:.13g}"
 
 
 def numbers_text(values: FloatArray) -> str:
-    """Several of them."""
-    return " ".join(number_text(value) for value in values)
+    """Several of one kind; what is rounding beside the largest is zero."""
+    least = 1e-13 * float(np.abs(values).max())
+    return " ".join(number_text(value if abs(value) > least else 0.0) for value in values)
+
+
+def comment_text(text: str) -> str:
+    """A text that an XML comment may hold."""
+    return text.replace("--", "- -")

@@ -10,7 +10,7 @@ from tests.cli.test_bad_input import refused
 from tests.cli.test_mjcf import as_mjcf
 from tests.simulator_files.cases import CONFIG, Case, case, cause
 
-FILES = ["arm2.urdf", "arm2.values.yaml", "arm2.xml", "changes.md", "effects.json", "isaac_lab.py"]
+FILES = ["arm2.urdf", "arm2.xml", "changes.md", "effects.json", "isaac_lab.py"]
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def test_all_files_are_written_and_named(run, arm: Case, tmp_path: Path) -> None
     assert outcome.status == 0, outcome.error
     assert sorted(path.name for path in out.iterdir()) == FILES
     assert all(str(out / name) in outcome.out for name in FILES)
-    assert "stribeck at joint_2, torque_offset at joint_1" in outcome.out
+    assert "MuJoCo has no element for stribeck at joint_2: effects.json" in outcome.out
 
 
 def test_json_names_the_files(run, arm: Case, tmp_path: Path) -> None:
@@ -42,10 +42,22 @@ def test_refusals_are_one_line_and_nothing_is_written(run, arm: Case, tmp_path: 
     assert not out.exists()
 
 
+def test_a_cause_is_left_out_by_its_name(run, arm: Case, tmp_path: Path) -> None:
+    out, config = tmp_path / "out", CONFIG / "arm2.yaml"
+    options = ("--config", config, "--out", out, "--without")
+    refused(run("export", arm.path, *options, "payload"), 2, "no cause payload")
+    assert not out.exists()
+    outcome = run("export", arm.path, *options, "stribeck@joint_2")
+    assert outcome.status == 0 and "no element" not in outcome.out
+    assert json.loads((out / "effects.json").read_text())["effects"] == []
+    assert (out / "arm2.urdf").read_bytes() == (CONFIG / "arm2.urdf").read_bytes()
+
+
 def test_effects_are_simulated_with_the_exported_robot(run, arm: Case, tmp_path: Path) -> None:
     """The file goes back into `simulate`, with the URDF and the lines of changes.md."""
     out = tmp_path / "out"
-    assert run("export", arm.path, "--config", CONFIG / "arm2.yaml", "--out", out).status == 0
+    config = CONFIG / "arm2.yaml"
+    assert run("export", arm.path, "--config", config, "--out", out, "--refit").status == 0
     changes = (out / "changes.md").read_text(encoding="utf-8")
     section = changes.split("```yaml\n")[1].split("```")[0]
     config = tmp_path / "new.yaml"

@@ -28,8 +28,8 @@ class Case:
     gap: GapResult
     path: Path
 
-    def export(self, out: Path, **options: Any) -> Exported:
-        return export(self.path, self.configuration, out, **options)
+    def export(self, out: Path, *, refit: bool = True, **options: Any) -> Exported:
+        return export(self.path, self.configuration, out, refit=refit, **options)
 
     def with_gap(self, **changes: Any) -> "Case":
         case = replace(self, gap=replace(self.gap, **changes))

@@ -48,7 +48,7 @@ def test_friction_and_constant_torques_are_those_of_the_result(tmp_path: Path) -
     arm = case(tmp_path, "arm7")
     model = compiled(arm, tmp_path / "out")
     friction = [arm.standard[f"Fc{joint}"] for joint in range(1, 8)]
-    np.testing.assert_array_equal(model.dof_frictionloss, friction)
+    np.testing.assert_allclose(model.dof_frictionloss, friction, rtol=1e-12)
     offset = {f"joint_{joint}": arm.standard[f"off{joint}"] for joint in range(1, 8)}
     effects = json.loads((tmp_path / "out" / "effects.json").read_text())["effects"]
     assert {each["joint"]: each["parameters"]["offset"] for each in effects} == offset

@@ -4,15 +4,10 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-import pinocchio as pin
 import pytest
 
-from idim_iv_ros import export
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.types import FloatArray
-from tests.report.sample_result import sample_result
 from tests.simulator_files.cases import CONFIG, Case, case, cause
 
 
@@ -58,25 +53,14 @@ def test_a_urdf_whose_masses_were_changed_since(arm: Case, tmp_path: Path) -> No
 
 def test_effects_unknown_to_this_version(tmp_path: Path) -> None:
     arm = case(tmp_path, "arm2", [cause("magnetism", "joint_1", field=1.0)])
-    refused(arm, tmp_path / "out", "magnetism at joint_1 is unknown to this version")
+    refused(arm, tmp_path / "out", "magnetism@joint_1 is unknown to this version")
 
 
 def test_a_result_without_physical_parameters_says_why(arm: Case, tmp_path: Path) -> None:
     without = arm.with_gap(physical=None, why_no_physical="efforts are in A")
     refused(without, tmp_path / "out", "efforts are in A; then run `idim-iv diagnose` again")
     older = arm.with_gap(physical=None, kinematics="")
-    refused(older, tmp_path / "out", "was written before .*; run `idim-iv diagnose` again")
-
-
-def test_an_older_identification_is_projected_when_it_is_exported(tmp_path: Path) -> None:
-    """It has estimates and their covariance; their names say to which robot they belong."""
-    sample = sample_result(2)
-    path = tmp_path / "result.json"
-    joints = ("joint_1", "joint_2")
-    path.write_text(replace(sample, joints=joints).to_json(), encoding="utf-8")
-    arm = load_configuration(CONFIG / "arm2.yaml")
-    with pytest.raises(UsageError, match="its base parameters are not those of this robot"):
-        export(path, arm, tmp_path / "out")
+    refused(older, tmp_path / "out", "was written before .*; then run `idim-iv diagnose` again")
 
 
 @pytest.mark.parametrize("content", ["", "{}", "[1]", '{"format": "idim_iv_ros/check/1"}'])
@@ -151,29 +135,3 @@ def test_a_link_that_is_no_body(arm: Case, tmp_path: Path) -> None:
 def test_a_delay_of_an_hour(tmp_path: Path) -> None:
     arm = case(tmp_path, "arm2", [cause("time_delay", None, delay=3600.0)])
     refused(arm, tmp_path / "out", "a delay of 3600 s is no drive's")
-
-
-def test_an_older_identification_of_this_robot_is_exported(arm: Case, tmp_path: Path) -> None:
-    """It has no physical set, but estimates with their covariance: the set is found then."""
-    sample, base = sample_result(2), arm.model.base
-    first = sample.parameters[0]
-    parameters = tuple(
-        replace(first, name=name, value=float(value), std=0.01)
-        for name, value in zip(base.names, base.from_standard(_standard(arm)), strict=True)
-    )
-    older = replace(
-        sample,
-        joints=("joint_1", "joint_2"),
-        parameters=parameters,
-        covariance=1e-4 * np.eye(len(parameters)),
-    )
-    path = tmp_path / "result.json"
-    path.write_text(older.to_json(), encoding="utf-8")
-    made = export(path, arm.configuration, tmp_path / "out")
-    model = pin.buildModelFromUrdf(str(made.urdf))
-    friction = model.damping[1]
-    assert friction == pytest.approx(arm.standard["Fv2"], abs=1e-3)
-
-
-def _standard(arm: Case) -> FloatArray:
-    return np.array([arm.standard[name] for name in arm.model.regressor.layout.names])

@@ -57,7 +57,7 @@ def test_damping_and_friction_are_those_of_the_result(decorated: Case, tmp_path:
     text = decorated.export(tmp_path / "out").urdf.read_text(encoding="utf-8")
     model = pin.buildModelFromXML(text)
     expected = [decorated.standard["Fv1"], decorated.standard["Fv2"]]
-    np.testing.assert_array_equal(model.damping, expected)
+    np.testing.assert_allclose(model.damping, expected, rtol=1e-12)
 
 
 def test_a_diff_shows_values_and_nothing_else(decorated: Case, tmp_path: Path) -> None:
@@ -130,17 +130,6 @@ def test_the_input_is_never_written_over(decorated: Case, tmp_path: Path) -> Non
     with pytest.raises(UsageError, match=r"decorated\.urdf: was read for this export"):
         decorated.export(tmp_path, force=True)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
-
-
-def test_values_for_macros_are_those_of_the_urdf(decorated: Case, tmp_path: Path) -> None:
-    from ruamel.yaml import YAML
-
-    made = decorated.export(tmp_path / "out")
-    values = YAML(typ="safe").load(made.values)
-    assert values["joints"]["shoulder"]["damping"] == decorated.standard["Fv1"]
-    mass = re.search(r'<mass   value="([^"]*)"', made.urdf.read_text(encoding="utf-8"))
-    assert mass is not None
-    assert values["links"]["upper"]["mass"] == float(mass[1])
 
 
 def test_a_load_that_is_heavier_than_the_joint_carries_changes_with_the_link(

@@ -21,7 +21,7 @@ from idim_iv_ros.effects.parametric_effect import (
     ParametricEffect,
 )
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import FloatArray, SingleArray
 
 Key = tuple[str, int | None, int | None]
 _LARGEST = 1e12  # N m of a unit coefficient: no hardware
@@ -62,7 +62,7 @@ class Candidate:
     place: Place | None
     shapes: tuple[Shape, ...]
     changes: tuple[Change, ...]
-    lines: dict[int, FloatArray]
+    lines: dict[int, SingleArray]
     width: int
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Kind
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger
 from idim_iv_ros.signals import AutoregressiveModel
-from idim_iv_ros.types import BoolArray, FloatArray, IntArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray, SingleArray
 
 _AT_ONCE = 256
 
@@ -38,7 +38,7 @@ class Options:
             np.arange(len(candidates)), [c.options for c in candidates]
         )
         self.shape = np.concatenate([np.arange(c.options) for c in candidates]).astype(int)
-        self.width = np.array([candidates[c].width for c in self.candidate])
+        self.width = np.array([candidates[int(c)].width for c in self.candidate])
         self.first = np.concatenate([[0], np.cumsum(self.width)[:-1]]).astype(int)
         self.count = int(self.width.sum())
         self.of_width = {int(w): np.flatnonzero(self.width == w) for w in np.unique(self.width)}
@@ -62,12 +62,12 @@ class Options:
         keys = [c.key for c in candidates]
         self.keys = list(dict.fromkeys(keys))
         number = {key: k for k, key in enumerate(self.keys)}
-        self.key = np.array([number[keys[c]] for c in self.candidate])
-        self.kinds = np.array([candidates[c].kind.value for c in self.candidate])
+        self.key = np.array([number[keys[int(c)]] for c in self.candidate])
+        self.kinds = np.array([candidates[int(c)].kind.value for c in self.candidate])
         self.is_curve: BoolArray = self.kinds == Kind.CURVE.value
         self.is_number: BoolArray = self.kinds == Kind.NUMBER.value
 
-    def own_products(self, lines: Sequence[FloatArray]) -> dict[int, FloatArray]:
+    def own_products(self, lines: Sequence[SingleArray]) -> dict[int, FloatArray]:
         """Products (m_w, w, w) of the columns of each option, over all joints."""
         made = {w: np.zeros((len(which), w, w)) for w, which in self.of_width.items()}
         for place, table in zip(self.at, lines, strict=True):
@@ -79,7 +79,7 @@ class Options:
                     made[w][some] += np.matmul(rows, rows.transpose(0, 2, 1))
         return made
 
-    def products(self, lines: Sequence[FloatArray], right: Sequence[FloatArray]) -> FloatArray:
+    def products(self, lines: Sequence[SingleArray], right: Sequence[FloatArray]) -> FloatArray:
         """Products (p, q) of all columns with some rows (r_j, q) of each joint."""
         made = np.zeros((self.count, right[0].shape[1]))
         for place, table, rows in zip(self.at, lines, right, strict=True):
@@ -110,7 +110,7 @@ class Whitened:
     noise: tuple[AutoregressiveModel, ...]
     model: tuple[FloatArray, ...]
     gap: tuple[FloatArray, ...]
-    lines: tuple[FloatArray, ...]
+    lines: tuple[SingleArray, ...]
     normal: FloatArray
     shared: FloatArray
     inner: dict[int, FloatArray]
@@ -153,7 +153,7 @@ def whitened(
 
 
 def products_with_model(
-    options: Options, model: Sequence[FloatArray], lines: Sequence[FloatArray]
+    options: Options, model: Sequence[FloatArray], lines: Sequence[SingleArray]
 ) -> tuple[FloatArray, FloatArray]:
     """XᵀX (b, b), and Xᵀ with all columns (b, p)."""
     b = options.ledger.parameters

@@ -1,0 +1,275 @@
+"""The nominal model with the causes that a diagnosis names, each of which can be left out.
+
+Friction, drive inertia and constant torques are numbers of their joint, a wrong link is that of its
+joint, a payload is a body of its own. What the recording does not show of a body comes from a
+reference: the nominal link, or a ball of water of the payload's mass. Where the numbers that it
+shows are of no body, the nearest one is taken, each number counted by its standard deviation.
+
+A structural effect of friction was found beside a refit of its joint's friction, so that the part
+of this friction that no other named cause accounts for belongs to the effect.
+"""
+
+import math
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from idim_iv_ros.diagnosis.result import Cause, EffectParameter
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.model import InverseModel
+from idim_iv_ros.model.parameters import INERTIAL
+from idim_iv_ros.physical import PhysicalParameters, StandardValue
+from idim_iv_ros.physical.nearest import TO_INSTALL, nearest_body
+from idim_iv_ros.physical.pseudo_inertia import ReferenceLink
+from idim_iv_ros.simulator_files.links import LinkBody, is_possible
+from idim_iv_ros.simulators.effects_file import PlantedEffect
+from idim_iv_ros.types import FloatArray
+
+_KINDS = {
+    "change_of_viscous": "Fv",
+    "change_of_coulomb": "Fc",
+    "change_of_drive_inertia": "Ia",
+    "offset": "off",
+    "mass": "M",
+    **{f"moment_{axis}": f"M{axis.upper()}" for axis in "xyz"},
+    **{f"inertia_{axes}": axes.upper() for axes in ("xx", "xy", "xz", "yy", "yz", "zz")},
+}
+_WATER = 1000.0  # kg/m³
+
+
+@dataclass(frozen=True)
+class Load:
+    """A payload: its body in the frame of the joint that carries it, and its numbers in words."""
+
+    name: str
+    joint: str
+    parameters: FloatArray  # XX … M (10,)
+    words: str
+
+    @property
+    def body(self) -> LinkBody:
+        """As mass, centre and moments."""
+        return LinkBody.of(self.parameters)
+
+
+@dataclass(frozen=True)
+class Mended:
+    """The nominal model with named causes.
+
+    Attributes
+    ----------
+    parameters : tuple of StandardValue
+    loads : tuple of Load
+    effects : tuple of PlantedEffect
+        Causes that are no parameter of a model.
+    gravity : (3,) m/s²
+    """
+
+    parameters: tuple[StandardValue, ...]
+    loads: tuple[Load, ...]
+    effects: tuple[PlantedEffect, ...]
+    gravity: FloatArray
+
+
+def cause_name(cause: Cause) -> str:
+    """What --without calls a cause: ``payload@joint_6``."""
+    return f"{cause.effect}@{cause.joint}" if cause.joint else cause.effect
+
+
+def kept_causes(
+    causes: Sequence[Cause], without: Collection[str], source: str
+) -> tuple[list[Cause], list[Cause]]:
+    """Return the causes that are kept, and those that are left out.
+
+    Raises
+    ------
+    UsageError
+        A name that is none of them.
+    """
+    for name in without:
+        if not any(name in (each.effect, cause_name(each)) for each in causes):
+            names = ", ".join(cause_name(each) for each in causes) or "none"
+            raise UsageError(
+                f"{source}: names no cause {name} that could be left out; its causes: {names}"
+            )
+    kept = [each for each in causes if not {each.effect, cause_name(each)} & set(without)]
+    return kept, [each for each in causes if each not in kept]
+
+
+def numbers_in_words(parameters: Mapping[str, EffectParameter]) -> str:
+    """Values with the half-widths of their 95 % intervals."""
+    return ", ".join(
+        f"{name.replace('_', ' ')} {_rounded(each):.6g} ± {1.96 * each.std:.2g} {each.unit}".strip()
+        if each.std
+        else f"{name.replace('_', ' ')} {each.value:.4g} {each.unit}".strip()
+        for name, each in parameters.items()
+    )
+
+
+def mended_model(
+    model: InverseModel,
+    causes: Sequence[Cause],
+    left_out: Sequence[Cause],
+    physical: PhysicalParameters,
+    source: str,
+) -> Mended:
+    """Return the nominal model with these causes.
+
+    Parameters
+    ----------
+    model
+        Its given parameters are the nominal model.
+    causes
+    left_out
+        Those that the diagnosis names and the model shall not have.
+    physical
+        Of the refit: friction beside structural effects of friction.
+    source
+        What to call the result in messages.
+
+    Raises
+    ------
+    UsageError
+        A body cannot be found.
+    """
+    robot, layout = model.robot, model.regressor.layout
+    given = dict(zip(layout.names, map(float, layout.vector(robot.given)), strict=True))
+    found: dict[str, tuple[float, float | None]] = {}
+    loads: list[Load] = []
+    effects: list[PlantedEffect] = []
+    gravity = np.array(robot.pinocchio.gravity.linear)
+    for cause in causes:
+        if cause.effect == "torque_gain":
+            numbers = {name: _rounded(each) for name, each in cause.parameters.items()}
+            effects.append(PlantedEffect(cause.effect, cause.joint, None, numbers))
+        elif cause.effect == "gravity_direction":
+            turn = [
+                cause.parameters[f"rotation_about_{axis}"].value
+                if f"rotation_about_{axis}" in cause.parameters
+                else 0.0
+                for axis in "xyz"
+            ]
+            gravity = np.asarray(pin.exp3(np.array(turn)) @ gravity)
+        elif cause.kind == "parametric":
+            changes = _changes(cause, robot.joints)
+            mass = changes.get(f"M{_number(cause, robot.joints)}")
+            if cause.effect == "payload" and mass is not None and mass.value > 0.0:
+                loads.append(_load(cause, changes, len(loads), source))
+            elif any(name.rstrip("0123456789") in INERTIAL for name in changes):
+                found |= _link(cause, changes, given, source)
+            else:
+                for name, change in changes.items():
+                    value = given[name] + _rounded(change)
+                    found[name] = (max(value, 0.0) if name[:3] != "off" else value, change.std)
+    # Of the refit's friction beside an effect, what left-out causes account for goes with them.
+    refit = physical.values
+    others = [_changes(each, robot.joints) for each in left_out if each.kind == "parametric"]
+    for cause in causes:
+        places = [robot.joints.index(each) + 1 for each in (cause.joint, cause.other_joint) if each]
+        for name in (f"{kind}{place}" for place in places for kind in ("Fv", "Fc")):
+            if cause.kind == "structural" and name in physical.shared:
+                gone = sum(each[name].value for each in others if name in each)
+                found[name] = (refit[name] - gone, None)
+    return Mended(
+        tuple(
+            StandardValue(
+                each.name,
+                each.unit,
+                *found.get(each.name, (given[each.name], None)),
+                given[each.name],
+                "recording" if each.name in found else "nominal model",
+            )
+            for each in layout.parameters
+        ),
+        tuple(loads),
+        tuple(effects),
+        gravity,
+    )
+
+
+def _number(cause: Cause, joints: Sequence[str]) -> int:
+    return joints.index(cause.joint) + 1 if cause.joint else 0
+
+
+def _changes(cause: Cause, joints: Sequence[str]) -> dict[str, EffectParameter]:
+    """Changes of standard parameters by name, those that the recording determines."""
+    number, changes = _number(cause, joints), {}
+    for name, each in cause.parameters.items():
+        link = re.fullmatch(r"change_of_(?:base_)?([A-Z]+\d+)", name)
+        if not each.std:
+            continue
+        if link is not None:
+            changes[link[1]] = each
+        elif name in _KINDS and number:
+            changes[f"{_KINDS[name]}{number}"] = each
+        elif name in joints:  # of all drives at once
+            changes[f"Ia{joints.index(name) + 1}"] = each
+    return changes
+
+
+def _load(cause: Cause, changes: Mapping[str, EffectParameter], number: int, source: str) -> Load:
+    """A payload with a mass, at the joint that carries it."""
+    numbers = {name.rstrip("0123456789"): each for name, each in changes.items()}
+    mass = numbers["M"].value
+    none = EffectParameter(0.0, None, "kg m")
+    first = np.array([numbers.get(kind, none).value for kind in ("MX", "MY", "MZ")])
+    centre = first / mass
+    moment = 0.4 * mass * (3.0 * mass / (4.0 * math.pi * _WATER)) ** (2.0 / 3.0)
+    about = moment * np.eye(3) + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    ball = np.array([*about[np.triu_indices(3)], *first, mass])
+    body = _nearest(np.zeros(10), numbers, ball, f"{source}: {cause_name(cause)}")
+    missing = [kind for kind in INERTIAL if kind not in numbers]
+    words = f"{cause_name(cause)}: {numbers_in_words(cause.parameters)}"
+    if missing:
+        words += "; the rest as of a ball of water"
+    assert cause.joint is not None
+    return Load("payload" if not number else f"payload_{number + 1}", cause.joint, body, words)
+
+
+def _link(
+    cause: Cause,
+    changes: Mapping[str, EffectParameter],
+    given: Mapping[str, float],
+    source: str,
+) -> dict[str, tuple[float, float | None]]:
+    """The parameters of one link."""
+    number = re.sub(r"\D", "", next(iter(changes)))
+    numbers = {name.rstrip("0123456789"): each for name, each in changes.items()}
+    nominal = np.array([given[f"{kind}{number}"] for kind in INERTIAL])
+    body = _nearest(nominal, numbers, nominal, f"{source}: {cause_name(cause)}")
+    return {
+        f"{kind}{number}": (float(value), numbers[kind].std if kind in numbers else None)
+        for kind, value in zip(INERTIAL, body, strict=True)
+    }
+
+
+def _nearest(
+    start: FloatArray,
+    changes: Mapping[str, EffectParameter],
+    reference: FloatArray,
+    source: str,
+) -> FloatArray:
+    """XX … M (10,) of the body nearest to `start` with changes by kind."""
+    places = [INERTIAL.index(kind) for kind in changes]
+    wanted = start.copy()
+    wanted[places] += [_rounded(each) for each in changes.values()]
+    if len(places) == len(INERTIAL) and is_possible(wanted, reference):
+        return wanted
+    std = np.array([each.std for each in changes.values()])
+    link = ReferenceLink.of(reference, 1.0, 0.3)
+    try:
+        return nearest_body(link, places, wanted[places], std)
+    except ImportError as error:
+        raise UsageError(TO_INSTALL) from error
+    except DataError as error:
+        raise UsageError(f"{source}: no body has such numbers ({error}); use --refit") from error
+
+
+def _rounded(number: EffectParameter) -> float:
+    """The value with no more digits than its interval has a use for: to 0.5 % of σ."""
+    if not number.std:
+        return number.value
+    return round(number.value, 2 - math.floor(math.log10(number.std)))

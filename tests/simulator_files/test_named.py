@@ -1,0 +1,207 @@
+"""The nominal model with named causes: right torques, and the nominal file without them."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from idim_iv_ros.diagnosis.result import NominalModel
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.model.parameters import INERTIAL
+from tests.model.mjcf_robots import ARMS
+from tests.simulator_files.cases import CONFIG, Case, case
+from tests.simulator_files.cases import cause as structural
+from tests.simulator_files.test_kept_mjcf import arm_of
+
+MASS, CENTRE, MOMENTS = 0.8, np.array([0.02, -0.015, 0.06]), np.diag([1.5e-3, 1.5e-3, 8e-4])
+BODY = pin.Inertia(MASS, CENTRE, MOMENTS).toDynamicParameters()
+
+
+def parametric(effect: str, joint: str | None, std: float, **values: float) -> dict[str, Any]:
+    numbers = {name: {"value": value, "std": std, "unit": "SI"} for name, value in values.items()}
+    return structural(effect, joint) | {"kind": "parametric", "parameters": numbers}
+
+
+def payload(joint: str, *without: str) -> dict[str, Any]:
+    names = ("mass", "moment_x", "moment_y", "moment_z", "inertia_xx", "inertia_xy", "inertia_yy",
+             "inertia_xz", "inertia_yz", "inertia_zz")  # fmt: skip
+    known = {
+        name: float(value)
+        for name, value in zip(names, BODY, strict=True)
+        if not name.startswith(without or ("no",))
+    }
+    return parametric("payload", joint, 1e-9, **known)
+
+
+def friction(joint: str) -> dict[str, Any]:
+    return parametric("friction_level", joint, 1e-9, change_of_viscous=0.34, change_of_coulomb=1.66)
+
+
+def torque(model: mujoco.MjModel, *state: np.ndarray) -> np.ndarray:
+    data = mujoco.MjData(model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data.qpos[:], data.qvel[:], data.qacc[:] = state
+    mujoco.mj_inverse(model, data)
+    return np.array(data.qfrc_inverse)
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Case:
+    return case(tmp_path, "arm7", [payload("joint_7"), friction("joint_4")])
+
+
+def test_torques_are_those_of_the_nominal_model_with_the_causes(arm: Case, tmp_path: Path) -> None:
+    """In MuJoCo and in pinocchio, at random states."""
+    made = arm.export(tmp_path / "out", refit=False)
+    model = mujoco.MjModel.from_xml_path(str(made.mjcf))
+    tree = pin.buildModelFromUrdf(str(made.urdf))
+    names = arm.model.regressor.layout.names
+    standard = dict(
+        zip(names, arm.model.regressor.layout.vector(arm.model.robot.given), strict=True)
+    )
+    kinds = ("M", "MX", "MY", "MZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
+    for kind, value in zip(kinds, BODY, strict=True):
+        standard[f"{kind}7"] += value
+    standard["Fv4"] += 0.34
+    values = np.array([0.0 if name[:2] in ("Fc", "of") else standard[name] for name in names])
+    random = np.random.default_rng(2)
+    for _ in range(10):
+        state = random.uniform(-1.5, 1.5, (3, 7))
+        expected = arm.model.regressor(*(each[None] for each in state))[0] @ values
+        np.testing.assert_allclose(torque(model, *state), expected, rtol=0.0, atol=1e-7)
+        drives = np.array(
+            [
+                standard[f"Ia{k}"] * a + standard[f"Fv{k}"] * v
+                for k, (v, a) in enumerate(state[1:].T, 1)
+            ]
+        )
+        found = pin.rnea(tree, tree.createData(), *state) + drives
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-7)
+    assert model.dof_frictionloss[3] == pytest.approx(arm.model.robot.given.coulomb[3] + 1.66)
+
+
+def test_a_payload_is_a_body_of_its_own_with_its_interval(arm: Case, tmp_path: Path) -> None:
+    made = arm.export(tmp_path / "out", refit=False)
+    model = mujoco.MjModel.from_xml_path(str(made.mjcf))
+    assert model.body("payload").mass[0] == pytest.approx(MASS)
+    np.testing.assert_allclose(model.body("payload").ipos, CENTRE, rtol=1e-7)
+    assert model.body(model.body("payload").parentid[0]).name == "link_7"
+    for file in (made.mjcf, made.urdf):
+        assert re.search(r"<!-- payload@joint_7: .*mass 0\.8 ± 2e-09 SI", file.read_text())
+    given = pin.buildModelFromUrdf(str(CONFIG / "arm7.urdf"))
+    found = pin.buildModelFromUrdf(str(made.urdf))
+    for before, after in zip(list(given.inertias)[:-1], list(found.inertias)[:-1], strict=True):
+        np.testing.assert_array_equal(before.toDynamicParameters(), after.toDynamicParameters())
+
+
+def test_without_all_causes_it_is_the_file_that_was_given(arm: Case, tmp_path: Path) -> None:
+    nominal = (CONFIG / "arm7.urdf").read_bytes()
+    made = arm.export(tmp_path / "a", refit=False, without=["payload", "friction_level@joint_4"])
+    assert made.urdf.read_bytes() == nominal
+    made = arm.export(tmp_path / "b", refit=False, without=["payload"])
+    changed = [
+        (old, new)
+        for old, new in zip(nominal.splitlines(), made.urdf.read_bytes().splitlines(), strict=True)
+        if old != new
+    ]
+    assert len(changed) == 1 and b"<dynamics" in changed[0][1]
+    assert "left out: payload@joint_7" in made.changes.read_text(encoding="utf-8")
+
+
+def test_a_users_mjcf_gets_a_body_and_nothing_else(tmp_path: Path) -> None:
+    """Wherever its joint's anchor is: the body is placed at the anchor."""
+    text, joints, _ = ARMS["panda"]
+    arm = arm_of(tmp_path, text, joints, [payload(joints[-1])])
+    kept = arm.export(tmp_path / "out", refit=False)
+    plain = arm.export(tmp_path / "plain", refit=False, without=["payload"])
+    assert plain.mjcf.read_bytes().decode() == text
+    added = kept.mjcf.read_text(encoding="utf-8")
+    start = added.index("<!-- payload@")
+    end = added.index("</body>", start) + len("</body>")
+    assert re.sub(r"\s+", "", added[:start] + added[end:]) == re.sub(r"\s+", "", text)
+
+
+def test_what_is_not_shown_of_a_payload_is_that_of_a_ball_of_water(tmp_path: Path) -> None:
+    arm = case(tmp_path, "arm7", [payload("joint_7", "inertia")])
+    made = arm.export(tmp_path / "out", refit=False)
+    body = mujoco.MjModel.from_xml_path(str(made.mjcf)).body("payload")
+    radius = (3.0 * MASS / (4.0 * np.pi * 1000.0)) ** (1.0 / 3.0)
+    np.testing.assert_allclose(body.ipos, CENTRE, atol=1e-6)
+    np.testing.assert_allclose(body.inertia, 0.4 * MASS * radius**2, rtol=1e-3)
+    assert "the rest as of a ball of water" in made.urdf.read_text(encoding="utf-8")
+
+
+def test_a_missing_part_is_taken_out_of_its_link(tmp_path: Path) -> None:
+    arm = case(tmp_path, "arm7")
+    given = arm.model.robot.given.inertial[6]
+    less = parametric("payload", "joint_7", 1e-9, mass=-0.1 * float(given[0]))
+    made = case(tmp_path, "arm7", [less]).export(tmp_path / "out", refit=False)
+    model = mujoco.MjModel.from_xml_path(str(made.mjcf))
+    assert model.body("link_7").mass[0] == pytest.approx(0.9 * given[0], rel=1e-6)
+
+
+def test_numbers_of_a_link_that_are_shown_take_the_others_with_them(tmp_path: Path) -> None:
+    """A link 12 % too light, of which the recording shows all but the mass and its z."""
+    arm = case(tmp_path, "arm7")
+    names = {kind: f"{kind}3" for kind in INERTIAL if kind not in ("M", "MZ")}
+    layout = arm.model.regressor.layout
+    given = dict(zip(layout.names, layout.vector(arm.model.robot.given), strict=True))
+    changes = {f"change_of_{name}": 0.12 * given[name] for name in names.values()}
+    more = parametric("link_inertia", "joint_3", 1e-6, **changes)
+    made = case(tmp_path, "arm7", [more]).export(tmp_path / "out", refit=False)
+    found = pin.buildModelFromUrdf(str(made.urdf)).inertias[3].toDynamicParameters()
+    assert found[0] == pytest.approx(1.12 * given["M3"], rel=0.03)
+    assert found[4] == pytest.approx(1.12 * given["XX3"], abs=1e-5)
+
+
+def test_friction_beside_an_effect_of_friction_goes_with_it(tmp_path: Path) -> None:
+    planted = structural("stribeck", "joint_2", excess=1.0, speed=0.2)
+    arm = case(tmp_path, "arm2", [planted, friction("joint_2")])
+    arm = arm.with_gap(physical=replace(arm.gap.physical, shared=("Fv2", "Fc2")))
+    given, refit = arm.model.robot.given.coulomb[1], arm.standard["Fc2"]
+    for without, expected in (
+        ([], refit),
+        (["friction_level"], max(refit - 1.66, 0.0)),
+        (["stribeck"], given + 1.66),
+        (["stribeck", "friction_level"], given),
+    ):
+        made = arm.export(tmp_path / f"out{len(without)}{without}", refit=False, without=without)
+        model = mujoco.MjModel.from_xml_path(str(made.mjcf))
+        assert model.dof_frictionloss[1] == pytest.approx(expected, rel=1e-9)
+
+
+def test_gravity_that_is_turned_is_in_a_model_made_from_a_urdf(tmp_path: Path) -> None:
+    tilt = parametric("gravity_direction", None, 1e-9, rotation_about_x=0.05, rotation_about_y=0.0)
+    made = case(tmp_path, "arm7", [tilt]).export(tmp_path / "out", refit=False)
+    model = mujoco.MjModel.from_xml_path(str(made.mjcf))
+    expected = 9.81 * np.array([0.0, np.sin(0.05), -np.cos(0.05)])
+    np.testing.assert_allclose(model.opt.gravity, expected, atol=1e-9)
+    assert any(note.startswith("gravity_direction: robot.gravity") for note in made.notes)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"without": ["tilt"]}, r"no cause tilt .*: payload@joint_7, friction_level@joint_4"),
+        ({"without": ["payload@joint_6"]}, "no cause payload@joint_6"),
+        ({"without": ["payload"], "refit": True}, "one dense refit has no causes"),
+    ],
+)
+def test_unknown_causes_are_refused_in_one_line(
+    arm: Case, tmp_path: Path, options: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(UsageError, match=words) as refused:
+        arm.export(tmp_path / "out", **{"refit": False} | options)
+    assert "\n" not in str(refused.value) and not (tmp_path / "out").exists()
+
+
+def test_changes_of_another_nominal_model_are_refused(arm: Case, tmp_path: Path) -> None:
+    other = arm.with_gap(nominal=NominalModel("found/result.json", "arm", (), {}))
+    with pytest.raises(UsageError, match=r"changes of found/result\.json"):
+        other.export(tmp_path / "out", refit=False)
+    assert other.export(tmp_path / "out").urdf.is_file()
