@@ -10,7 +10,8 @@ cosines) and the centre of the motions, Menagerie's `home`. The figures are of t
 peer's and not the same.
 
     python -m benchmarks.twin FR3.xml --out DIR [--noise 1 0 3]
- FR3.xml holds the bodies
+
+FR3.xml holds the bodies
 of Menagerie's franka_fr3/fr3.xml.
 """
 
