@@ -28,9 +28,8 @@ from idim_iv_ros import load_configuration
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.assembly import assembled
-from idim_iv_ros.diagnosis.diagnose import concluded
+from idim_iv_ros.diagnosis.diagnose import compared, concluded
 from idim_iv_ros.diagnosis.refit.refit import refitted
-from idim_iv_ros.diagnosis.structural.attribution import attributed
 from idim_iv_ros.identification.prepare import read_configured
 from idim_iv_ros.progress import Stopwatch
 
@@ -44,14 +43,8 @@ _SHOWN = (
     "localisation/where.py",
     "tracking.py",
 )
-_REFIT = ("refit/", "parametric/missing.py", "structural/likelihood.py")
-_ATTRIBUTION = ("identifiability/testability.py", "structural/")
-_AFTER = (
-    "refit/noise_floor.py",
-    "structural/causes.py",
-    "structural/confirmation.py",
-    "structural/deviations.py",
-)
+_REFIT = ("refit/", "structural/likelihood.py")
+_SEARCH = ("identifiability/testability.py", "structural/", "comparison/", "answer/explained.py")
 
 Answer = dict[str, object]
 
@@ -78,15 +71,13 @@ def variants(name: str) -> tuple[settings.Setting | settings.Count, ...]:
 def first_step(name: str) -> str:
     """Return the first step of a diagnosis that reads a setting."""
     steps = [_step(file) for file in settings.readers()[name]]
-    return min(steps, key=("refit", "attribution", "conclusion").index)
+    return min(steps, key=("refit", "search", "conclusion").index)
 
 
 def _step(file: str) -> str:
-    if file in _AFTER:
-        return "conclusion"
     if file.startswith(_REFIT):
         return "refit"
-    return "attribution" if file.startswith(_ATTRIBUTION) else "conclusion"
+    return "search" if file.startswith(_SEARCH) else "conclusion"
 
 
 @contextmanager
@@ -113,13 +104,11 @@ def answers_of(
     recordings = read_configured(sorted(folder.glob("*.mcap")), configuration)
 
     base = refitted(recordings, configuration, without)
-    attribution = attributed(base.data, base.regression, without)
+    searched = compared(base, without)
 
     def answer(step: str) -> Answer:
         here = refitted(recordings, configuration, without) if step == "refit" else base
-        there = (
-            attribution if step == "conclusion" else attributed(here.data, here.regression, without)
-        )
+        there = searched if step == "conclusion" else compared(here, without)
         result = assembled(concluded(here, there, configuration, without, watch))
         causes = [f"{cause.effect}[{cause.joint or ''}]" for cause in result.causes]
         return {"verdict": result.verdict, "causes": causes}

@@ -103,10 +103,10 @@ def judge(
     judged = []
     for cause, item in zip(verdict.causes, document["causes"], strict=True):
         hit = any(rank(cause, truth) < HIT_PLACES for truth in truths)
-        if hit or not _is_one_of(cause.alike[0], also) or _named(cause.alike[0], truths):
+        if hit or not is_also_true(cause.alike[0], also) or is_named(cause.alike[0], truths):
             judged.append((cause, item))
     counted = [
-        [name for name in cause.alike if _named(name, truths) or not _is_one_of(name, also)]
+        [name for name in cause.alike if is_named(name, truths) or not is_also_true(name, also)]
         for cause, _ in judged
     ]
     return Answer(
@@ -126,11 +126,11 @@ def judge(
         false_names=tuple(
             _words(cause)
             for (cause, _), names in zip(judged, counted, strict=True)
-            if not any(_named(name, truths) for name in names)
+            if not any(is_named(name, truths) for name in names)
         ),
         sets=tuple(map(len, counted)),
         claims=tuple(
-            (item.get("probability"), _named(cause.alike[0], truths)) for cause, item in judged
+            (item.get("probability"), is_named(cause.alike[0], truths)) for cause, item in judged
         ),
         mass_in_interval=_mass(truths, document),
     )
@@ -150,11 +150,11 @@ def truths_of(label: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def rank(cause: Cause, truth: Mapping[str, Any]) -> int:
     """Place of a true effect in the set of a cause, from 0; `NOWHERE` where it is not."""
-    places = (k for k, name in enumerate(cause.alike) if _named(name, [truth]))
+    places = (k for k, name in enumerate(cause.alike) if is_named(name, [truth]))
     return next(places, NOWHERE)
 
 
-def _named(name: Name, truths: Iterable[Mapping[str, Any]]) -> bool:
+def is_named(name: Name, truths: Iterable[Mapping[str, Any]]) -> bool:
     """Is a name one of these true effects, at its joint?
 
     Either joint of a coupling is right, and any of a payload and of the direction of gravity. What
@@ -170,7 +170,7 @@ def _named(name: Name, truths: Iterable[Mapping[str, Any]]) -> bool:
     return False
 
 
-def _is_one_of(name: Name, also: Iterable[Name]) -> bool:
+def is_also_true(name: Name, also: Iterable[Name]) -> bool:
     return any(name[0] == effect and joint in (None, name[1]) for effect, joint in also)
 
 

@@ -8,6 +8,14 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import sentences, settings
+from idim_iv_ros.diagnosis.against.agreement import RecordingDifference
+from idim_iv_ros.diagnosis.answer.explained import Explained
+from idim_iv_ros.diagnosis.answer.named_model import NamedModel
+from idim_iv_ros.diagnosis.answer.parameter_errors import (
+    NumberErrors,
+    parameter_errors,
+    remaining,
+)
 from idim_iv_ros.diagnosis.controller.check import LawCheck, why_not_checked
 from idim_iv_ros.diagnosis.localisation.residual_split import motion_at_rows
 from idim_iv_ros.diagnosis.localisation.unexplained import (
@@ -16,12 +24,6 @@ from idim_iv_ros.diagnosis.localisation.unexplained import (
     unexplained_residual,
 )
 from idim_iv_ros.diagnosis.localisation.where import Localisation
-from idim_iv_ros.diagnosis.parametric.agreement import Agreement
-from idim_iv_ros.diagnosis.parametric.causes import (
-    ParametricOutcome,
-    parameter_errors,
-    remaining,
-)
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.refit import Refit
 from idim_iv_ros.diagnosis.result import (
@@ -37,14 +39,10 @@ from idim_iv_ros.diagnosis.result import (
     Stage,
     Where,
 )
-from idim_iv_ros.diagnosis.structural.causes import NamedModel
-from idim_iv_ros.diagnosis.structural.confirmation import Confirmed
-from idim_iv_ros.diagnosis.structural.likelihood import Fit
 from idim_iv_ros.diagnosis.tracking import Tracking, tracking_series, with_tracking
 from idim_iv_ros.diagnosis.transmission.measure import Measured
 from idim_iv_ros.diagnosis.transmission.words import described, measured_behind
-from idim_iv_ros.diagnosis.verdict import leading, strongest_first, verdict_of
-from idim_iv_ros.effects.gravity_direction import GravityDirection
+from idim_iv_ros.diagnosis.verdict import strongest_first, verdict_of
 from idim_iv_ros.identification.consistency import consistent_parameters
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING
 from idim_iv_ros.model import kinematics_digest
@@ -68,18 +66,15 @@ class Diagnosis:
     without : tuple of str
         Effects that were left out of the catalogue.
     refit : Refit
-    held : Confirmed
-        The effects that hold on data not used to fit.
-    accepted : Fit
-        With all that the search accepted, errors beyond the base parameters among them.
+    explained : Explained
+    errors : NumberErrors
     tracked : sequence of Tracking
         Simulated motion of every stage.
     causes : sequence of Cause
     hints : tuple of Hint
-        Effects that do not hold without the data that chose them.
-    parametric : ParametricOutcome
+        What the search selected and what is no cause.
     law : LawCheck
-    agreement : Agreement
+    agreement : tuple of RecordingDifference
     where : Localisation
     confusability : tuple of Confusability
     not_testable : tuple of NotTestable
@@ -91,14 +86,13 @@ class Diagnosis:
     configuration: Configuration
     without: tuple[str, ...]
     refit: Refit
-    held: Confirmed
-    accepted: Fit
+    explained: Explained
+    errors: NumberErrors
     tracked: Sequence[Tracking]
     causes: Sequence[Cause]
     hints: tuple[Hint, ...]
-    parametric: ParametricOutcome
     law: LawCheck
-    agreement: Agreement
+    agreement: tuple[RecordingDifference, ...]
     where: Localisation
     confusability: tuple[Confusability, ...]
     not_testable: tuple[NotTestable, ...]
@@ -108,58 +102,41 @@ class Diagnosis:
 
 def assembled(found: Diagnosis) -> GapResult:
     """Build the result."""
-    refit, model = found.refit, found.held.model
+    refit, model = found.refit, found.explained.model
     data, law = refit.data, found.law
     left_out = data.left_out
     causes = strongest_first(found.causes, data)
-    tilted = any(cause.effect == GravityDirection.name for cause in causes)
-    outside = unexplained(data, model, found.accepted if tilted else None)
+    outside = unexplained(data, model)
     session = data.prepared.session.parts
     physical, why_not = _consistent(refit, model)
-    errors = parameter_errors(data, found.parametric)
+    errors = parameter_errors(data, found.errors)
     not_named = remaining(errors)
-    stages = with_tracking(found.held.tested.stages(), found.tracked)
-    residual = unexplained_residual(data, stages, found.held.floors)
-    if tilted:  # which no base parameters hold, so that no stage of the refit has it
-        left = [float(np.std(each)) for each in found.accepted.residuals]
-        residual = [
-            each for each in residual if left[each[0]] > settings.UNEXPLAINED_OVER_NOISE * each[3]
-        ]
+    stages = with_tracking(found.explained.tested.stages(), found.tracked)
+    residual = unexplained_residual(data, model, stages, found.explained.floors)
     small = [] if causes else remaining(errors, settings.PARAMETRIC_LEAST_TORQUE)
     nothing_shown = len(left_out) == len(data.joints)
     verdict = verdict_of(
         causes, outside, parameters=bool(not_named), unexplained=bool(residual) or nothing_shown
     )
-    listed = leading(causes, data)
-    summary = [
-        *(
-            f"{data.joints[each.joint]} is left out: {each.sentence}."
-            for each in data.prepared.joint_findings
-            if each.left_out
-        ),
-        sentences.capitalised(ARMATURE_MISSING) + "." if data.prepared.armature_missing else "",
-        sentences.summary(
-            verdict,
-            listed,
-            outside,
-            [gap for gap in found.where.joint_gaps if data.joints.index(gap.joint) not in left_out],
-            found.without,
-            more=len(causes) - len(listed),
-            model="refit" if data.prepared.given is None else "nominal model",
-            remaining=sentences.remaining_parameter_errors(data, not_named or small),
-            residual=sentences.unexplained_residual(data, residual),
-        ),
-        *(sentences.capitalised(sentence) + "." for sentence in law.beyond),
-        *(
-            sentences.capitalised(cause.sentence) + "."
-            for cause in causes
-            if measured_behind(cause) and cause not in listed
-        ),
-    ]
     recordings = _recordings(data, found.agreement)
     differing = [each for each in recordings if not each.agrees]
-    summary.insert(0, sentences.disagreement(differing))
-    summary.append(sentences.unexplained_disagreement(differing))
+    gaps = [gap for gap in found.where.joint_gaps if data.joints.index(gap.joint) not in left_out]
+    summary = [
+        sentences.disagreement(differing),
+        sentences.largest_gap(gaps, "refit" if data.prepared.given is None else "nominal model"),
+        sentences.nothing_explains(remaining=bool(not_named or small)) if verdict == "none" else "",
+        causes[0].sentence if causes else "",
+        sentences.further_causes(causes[1:]),
+        sentences.not_in_catalogue(outside),
+        sentences.unexplained_residual(data, residual),
+        sentences.next_step(causes, unknown=verdict == "unknown"),
+        sentences.remaining_parameter_errors(data, not_named or small),
+        sentences.left_out(data),
+        *law.beyond,
+        *(cause.sentence for cause in causes[1:] if measured_behind(cause)),
+        f"left out of the catalogue on request: {', '.join(found.without)}" * bool(found.without),
+        ARMATURE_MISSING * data.prepared.armature_missing,
+    ]
     named = {(cause.effect, cause.joint) for cause in causes}
     first, last = (found.tracked[0], found.tracked[-1]) if found.tracked else (None, None)
     speed = None if law.speed is None else law.speed.words
@@ -173,7 +150,7 @@ def assembled(found: Diagnosis) -> GapResult:
         configuration=found.configuration.model_dump(mode="json", exclude_none=True),
         without=found.without,
         verdict=verdict,
-        summary=" ".join(part for part in summary if part),
+        summary=sentences.summary(summary),
         causes=tuple(causes),
         hints=found.hints,
         unexplained=outside,
@@ -199,26 +176,29 @@ def assembled(found: Diagnosis) -> GapResult:
     )
 
 
-def _recordings(data: Baseline, agreement: Agreement) -> tuple[RecordingAgreement, ...]:
-    """One entry for each recording; one that differs is judged beside those that differ more."""
-    apart = {each.recording: each for each in agreement.differences}
+def _recordings(
+    data: Baseline, differences: Sequence[RecordingDifference]
+) -> tuple[RecordingAgreement, ...]:
+    """One entry for each recording of several."""
+    apart = {each.recording: each for each in differences}
     made = []
-    for number, part in enumerate(data.prepared.session.parts):
-        if number >= len(agreement.tests):
-            break
+    parts = data.prepared.session.parts
+    for number, part in enumerate(parts if len(parts) > 1 else ()):
         difference = apart.get(number)
-        test = agreement.tests[number] if difference is None else difference.test
-        joint = int(np.argmax(test.shares))
+        joint = 0 if difference is None else int(np.argmax(difference.shares))
         made.append(
             RecordingAgreement(
                 bag=part.bag,
                 agrees=difference is None,
-                test=test.hypothesis,
                 joint=data.joints[joint],
-                share_of_torque=float(test.shares[joint]),
+                share_of_torque=0.0 if difference is None else float(difference.shares[joint]),
                 differences=tuple(
-                    Difference(cause.effect.name, cause.joint, cause.parameters)
-                    for cause in (() if difference is None else difference.causes)
+                    Difference(
+                        each.effect,
+                        None if each.joint is None else data.joints[each.joint],
+                        each.parameters,
+                    )
+                    for each in (() if difference is None else difference.causes)
                 ),
             )
         )
@@ -264,7 +244,7 @@ def _series(refit: Refit, model: NamedModel) -> tuple[GapSeries, ...]:
 
 def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
     """What could not be done and why, each once."""
-    data, tested, softened = found.refit.data, found.held.tested, found.refit.softened
+    data, tested, softened = found.refit.data, found.explained.tested, found.refit.softened
     prepared = data.prepared
     notes = [
         found.refit.shift.sentence(data.joints),
@@ -274,7 +254,7 @@ def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
         *(described(each.result) for each in found.transmissions),
         *found.excluded,
         tested.note and f"held-out gaps: {tested.note}",
-        *(floor.note and f"noise floor: {floor.note}" for floor in found.held.floors),
+        *(floor.note and f"noise floor: {floor.note}" for floor in found.explained.floors),
     ]
     seconds = sum(recording.duration for recording in prepared.recordings)
     if seconds < settings.SHORT_RECORDING:
@@ -284,6 +264,13 @@ def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
         )
     unchecked = why_not_checked(data)
     notes += [
+        *found.law.beyond,
+        *(
+            f"{data.joints[each.joint]} is left out: {each.sentence}"
+            for each in prepared.joint_findings
+            if each.left_out
+        ),
+        ARMATURE_MISSING * prepared.armature_missing,
         prepared.why_no_given,
         *data.sources.controller,
         unchecked and f"commands not compared with the control law: {unchecked}",
@@ -292,8 +279,8 @@ def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
         *prepared.advice,
         *prepared.reasons,
         *(
-            sentences.small_nonparametric(data, each.candidate)
-            for each in small_nonparametric(data, found.held.model)
+            sentences.small_nonparametric(data, each)
+            for each in small_nonparametric(data, found.explained.model)
         ),
     ]
     return tuple(dict.fromkeys(note for note in notes if note))
@@ -310,9 +297,9 @@ def _consistent(refit: Refit, model: NamedModel) -> tuple[PhysicalParameters | N
     covariance = fit.covariance[:parameters, :parameters]
     joints = {
         joint
-        for each in model.found
-        if each.candidate.effect.name in _OF_FRICTION
-        for joint in each.candidate.columns
+        for each in model.effects
+        if each.effect.name in _OF_FRICTION
+        for joint in each.columns
     }
     shared = [f"{kind}{joint + 1}" for joint in sorted(joints) for kind in ("Fv", "Fc")]
     return consistent_parameters(refit.data.prepared, fit.values, covariance, rows, sigma, shared)

@@ -7,27 +7,26 @@ from functools import partial
 
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis.against.agreement import agreement
 from idim_iv_ros.diagnosis.against.contrast import contrasted
+from idim_iv_ros.diagnosis.answer.explained import Explained, explained
+from idim_iv_ros.diagnosis.answer.parameter_errors import number_errors, parametric_causes
+from idim_iv_ros.diagnosis.answer.structural_causes import hints_of, structural_causes
 from idim_iv_ros.diagnosis.assembly import Diagnosis, assembled
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
+from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
+from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.controller.check import check_law, controller_causes
 from idim_iv_ros.diagnosis.controller.one_gain import beside_gains
 from idim_iv_ros.diagnosis.identifiability.testability import shown_by_motion
 from idim_iv_ros.diagnosis.localisation.where import where
 from idim_iv_ros.diagnosis.nominal import read_nominal_model, with_nominal
-from idim_iv_ros.diagnosis.parametric.agreement import agreement
-from idim_iv_ros.diagnosis.parametric.causes import parametric_causes, parametric_results
-from idim_iv_ros.diagnosis.parametric.doubts import parametric_hints
-from idim_iv_ros.diagnosis.parametric.gain_beside_friction import with_friction
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
 from idim_iv_ros.diagnosis.result import ContrastResult, GapResult
-from idim_iv_ros.diagnosis.structural.attribution import Attribution, attributed
-from idim_iv_ros.diagnosis.structural.causes import structural_causes
-from idim_iv_ros.diagnosis.structural.confirmation import confirmation
-from idim_iv_ros.diagnosis.structural.hints import hints_of, selections_of
 from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages
 from idim_iv_ros.diagnosis.transmission.causes import with_transmissions
 from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions
-from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
+from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath, FilePaths
 from idim_iv_ros.identification.prepare import read_configured
@@ -82,18 +81,16 @@ def diagnose(
         refit = refitted(recordings, configuration, excluded, beside)
         return_freed_memory()
         watch.stage("attribution", 0.2)
-        attribution = attributed(
-            refit.data, refit.regression, excluded, watch.progress, hidden=refit.hidden
-        )
+        found = compared(refit, excluded)
         return_freed_memory()
-        result = assembled(concluded(refit, attribution, configuration, excluded, watch))
+        result = assembled(concluded(refit, found, configuration, excluded, watch))
         if identified is not None:
             result = replace(result, nominal=identified.nominal)
         if second:
             watch.stage("contrast", 0.97)
             # Of the configuration with gravity, where it was missing and found.
-            found = refit.data.prepared.configuration.robot
-            same = configuration.model_copy(update={"robot": found})
+            robot = refit.data.prepared.configuration.robot
+            same = configuration.model_copy(update={"robot": robot})
             contrast = contrasted(recordings, others, same, excluded, watch.progress)
             result = with_contrast(result, contrast)
     result.timing.update(watch.timing)
@@ -124,62 +121,61 @@ def with_contrast(result: GapResult, contrast: ContrastResult) -> GapResult:
     return replace(result, contrast=contrast, summary=summary)
 
 
+def compared(refit: Refit, without: tuple[str, ...]) -> Explained:
+    """Search for what explains the gap, and judge it."""
+    data, regression = refit.data, refit.regression
+    catalogue = Catalogue(data, regression, without, refit.hidden)
+    selection = select(catalogue, torque_ledger(data, regression))
+    return explained(data, regression, selection)
+
+
 def concluded(
     refit: Refit,
-    attribution: Attribution,
+    found: Explained,
     configuration: Configuration,
     without: tuple[str, ...],
     watch: Stopwatch,
 ) -> Diagnosis:
-    """Take the steps after the attribution: what holds, the other causes, where the gap lies."""
-    data, regression = refit.data, refit.regression
+    """Take the steps after the search: the other causes, and where the gap lies."""
+    data, regression, model = refit.data, refit.regression, found.model
     effects = [effect for effect in STRUCTURAL if effect.name not in without]
-    parameters = [effect for effect in PARAMETRIC if effect.name not in without]
-
-    watch.stage("held-out gaps", 0.8)
-    held = confirmation(data, attribution)
-    model = held.model
 
     watch.stage("simulated motion", 0.85)
     tracked = tracked_stages(data, model, data.prepared.given)
     simulated = simulation_gaps(model, tracked)
 
-    agreed = agreement(data, attribution, parameters)
-    # Numbers of recordings that differ are a mean of none: what base parameters cannot hold, a gain
-    # or a tilt, may be the difference itself.
-    able = [each for each in parameters if each.in_base_parameters or not agreed.differences]
-    parametric = parametric_causes(data, *model.for_parameters(data), able)
-    errors = parametric_results(data, parametric.causes, held.floors, effects)
+    agreed = agreement(data, regression, [each.term for each in found.effects], without)
+    errors = number_errors(found)
+    numbers = parametric_causes(data, found, errors)
     law = check_law(data, without, shift=refit.shift.shift)
-    law = beside_gains(data, law, errors, without, shift=refit.shift.shift)
+    law = beside_gains(data, law, numbers, without, shift=refit.shift.shift)
     causes = [
-        *structural_causes(data, model, held.tested, simulated, selections_of(held)),
-        *errors,
-        *controller_causes(data, law, [each.candidate for each in model.found]),
-        *refit.gravity_causes(held.tested),
+        *structural_causes(data, found, simulated),
+        *numbers,
+        *controller_causes(data, law, model.effects),
+        *refit.gravity_causes(found.tested),
         *refit.delays,
     ]
     measured = measured_transmissions(data, regression)
-    causes = with_friction(causes)
     shafts = with_transmissions(data, regression, measured, causes, without)
-    shown, not_testable = shown_by_motion(data, regression, effects, held.noise(attribution.refit))
+    fit = model.fits[0]
+    shown, not_testable = shown_by_motion(data, regression, effects, found.noise(fit))
 
     watch.stage("where", 0.95)
     return Diagnosis(
         configuration=configuration,
         without=without,
         refit=refit,
-        held=held,
-        accepted=attribution.fit,
+        explained=found,
+        errors=errors,
         tracked=tracked,
         causes=shafts.causes,
-        hints=(*hints_of(data, attribution, held), *parametric_hints(data, parametric.doubts)),
+        hints=hints_of(data, found),
         transmissions=measured,
         excluded=shafts.notes,
-        parametric=parametric,
         law=law,
         agreement=agreed,
-        where=where(data, regression, attribution.refit, held.floors),
+        where=where(data, regression, fit, found.floors),
         confusability=shown,
         not_testable=(*not_testable, *refit.not_testable),
     )

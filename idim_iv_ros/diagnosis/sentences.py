@@ -1,28 +1,26 @@
 """Every sentence about what was found, made from values: the terminal and the report show them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.law_event import LawEvent
 from idim_iv_ros.diagnosis.localisation.where import Finding
 from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
-from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
     Gap,
+    Indistinguishable,
     JointChange,
     JointGap,
     ParameterError,
     RecordingAgreement,
     Unexplained,
-    Verdict,
 )
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric, StopShape
-from idim_iv_ros.diagnosis.structural.rules import Judged
-from idim_iv_ros.effects.link_inertia import LinkInertia
+from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.types import FloatArray
 
@@ -30,48 +28,50 @@ from idim_iv_ros.types import FloatArray
 def structural_cause(
     data: Baseline,
     effect: Candidate,
-    others: Sequence[Judged],
+    numbers: dict[str, EffectParameter],
+    others: Sequence[Indistinguishable],
     gap: Gap,
     gain: float,
-    *,
-    together: bool = False,
+    probability: float,
 ) -> str:
-    """Where an effect is and how far the gap shrinks.
+    """Where an effect is, how large, how probable, and how far the gap shrinks.
 
     Parameters
     ----------
+    numbers
+        Of the effect, in the units of its joint.
     others
-        Candidates that are indistinguishable from it.
+        What explains the recording nearly as well.
     gain
         Share of the residual's energy that goes on held-out data.
-    together
-        Whether its numbers are known to differ from zero only all together.
+    probability
+        That it is a cause, 0 to 1.
     """
     place = effect.place
     joint, unit = data.joints[place.joint], data.unit_at(place.joint, "N m")
     where = joint if place.other is None else f"{joint} and {data.joints[place.other]}"
     kind = effect.effect.meaning(effect.shape)
+    name = effect.effect.name
+    size = _numbers(name, numbers, settings.MOST_NUMBERS_IN_SENTENCE)
     text = (
-        f"{_spaced(effect.effect.name)} at {where}{kind and f' ({kind})'}: "
+        f"{_spaced(name)} at {where}{kind and f' ({kind})'}, {likely(probability)}: {size}; "
         f"the torque gap at {joint} falls from {gap.before:.3g} to {gap.after:.3g} {unit} "
-        "on data not used to choose or fit it"
+        "on data not used to fit it"
     )
     if gap.noise_floor is not None:
         text += f" (noise {gap.noise_floor:.3g} {unit})"
-    text += _indistinguishable(
-        f"{_spaced(other.effect.name)} at {data.joints[other.place.joint]}" for other in others
-    )
-    if together:
-        text += "; its torque is known, each of its numbers by itself is not"
+    text += _or_else(others)
     if gain <= 0.0:
         text += "; it does not help on held-out data, so do not rely on it"
-    elif gap.ci95 is not None and gap.ci95[0] <= 0.0:
-        low, high = (100.0 * limit for limit in gap.ci95)
-        text += (
-            f"; that it is there is sure, how much of the gap goes is not: {low:.0f} to "
-            f"{high:.0f} % (95 %)"
-        )
     return text
+
+
+def likely(probability: float | None) -> str:
+    """A probability in words; that of what nothing was calibrated for is not given."""
+    if probability is None:
+        return "no probability"
+    percent = min(round(100.0 * probability), 99)
+    return f"{percent} % probable"
 
 
 def hint(
@@ -87,26 +87,12 @@ def hint(
 
 def disagreement(differing: Sequence[RecordingAgreement]) -> str:
     """Which recordings the parameters of the others do not fit, and what differs; else empty."""
-    named = [each for each in differing if each.differences]
-    if not named:
+    if not differing:
         return ""
-    each = "; ".join(_difference(recording) for recording in named)
+    each = "; ".join(_difference(recording) for recording in differing)
     return (
-        f"One set of parameters does not hold for all recordings: {each}. All other numbers are "
-        "means over the recordings: diagnose those that agree by themselves."
-    )
-
-
-def unexplained_disagreement(differing: Sequence[RecordingAgreement]) -> str:
-    """Recordings that parameters of their own predict better, without a parameter error."""
-    each = ", ".join(
-        f"{one.bag} ({100.0 * one.share_of_torque:.2g} % of the torque at {one.joint})"
-        for one in differing
-        if not one.differences
-    )
-    return each and (
-        f"Parameters of their own predict better: {each}. The model misses what only their motion "
-        "shows, or something changed between the recordings that is no parameter."
+        f"one set of parameters does not hold for all recordings: {each}. All other numbers are "
+        "means over the recordings: diagnose those that agree by themselves"
     )
 
 
@@ -121,30 +107,30 @@ def _difference(recording: RecordingAgreement) -> str:
     return f"{text}, with the others as nominal model: {causes}"
 
 
-def parametric_cause(data: Baseline, cause: ParametricCause, changed: Sequence[JointChange]) -> str:
+def parametric_cause(
+    data: Baseline,
+    effect: ParametricEffect,
+    joint: str | None,
+    numbers: dict[str, EffectParameter],
+    others: Sequence[Indistinguishable],
+    changed: Sequence[JointChange],
+    probability: float,
+) -> str:
     """Which parameters are in error, by how much, and what correcting them takes of the gap."""
-    place = cause.joint or ""
-    if cause.joint and cause.effect.name == LinkInertia.name:
-        place += f" (link {data.joints.index(cause.joint) + 1})"
+    place = joint or ""
+    if joint:
+        place += effect.which(data.joints.index(joint))
     # Of a cause of no single joint all: one for each joint.
-    most = settings.MOST_NUMBERS_IN_SENTENCE if cause.joint else len(cause.parameters)
-    text = f"{cause.effect.subject(place)}: {_numbers(cause.effect.name, cause.parameters, most)}"
-    mass = cause.parameters.get("mass")
+    most = settings.MOST_NUMBERS_IN_SENTENCE if joint else len(numbers)
+    size = _numbers(effect.name, numbers, most)
+    text = f"{effect.subject(place)}, {likely(probability)}: {size}"
+    mass = numbers.get("mass")
     if mass is not None and mass.value < 0.0:
         text += " (negative: a part that the nominal model has is not mounted)"
-    scale = data.prepared.configuration.signals.effort_scale
-    if mass is not None and scale is not None and any(each != 1.0 for each in scale):
-        text += (
-            "; its interval takes signals.effort_scale as exact: where that is known to x %, the "
-            "mass is uncertain by x % more"
-        )
     smaller = [_change(data, each) for each in changed if each.share_of_torque > 0.0]
     if smaller:
         text += f"; correcting it reduces the torque gap {', '.join(smaller)}"
-    return text + _indistinguishable(
-        _spaced(other.effect) + (f" of {other.joint}" if other.joint else "")
-        for other in cause.indistinguishable_from
-    )
+    return text + _or_else(others)
 
 
 def controller_cause(
@@ -220,25 +206,29 @@ def beyond_the_law(
 
 def remaining_parameter_errors(data: Baseline, errors: Sequence[ParameterError]) -> str:
     """Parameter errors that no cause names, joint by joint; empty where there are none."""
-    listed = ", ".join(
-        f"{each.remaining:.3g} {data.unit_at(data.joints.index(each.joint), 'N m')} at "
-        f"{each.joint} ({100.0 * each.share_of_torque:.2g} % of its torque)"
-        for each in errors
-    )
-    return listed and (
-        f"Remaining parameter error: {listed}; refitted parameters remove it, but which of the "
-        "given ones are in error cannot be determined."
+    if not errors:
+        return ""
+    worst = errors[0]
+    unit = data.unit_at(data.joints.index(worst.joint), "N m")
+    more = f" and at {_count(len(errors) - 1, 'more joint')}" if len(errors) > 1 else ""
+    return (
+        f"remaining parameter error: {worst.remaining:.3g} {unit} at {worst.joint} "
+        f"({100.0 * worst.share_of_torque:.2g} % of its torque){more}; which given numbers are in "
+        "error cannot be determined"
     )
 
 
 def unexplained_residual(data: Baseline, lacking: Sequence[tuple[int, float, float, float]]) -> str:
     """Joints at which the last model misses much: (joint, rms, share of the torque, noise)."""
-    listed = ", ".join(
-        f"{rms:.3g} {data.unit_at(joint, 'N m')} at {data.joints[joint]} "
-        f"({100 * share:.0f} % of its torque, noise {noise:.2g} {data.unit_at(joint, 'N m')})"
-        for joint, rms, share, noise in lacking
+    if not lacking:
+        return ""
+    joint, rms, share, noise = lacking[0]
+    unit = data.unit_at(joint, "N m")
+    more = f" and at {_count(len(lacking) - 1, 'more joint')}" if len(lacking) > 1 else ""
+    return (
+        f"unexplained residual: {rms:.3g} {unit} at {data.joints[joint]} ({100 * share:.0f} % of "
+        f"its torque, noise {noise:.2g} {unit}){more}; the causes are not the whole gap there"
     )
-    return listed and f"Unexplained residual: {listed}; the causes are not the whole gap there."
 
 
 def nonparametric(data: Baseline, candidate: Candidate) -> str:
@@ -323,62 +313,88 @@ def finding(each: Finding, session: Sequence[SessionPart]) -> str:
     )
 
 
-def summary(
-    verdict: Verdict,
-    causes: Sequence[Cause],
-    unexplained: Unexplained | None,
-    gaps: Sequence[JointGap],
-    without: Sequence[str],
-    *,
-    more: int = 0,
-    model: str = "nominal model",
-    remaining: str = "",
-    residual: str = "",
-) -> str:
-    """One paragraph that a robot engineer can act on.
+def summary(sentences: Sequence[str]) -> str:
+    """Join the first of some sentences, as many as a reader takes in (`WORDS_OF_SUMMARY`).
 
     Parameters
     ----------
-    causes
-        Those that are listed here.
-    without
-        Effects that were left out of the catalogue.
-    more
-        How many smaller causes there are.
-    model
-        Whose gaps they are.
-    remaining, residual
-        See `remaining_parameter_errors` and `unexplained_residual`.
+    sentences
+        The weightiest first; empty ones are left out. What does not fit stands in the tables.
     """
-    parts = []
+    kept: list[str] = []
+    words = 0
+    for sentence in filter(None, sentences):
+        count = len(sentence.split())
+        if kept and words + count > settings.WORDS_OF_SUMMARY:
+            continue
+        words += count
+        kept.append(f"{capitalised(sentence.rstrip('.'))}.")
+    return " ".join(kept)
+
+
+def largest_gap(gaps: Sequence[JointGap], model: str) -> str:
+    """Where the gap is largest; empty where no joint has one."""
     worst = max(gaps, key=lambda gap: gap.share, default=None)
-    if worst is not None and worst.relative_percent is not None:
-        parts.append(
-            f"The {model} misses {worst.relative_percent:.3g} % of the torque at "
-            f"{worst.joint}, where the gap is largest."
+    if worst is None or worst.relative_percent is None:
+        return ""
+    return (
+        f"the {model} misses {worst.relative_percent:.3g} % of the torque at {worst.joint}, where "
+        "the gap is largest"
+    )
+
+
+def left_out(data: Baseline) -> str:
+    """Joints that say nothing, and why the first of them does not."""
+    out = [each for each in data.prepared.joint_findings if each.left_out]
+    if not out:
+        return ""
+    names = ", ".join(data.joints[each.joint] for each in out)
+    return f"{names} {'is' if len(out) == 1 else 'are'} left out: {out[0].sentence}"
+
+
+def nothing_explains(*, remaining: bool) -> str:
+    """No cause; `remaining`: parameter errors are left that no cause names."""
+    rest = "" if remaining else ": the rest is noise, or too small for these recordings to show"
+    return f"no effect of the catalogue explains more of it than chance{rest}"
+
+
+def further_causes(causes: Sequence[Cause]) -> str:
+    """Causes after the first in a few words each."""
+    most = settings.MOST_CAUSES_IN_SUMMARY
+    listed = [
+        f"{_spaced(each.effect)}{f' at {each.joint}' if each.joint else ''} "
+        f"({_numbers(each.effect, each.parameters, 1)}; {likely(each.probability)})"
+        for each in causes[:most]
+    ]
+    more = len(causes) - len(listed)
+    if more > 0:
+        listed.append(f"{more} smaller {'cause' if more == 1 else 'causes'} in the table")
+    return f"besides: {', '.join(listed)}" if listed else ""
+
+
+def not_in_catalogue(unexplained: Unexplained | None) -> str:
+    """What no effect of the catalogue is like; empty where there is nothing."""
+    if unexplained is None:
+        return ""
+    share = f"; it explains {100 * unexplained.share:.0f} % of the refit's residual there"
+    # Of events `where` says the share.
+    return f"not in the catalogue: {unexplained.where}" + (
+        "" if unexplained.family == "event" else share
+    )
+
+
+def next_step(causes: Sequence[Cause], *, unknown: bool) -> str:
+    """What to do with the answer."""
+    if unknown:
+        return "next: look at where the residual lies, or record a motion that excites it more"
+    if not causes:
+        return ""
+    if any(each.indistinguishable_from for each in causes):
+        return (
+            "next: put the causes into the simulator (idim-iv export), or record the motion that "
+            "the report names, which tells them apart"
         )
-    if verdict == "none":
-        rest = ": the rest is noise, or too small for these recordings to show"
-        parts.append(
-            "No effect of the catalogue explains more of it than chance"
-            f"{'' if remaining else rest}."
-        )
-    parts += [f"{capitalised(cause.sentence)}." for cause in causes]
-    if more:
-        others = "1 smaller cause is" if more == 1 else f"{more} smaller causes are"
-        parts.append(f"{others} listed beside these.")
-    parts.append(remaining)
-    if unexplained is not None:
-        share = f"; it explains {100 * unexplained.share:.0f} % of the refit's residual there"
-        # Of events `where` says the share.
-        parts.append(
-            f"Not in the catalogue: {unexplained.where}"
-            f"{'' if unexplained.family == 'event' else share}."
-        )
-    parts.append(residual)
-    if without:
-        parts.append(f"Left out of the catalogue on request: {', '.join(without)}.")
-    return " ".join(part for part in parts if part)
+    return "next: put the causes into the simulator (idim-iv export)"
 
 
 def capitalised(text: str) -> str:
@@ -386,9 +402,14 @@ def capitalised(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _indistinguishable(others: Iterable[str]) -> str:
-    listed = ", ".join(others)
-    return listed and f"; on this recording it is indistinguishable from {listed}"
+def _or_else(others: Sequence[Indistinguishable]) -> str:
+    """What a cause may be as well, with the weight of each in the set."""
+    listed = ", ".join(
+        f"{_spaced(each.effect)}{f' of {each.joint}' if each.joint else ''} "
+        f"({100.0 * each.weight:.0f} %)"
+        for each in others
+    )
+    return listed and f"; on this recording it may as well be {listed}"
 
 
 def _change(data: Baseline, each: JointChange) -> str:
@@ -406,6 +427,10 @@ def _numbers(effect: str, parameters: dict[str, EffectParameter], most: int) -> 
             text += f" ± {settings.NORMAL_95 * parameter.std:.2g}"
         shown.append(f"{text} {parameter.unit}".rstrip())
     return ", ".join(shown)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _spaced(name: str) -> str:

@@ -154,36 +154,8 @@ MOST_GRAVITY = Setting(25.0, "m/s²", "the same, at most", CHOSEN)
 LEAST_SUPPORT = Setting(8.0, "ln likelihood",
     "gain beyond Schwarz's penalty (and the search's) of an effect, a cause or a group of the law",
     CHOSEN)
-LEAST_SUPPORT_OF_DERIVATIVES = Setting(25.0, "ln likelihood",
-    "the same for effects whose torque is made of high derivatives of the motion: noise of the "
-    "encoders is then in both sides", CHOSEN)
-LEAST_SUPPORT_OF_TERM = Setting(12.0, "ln likelihood",
-    "gain of one more term of a shape, such as another wave", CHOSEN)
-INDISTINGUISHABLE_SUPPORT = Setting(6.0, "ln likelihood",
-    "difference of support up to which two candidates are equally good", CHOSEN)
-INDISTINGUISHABLE_CORRELATION = Setting(0.5, "",
-    "correlation of their torques from which on such parametric causes are listed together", CHOSEN)
 
 # What is indistinguishable from an accepted effect: a model confidence set on held-out blocks.
-CONFIDENCE_SET_SIZE = Setting(0.05, "",
-    "probability up to which the best alternative may be missing from the set", CONVENTION)
-CONFIDENCE_LEAST_BLOCK = Setting(5.0, "s", "blocks that are held out, at least", PHYSICS)
-CONFIDENCE_FEWEST_BLOCKS = Count(4, "blocks", "the same in a short session, at least", NUMERICAL)
-CONFIDENCE_MOST_BLOCKS = Count(24, "blocks", "the same in a long session, at most", NUMERICAL)
-ALTERNATIVE_SUPPORT = Setting(0.5, "support of the accepted effect",
-    "support from which on an alternative is tried again when the others are known", NUMERICAL)
-ALTERNATIVE_GAIN = Setting(0.25, "gain of the accepted effect",
-    "gain from which on a candidate is compared with it on held-out blocks: less leaves most of "
-    "what the effect explains", CHOSEN)
-ALTERNATIVE_CORRELATION = Setting(0.25, "",
-    "correlation of the torques that both add, at least: with less it would be one cause more",
-    CHOSEN)
-MOST_ALTERNATIVES = Count(24, "candidates", "how many are compared, at most", NUMERICAL)
-REFINED_ALTERNATIVES = Count(6, "candidates",
-    "how many of them have their shape refined, the best supported first", NUMERICAL)
-NULL_DRAWS = Count(199, "draws",
-    "simulated recordings without the cause from which its p-value is read: it is at least "
-    "1 / (draws + 1)", NUMERICAL)
 
 # Structural effects: likelihood and search.
 NOISE_MODEL_ORDER = Count(10, "", "order of each joint's autoregressive noise, at most", NUMERICAL)
@@ -194,27 +166,11 @@ LEAST_DENSITY = Setting(0.01, "mean spectral density",
     "noise that every frequency has at least: the model is wrong by a little everywhere", CHOSEN)
 LEAST_INDEPENDENT = Setting(1e-4, "energy of a column",
     "what the model must leave of a candidate's column, at least", NUMERICAL)
-MOST_EFFECTS = Count(4, "effects", "structural effects that are accepted, at most", CHOSEN)
 LEAST_SHARE_OF_EFFECT = Setting(0.01, "energy of the residual",
     "what an effect must take of the whitened and of the plain residual at its joints, at least",
     CHOSEN)
-LEAST_OF_LARGEST = Setting(0.67, "gap that the candidate with the largest share takes",
-    "what a candidate must take to be accepted before it: small and fast effects come later",
-    CHOSEN)
-CATALOGUE_OVER_NONPARAMETRIC = Setting(0.75, "support of the best nonparametric alternative",
-    "support from which on an effect of the catalogue is named instead", CHOSEN)
-NONPARAMETRIC_BESIDE_EFFECT = Setting(0.33, "support of an accepted effect at the joint",
-    "support of a nonparametric function beside it, at least: less corrects the effect's shape",
-    CHOSEN)
-LEAST_BESIDE_STRONGER = Setting(0.03, "energy that the stronger effect takes",
-    "energy that another effect at the joint takes, at least: less corrects the stronger's shape",
-    CHOSEN)
 LEAST_NONPARAMETRIC = Setting(0.01, "torque of the joint (rms)",
     "size from which on what is not in the catalogue counts for the verdict", CHOSEN)
-SHAPE_CHANGES = Count(4, "",
-    "changes of a shape at each step of its refinement, at most", NUMERICAL)
-SHAPE_GAIN = Setting(0.01, "chi-square",
-    "gain from which on the refinement of a shape goes on", NUMERICAL)
 SPREAD_SHAPES = Count(4, "shapes",
     "shapes of a grid by which an effect is judged from the motion alone", NUMERICAL)
 STOP_RANGE = Setting(0.4, "range of the joint",
@@ -226,26 +182,8 @@ COEFFICIENT_STEP = Setting(1e-4, "coefficient",
     "step of the numerical slope of an effect's numbers", NUMERICAL)
 
 # What may be named.
-LEAST_BEYOND_KNEE = Setting(0.005, "rows",
-    "rows of two folds, at least, beyond the knee of a saturation, or it was not reached: clipping "
-    "that matters takes 1.5 % of the samples", PHYSICS)
-MOST_BEYOND_KNEE = Setting(0.5, "rows",
-    "rows beyond the knee, at most: a bend that most of the motion passes is no limit", PHYSICS)
 
 # Held-out confirmation.
-HELD_OUT_LEAST_GAIN = Setting(0.02, "energy of the whitened residual",
-    "what an effect must take on data not used to fit, at least", CHOSEN)
-HELD_OUT_LEAST_GAIN_OF_DRIFT = Setting(0.05, "energy of the whitened residual",
-    "the same for what changes with time: every robot warms up, and a change of less than a "
-    "quarter of the noise (rms) is no cause", CHOSEN)
-LEAST_FOLDS_CHOSEN = Setting(0.6, "folds",
-    "folds without which a search must choose an effect again, at least, or what is "
-    "indistinguishable from it: 3 of 5; one that is chosen less often is a hint", CONVENTION)
-HELD_OUT_LEAST_FOLDS = Setting(0.75, "folds that choose it",
-    "folds on which an effect must help, at least, each counted by what the effect does there: "
-    "one may act in some folds only; of blocks that have a vote in a contrast", CHOSEN)
-HELD_OUT_LEAST_FOLDS_OF_DRIFT = Setting(0.5, "folds",
-    "the same for what changes with time: much of it may lie in a part of the session", CHOSEN)
 LEAST_FOLD = Setting(5.0, "s", "length of a fold where recordings are divided", CHOSEN)
 FEWEST_FOLDS = Count(4, "folds", "folds where recordings are divided, at least", CHOSEN)
 MOST_FOLDS = Count(6, "folds", "the same, at most", CHOSEN)
@@ -277,14 +215,6 @@ SIGNIFICANCE_LEVEL = Setting(0.05, "",
     CONVENTION)
 
 # Parametric causes.
-REFIT_LEAST_SHARE = Setting(0.01, "energy of the nominal model's gap",
-    "what new base parameters must take before parametric causes are looked for", CHOSEN)
-REFIT_LEAST_SHARE_BESIDE = Setting(0.05, "energy of the nominal model's gap",
-    "the same where structural effects were accepted: what is left of them biases the refit",
-    CHOSEN)
-PARAMETRIC_LEAST_SHARE = Setting(0.02, "energy of the nominal model's gap",
-    "what a parametric cause must take beside those before it, unless it takes "
-    "LEAST_PARAMETER_ERROR", CHOSEN)
 PARAMETRIC_LEAST_TORQUE = Setting(0.005, "torque of the joint (rms)",
     "what a parametric cause must take at a joint in any case: of a small gap each is a large "
     "share", CHOSEN)
@@ -292,69 +222,10 @@ LEAST_PARAMETER_ERROR = Setting(0.02, "torque of the joint (rms)",
     "size from which on a parameter error matters at a joint", CHOSEN)
 PARAMETER_ERROR_OVER_REFIT = Setting(1.5, "gap of the refit",
     "gap with all causes from which on a parameter error remains", CHOSEN)
-ENOUGH_OF_CHANGE = Setting(0.9, "change that the refit explains",
-    "what the causes must explain together, at least", CHOSEN)
-CHANGE_DEVIATIONS = Setting(2.0, "standard deviations",
-    "what may be missing to that by chance", CONVENTION)
-PARAMETRIC_LEVEL = Setting(0.01, "",
-    "level of Wald's test of a parameter error beside errors of all other numbers: their sizes are "
-    "estimated, and the surest of a dozen causes is looked at", CHOSEN)
-LEAST_SURE_SHARE = Setting(0.75, "gap that a payload or a link takes",
-    "what those of its numbers must take that leave out zero, for it to be named", CHOSEN)
-LEAST_CONFIRMED = Setting(0.5, "size of the estimate",
-    "what must remain of a wrong gain or gravity beside errors of all base parameters, or these "
-    "imitate it", CHOSEN)
-LEAST_PART_OF_CHANGE = Setting(0.02, "change that the refit explains",
-    "what each cause must explain of it, at least", CHOSEN)
-MOST_PARAMETRIC_CAUSES = Count(6, "causes",
-    "parametric causes, at most: where more are needed, most numbers are in error", CHOSEN)
-LEAST_PART_OF_JOINT = Setting(0.25, "energy missing at a joint",
-    "what one more cause must take of it, at least", CHOSEN)
-NEARLY_ALL_OF_JOINT = Setting(0.67, "energy that the best cause takes at the joint",
-    "what a cause must take there to be chosen for its likelihood", CHOSEN)
-CONFOUNDER_CORRELATION = Setting(0.98, "",
-    "correlation from which on a structural effect's torque is that of a parameter error", CHOSEN)
-LEAST_DIRECTION = Setting(1e-5, "unit column",
-    "what must be left of a direction, or it counts as not excited", NUMERICAL)
-LEAST_BESIDE_EFFECTS = Setting(1e-2, "norm of a column",
-    "what accepted effects must leave of a change, at least", NUMERICAL)
-LARGEST_SMALL_ERROR = Setting(0.6, "",
-    "gain error, or tilt in rad, up to which an error beyond the base parameters is small", PHYSICS)
-TILT_STEP = Setting(1e-4, "rad", "step of the numerical slope over a tilt of gravity", NUMERICAL)
-LEAST_FREE_DIRECTIONS = Count(3, "directions",
-    "directions beside the causes from which the size of all other parameter errors is estimated, "
-    "at least", CHOSEN)
-LEAST_RELATIVE_ERROR = Setting(1e-5, "", "relative size of all other errors, at least", NUMERICAL)
-MOST_RELATIVE_ERROR = Setting(2.0, "", "the same, at most", NUMERICAL)
-USUAL_RELATIVE_ERROR = Setting(0.05, "",
-    "relative error of nominal models, where the recording hardly shows it", PHYSICS)
-USUAL_ERROR_SPREAD = Setting(1.0, "ln",
-    "standard deviation of its logarithm", PHYSICS)
-LEAST_OWN_ENERGY = Setting(1e-8, "energy of a column",
-    "what must be a cause's own beside the others", NUMERICAL)
 
 # Whether one set of parameters holds for all recordings.
-AGREEMENT_LEVEL = Setting(0.01, "",
-    "probability of the F test, times the recordings, up to which they disagree", CONVENTION)
-AGREEMENT_LEAST_SHARE = Setting(0.01, "torque of the joint (rms)",
-    "held-out torque that must differ at one joint: a long recording rejects every model", PHYSICS)
-AGREEMENT_LEAST_TAKEN = Setting(0.5, "residual with one set of parameters (rms)",
-    "what a recording's own parameters may leave of it for a difference to be named", CHOSEN)
-AGREEMENT_OVER_NOISE = Setting(2.0, "noise (innovations)",
-    "or what they may leave at most", CHOSEN)
-AGREEMENT_FOLDS = Count(5, "blocks", "blocks of a recording that are held out in turn", NUMERICAL)
-AGREEMENT_LEAST_FOLDS = Count(4, "blocks",
-    "blocks that parameters of its own must predict better", CONVENTION)
 
 # What changed between two sets of recordings.
-CONTRAST_ROUNDS = Count(2, "",
-    "searches of MOST_EFFECTS structural effects each: what both sets have takes places", NUMERICAL)
-CONTRAST_FEWEST_BLOCKS = Count(6, "blocks",
-    "blocks of each set that are held out in turn, at least", NUMERICAL)
-CONTRAST_MOST_BLOCKS = Count(12, "blocks", "the same, at most", NUMERICAL)
-CONTRAST_LEAST_VOTE = Setting(1.0, "ln likelihood",
-    "difference of two models on a held-out block from which on the block has a vote", CHOSEN)
-CONTRAST_FEWEST_VOTES = Count(3, "blocks", "blocks that must vote for a change, at least", CHOSEN)
 CONTRAST_LEAST_SHARE = Setting(0.01, "torque of the joint (rms)",
     "held-out torque by which the sets must differ at one joint: long recordings reject every "
     "model", PHYSICS)
@@ -476,8 +347,12 @@ LARGEST_TORQUE = Setting(1e6, "N m",
 SIMULATION_LOST = Setting(1.0, "range of the joint",
     "tracking error from which on the simulation has not followed", CHOSEN)
 MOST_POINTS = Count(1500, "points", "points of a curve of the tracking error, at most", CONVENTION)
-MOST_CAUSES_IN_SUMMARY = Count(4, "causes", "causes in the summary, at most", CONVENTION)
-MOST_NUMBERS_IN_SENTENCE = Count(4, "numbers",
+WORDS_OF_SUMMARY = Count(120, "words", "length of a summary, at most", CONVENTION)
+LEAST_WEIGHT_OF_RIVAL = Setting(0.05, "of the set's probability",
+    "weight from which on another effect is in the set of a cause", CONVENTION)
+MOST_CAUSES_IN_SUMMARY = Count(4, "causes",
+    "causes after the first in the summary, at most", CONVENTION)
+MOST_NUMBERS_IN_SENTENCE = Count(3, "numbers",
     "numbers of a cause in a sentence, at most", CONVENTION)
 SHORT_RECORDING = Setting(10.0, "s", "length below which a note asks for more", CHOSEN)
 # fmt: on

@@ -6,10 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.answer.named_model import (
+    NamedModel,
+    effect_parameters,
+    simulated_effects,
+)
 from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter, SimulationGap, Stage, TrackingSeries
-from idim_iv_ros.diagnosis.structural.causes import NamedModel, effect_parameters, simulated_effects
 from idim_iv_ros.effects.effect import Place
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop
@@ -204,7 +208,7 @@ def tracked_stages(data: Baseline, model: NamedModel, given: FloatArray | None) 
     effects: list[tuple[str, Place, dict[str, EffectParameter]]] = []
     for number, fit in enumerate(model.fits):
         if number > 0:
-            candidate = model.found[number - 1].candidate
+            candidate = model.effects[number - 1]
             parameters = effect_parameters(model, number - 1)
             effects.append((candidate.effect.name, candidate.place, parameters))
         simulated = simulated_effects(data, effects)
@@ -223,8 +227,6 @@ def simulation_gaps(model: NamedModel, tracked: Sequence[Tracking]) -> list[Simu
     """Gap of the simulated motion at the joint of each effect, before and after it."""
     refit = len(tracked) - len(model.fits)
     return [
-        simulation_gap(
-            tracked[refit + number], tracked[refit + number + 1], found.candidate.place.joint
-        )
-        for number, found in enumerate(model.found)
+        simulation_gap(tracked[refit + number], tracked[refit + number + 1], candidate.place.joint)
+        for number, candidate in enumerate(model.effects)
     ]

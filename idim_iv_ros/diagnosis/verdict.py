@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Cause, Unexplained, Verdict
 from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
@@ -29,13 +28,6 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
         place = structural[0]
     ordered = [*others[:place], *laws, *others[place:]]
     return sorted(ordered, key=lambda cause: not _put_in_first(cause))
-
-
-def leading(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
-    """Return the causes that take most of the gap, and first ones, in their order."""
-    most = settings.MOST_CAUSES_IN_SUMMARY
-    widest = sorted(causes, key=lambda cause: (not _put_in_first(cause), -_taken(cause, data)))
-    return [cause for cause in causes if any(cause is each for each in widest[:most])]
 
 
 def _put_in_first(cause: Cause) -> bool:

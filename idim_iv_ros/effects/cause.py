@@ -109,6 +109,8 @@ class Cause(ABC):
     joints_needed: ClassVar[int] = 1
     # Prior odds of it against an effect of the usual odds, before a recording is seen.
     prior_weight: ClassVar[float] = 1.0
+    # Whether misfit at reversals, of the encoder or at peaks of the torque is like it.
+    like_misfit: ClassVar[bool] = False
     specs: ClassVar[tuple[ParameterSpec, ...]] = ()
     # Simulator: whether the base parameters hold it already; whether it may be at all joints, none
     # being named; the compiled laws that its contributions use.

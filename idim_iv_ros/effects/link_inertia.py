@@ -46,6 +46,10 @@ class LinkInertia(ParametricEffect):
         ]
         return [changes] if changes else []
 
+    def which(self, joint: int) -> str:
+        """Number of the link that the joint moves."""
+        return f" (link {joint + 1})"
+
     def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
         """Those that are grouped at the link."""
         return [

@@ -163,6 +163,10 @@ class ParametricEffect(Cause):
         where = f" of {place}" if place else ""
         return f"{self.name.replace('_', ' ')}{where} differs from the nominal model"
 
+    def which(self, joint: int) -> str:
+        """More words for its place: of a link its number; empty by default."""
+        return ""
+
     def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
         """Base parameters of a joint that belong to it and to no other effect; none by default."""
         return []

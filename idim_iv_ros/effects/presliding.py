@@ -21,6 +21,7 @@ from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
 _MOST = 3
+_LEAST_ROWS = 0.25
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,7 @@ class Presliding(StructuralEffect[BristleShape]):
 
     name = "presliding"
     order = 70
+    like_misfit = True
     family = "velocity"
     confounders = ("stribeck", "backlash")
     excitation = "many small reversals of different sizes, at different rates"
@@ -97,11 +99,16 @@ class Presliding(StructuralEffect[BristleShape]):
     laws = (_LAW,)
 
     def grid(self, place: Place, covered: OperatingRange) -> list[BristleShape]:
-        """Spans from 0.1 mrad (10 µm) to 0.15 of the range."""
+        """Spans from what a reversal crosses within a part of a row to 0.15 of the range.
+
+        Shorter ones cannot be told from a joint that turns a row earlier or later.
+        """
         span = covered.span(place.joint)
         if span <= 0.0:
             return []
-        least = 1e-4 * float(covered.lever[place.joint])
+        acceleration = 2.0 * float(covered.fastest[place.joint]) ** 2 / span
+        crossed = 0.5 * acceleration * (_LEAST_ROWS / covered.row_rate) ** 2
+        least = max(1e-4 * float(covered.lever[place.joint]), crossed)
         spans = logarithmic(least, max(0.15 * span, 10.0 * least), 16)
         return [BristleShape((float(each),)) for each in spans]
 

@@ -48,6 +48,7 @@ class Stribeck(StructuralEffect[StribeckShape]):
 
     name = "stribeck"
     order = 10
+    like_misfit = True
     family = "velocity"
     confounders = ("nonlinear_viscous", "presliding")
     excitation = "slow sweeps in both directions: a fifth of the time below the Stribeck speed"

@@ -14,7 +14,6 @@ import pinocchio as pin
 import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2
-from idim_iv_ros.diagnosis.against.blocks import clearly_better
 from idim_iv_ros.diagnosis.against.contrast import contrasted
 from idim_iv_ros.diagnosis.result import ContrastResult
 from idim_iv_ros.effects.registry import STRUCTURAL
@@ -152,17 +151,3 @@ def test_two_loads_mounted_differently_come_out_as_two() -> None:
         assert estimate.std is not None
         assert abs(estimate.value - mass) < 3.0 * estimate.std
     assert any("do not agree" in note for note in found.notes)
-
-
-@pytest.mark.parametrize(
-    ("gains", "better"),
-    [
-        ([20.0, 3.0, 0.1, 5.0, -0.4], True),
-        ([300.0, 0.2, -0.3, 0.1, 0.0], False),  # one block alone
-        ([20.0, -3.0, -4.0, 5.0, 6.0], False),  # blocks that contradict one another
-        ([0.3, 0.4, 0.5, 0.6, 0.2], False),
-        ([-5.0, -6.0, -7.0], False),
-    ],
-)
-def test_blocks_must_speak_for_a_change(gains: list[float], better: bool) -> None:
-    assert clearly_better(np.array(gains)) == better

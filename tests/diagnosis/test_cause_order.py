@@ -6,11 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.result import Cause, Evidence, Gap, JointChange
-from idim_iv_ros.diagnosis.sentences import summary
-from idim_iv_ros.diagnosis.verdict import leading, strongest_first
-from tests.diagnosis.test_verdict import GAPS, cause
+from idim_iv_ros.diagnosis.sentences import further_causes, summary
+from idim_iv_ros.diagnosis.verdict import strongest_first
+from tests.diagnosis.test_verdict import cause
 
 # Torques of 10 and 1 N m rms.
 DATA = SimpleNamespace(
@@ -67,29 +66,29 @@ def test_what_a_cause_takes_at_other_joints_counts() -> None:
     assert names(found) == ["friction_level", "stribeck"]
 
 
-def test_summary_tells_the_widest_and_counts_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(settings, "MOST_CAUSES_IN_SUMMARY", 2)
-    causes = [LARGE, SMALL, FIRST, SECOND]
-    told = leading(causes, DATA)  # type: ignore[arg-type]
-    assert names(told) == ["payload", "stribeck"]
-    text = summary("both", told, None, GAPS, (), more=2)
-    assert "2 smaller causes are listed beside these." in text
-    assert "elasticity" not in text
-    assert "smaller" not in summary("both", told, None, GAPS, ())
-    assert "1 smaller cause is listed" in summary("both", told, None, GAPS, (), more=1)
+def test_a_summary_ends_at_120_words_with_the_weightiest_first() -> None:
+    long = ["one " * 59 + "one", "two " * 49 + "two", "three " * 30, "four"]
+    words = summary(long).split()
+    assert len(words) <= 120
+    assert [words.count(each) for each in ("one", "two")] == [58, 48]  # first and last differ
+    assert "three" not in words
+    assert words[-1] == "Four."
+
+
+def test_further_causes_are_counted() -> None:
+    causes = [LARGE, SMALL, FIRST, SECOND, LARGE, SMALL]
+    text = further_causes(causes)
+    assert "2 smaller causes" in text and "payload" in text
+    assert further_causes([]) == ""
 
 
 @pytest.mark.parametrize(
     ("effect", "kind"), [("drive_inertia", "parametric"), ("time_delay", "structural")]
 )
-def test_what_was_put_in_before_anything_else_stands_first(
-    effect: str, kind: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_was_put_in_before_anything_else_stands_first(effect: str, kind: str) -> None:
     """Drive inertia that the configuration leaves out, and a delay of all joints."""
-    monkeypatch.setattr(settings, "MOST_CAUSES_IN_SUMMARY", 2)
     of_all = replace(closing(effect, kind, "", 0.1, 0.09, 1e2), joint=None)
     of_a_joint = closing(effect, kind, "joint_2", 0.1, 0.09, 1e2)
     causes = strongest_first([FIRST, LARGE, of_all], DATA)  # type: ignore[arg-type]
     assert names(causes)[0] == effect
-    assert names(leading(causes, DATA)) == [effect, "payload"]  # type: ignore[arg-type]
     assert names(strongest_first([FIRST, LARGE, of_a_joint], DATA))[0] != effect  # type: ignore[arg-type]

@@ -294,8 +294,9 @@ def test_a_joint_that_slides_has_screws_plays_and_bristles_of_its_own_size() -> 
     assert finest.wave_numbers[0] <= 250.0
     gaps = [shape.gap for shape in BY_NAME["backlash"].grid(place, sliding)]
     assert max(gaps) == pytest.approx(0.004)
-    spans = [shape.spans[0] for shape in BY_NAME["presliding"].grid(place, sliding)]
-    assert min(spans) == pytest.approx(1e-5)
+    slow = replace(sliding, fastest=np.full(2, 1e-4))
+    spans = [shape.spans[0] for shape in BY_NAME["presliding"].grid(place, slow)]
+    assert min(spans) == pytest.approx(1e-5)  # of a joint that turns slowly
     play = BY_NAME["backlash"]
     for gap, common in ((0.9e-4, True), (0.5e-3, False)):  # m
         shape = BacklashShape(gap, 1e5, 10.0, 1.0)

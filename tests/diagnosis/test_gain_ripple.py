@@ -1,7 +1,6 @@
 """The ripple of a current's gain: found, taken out, and not mistaken for one of the torque."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,10 +12,6 @@ from idim_iv_ros.diagnosis.refit.gain_ripple import (
     gain_is_as_likely,
     without_gain_ripples,
 )
-from idim_iv_ros.diagnosis.structural.possible import why_of_the_gain
-from idim_iv_ros.effects.effect import Place
-from idim_iv_ros.effects.position_ripple import PositionRipple
-from idim_iv_ros.effects.waves import Waves
 from tests.diagnosis.test_signal_chain import with_effort
 from tests.estimation.test_simulated_arms import recorded
 
@@ -84,22 +79,3 @@ def test_a_wave_is_given_to_the_gain_where_it_follows_the_torque(data: Baseline)
     of_torque = with_effort(data, effort + 0.6 * waves(data))
     assert gain_is_as_likely(of_gain, smooth_regression(of_gain).fit(), 0, WAVES)
     assert not gain_is_as_likely(of_torque, smooth_regression(of_torque).fit(), 0, WAVES)
-
-
-def test_a_ripple_of_the_torque_that_the_gain_explains_as_well_is_a_hint(data: Baseline) -> None:
-    effort = data.prepared.motions[0].signals.torque
-    for changed, hint in (
-        (effort / (1.0 + SIZE * waves(data)), True),
-        (effort + 0.6 * waves(data), False),
-    ):
-        rippled = with_effort(data, changed)
-        columns = PositionRipple().columns(rippled.motions[0], Place(0), Waves((WAVES,)))
-        rows = {0: rippled.counting(0, [rippled.motions[0].rows(columns[0])])}
-        fit = smooth_regression(rippled).with_columns(rows).fit()
-        found = SimpleNamespace(
-            candidate=SimpleNamespace(
-                effect=PositionRipple(), place=Place(0), shape=Waves((WAVES,)), columns=rows
-            )
-        )
-        reason = why_of_the_gain(rippled, found, fit, fit.coefficients)  # type: ignore[arg-type]
-        assert bool(reason) is hint

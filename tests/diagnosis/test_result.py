@@ -39,7 +39,8 @@ TOP = {
     ),
 }
 CAUSE = {
-    *("effect", "kind", "joint", "parameters", "evidence", "indistinguishable_from"),
+    *("effect", "kind", "joint", "parameters", "probability", "evidence"),
+    "indistinguishable_from",
     *("torque_gap", "joint_gaps", "simulation_gap", "other_joint", "sentence"),
 }
 EVIDENCE = {
@@ -71,7 +72,7 @@ def test_the_document_has_exactly_the_keys_of_the_format(
         if cause["simulation_gap"] is not None:
             assert set(cause["simulation_gap"]) == {"before", "after", "shrinkage", "ci95"}
         for rival in cause["indistinguishable_from"]:
-            assert set(rival) == {"effect", "joint", "correlation"}
+            assert set(rival) == {"effect", "joint", "weight"}
         for parameter in cause["parameters"].values():
             assert set(parameter) == {"value", "std", "unit"}
     assert set(document["where"]) == {"joints", "regimes"}

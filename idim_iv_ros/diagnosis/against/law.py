@@ -4,7 +4,6 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.against.sets import TwoSets
@@ -27,8 +26,8 @@ class LawDifference:
     joint : int
     reference, against : dict of str to EffectParameter
         Gains and feedforward in each set, those that changed.
-    statistic, p_value : float
-        Wald, of the surest change; corrected for groups and joints (Bonferroni).
+    statistic : float
+        Wald, of the surest change.
     torque : float
         RMS that the change makes on the second set's motion, N m (N).
     """
@@ -37,7 +36,6 @@ class LawDifference:
     reference: dict[str, EffectParameter]
     against: dict[str, EffectParameter]
     statistic: float
-    p_value: float
     torque: float
 
     @property
@@ -101,7 +99,6 @@ def _difference(
         each.rows.changes(each.rows.fit(names, with_lag=True), names)
         for each in (reference, against)
     ]
-    tried = len(GROUPS) * len(law.torque_gains[0])
     changed, largest = [], 0.0
     torque = np.zeros(len(against.rows.rest))
     for name in names:
@@ -121,8 +118,7 @@ def _difference(
         ControllerMismatch().parameters(law, joint, {name: each[name] for name in changed})
         for each in changes
     ]
-    p_value = min(1.0, tried * float(stats.chi2.sf(largest, 1)))
-    return LawDifference(joint, numbers[0], numbers[1], largest, p_value, size)
+    return LawDifference(joint, numbers[0], numbers[1], largest, size)
 
 
 @dataclass(frozen=True)

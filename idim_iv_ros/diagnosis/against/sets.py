@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.against.scoped import Scope
 from idim_iv_ros.diagnosis.refit.baseline import (
     Baseline,
     refit_of,
@@ -27,7 +26,7 @@ from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare
 from idim_iv_ros.recording import Recording, Session, session_of
-from idim_iv_ros.types import BoolArray, IntArray
+from idim_iv_ros.types import BoolArray
 
 
 @dataclass(frozen=True)
@@ -61,18 +60,14 @@ class TwoSets:
         return frozenset(range(first, len(self.data.motions)))
 
     @property
+    def regression_of_reference(self) -> Regression:
+        """Rows of the reference by itself."""
+        return smooth_regression(self.sets[0])
+
+    @property
     def inside(self) -> tuple[BoolArray, ...]:
         """Rows (r_j,) of the second set, for each joint."""
         return tuple(np.isin(each, list(self.second)) for each in self.data.recordings)
-
-    def blocks_of(self, scope: Scope, blocks: Sequence[IntArray]) -> IntArray:
-        """Numbers of the blocks of time that belong to one set, or to both."""
-        numbers = np.arange(1 + max(int(block.max()) for block in blocks))
-        if scope == "both":
-            return numbers
-        wanted = scope == "against"
-        own = [block[inside == wanted] for block, inside in zip(blocks, self.inside, strict=True)]
-        return np.intersect1d(numbers, np.concatenate(own))
 
 
 def two_sets(

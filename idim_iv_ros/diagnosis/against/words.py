@@ -4,10 +4,8 @@ from collections.abc import Mapping, Sequence
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.against.law import ShiftDifference
-from idim_iv_ros.diagnosis.against.structural import StructuralDifference
+from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
-from idim_iv_ros.diagnosis.parametric.evidence import ParametricCause
-from idim_iv_ros.diagnosis.parametric.hypotheses import Hypothesis
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction
 from idim_iv_ros.diagnosis.result import (
@@ -18,9 +16,9 @@ from idim_iv_ros.diagnosis.result import (
     JointTorque,
 )
 from idim_iv_ros.diagnosis.sentences import capitalised
-from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
-from idim_iv_ros.effects.link_inertia import LinkInertia
+from idim_iv_ros.effects.effect import Place
+from idim_iv_ros.effects.parametric_effect import ParametricEffect
 
 _WHERE = {"reference": "in the reference recordings only", "against": "in the second set only"}
 
@@ -34,7 +32,6 @@ def summary(
     joints: Sequence[JointContrast],
     *,
     differs: bool,
-    closest: Sequence[Hypothesis] = (),
 ) -> str:
     """The answer: whether the sets differ, in what, and what is not explained."""
     named = ", ".join(against)
@@ -60,13 +57,6 @@ def summary(
             f"{100.0 * worst.share_of_torque:.2g} % of its torque; nothing in the catalogue "
             "explains it."
         )
-    if closest:
-        listed = ", ".join(
-            spaced(each.effect.name)
-            + ("" if each.joint is None else f" of {data.joints[each.joint]}")
-            for each in closest
-        )
-        parts.append(f"Closest comes {listed}, but no number of it differs surely from zero.")
     return " ".join(parts)
 
 
@@ -77,47 +67,47 @@ def _left(data: Baseline, each: JointContrast) -> str:
 
 def structural(
     data: Baseline,
-    difference: StructuralDifference,
+    name: str,
+    place: Place,
     change: str,
     numbers: Mapping[str, dict[str, EffectParameter]],
     torques: Sequence[JointTorque],
     others: Sequence[Indistinguishable],
 ) -> str:
     """An effect that one set has, or that the sets have otherwise."""
-    place = difference.found.candidate.place
     where = data.joints[place.joint]
     if place.other is not None:
         where += f" and {data.joints[place.other]}"
-    effect = spaced(difference.effect)
-    one, other = (_numbers(difference.effect, numbers[each]) for each in ("reference", "against"))
+    effect = spaced(name)
+    one, other = (_numbers(name, numbers[each]) for each in ("reference", "against"))
     if change == "changed" and one and other:
         what = f"{effect} at {where} changed: {one} in the reference, {other} in the second set"
     elif change == "changed":
         more = "reference recordings" if one else "second set"
         what = f"{effect} at {where} changed: more of it in the {more} ({one or other})"
     else:
-        what = f"{effect} at {where} {_WHERE[difference.scope]}: {one or other}"
+        what = f"{effect} at {where} {_WHERE['reference' if one else 'against']}: {one or other}"
     return f"{what}{_torques(data, torques)}{_indistinguishable(others)}"
 
 
 def parametric(
     data: Baseline,
-    cause: ParametricCause,
+    effect: ParametricEffect,
+    joint: int | None,
     parameters: dict[str, EffectParameter],
     torques: Sequence[JointTorque],
+    others: Sequence[Indistinguishable],
     bags: Sequence[str],
 ) -> str:
     """Numbers that changed, as second set less reference."""
-    place = f" of {cause.joint}" if cause.joint else ""
-    if cause.joint and cause.effect.name == LinkInertia.name:
-        place += f" (link {data.joints.index(cause.joint) + 1})"
+    place = "" if joint is None else f" of {data.joints[joint]}{effect.which(joint)}"
     text = (
-        f"{spaced(cause.effect.name)}{place} changed, second set less reference: "
-        f"{_numbers(cause.effect.name, parameters)}"
+        f"{spaced(effect.name)}{place} changed, second set less reference: "
+        f"{_numbers(effect.name, parameters)}"
     )
     if bags:
         text = f"{', '.join(bags)}: {text}"
-    return f"{text}{_torques(data, torques)}{_indistinguishable(cause.indistinguishable_from)}"
+    return f"{text}{_torques(data, torques)}{_indistinguishable(others)}"
 
 
 def law(
@@ -194,23 +184,25 @@ def reference_disagrees(bags: Sequence[str]) -> str:
     )
 
 
-def unattributed(data: Baseline, difference: StructuralDifference, torque: JointTorque) -> str:
+def unattributed(data: Baseline, term: Term, scope: str, torque: JointTorque) -> str:
     """A difference outside the catalogue."""
-    effect = difference.found.candidate.effect
+    effect = term.candidate.effect
     assert isinstance(effect, Nonparametric)
     unit = data.unit_at(data.joints.index(torque.joint), "N m")
     return (
         f"the recordings differ at {torque.joint} by {torque.rms:.3g} {unit}, a torque that "
-        f"{effect.words}, {_WHERE[difference.scope]}; nothing in the catalogue explains it"
+        f"{effect.words}, {_WHERE[scope]}; nothing in the catalogue explains it"
     )
 
 
-def common(data: Baseline, candidate: Candidate) -> str:
+def common(data: Baseline, term: Term) -> str:
     """An effect that both sets share."""
-    joint = data.joints[candidate.place.joint]
-    if isinstance(candidate.effect, Nonparametric):
-        return f"a torque at {joint} that {candidate.effect.words}"
-    return f"{spaced(candidate.effect.name)} at {joint}"
+    effect, place = term.candidate.effect, term.candidate.place
+    assert place is not None
+    joint = data.joints[place.joint]
+    if isinstance(effect, Nonparametric):
+        return f"a torque at {joint} that {effect.words}"
+    return f"{spaced(effect.name)} at {joint}"
 
 
 def spaced(name: str) -> str:

@@ -1,17 +1,17 @@
 """What may close the gap: numbers of the model, effects of the catalogue, signals, free curves."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
 
+from idim_iv_ros.diagnosis.comparison.changes import change_rows, level_axes, still_joints
+from idim_iv_ros.diagnosis.comparison.signals import CommonShift, TiltedMoments
 from idim_iv_ros.diagnosis.identifiability.testability import cannot_show
-from idim_iv_ros.diagnosis.parametric.change_regression import change_rows, level_axes, still_joints
-from idim_iv_ros.diagnosis.parametric.errors_beyond_base import CommonShift, TiltedMoments
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of
-from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.effects.parametric_effect import (
@@ -21,9 +21,10 @@ from idim_iv_ros.effects.parametric_effect import (
     ParametricEffect,
 )
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
-from idim_iv_ros.types import FloatArray, SingleArray
+from idim_iv_ros.types import BoolArray, FloatArray, SingleArray
 
-Key = tuple[str, int | None, int | None]
+Scope = frozenset[int]  # recordings
+Key = tuple[str, int | None, int | None, Scope | None]
 _LARGEST = 1e12  # N m of a unit coefficient: no hardware
 
 
@@ -55,6 +56,8 @@ class Candidate:
         option before.
     width : int
         Columns of an option.
+    scope : Scope or None
+        Recordings in which it acts; None: all.
     """
 
     kind: Kind
@@ -64,13 +67,14 @@ class Candidate:
     changes: tuple[Change, ...]
     lines: dict[int, SingleArray]
     width: int
+    scope: Scope | None = None
 
     @property
     def key(self) -> Key:
-        """Effect and place, whatever the shape."""
+        """Effect, place and scope, whatever the shape."""
         if self.place is None:
-            return self.effect.name, None, None
-        return self.effect.name, self.place.joint, self.place.other
+            return self.effect.name, None, None, self.scope
+        return self.effect.name, self.place.joint, self.place.other, self.scope
 
     @property
     def options(self) -> int:
@@ -94,6 +98,9 @@ class Catalogue:
         Names of effects that are left out.
     hidden
         Effects and joints that the recording cannot show.
+    scopes, number_scopes
+        Recordings in which effects, and numbers, may differ from the others. What all recordings
+        share then has free numbers, and those that base parameters hold are no candidates.
     """
 
     def __init__(
@@ -102,6 +109,8 @@ class Catalogue:
         regression: Regression,
         without: Collection[str] = (),
         hidden: Collection[tuple[str, int]] = (),
+        scopes: Sequence[Scope] = (),
+        number_scopes: Sequence[Scope] = (),
     ) -> None:
         self.data = data
         self.covered: OperatingRange = operating_range(data)
@@ -109,15 +118,53 @@ class Catalogue:
         axes = level_axes(np.asarray(model.robot.pinocchio.gravity.linear))
         still = still_joints(data)
         moving = frozenset(range(len(data.joints))) - still
-        bare = moving if data.prepared.armature_missing else frozenset()
+        bare = moving if data.prepared.armature_missing and not number_scopes else frozenset()
         self.space = ParameterSpace(model, model.given, axes, bare)
         self._hidden = frozenset(hidden)
-        self.candidates = (
+        effects = [
             *self._effects([e for e in STRUCTURAL if e.name not in without], Kind.EFFECT),
-            *self._effects([CommonShift(), TiltedMoments()], Kind.SIGNAL),
             *self._effects(NONPARAMETRIC, Kind.CURVE),
-            *([] if data.prepared.why_no_given else self._numbers(regression, without, still)),
+        ]
+        numbers = [] if data.prepared.why_no_given else self._numbers(regression, without, still)
+        common = [
+            each
+            for each in numbers
+            if not number_scopes or not getattr(each.effect, "in_base_parameters", True)
+        ]
+        self.candidates = (
+            *effects,
+            *self._effects([CommonShift(), TiltedMoments()], Kind.SIGNAL),
+            *common,
+            *(self._scoped(each, scope) for scope in scopes for each in effects),
+            *(self._scoped(each, scope) for scope in number_scopes for each in numbers),
         )
+
+    def _scoped(self, candidate: Candidate, scope: Scope) -> Candidate:
+        """Let a candidate act in some recordings only."""
+        lines = {
+            joint: table * self._inside(joint, scope) for joint, table in candidate.lines.items()
+        }
+        return replace(candidate, lines=lines, scope=scope)
+
+    def _inside(self, joint: int, scope: Scope) -> BoolArray:
+        """Rows (r_j,) of some recordings."""
+        return np.isin(self.data.recordings[joint], list(scope))
+
+    def everywhere(self, candidate: Candidate, shape: Shape) -> Columns:
+        """Rows (r_j, w) of an effect in one shape, in all recordings."""
+        return self.columns_of(replace(candidate, scope=None), [shape])[0]
+
+    def columns_of(self, candidate: Candidate, shapes: Sequence[Shape]) -> list[Columns]:
+        """Rows (r_j, w) of an effect in other shapes, in its scope."""
+        effect, place, scope = candidate.effect, candidate.place, candidate.scope
+        assert not isinstance(effect, ParametricEffect) and place is not None
+        made = rows_of(self.data, effect, place, shapes)
+        if scope is None:
+            return made
+        return [
+            {joint: rows * self._inside(joint, scope)[:, None] for joint, rows in each.items()}
+            for each in made
+        ]
 
     def _effects(self, effects: Sequence[Effect], kind: Kind) -> list[Candidate]:
         made = []

@@ -1,13 +1,12 @@
 """The best option beside a model: evidence by blocks of time, size, what physics allows."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from idim_iv_ros.diagnosis.comparison import rules
 from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors, Term
-from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Key, Kind
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Key, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.evidence import log_bayes_factor, shrunk
 from idim_iv_ros.diagnosis.comparison.options import Options
 from idim_iv_ros.types import FloatArray, IntArray
@@ -20,10 +19,11 @@ class Prior:
     """Prior probability of every option: of its effect, its place, its shape."""
 
     def __init__(self, options: Options) -> None:
-        names: dict[str, list[int]] = {}
+        names: dict[tuple[str, Scope | None], list[int]] = {}
         for number, key in enumerate(options.keys):
             curve = options.is_curve[np.flatnonzero(options.key == number)[0]]
-            names.setdefault("a free curve" if curve else key[0], []).append(number)
+            name = "a free curve" if curve else key[0]
+            names.setdefault((name, key[3]), []).append(number)
         weight = np.zeros(len(options.keys))
         for numbers in names.values():
             first = options.candidates[options.candidate[options.key == numbers[0]][0]]
@@ -87,7 +87,9 @@ class Comparison:
     def _counts(self, term: Term, model: Beside) -> bool:
         """Whether it is visible at a joint beyond misfit of its own and of the other terms."""
         others = np.zeros(len(term.whole))
-        for other in model.terms:
+        for other in model.terms:  # numbers are exact, shapes are not
+            if other.candidate.kind is not Kind.EFFECT:
+                continue
             others = np.maximum(others, np.minimum(other.whole, 1.0))
         least = np.maximum(rules.MISFIT, rules.VISIBLE_OF_OTHERS * others)
         return bool(np.any(term.visible > least))
@@ -347,8 +349,3 @@ def _taken(terms: Sequence[Term], joints: int) -> FloatArray:
 
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
-
-
-def renamed(term: Term, rivals: Sequence[tuple[Key, float]]) -> Term:
-    """Return a term with other rivals."""
-    return replace(term, rivals=tuple(rivals))

@@ -53,9 +53,15 @@ class Ledger:
         return 1 + max(int(block.max()) for block in self.blocks if len(block))
 
 
-def torque_ledger(data: Baseline, regression: Regression) -> Ledger:
-    """Rows of the torque on the smooth motion, with the nominal model's numbers."""
-    given = data.prepared.given
+def torque_ledger(data: Baseline, regression: Regression, *, free: bool = False) -> Ledger:
+    """Rows of the torque on the smooth motion, with the nominal model's numbers.
+
+    Parameters
+    ----------
+    free
+        Whether every number is free, whatever the nominal model says.
+    """
+    given = None if free else data.prepared.given
     joints = regression.joints
     sizes = np.array(data.torque_sizes)
     model = data.prepared.model

@@ -9,7 +9,6 @@ from idim_iv_ros.diagnosis.comparison import rules
 from idim_iv_ros.diagnosis.comparison.beside import Beside, Term
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
-from idim_iv_ros.diagnosis.structural.candidate import rows_of
 from idim_iv_ros.diagnosis.structural.likelihood import Columns
 from idim_iv_ros.effects.effect import Shape, StructuralEffect
 from idim_iv_ros.types import FloatArray
@@ -62,7 +61,7 @@ def _best_of(
         return None
     best: tuple[float, Term] | None = None
     for shape, columns in zip(
-        shapes, rows_of(comparison.catalogue.data, effect, place, shapes), strict=True
+        shapes, comparison.catalogue.columns_of(term.candidate, shapes), strict=True
     ):
         if not all(np.isfinite(table).all() for table in columns.values()):
             continue

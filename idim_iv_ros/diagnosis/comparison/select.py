@@ -13,20 +13,21 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.comparison import rules
 from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors, Term, Torques
-from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.comparison.compare import Comparison, Prior
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, whitened
 from idim_iv_ros.diagnosis.comparison.refine import refined
 from idim_iv_ros.diagnosis.structural.likelihood import noise_model
 from idim_iv_ros.signals import AutoregressiveModel
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import BoolArray, FloatArray
 
 _ROUNDS = 10  # of adding one term
 _RESTARTS = 3
 _NOISE_VISITS = 3
-_MOST_ERRORS = 4  # sizes of the nominal errors that are climbed with
+_MOST_ERRORS = 5  # sizes of the nominal errors that are climbed with
 _MOST_CURVES = 3
+_ROWS_PER_COLUMN = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,7 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
     """Search for what explains the gap of a ledger."""
     options = Options(ledger, catalogue.candidates)
     torques, prior = Torques(options), Prior(options)
-    noise = noise_of(ledger, refit_residuals(ledger))
+    noise = noise_of(ledger, _beside_curves(ledger, catalogue))
     terms: tuple[Term, ...] = ()
     errors: tuple[float, float] | None = None
     for visit in range(_NOISE_VISITS):
@@ -81,6 +82,28 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
     return Selection(tuple(terms), tuple(curves), comparison)
 
 
+def _beside_curves(ledger: Ledger, catalogue: Catalogue) -> list[FloatArray]:
+    """(r_j,) what the refit leaves less all free curves of the joint, where rows are many enough.
+
+    Noise that holds an effect takes slow ones for its own.
+    """
+    left = refit_residuals(ledger)
+    for joint, rows in enumerate(ledger.joints):
+        columns = [
+            candidate.lines[joint][-candidate.width :]
+            for candidate in catalogue.candidates
+            if candidate.kind is Kind.CURVE and candidate.scope is None and joint in candidate.lines
+        ]
+        if not columns or rows.left_out:
+            continue
+        table = np.concatenate([rows.matrix.T, *columns]).T.astype(float)
+        if len(table) < _ROWS_PER_COLUMN * table.shape[1]:
+            continue
+        table /= np.maximum(np.linalg.norm(table, axis=0), 1e-300)
+        left[joint] = left[joint] - table @ np.linalg.lstsq(table, left[joint], rcond=1e-9)[0]
+    return left
+
+
 def noise_of(ledger: Ledger, residuals: Sequence[FloatArray]) -> tuple[AutoregressiveModel, ...]:
     """Autoregressive noise of each joint's residual (r_j,)."""
     made = []
@@ -94,21 +117,34 @@ def noise_of(ledger: Ledger, residuals: Sequence[FloatArray]) -> tuple[Autoregre
     return tuple(made)
 
 
-def refit_residuals(ledger: Ledger) -> list[FloatArray]:
-    """(r_j,) what new numbers, all of them free, leave of the gap by least squares."""
-    shares = []
-    for rows, gap, size in zip(ledger.joints, ledger.gap, ledger.sizes, strict=True):
+def refit_residuals(
+    ledger: Ledger,
+    gap: Sequence[FloatArray] | None = None,
+    counted: Sequence[BoolArray] | None = None,
+) -> list[FloatArray]:
+    """(r_j,) what new numbers, all of them free, leave of a gap by least squares.
+
+    Parameters
+    ----------
+    gap
+        (r_j,) of each joint; None: that of the ledger.
+    counted
+        Rows (r_j,) that are fitted; None: all.
+    """
+    gap = ledger.gap if gap is None else gap
+    shares: list[FloatArray] = []
+    for rows, left, size in zip(ledger.joints, gap, ledger.sizes, strict=True):
         table = np.zeros((len(rows), ledger.parameters + 1))
         table[:, rows.columns] = rows.matrix / size
-        table[:, -1] = gap / size
-        shares.append(table)
+        table[:, -1] = left / size
+        shares.append(table if counted is None else table[counted[len(shares)]])
     whole = np.asarray(np.linalg.qr(np.vstack(shares), mode="r"))
     norms = np.linalg.norm(whole[:, :-1], axis=0)
     norms[norms == 0.0] = 1.0
     change = np.linalg.lstsq(whole[:, :-1] / norms, whole[:, -1], rcond=1e-9)[0] / norms
     return [
-        gap - rows.matrix @ change[rows.columns]
-        for rows, gap in zip(ledger.joints, ledger.gap, strict=True)
+        left - rows.matrix @ change[rows.columns]
+        for rows, left in zip(ledger.joints, gap, strict=True)
     ]
 
 
@@ -127,8 +163,8 @@ def _with_likely_errors(
     if not options.ledger.nominal:
         only = comparison((1.0, 1.0))
         return only, climb(only, ())
-    least = (rules.RELATIVE_ERRORS[1], rules.RELATIVE_ERRORS[1])
-    starts = [least, likeliest_errors(options.ledger, white, ())]
+    starts = [(size, size) for size in rules.RELATIVE_ERRORS[:2]]
+    starts.append(likeliest_errors(options.ledger, white, ()))
     best: tuple[float, Comparison, tuple[Term, ...]] | None = None
     tried: set[tuple[float, float]] = set()
     while starts:
@@ -153,7 +189,8 @@ def _with_likely_errors(
 def log_prior_of_errors(errors: tuple[float, float]) -> float:
     """Logarithm of what is usual of nominal models."""
     logs = np.log(np.array(errors) / rules.RELATIVE_ERRORS[0])
-    apart = float(logs[0] - logs[1]) / rules.ALIKE
+    apart = float(logs[0] - logs[1])
+    apart /= rules.LINKS_WORSE if apart > 0.0 else rules.DRIVES_WORSE
     return -rules.ERROR_COST * float(logs.max()) - 0.5 * apart**2
 
 
@@ -189,7 +226,7 @@ def likeliest_errors(
         stop = start + term.width
         free[b + start : b + stop, start:stop] = term.prior_root
         start = stop
-    best, highest = (rules.USUAL_ERROR, rules.USUAL_ERROR), -np.inf
+    best, highest = (rules.RELATIVE_ERRORS[0], rules.RELATIVE_ERRORS[0]), -np.inf
     for link in rules.RELATIVE_ERRORS:
         for drive in rules.RELATIVE_ERRORS:
             sizes = np.hstack([link * ledger.link_errors, drive * ledger.drive_errors])

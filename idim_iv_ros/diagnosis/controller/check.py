@@ -21,7 +21,7 @@ from idim_iv_ros.diagnosis.controller.law_change import (
 )
 from idim_iv_ros.diagnosis.controller.law_event import events_in
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, law_speed
-from idim_iv_ros.diagnosis.parametric.significance import differs
+from idim_iv_ros.diagnosis.controller.significance import differs
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import (
     NOT_CALIBRATED,

@@ -7,7 +7,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.check import ControllerFinding, LawCheck, check_law
-from idim_iv_ros.diagnosis.parametric.significance import together
+from idim_iv_ros.diagnosis.controller.significance import together
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter
 from idim_iv_ros.effects.torque_gain import TorqueGain

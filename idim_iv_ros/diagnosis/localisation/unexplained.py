@@ -5,61 +5,50 @@ from collections.abc import Sequence
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
+from idim_iv_ros.diagnosis.answer.named_model import NamedModel
 from idim_iv_ros.diagnosis.controller.law_event import events_in
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import Stage, Unexplained
-from idim_iv_ros.diagnosis.structural.attribution import Found
-from idim_iv_ros.diagnosis.structural.causes import NamedModel
+from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
 from idim_iv_ros.statistics.residuals import excess_kurtosis
 
 
-def unexplained(data: Baseline, model: NamedModel, fit: Fit | None = None) -> Unexplained | None:
-    """Describe the largest residual outside the catalogue; None where there is none.
-
-    Parameters
-    ----------
-    data, model
-    fit
-        Of all that explains the torques, where more than `model` does.
-    """
+def unexplained(data: Baseline, model: NamedModel) -> Unexplained | None:
+    """Describe the largest residual outside the catalogue; None where there is none."""
     sizes = data.torque_sizes
     large = [
         each
-        for each in model.nonparametric
-        if each.candidate.share_of_torque(sizes) >= settings.LEAST_NONPARAMETRIC
+        for each in model.outside
+        if each.share_of_torque(sizes) >= settings.LEAST_NONPARAMETRIC
     ]
     if large:
-        largest = max(large, key=lambda each: each.candidate.gain)
-        joint = largest.candidate.place.joint
+        largest = max(large, key=lambda each: each.gain)
+        joint = largest.place.joint
         # A function that leaves the events takes what follows from them: the law answers.
-        _, beside = model.for_parameters(data)
-        events = _events(data, beside, joint) and _events(data, fit or model.fit, joint)
-        return events or _described(data, largest)
+        both = _events(data, model.whole, joint) and _events(data, model.fit, joint)
+        return both or _described(data, largest)
     joints = sorted(set(range(len(data.joints))) - data.left_out)
-    found = [_events(data, fit or model.fit, joint) for joint in joints]
-    present = [each for each in found if each is not None]
+    present = [each for joint in joints if (each := _events(data, model.whole, joint)) is not None]
     return max(present, key=lambda each: each.share, default=None)
 
 
-def small_nonparametric(data: Baseline, model: NamedModel) -> list[Found]:
+def small_nonparametric(data: Baseline, model: NamedModel) -> list[Candidate]:
     """Functions outside the catalogue that are too small to matter."""
     sizes = data.torque_sizes
     return [
-        each
-        for each in model.nonparametric
-        if each.candidate.share_of_torque(sizes) < settings.LEAST_NONPARAMETRIC
+        each for each in model.outside if each.share_of_torque(sizes) < settings.LEAST_NONPARAMETRIC
     ]
 
 
 def unexplained_residual(
-    data: Baseline, stages: Sequence[Stage], floors: Sequence[NoiseFloor]
+    data: Baseline, model: NamedModel, stages: Sequence[Stage], floors: Sequence[NoiseFloor]
 ) -> list[tuple[int, float, float, float]]:
     """Joints at which the last model misses much: (joint, rms, share of the torque, noise).
 
     The largest share first. Less than a percent of the torque is not much, however little the
-    nominal model misses.
+    nominal model misses; nor is what errors take that no base parameters hold, which no stage has.
     """
     first, last = stages[0], stages[-1]
     found = []
@@ -72,13 +61,13 @@ def unexplained_residual(
         )
         noise = floor.sigma
         much = much and share >= settings.LEAST_NONPARAMETRIC and joint not in data.left_out
-        if noise is not None and rest > settings.UNEXPLAINED_OVER_NOISE * noise and much:
+        left = min(rest, float(np.std(model.whole.residuals[joint])))
+        if noise is not None and left > settings.UNEXPLAINED_OVER_NOISE * noise and much:
             found.append((joint, rest, share, noise))
     return sorted(found, key=lambda each: -each[2])
 
 
-def _described(data: Baseline, found: Found) -> Unexplained:
-    candidate = found.candidate
+def _described(data: Baseline, candidate: Candidate) -> Unexplained:
     joint = candidate.place.joint
     share = 1.0 - float(np.exp(-2.0 * candidate.gain / len(data.rows[joint].torque)))
     return Unexplained(

@@ -7,9 +7,9 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut, held_out
-from idim_iv_ros.diagnosis.parametric.missing import MissingGravity, missing_gravity
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, refit_of, smooth_regression
 from idim_iv_ros.diagnosis.refit.gain_ripple import GainRipple, without_gain_ripples
+from idim_iv_ros.diagnosis.refit.missing_gravity import MissingGravity, missing_gravity
 from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion

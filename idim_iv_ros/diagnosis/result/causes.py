@@ -56,6 +56,9 @@ class Cause:
     sentence : str
         What a robot engineer should read: where, what, how large, how far the gap shrinks.
     parameters : dict of str to EffectParameter
+    probability : float or None
+        That it is a cause, 0 to 1, calibrated on simulated recordings (`comparison.probability`);
+        None of what other rows than the torque's show, which nothing was calibrated for.
     evidence : Evidence
     indistinguishable_from : tuple of Indistinguishable
     torque_gap : Gap
@@ -78,6 +81,7 @@ class Cause:
     torque_gap: Gap
     joint_gaps: tuple[JointChange, ...] = ()
     simulation_gap: SimulationGap | None
+    probability: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,6 @@ from typing import Literal
 from idim_iv_ros.diagnosis.result.evidence import Evidence, Indistinguishable
 from idim_iv_ros.documents import Number
 from idim_iv_ros.effects.cause import EffectParameter, Kind
-from idim_iv_ros.statistics.hypothesis import HypothesisTest
 
 
 @dataclass(frozen=True)
@@ -28,9 +27,9 @@ class JointContrast:
     before : float
         Of the model of the reference set, which the second set was not used to fit.
     after : float
-        With the causes that are listed, on blocks of time that were not used to fit.
+        With the causes that are listed.
     own : float
-        With parameters and effects of its own, likewise.
+        With parameters and effects of its own.
     share_of_torque : float
         Root of before² − own², as a share of the joint's torque (rms): by how much the sets differ.
     unexplained : float
@@ -64,7 +63,6 @@ class ContrastCause:
     reference, against : dict of str to EffectParameter
         The numbers in each set, where they are known one by one.
     evidence : Evidence
-        `folds_positive`: blocks of time that it predicts better.
     indistinguishable_from : tuple of Indistinguishable
     torques : tuple of JointTorque
         Joints where it matters, its own first.
@@ -95,8 +93,6 @@ class ContrastResult:
     reference, against : tuple of str
         Recordings.
     differs : bool
-    test : HypothesisTest
-        F test of H0: one set of base parameters holds for both, beside effects that differ.
     sentence : str
         The answer, in words.
     joints : tuple of JointContrast
@@ -115,7 +111,6 @@ class ContrastResult:
     reference: tuple[str, ...]
     against: tuple[str, ...]
     differs: bool
-    test: HypothesisTest
     sentence: str
     joints: tuple[JointContrast, ...]
     causes: tuple[ContrastCause, ...]

@@ -46,14 +46,14 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Indistinguishable:
-    """An effect that explains the recording as well as the accepted one.
+    """An effect that explains the recording nearly as well as the accepted one.
 
-    `correlation`: of the torques that both would add, less what the model absorbs, 0 to 1.
+    `weight`: its share of the probability of the whole set, 0 to 1.
     """
 
     effect: str
     joint: str | None
-    correlation: Number
+    weight: Number
 
 
 @dataclass(frozen=True)

@@ -131,19 +131,16 @@ class RecordingAgreement:
     ----------
     bag : str
     agrees : bool
-    test : HypothesisTest
-        F test of H0: one set of base parameters holds for it and the others.
     joint : str
         Where it differs most.
     share_of_torque : float
-        How much there, on blocks of time that were not fitted, as a share of the torque (rms).
+        Torque of the difference there, as a share of the joint's (rms); zero where it agrees.
     differences : tuple of Difference
-        What differs; empty where it agrees, or where nothing of the catalogue explains it.
+        What differs; empty where it agrees.
     """
 
     bag: str
     agrees: bool
-    test: HypothesisTest
     joint: str
     share_of_torque: Number
     differences: tuple[Difference, ...] = ()

@@ -11,15 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.parametric.significance import any_differs
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, with_parameters
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.diagnosis.structural.candidate import Candidate, operating_range, rows_of
-from idim_iv_ros.diagnosis.structural.likelihood import Columns, Fit, Regression, width_of
-from idim_iv_ros.diagnosis.structural.scan import Scan
+from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.types import FloatArray
 
@@ -53,76 +50,6 @@ def parameters_of(
         )
         for (name, each), slope, variance in zip(found.items(), slopes, variances, strict=True)
     }
-
-
-def differs_from_nothing(
-    data: Baseline, regression: Regression, fit: Fit, candidate: Candidate, start: int
-) -> bool:
-    """Whether an effect is known to differ from nothing at 95 %, by likelihood ratios.
-
-    All its numbers together, and one coefficient at least whatever the shape: collinear columns
-    may fit well together while each of them may be anything. Not by the deviations of its numbers:
-    a power near one, or a bend that is wide, leaves each number unknown where the torque is sure,
-    and the slope over such a shape holds only nearby.
-
-    Parameters
-    ----------
-    regression, fit, candidate, start
-        As `parameters_of`.
-    """
-    others, before = Regression(regression.joints, regression.parameters), 0
-    for block, width in zip(regression.added, regression.widths, strict=True):
-        others = others if before == start else others.with_columns(block)
-        before += width
-    noise = fit.noise_models
-    scan = Scan(others, noise, others.fit(noise, steps=0).residuals)
-    whole, _ = scan.score(candidate.columns)
-    if chi2.sf(whole, candidate.numbers) > settings.SIGNIFICANCE_LEVEL:
-        return False
-    if candidate.width == 1:
-        return True
-    shapes = _of_equal_width(data, candidate)
-    for column in range(candidate.width):
-        fewer = [
-            {j: np.delete(rows, column, axis=1) for j, rows in each.items()} for each in shapes
-        ]
-        most = max(score for score, _ in scan.scores(fewer))
-        if whole - most >= settings.NORMAL_95**2:
-            return True
-    return False
-
-
-def _of_equal_width(data: Baseline, candidate: Candidate) -> list[Columns]:
-    """Columns of a candidate, and of the shapes of its grid that have as many."""
-    effect, place = candidate.effect, candidate.place
-    grid = effect.grid(place, operating_range(data)) if effect.free_shape else []
-    same = [shape for shape in grid if type(shape) is type(candidate.shape)]
-    made = rows_of(data, effect, place, same) if same else []
-    equal = [rows for rows in made if width_of(rows) == candidate.width]
-    return [candidate.columns, *equal]
-
-
-def numbers_differ_from_nothing(
-    data: Baseline, regression: Regression, fit: Fit, candidate: Candidate, start: int
-) -> bool:
-    """Whether one number at least that gives the size of an effect differs from zero at 95 %.
-
-    See `significance.any_differs`, with the shape free; of its coefficients, which scale its
-    torque. Where a coefficient only scales a shape, of the numbers that an engineer reads: both
-    together are one number.
-    """
-    free = _with_free_shape(data, regression, fit, candidate, start)
-    width = candidate.width
-    values = fit.coefficients[start : start + width]
-    covariance = free.covariance[:width, :width] + np.diag(free.further[:width] ** 2)
-    if candidate.effect.size_in == "scale":
-        effect, shape = candidate.effect, candidate.shape
-        slopes = _slopes(effect, shape, values, free.held, free.near)
-        read = [each.value for each in effect.parameters(shape, values, free.held).values()]
-        sizes = np.any(slopes[:, :width] != 0.0, axis=1)
-        values, slopes = np.array(read)[sizes], slopes[sizes]
-        covariance = slopes @ free.covariance @ slopes.T + np.diag((slopes @ free.further) ** 2)
-    return any_differs(values, covariance)
 
 
 @dataclass(frozen=True)

@@ -122,7 +122,7 @@ def _card(result: GapResult, cause: Cause) -> dict[str, Any]:
         "others": [
             (
                 effect_at(other.effect, other.joint),
-                number(other.correlation),
+                percent(100.0 * other.weight),
                 separating_motion(cause.effect, other.effect),
             )
             for other in cause.indistinguishable_from
@@ -148,10 +148,10 @@ def _hint(result: GapResult, hint: Hint) -> tuple[str, str, str, str]:
 
 def _evidence(cause: Cause) -> list[tuple[str, str]]:
     evidence = cause.evidence
-    name = "2 log likelihood ratio" if cause.kind == "structural" else "Wald statistic"
-    facts = [
-        (name, number(evidence.statistic)),
-    ]
+    facts = []
+    if cause.probability is not None:
+        facts.append(("Probability", percent(100.0 * cause.probability)))
+    facts.append(("Twice the logarithm of the Bayes factor", number(evidence.statistic)))
     if known(evidence.p_value):
         facts.append(("p-value of the choice among all candidates", p_value(evidence.p_value)))
     if evidence.p_value_from:

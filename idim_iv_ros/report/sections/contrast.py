@@ -6,7 +6,7 @@ from typing import Any
 from idim_iv_ros.diagnosis.parameter_words import parameter_words
 from idim_iv_ros.diagnosis.result import ContrastCause, ContrastResult, EffectParameter, GapResult
 from idim_iv_ros.report.gap_words import effect_at, torque_unit
-from idim_iv_ros.report.numerals import number, p_value, percent, sentence, with_unit
+from idim_iv_ros.report.numerals import number, percent, sentence, with_unit
 from idim_iv_ros.report.section import Report, Section
 
 _CHANGES = {
@@ -37,9 +37,8 @@ def change_card(result: GapResult, cause: ContrastCause) -> ChangeCard:
         )
         for each in cause.torques
     ]
-    facts.append(("p-value, corrected for the choice", p_value(cause.evidence.p_value)))
-    if cause.evidence.folds_positive:
-        facts.append(("Blocks of time that it predicts better", cause.evidence.folds_positive))
+    if cause.evidence.chosen_in_folds:
+        facts.append(("Chosen again without a part of the time", cause.evidence.chosen_in_folds))
     others = ", ".join(effect_at(each.effect, each.joint) for each in cause.indistinguishable_from)
     facts.append(("Indistinguishable from", others or "–"))
     return ChangeCard(
@@ -83,8 +82,6 @@ def _contrast(report: Report[GapResult]) -> dict[str, Any] | None:
             )
             for each in contrast.joints
         ],
-        "test": contrast.test,
-        "p": p_value(contrast.test.p_value),
         "common": contrast.common,
         "notes": contrast.notes,
     }

@@ -1,0 +1,191 @@
+"""The table behind the probability of a cause: a logistic regression on simulated recordings.
+
+    python -m benchmarks.calibration collect DIR --out FEATURES.json [--processes 2]
+    python -m benchmarks.calibration fit FEATURES.json [...] [--write]
+    python -m benchmarks.calibration check DIR [--page NAME]
+
+DIR holds cells of `benchmarks.hostile`; `collect` goes on where it was stopped. `fit` prints how
+the table does on cells that it was not fitted to, and with --write puts it into the package.
+`check` reads the answers of cells that were diagnosed with the package: what was said, and how
+much was true.
+"""
+
+import argparse
+import json
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.hostile.__main__ import score
+from benchmarks.hostile.judge import is_also_true, is_named, truths_of
+from benchmarks.measurement import write_page
+from benchmarks.withheld_effects.score import open_labels
+
+FloatArray = NDArray[np.float64]
+PENALTY = 1.0  # of the squared weights, of unit spread
+GROUPS = 10
+EDGES = (0.0, 0.3, 0.6, 0.7, 0.8, 0.9, 0.96, 1.001)
+
+
+def collect(folder: Path) -> list[dict[str, Any]]:
+    """Features of every term that the search selects on one cell, and its effect and joint."""
+    from idim_iv_ros.compilation import one_thread
+    from idim_iv_ros.configuration import load_configuration
+    from idim_iv_ros.diagnosis.diagnose import compared
+    from idim_iv_ros.diagnosis.refit.refit import refitted
+    from idim_iv_ros.errors import DataError
+    from idim_iv_ros.identification.prepare import read_configured
+
+    configuration = load_configuration(folder / "robot.yaml")
+    bags = sorted(str(bag) for bag in folder.glob("*.mcap"))
+    with one_thread():
+        try:
+            refit = refitted(read_configured(bags, configuration), configuration, ())
+        except DataError:
+            return []
+        judged = compared(refit, ())
+    joints = refit.data.joints
+    return [
+        {
+            "effect": each.term.key[0],
+            "joint": None if each.term.key[1] is None else joints[each.term.key[1]],
+            "features": each.features.tolist(),
+        }
+        for each in (*judged.effects, *judged.numbers, *judged.doubtful)
+    ]
+
+
+def with_truth(terms: list[dict[str, Any]], label: dict[str, Any]) -> list[dict[str, Any]]:
+    """Terms that the label judges, each with whether it is true."""
+    truths, also = truths_of(label), [(e["effect"], e["joint"]) for e in label["also_true"]]
+    made = []
+    for term in terms:
+        name = (term["effect"], term["joint"])
+        true = is_named(name, truths)
+        if true or not is_also_true(name, also):
+            made.append({**term, "true": true})
+    return made
+
+
+def fitted(x: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
+    """Intercept and weights (f,) of a logistic regression with a ridge on standardised features."""
+    mean, spread = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-9)
+    table = np.column_stack([np.ones(len(x)), (x - mean) / spread])
+    penalty = PENALTY * np.eye(table.shape[1])
+    penalty[0, 0] = 0.0
+    weights = np.zeros(table.shape[1])
+    for _ in range(100):
+        p = 1.0 / (1.0 + np.exp(-table @ weights))
+        curvature = (table * (p * (1.0 - p))[:, None]).T @ table + penalty
+        step = np.linalg.solve(curvature, table.T @ (y - p) - penalty @ weights)
+        weights += step
+        if np.abs(step).max() < 1e-9:
+            break
+    slopes = weights[1:] / spread
+    return float(weights[0] - slopes @ mean), slopes
+
+
+def reliability(p: FloatArray, y: FloatArray) -> list[str]:
+    """Rows of a table: what was said, how often, and how much of it was true."""
+    rows = ["| said, % | causes | said on average, % | true, % |", "|---|---:|---:|---:|"]
+    for low, high in pairwise(EDGES):
+        inside = (p >= low) & (p < high)
+        if inside.any():
+            rows.append(
+                f"| {100 * low:.0f} to {min(100 * high, 100):.0f} | {inside.sum()} "
+                f"| {100 * p[inside].mean():.0f} | {100 * y[inside].mean():.0f} |"
+            )
+    return rows
+
+
+def fit(files: list[Path], *, write: bool) -> None:
+    """Fit the table, and print how tables without a tenth of the cells do on that tenth."""
+    from idim_iv_ros.diagnosis.comparison import probability
+
+    cells = {name: terms for file in files for name, terms in json.loads(file.read_text()).items()}
+    number = {name: k % GROUPS for k, name in enumerate(sorted(cells))}
+    rows = [(number[name], term) for name, terms in cells.items() for term in terms]
+    group = np.array([k for k, _ in rows])
+    x = np.array([term["features"] for _, term in rows])
+    y = np.array([float(term["true"]) for _, term in rows])
+    p = np.zeros(len(y))
+    for k in range(GROUPS):
+        intercept, slopes = fitted(x[group != k], y[group != k])
+        p[group == k] = 1.0 / (1.0 + np.exp(-intercept - x[group == k] @ slopes))
+    print(f"{len(cells)} recordings, {len(y)} terms, {int(y.sum())} of them true\n")
+    print("\n".join(reliability(p, y)))
+    for least in (0.5, 0.6, 0.7, 0.8):
+        said = p >= least
+        print(f"from {least}: {int(y[said].sum())} true, {int((1 - y[said]).sum())} false")
+    intercept, slopes = fitted(x, y)
+    for name, weight in zip(probability.FEATURES, slopes, strict=True):
+        print(f"{weight:+.3f}  {name}")
+    if write:
+        origin = (
+            f"logistic regression on {len(y)} terms of {len(cells)} recordings of "
+            "benchmarks.hostile; see benchmarks/calibration.py"
+        )
+        content = {
+            "origin": origin,
+            "intercept": round(intercept, 4),
+            "weights": [round(float(weight), 4) for weight in slopes],
+        }
+        path = Path(probability.__file__).with_name("probability.json")
+        path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def check(folder: Path, page: str | None) -> None:
+    """Reliability of what was said of diagnosed cells: printed, or a page of the results."""
+    claims = [
+        (said, true)
+        for answer in score(folder)[0].values()
+        for said, true in answer.claims
+        if said is not None
+    ]
+    p, y = (np.array(values, dtype=float) for values in zip(*claims, strict=True))
+    lines = reliability(p, y)
+    if page:
+        write_page(page, "Probability of a cause: what was said, and what was true", lines)
+    else:
+        print("\n".join(lines))
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    verbs = parser.add_subparsers(dest="verb", required=True)
+    collecting = verbs.add_parser("collect", help="features of the terms of cells")
+    collecting.add_argument("cells", type=Path)
+    collecting.add_argument("--out", type=Path, required=True)
+    collecting.add_argument("--processes", type=int, default=1)
+    fitting = verbs.add_parser("fit", help="the table from features")
+    fitting.add_argument("features", type=Path, nargs="+")
+    fitting.add_argument("--write", action="store_true")
+    checking = verbs.add_parser("check", help="reliability of answers")
+    checking.add_argument("cells", type=Path)
+    checking.add_argument("--page", help="name of a page in benchmarks/results")
+    given = parser.parse_args()
+    if given.verb == "fit":
+        fit(given.features, write=given.write)
+        return
+    if given.verb == "check":
+        check(given.cells, given.page)
+        return
+    made = json.loads(given.out.read_text()) if given.out.is_file() else {}
+    labels = open_labels(given.cells)
+    left = [name for name in labels if name not in made]
+    with ProcessPoolExecutor(given.processes) as pool:
+        folders = [given.cells / "cells" / name for name in left]
+        for name, terms in zip(left, pool.map(collect, folders), strict=True):
+            made[name] = with_truth(terms, labels[name])
+            given.out.write_text(json.dumps(made), encoding="utf-8")
+            print(f"{len(made)} of {len(labels)}", end="\r", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()

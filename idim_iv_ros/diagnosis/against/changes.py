@@ -1,0 +1,169 @@
+"""What differs between recordings: terms of the search that act in some of them only."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.comparison import rules
+from idim_iv_ros.diagnosis.comparison.beside import Term
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind, Scope
+from idim_iv_ros.diagnosis.comparison.folds import chosen_without
+from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
+from idim_iv_ros.diagnosis.comparison.select import Selection, select
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.result import EffectParameter
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.effects.parametric_effect import Estimated, ParametricEffect
+from idim_iv_ros.types import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """A search in which effects and numbers may act in some recordings only.
+
+    Attributes
+    ----------
+    selection : Selection
+    confirmed : tuple of Term
+        Scoped ones that matter, and that the search chooses without parts of the time, too.
+    chosen : dict of int to str
+        By the identity of a term: without how many parts of the time it is chosen.
+    """
+
+    selection: Selection
+    confirmed: tuple[Term, ...]
+    chosen: dict[int, str]
+
+    @property
+    def common(self) -> tuple[Term, ...]:
+        """Terms of all recordings."""
+        selection = self.selection
+        return tuple(
+            term for term in (*selection.terms, *selection.curves) if term.candidate.scope is None
+        )
+
+
+def changes_between(
+    data: Baseline,
+    regression: Regression,
+    scopes: Sequence[Scope],
+    number_scopes: Sequence[Scope],
+    without: Collection[str] = (),
+    beside: Sequence[Term] = (),
+) -> Changes:
+    """Search with free numbers for all recordings, so that errors of the nominal model cancel.
+
+    Parameters
+    ----------
+    scopes, number_scopes
+        Recordings in which effects, and numbers, may differ from all others.
+    without
+        Effects that are left out of the catalogue.
+    beside
+        Terms of another search whose torque is taken out first.
+    """
+    catalogue = Catalogue(data, regression, without, scopes=scopes, number_scopes=number_scopes)
+    ledger = torque_ledger(data, regression, free=True)
+    gap = list(ledger.gap)
+    for term in beside:
+        for joint, rows in term.columns.items():
+            gap[joint] = gap[joint] - rows @ term.coefficients
+    selection = select(catalogue, replace(ledger, gap=tuple(gap)))
+    scoped = [term for term in selection.terms if term.candidate.scope is not None]
+    confirmed, said = [], {}
+    if scoped:
+        chosen = chosen_without(selection)
+        for number, term in enumerate(selection.terms):
+            times = chosen.times(term)
+            said[id(term)] = f"{times} of {len(chosen.keys)}"
+            matters = float(term.whole.max()) >= settings.CONTRAST_LEAST_EFFECT
+            predicts = float(chosen.gains[:, number].sum()) > 0.0
+            again = times >= len(chosen.keys) - 1
+            if term in scoped and matters and predicts and again:
+                confirmed.append(term)
+    curves = [term for term in selection.curves if term.candidate.scope is not None]
+    confirmed += [term for term in curves if term.presence >= rules.PRESENCE]
+    return Changes(selection, tuple(confirmed), said)
+
+
+@dataclass(frozen=True, eq=False)
+class NumberChange:
+    """Numbers that differ in some recordings from all others.
+
+    Attributes
+    ----------
+    effect : ParametricEffect
+    joint : int or None
+    recordings : Scope
+    estimates : tuple of Estimated
+    terms : tuple of Term
+    """
+
+    effect: ParametricEffect
+    joint: int | None
+    recordings: Scope
+    estimates: tuple[Estimated, ...]
+    terms: tuple[Term, ...]
+
+    def parameters(self, changes: Changes) -> dict[str, EffectParameter]:
+        """Numbers with their deviations."""
+        space = changes.selection.comparison.catalogue.space
+        return self.effect.parameters(space, self.joint, list(self.estimates))
+
+
+def number_changes(changes: Changes) -> list[NumberChange]:
+    """Changes of numbers, recordings with the same terms together.
+
+    A change of all recordings of a set and one of a single recording of it add up there.
+    """
+    model = changes.selection.model
+    places: dict[tuple[str, int | None], list[tuple[Term, int]]] = {}
+    terms = (*changes.selection.terms, *changes.selection.curves)
+    for term, start in zip(terms, model.starts, strict=False):
+        if term.candidate.kind is Kind.NUMBER and any(term is each for each in changes.confirmed):
+            places.setdefault(term.key[:2], []).append((term, start))
+    made = []
+    for (_, joint), parts in places.items():
+        recordings = sorted(frozenset().union(*(term.candidate.scope or () for term, _ in parts)))
+        groups: dict[tuple[int, ...], list[int]] = {}
+        for recording in recordings:
+            there = tuple(
+                k for k, (term, _) in enumerate(parts) if recording in (term.candidate.scope or ())
+            )
+            groups.setdefault(there, []).append(recording)
+        for there, group in groups.items():
+            some = [parts[k] for k in there]
+            effect = some[0][0].candidate.effect
+            assert isinstance(effect, ParametricEffect)
+            made.append(
+                NumberChange(
+                    effect,
+                    joint,
+                    frozenset(group),
+                    _summed(some, model.coefficients, model.covariance),
+                    tuple(term for term, _ in some),
+                )
+            )
+    return made
+
+
+def _summed(
+    parts: Sequence[tuple[Term, int]], coefficients: FloatArray, covariance: FloatArray
+) -> tuple[Estimated, ...]:
+    """Add the changes of one name, with the deviations of their sums."""
+    places: dict[str, list[int]] = {}
+    named = {}
+    spread = 1.0
+    for term, start in parts:
+        spread = max(spread, term.dispersion)
+        for k, change in enumerate(term.candidate.changes):
+            places.setdefault(change.name, []).append(start + k)
+            named[change.name] = change
+    made = []
+    for name, which in places.items():
+        variance = spread * float(covariance[np.ix_(which, which)].sum())
+        value = float(coefficients[which].sum())
+        made.append(Estimated(named[name], value, float(np.sqrt(max(variance, 0.0)))))
+    return tuple(made)

@@ -1,0 +1,1 @@
+"""From what the comparison selects to causes with numbers, evidence and sentences."""

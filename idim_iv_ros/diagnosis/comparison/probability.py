@@ -1,0 +1,96 @@
+"""The probability that a selected term is a cause, calibrated on simulated recordings."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.comparison.candidate import Kind
+from idim_iv_ros.diagnosis.comparison.folds import Chosen
+from idim_iv_ros.diagnosis.comparison.select import Selection
+from idim_iv_ros.types import FloatArray
+
+FEATURES = (
+    "logarithm of what the objective loses without it",
+    "chosen without every part of the time",
+    "least gain in the prediction of a part of the time, logarithm with its sign",
+    "logarithm of its visible share of the torque over what remains beyond the noise",
+    "its weight in its set",
+    "an effect that misfit of the motion imitates",
+    "logarithm of the number of terms",
+)
+_MOST_LOSS = 6.0
+_SMALL = 1e-3  # share of the torque
+LIMITS = 0.01, 0.99  # no table of a few thousand recordings says more
+
+
+@dataclass(frozen=True)
+class Table:
+    """Weights of a logistic regression.
+
+    Attributes
+    ----------
+    origin : str
+        From which recordings it was made.
+    intercept : float
+    weights : tuple of float
+        One for each of `FEATURES`.
+    """
+
+    origin: str
+    intercept: float
+    weights: tuple[float, ...]
+
+
+@cache
+def table() -> Table:
+    """Return the table that ships with the package."""
+    text = resources.files(__package__).joinpath("probability.json").read_text()
+    content = json.loads(text)
+    return Table(content["origin"], content["intercept"], tuple(content["weights"]))
+
+
+def features(
+    selection: Selection, number: int, chosen: Chosen, remaining: FloatArray
+) -> FloatArray:
+    """What the probability of one term is computed from (see `FEATURES`).
+
+    Parameters
+    ----------
+    selection
+    number
+        Which of its terms.
+    chosen
+        What the search does without parts of the time.
+    remaining
+        (n_joints,) what all terms leave beyond the noise, as a share of the torque.
+    """
+    comparison, terms = selection.comparison, selection.terms
+    term = terms[number]
+    others = (*terms[:number], *terms[number + 1 :])
+    loss = comparison.objective(terms) - comparison.objective(others)
+    visible = float(term.visible.max())
+    beyond = float(remaining[int(np.argmax(term.visible))])
+    least = float(np.min(chosen.gains[:, number]))
+    counted = sum(each.candidate.kind in (Kind.NUMBER, Kind.EFFECT) for each in terms)
+    return np.array(
+        [
+            min(np.log1p(max(loss, 0.0)), _MOST_LOSS),
+            float(chosen.times(term) == len(chosen.keys)),
+            np.sign(least) * np.log1p(abs(least)),
+            np.clip(np.log((visible + 0.1 * _SMALL) / (beyond + _SMALL)), -1.0, 2.0),
+            dict(term.rivals).get(term.key, 0.0),
+            float(term.candidate.effect.like_misfit),
+            np.log(max(counted, 1)),
+        ]
+    )
+
+
+def probability(values: Sequence[float] | FloatArray) -> float:
+    """Probability of a term with these features."""
+    weights = table()
+    odds = weights.intercept + float(np.dot(weights.weights, values))
+    return float(np.clip(1.0 / (1.0 + np.exp(-odds)), *LIMITS))

@@ -1,0 +1,86 @@
+"""What is no effect and no number, and moves the torque of a recording all the same.
+
+It is looked for beside the effects, so that none is named for it.
+"""
+
+from typing import ClassVar
+
+import numpy as np
+
+from idim_iv_ros.effects.cause import EffectParameter, Family
+from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.simulation import inverse_dynamics
+from idim_iv_ros.types import FloatArray
+
+_LONGEST_SHIFT = 0.02  # s
+# Weight at a joint, as a share of that at the others, below which its axis is vertical.
+_NO_WEIGHT = 1e-6
+
+
+class SignalError(Effect):
+    """An error of the recording, or of the mounting, at one place and of one shape."""
+
+    family: ClassVar[Family] = "load"
+    excitation = ""
+
+    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+        """Return the only one."""
+        return [Shape()]
+
+    def parameters(
+        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
+    ) -> dict[str, EffectParameter]:
+        """None: it is no cause."""
+        return {}
+
+
+class TiltedMoments(SignalError):
+    """First moments about the first joint of a base that is tilted.
+
+    About a vertical axis gravity does not show them, so that no base parameter holds them; under a
+    tilt they turn with the joint. Nothing without a tilt: they are looked for beside it alone.
+    """
+
+    name = "first_moments_under_tilt"
+
+    def places(self, joints: int) -> list[Place]:
+        """One place: the first joint."""
+        return [Place(0)]
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        """Moments of any size."""
+        return True
+
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """Cosine and sine of the first joint's position; zero where gravity shows them."""
+        still = np.zeros_like(motion.position)
+        weight = inverse_dynamics(motion.robot, motion.links, motion.position, still, still)
+        position = motion.position[:, 0]
+        turning = np.column_stack([np.cos(position), np.sin(position)])
+        upright = np.abs(weight[:, 0]).max() < _NO_WEIGHT * max(np.abs(weight).max(), 1e-300)
+        return {0: turning if upright else np.zeros_like(turning)}
+
+
+class CommonShift(SignalError):
+    """An effort that is late at all joints by what effects hid when it was aligned.
+
+    A soft shaft or a coupling changes the shift that is estimated without it. What remains is of
+    the recording, and no delay of one joint: beside this, a delay must be a joint's own.
+    """
+
+    name = "effort_shift"
+    family: ClassVar[Family] = "frequency"
+
+    def places(self, joints: int) -> list[Place]:
+        """One place: all joints, where there are several."""
+        return [Place(0)] if joints > 1 else []
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        """Early or late by what a few periods of a slow control make."""
+        return bool(np.all(np.abs(coefficients) < _LONGEST_SHIFT))
+
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        """Rate of change of every joint's torque, N m/s."""
+        rates = np.asarray(np.gradient(motion.torque, 1.0 / motion.rate, axis=0))
+        return {joint: rates[:, [joint]] for joint in range(motion.torque.shape[1])}

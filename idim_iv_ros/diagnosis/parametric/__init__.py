@@ -1,1 +1,0 @@
-"""Parametric causes: parameter errors of the nominal model."""

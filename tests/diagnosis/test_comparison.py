@@ -1,0 +1,201 @@
+"""The search on worlds whose torque is written here, and its algebra against dense formulas."""
+
+import re
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from bags.simulated_arms import arm2
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.answer.explained import explained
+from idim_iv_ros.diagnosis.answer.structural_causes import structural_causes
+from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
+from idim_iv_ros.diagnosis.comparison.folds import chosen_without
+from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
+from idim_iv_ros.diagnosis.comparison.probability import FEATURES, probability, table
+from idim_iv_ros.diagnosis.comparison.select import Selection, select
+from idim_iv_ros.diagnosis.localisation.unexplained import unexplained
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
+from idim_iv_ros.diagnosis.structural.candidate import operating_range
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.effects.contribution import Load
+from idim_iv_ros.effects.effect import Place
+from idim_iv_ros.effects.friction_drift import DriftShape, FrictionDrift
+from idim_iv_ros.effects.load_dependent_friction import LoadShape
+from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
+from tests.diagnosis.simulated_sessions import arm2_session
+from tests.diagnosis.worlds import PULSES, SINGLE, Torque, pulses, world
+from tests.estimation.test_simulated_arms import recorded
+
+NAMES = [effect.name for effect in (*STRUCTURAL, *PARAMETRIC)]
+
+
+@pytest.fixture(scope="module")
+def data() -> Baseline:
+    return arm2_session(24.0)  # a shorter session shows no drift
+
+
+def selected(data: Baseline, regression: Regression, *only: str) -> Selection:
+    """What the search takes of some effects; of all, if none are named."""
+    without = [name for name in NAMES if only and name not in only]
+    return select(Catalogue(data, regression, without), torque_ledger(data, regression))
+
+
+def names_of(selection: Selection) -> list[tuple[str, int | None]]:
+    return [term.key[:2] for term in selection.terms]
+
+
+@pytest.mark.parametrize(
+    ("name", "joint", "pole", "torque"), SINGLE, ids=[each[0] for each in SINGLE]
+)
+def test_one_effect_is_selected_alone(
+    data: Baseline, name: str, joint: int, pole: float, torque: Torque
+) -> None:
+    selection = selected(data, world(data, 1, joint, torque, pole=pole))
+    assert names_of(selection) == [(name, joint)]
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.7], ids=["white", "coloured"])
+def test_nothing_is_selected_in_noise(data: Baseline, pole: float) -> None:
+    for seed in range(5):
+        assert names_of(selected(data, world(data, 100 + seed, pole=pole))) == []
+
+
+def test_two_effects_at_two_joints(data: Baseline) -> None:
+    friction = world(data, 6, SINGLE[0][1], SINGLE[0][3])
+    ripple = world(data, 6, 0, SINGLE[1][3])
+    mixed = Regression((ripple.joints[0], friction.joints[1]), friction.parameters)
+    assert set(names_of(selected(data, mixed))) == {("stribeck", 1), ("position_ripple", 0)}
+
+
+def gravity_and_coriolis(motion: SmoothMotion) -> np.ndarray:
+    """Of joint 1: what is left of the load without mass matrix times accelerations."""
+    inertial = np.einsum("sj,sj->s", motion.inertia[:, 0], motion.acceleration)
+    return np.asarray(motion.load[:, 0] - inertial)
+
+
+@pytest.mark.parametrize(
+    ("load", "torque"), [(Load.STATIC, gravity_and_coriolis), (Load.LINKS, lambda m: m.load[:, 0])]
+)
+def test_friction_says_which_torque_is_its_load(data: Baseline, load: Load, torque: Torque) -> None:
+    rows = world(data, 5, 0, lambda m: 0.1 * abs(torque(m)) * m.slip[:, 0])
+    (term,) = selected(data, rows).terms
+    assert term.key[:2] == ("load_dependent_friction", 0)
+    assert isinstance(term.shape, LoadShape) and term.shape.load is load
+
+
+@pytest.fixture(scope="module")
+def two_recordings() -> Baseline:
+    """Of 10 s, the second a minute after the first."""
+    arms = [arm2(seconds=10.0, seed=seed) for seed in (1, 2)]
+    records = [replace(recorded(arm, 1), start=70.0 * k) for k, arm in enumerate(arms)]
+    return baseline(records, arms[0].configuration)
+
+
+@pytest.mark.parametrize("restarts", [True, False])
+def test_friction_that_starts_anew_is_told_from_that_of_the_session(
+    two_recordings: Baseline, restarts: bool
+) -> None:
+    starts = {
+        id(motion): start for motion, start in zip(two_recordings.motions, (0.0, 70.0), strict=True)
+    }
+
+    def torque(m: SmoothMotion) -> np.ndarray:
+        size, start, constant = (0.5, starts[id(m)], 4.0) if restarts else (1.0, 0.0, 60.0)
+        return np.asarray(size * np.exp(-(m.time - start) / constant) * m.slip[:, 1])
+
+    (term,) = selected(two_recordings, world(two_recordings, 6, 1, torque), "friction_drift").terms
+    assert isinstance(term.shape, DriftShape) and term.shape.restarts == restarts
+    assert term.shape.time_constant == pytest.approx(4.0 if restarts else 60.0, rel=0.3)
+
+
+def test_one_recording_has_one_clock(data: Baseline) -> None:
+    grid = FrictionDrift().grid(Place(0), operating_range(data))
+    assert {shape.restarts for shape in grid} == {False}
+
+
+def test_a_cause_has_numbers_intervals_and_a_probability(data: Baseline) -> None:
+    _, joint, _, torque = SINGLE[0]
+    regression = world(data, 1, joint, torque)
+    found = explained(data, regression, selected(data, regression))
+    (cause,) = structural_causes(data, found, [None])
+    assert (cause.effect, cause.joint) == ("stribeck", "joint_2")
+    assert cause.probability is not None and cause.probability > 0.8
+    assert cause.parameters["excess"].value == pytest.approx(0.5, abs=0.1)
+    assert cause.parameters["speed"].value == pytest.approx(0.15, abs=0.05)
+    assert all(each.std is not None for each in cause.parameters.values())
+    assert cause.torque_gap.after < 0.6 * cause.torque_gap.before
+    assert f"{100 * cause.probability:.0f} %" in cause.sentence
+
+
+def test_the_search_without_a_part_of_the_time_chooses_what_is_there(data: Baseline) -> None:
+    _, joint, _, torque = SINGLE[0]
+    selection = selected(data, world(data, 1, joint, torque))
+    chosen = chosen_without(selection)
+    assert chosen.times(selection.terms[0]) == len(chosen.keys) == 4
+    assert chosen.gains.shape == (4, 1) and np.all(chosen.gains > 0.0)
+
+
+def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:
+    regression = world(data, 3, 0, pulses)
+    found = explained(data, regression, selected(data, regression))
+    assert (found.effects, found.numbers) == ((), ())
+    rest = unexplained(data, found.model)
+    assert rest is not None
+    assert (rest.joint, rest.family) == ("joint_1", "event")
+    listed = [float(each) for each in re.findall(r"([0-9.]+) s of simulated", rest.where)]
+    assert len(listed) == settings.LAW_MOST_EVENTS
+    assert max(np.abs(np.array(PULSES) - each).min() for each in listed) < 0.3
+    quiet = world(data, 4)
+    assert unexplained(data, explained(data, quiet, selected(data, quiet)).model) is None
+
+
+def test_a_wave_of_time_is_not_named(data: Baseline) -> None:
+    regression = world(data, 3, 0, lambda m: 1.0 * np.sin(2.0 * np.pi * 3.3 * m.time))
+    found = explained(data, regression, selected(data, regression))
+    assert (found.effects, found.numbers) == ((), ())
+
+
+def test_evidence_of_a_model_is_that_of_the_dense_formula(data: Baseline) -> None:
+    """ln N(r; 0, I + X S Sᵀ Xᵀ + Σ A P Pᵀ Aᵀ), less that of noise alone, all whitened."""
+    _, joint, _, torque = SINGLE[0]
+    selection = selected(data, world(data, 1, joint, torque))
+    comparison = selection.comparison
+    nominal: NominalErrors = comparison.nominal
+    ledger, white = comparison.options.ledger, nominal.white
+    rows = [slice(a, b) for a, b in _ranges([len(each) for each in white.gap])]
+    model = np.zeros((rows[-1].stop, ledger.parameters))
+    for part, one, matrix in zip(rows, ledger.joints, white.model, strict=True):
+        model[part, one.columns] = matrix
+    gap = np.concatenate(white.gap)
+    sizes = np.hstack(
+        [nominal.errors[0] * ledger.link_errors, nominal.errors[1] * ledger.drive_errors]
+    )
+    (term,) = selection.terms
+    column = np.zeros((len(gap), term.width))
+    for at, matrix in term.columns.items():
+        one = ledger.joints[at]
+        column[rows[at]] = white.noise[at].standardized(matrix, one.segments)
+    factors = np.hstack([model @ sizes, column @ term.prior_root])
+    covariance = np.eye(len(gap)) + factors @ factors.T
+    sign, logdet = np.linalg.slogdet(covariance)
+    dense = 0.5 * gap @ gap - 0.5 * gap @ np.linalg.solve(covariance, gap) - 0.5 * logdet
+    assert sign > 0
+    assert Beside(nominal, (term,)).level == pytest.approx(dense, rel=1e-6)
+
+
+def _ranges(lengths: list[int]) -> list[tuple[int, int]]:
+    ends = np.cumsum([0, *lengths])
+    return [(int(a), int(b)) for a, b in pairwise(ends)]
+
+
+def test_the_table_of_probabilities_says_from_what_it_was_made() -> None:
+    assert "recordings" in table().origin
+    assert len(table().weights) == len(FEATURES)
+    sure = [6.0, 1.0, 4.0, 2.0, 1.0, 0.0, 0.0]
+    doubtful = [1.0, 0.0, -3.0, -1.0, 0.3, 1.0, 1.5]
+    assert probability(sure) > 0.9 > 0.3 > probability(doubtful)

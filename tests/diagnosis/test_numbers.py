@@ -1,0 +1,218 @@
+"""Which numbers of a nominal model are named, in worlds whose torque is written here."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bags.simulated_arms import arm2, arm6
+from idim_iv_ros.diagnosis.answer.explained import explained
+from idim_iv_ros.diagnosis.answer.parameter_errors import (
+    number_errors,
+    parameter_errors,
+    parametric_causes,
+)
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
+from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
+from idim_iv_ros.diagnosis.comparison.nominal_errors import errors_of_drives, errors_of_links
+from idim_iv_ros.diagnosis.comparison.select import select
+from idim_iv_ros.diagnosis.identifiability.testability import cannot_show, too_little
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.missing_gravity import missing_gravity
+from idim_iv_ros.diagnosis.result import Cause
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.effects.effect import OperatingRange
+from idim_iv_ros.effects.presliding import Presliding
+from tests.diagnosis.simulated_sessions import arm2_session
+from tests.diagnosis.worlds import point_mass, world
+from tests.estimation.test_simulated_arms import recorded
+
+
+@pytest.fixture(scope="module")
+def data() -> Baseline:
+    return arm2_session(12.0)
+
+
+def causes_of(data: Baseline, regression: Regression) -> list[Cause]:
+    """Parametric causes of a world."""
+    catalogue = Catalogue(data, regression)
+    found = explained(data, regression, select(catalogue, torque_ledger(data, regression)))
+    return parametric_causes(data, found, number_errors(found))
+
+
+def names(causes: list[Cause]) -> list[tuple[str, str | None]]:
+    return [(cause.effect, cause.joint) for cause in causes]
+
+
+def holds(cause: Cause, name: str, true: float, deviations: float = 3.0) -> bool:
+    number = cause.parameters[name]
+    assert number.std is not None
+    return abs(number.value - true) < deviations * number.std
+
+
+def errors_of_everything(data: Baseline, seed: int, size: float) -> np.ndarray:
+    """Change (b,) of the base parameters: errors of all links, drives and frictions."""
+    model = data.prepared.model
+    standard = np.hstack([errors_of_links(model), errors_of_drives(model)])
+    change = standard @ (size * np.random.default_rng(seed).standard_normal(standard.shape[1]))
+    return np.asarray(model.base.grouping @ change)
+
+
+def test_gravity_that_is_there_is_not_missed(data: Baseline) -> None:
+    assert missing_gravity(data, world(data, 1)) is None
+
+
+def test_nothing_is_wrong_where_nothing_was_changed(data: Baseline) -> None:
+    for seed in range(5):
+        assert causes_of(data, world(data, seed)) == []
+
+
+def test_friction_level_with_its_size(data: Baseline) -> None:
+    regression = world(data, 1, 1, lambda m: 0.4 * m.slip[:, 1])
+    (cause,) = causes_of(data, regression)
+    assert (cause.effect, cause.joint) == ("friction_level", "joint_2")
+    assert holds(cause, "change_of_coulomb", 0.4)
+    assert cause.torque_gap.after < 0.3 * cause.torque_gap.before
+
+
+def test_a_constant_torque_is_an_offset(data: Baseline) -> None:
+    regression = world(data, 5, 1, lambda m: np.full(len(m.time), 0.4))
+    (cause,) = causes_of(data, regression)
+    assert (cause.effect, cause.joint) == ("torque_offset", "joint_2")
+    assert cause.parameters["offset"].unit == "N m"
+    assert holds(cause, "offset", 0.4)
+
+
+def test_a_change_too_small_to_matter_is_not_told(data: Baseline) -> None:
+    assert causes_of(data, world(data, 3, 1, lambda m: 0.004 * m.slip[:, 1])) == []
+
+
+def test_a_payload_of_another_program(data: Baseline) -> None:
+    causes = causes_of(data, world(data, 2, torques=point_mass(data, 0.8, (0.28, 0.0, 0.0))))
+    assert names(causes) == [("payload", "joint_2")]
+    assert holds(causes[0], "mass", 0.8)
+    assert causes[0].torque_gap.after < 0.3 * causes[0].torque_gap.before
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize("factor", [0.9, 1.15])
+def test_a_wrong_gain_is_named_alone_with_its_size(
+    data: Baseline, joint: int, factor: float
+) -> None:
+    gains = (factor, 1.0) if joint == 0 else (1.0, factor)
+    causes = causes_of(data, world(data, 1, gains=gains))
+    assert names(causes) == [("torque_gain", data.joints[joint])]
+    assert causes[0].parameters["factor"].value == pytest.approx(1.0 / factor, abs=0.01)
+
+
+def test_errors_of_everything_are_no_gain_and_hardly_a_payload(data: Baseline) -> None:
+    """Ten percent of all links, drives and frictions: no one number is to blame."""
+    said = [
+        cause.effect
+        for seed in range(10)
+        for cause in causes_of(
+            data, world(data, seed, change=errors_of_everything(data, seed, 0.1))
+        )
+    ]
+    assert "torque_gain" not in said
+    assert said.count("payload") <= 1
+
+
+def test_a_payload_lies_in_its_interval_though_other_numbers_are_wrong(data: Baseline) -> None:
+    mass, lever = 2.0, 0.28  # m: about the end of the last link
+    inside, named, draws = 0, 0, 12
+    torques = point_mass(data, mass, (lever, 0.0, 0.0))
+    for seed in range(draws):
+        change = errors_of_everything(data, seed, 0.03)
+        causes = causes_of(data, world(data, seed, change=change, torques=torques))
+        for cause in causes:
+            others = {each.effect for each in cause.indistinguishable_from}
+            named += cause.effect == "payload" or "payload" in others
+            if cause.effect == "payload":
+                inside += holds(cause, "mass", mass, 1.96)
+    assert named >= 0.7 * draws  # of a two-joint arm a link's error may be as good
+    assert inside >= 0.9 * named
+
+
+def test_parameter_errors_by_joint(data: Baseline) -> None:
+    """√(gap² − refit²) of each joint, whatever the causes."""
+    regression = world(data, 1, 1, lambda m: 0.4 * m.slip[:, 1])
+    catalogue = Catalogue(data, regression)
+    found = explained(data, regression, select(catalogue, torque_ledger(data, regression)))
+    for error in parameter_errors(data, number_errors(found)):
+        rest = np.sqrt(max(error.named**2 - error.refit**2, 0.0))
+        assert error.remaining == pytest.approx(rest)
+        assert error.named < 1.1 * error.refit < 1.2 * error.given
+
+
+def covered(span: float, fastest: float, lever: float = 1.0) -> OperatingRange:
+    one = np.ones(1)
+    return OperatingRange(
+        low=0.0 * one, high=span * one, slowest=0.001 * one, fastest=fastest * one, load=one,
+        torque=one, inertia=one, duration=10.0, longest=10.0, row_rate=50.0, lever=lever * one,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("span", "fastest", "lever", "little"),
+    [
+        (0.02, 0.03, 1.0, True),  # a tremble
+        (2.0, 0.03, 1.0, False),  # slow, through many postures
+        (0.05, 0.5, 1.0, False),  # small and fast
+        (0.005, 0.5, 1.0, True),
+        (0.05, 0.03, 0.1, False),  # 5 cm of a prismatic joint
+    ],
+)
+def test_too_little_motion(span: float, fastest: float, lever: float, little: bool) -> None:
+    assert too_little(0, covered(span, fastest, lever)) == little
+
+
+def test_presliding_needs_to_know_where_joints_stick() -> None:
+    seen = covered(2.0, 1.0)
+    assert cannot_show(Presliding(), 0, seen) == ""
+    assert "closed loop is not simulated" in cannot_show(
+        Presliding(), 0, replace(seen, sticking=False)
+    )
+
+
+DRIVES = {2: (0.25, 0.1), 6: (0.9, 1.1, 0.55, 0.16, 0.12, 0.06)}  # kg m²
+ROW_NOISE = {2: (0.15, 0.05), 6: (0.2, 0.25, 0.13, 0.05, 0.04, 0.02)}  # N m
+
+
+@pytest.fixture(scope="module", params=[2, 6])
+def bare(request: pytest.FixtureRequest) -> Baseline:
+    """An arm whose configuration says nothing of drive inertia."""
+    arm = arm2(seconds=12.0) if request.param == 2 else arm6(seconds=15.0)
+    simulator = arm.configuration.simulator.model_copy(update={"armature": None})
+    configuration = arm.configuration.model_copy(update={"simulator": simulator})
+    return baseline([recorded(arm, 1)], configuration)
+
+
+def of_drives(data: Baseline) -> list[np.ndarray]:
+    return list((data.motions[0].acceleration * DRIVES[len(data.joints)]).T)
+
+
+def without_drives(data: Baseline, seed: int, torques: list[np.ndarray]) -> list[Cause]:
+    noise = ROW_NOISE[len(data.joints)]
+    return causes_of(data, world(data, seed, torques=torques, noise=noise))
+
+
+def test_drives_without_inertia_are_one_cause_with_the_value_of_each(bare: Baseline) -> None:
+    (cause,) = without_drives(bare, 1, of_drives(bare))
+    assert (cause.effect, cause.joint) == ("drive_inertia", None)
+    for joint, true in zip(bare.joints, DRIVES[len(bare.joints)], strict=True):
+        assert cause.parameters[joint].unit == "kg m²"
+        assert holds(cause, joint, true, 4.0)
+    assert cause.sentence.startswith("the drives have inertia that the nominal model lacks")
+    assert cause.sentence.count("kg m²") == len(bare.joints)
+
+
+def test_a_payload_alone_is_not_told_as_missing_drive_inertia(bare: Baseline) -> None:
+    torques = point_mass(bare, 0.8, (0.06, 0.02, 0.05))
+    said = [cause.effect for cause in without_drives(bare, 5, torques)]
+    assert "drive_inertia" not in said
+
+
+def test_direct_drives_without_inertia_have_no_cause(bare: Baseline) -> None:
+    nothing = [np.zeros(len(bare.motions[0].time)) for _ in bare.joints]
+    assert without_drives(bare, 1, nothing) == []
