@@ -20,6 +20,7 @@ from idim_iv_ros.fleet.result import FleetResult, Screened
 from idim_iv_ros.fleet.robots import robots_of
 from idim_iv_ros.fleet.run import FleetRun
 from idim_iv_ros.fleet.source import find_bags
+from idim_iv_ros.fleet.statistics.common_causes import is_nothing
 from idim_iv_ros.fleet.store import Store
 from idim_iv_ros.fleet.task import Robot
 from idim_iv_ros.progress import Progress, part_of
@@ -141,14 +142,15 @@ def diagnose_task(uris: Sequence[str], robot: Robot) -> GapResult | str:
 
 
 def gap_summary(gap: GapResult) -> GapSummary:
-    """Return a diagnosis in short."""
-    causes = tuple(
+    """Return a diagnosis in short; a cause whose numbers may all be zero is none."""
+    causes = [
         CauseSummary(
             cause.effect, cause.kind, cause.joint, cause.parameters, cause.torque_gap.shrinkage
         )
         for cause in gap.causes
-    )
-    return GapSummary(gap.verdict, causes, gap.summary)
+    ]
+    shown = tuple(cause for cause in causes if not is_nothing(cause))
+    return GapSummary(gap.verdict, shown, gap.summary)
 
 
 def _with_summaries(

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Final, Literal
 
 from idim_iv_ros.documents import Document, Number
+from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.fleet.bag_result import GapSummary, Status
 
 FLEET_FORMAT: Final = "idim_iv_ros/fleet/1"
@@ -81,16 +82,19 @@ class TypeQuantity:
 
 @dataclass(frozen=True)
 class CommonCause:
-    """A cause that diagnoses named.
+    """A cause that diagnoses named, of one sign and size.
 
     Attributes
     ----------
     effect, kind : str
     joint : str or None
     robots : tuple of str
-        Where it was found.
+        Where it was found; robots that have the effect with another size are another cause.
     of_type : bool
         Whether nearly all diagnosed robots that are ordinary for their type have it.
+    parameters : dict of name to EffectParameter
+        Mean over these robots of each number that all of them determine; the standard deviation is
+        that of the mean and holds what they differ by.
     """
 
     effect: str
@@ -98,6 +102,7 @@ class CommonCause:
     joint: str | None
     robots: tuple[str, ...]
     of_type: bool
+    parameters: dict[str, EffectParameter] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

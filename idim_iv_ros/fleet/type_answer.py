@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from idim_iv_ros.fleet.result import FleetType, TypeQuantity
-from idim_iv_ros.fleet.statistics import screen
+from idim_iv_ros.fleet.statistics.common_causes import causes_of_robot, common_causes, sentences
 from idim_iv_ros.fleet.statistics.judged import Judged
 from idim_iv_ros.fleet.statistics.outliers import LEAST as LEAST_ROBOTS
 from idim_iv_ros.fleet.statistics.quantities import Quantity
@@ -44,7 +44,7 @@ def fleet_type(judged: Judged) -> FleetType:
             "change may be such a slow movement, and its p-value and date do not know of it"
         )
     causes = {
-        robot.robot: screen.causes_of_robot(robot.bags)
+        robot.robot: causes_of_robot(robot.bags)
         for robot in group.robots
         if any(bag.diagnosis is not None for bag in robot.bags)
     }
@@ -53,7 +53,7 @@ def fleet_type(judged: Judged) -> FleetType:
         for robot, differs in zip(group.robots, judged.outlying.robots, strict=True)
         if robot.robot in causes and not differs
     ]
-    common = screen.common_causes(causes, ordinary)
+    common = common_causes(causes, ordinary)
     return FleetType(
         type=group.type,
         robots=robots,
@@ -65,7 +65,7 @@ def fleet_type(judged: Judged) -> FleetType:
         diagnosed=tuple(causes),
         causes=common,
         notes=tuple(notes),
-        sentences=screen.sentences(group.type, common, tuple(causes), ordinary),
+        sentences=sentences(group.type, common, tuple(causes), ordinary),
     )
 
 
