@@ -3,8 +3,7 @@
 import math
 from collections import defaultdict
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, version
-from importlib.util import find_spec
+from importlib.metadata import version
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.fleet.bag_result import BagResult
@@ -18,7 +17,7 @@ from idim_iv_ros.fleet.statistics.random_effects import LEVEL
 from idim_iv_ros.fleet.type_answer import fleet_type
 
 _ORDER: tuple[Attention, ...] = ("differs", "changed", "unsteady", "recordings", "none")
-_SOFTWARE = ("idim-iv-ros", "numpy", "scipy", "statsmodels")
+_SOFTWARE = ("idim-iv-ros", "numpy", "scipy")
 
 
 def fleet_result(results: Sequence[BagResult]) -> FleetResult:
@@ -33,12 +32,8 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
     Raises
     ------
     UsageError
-        There is none, or statsmodels is not installed.
+        There is none.
     """
-    if find_spec("statsmodels") is None:
-        raise UsageError(
-            "the statistics of a fleet need statsmodels: pip install 'idim-iv-ros[fleet]'"
-        )
     if not results:
         raise UsageError("a fleet needs at least one bag; none was found")
     why_not = _left_out(results)
@@ -86,7 +81,7 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
         ),
         screen=tuple(each for one in judged for each in screen.screened(one)),
         limits=screen.LIMITS,
-        software=_software(),
+        software={name: version(name) for name in _SOFTWARE},
     )
 
 
@@ -116,13 +111,3 @@ def _urgency(robot: FleetRobot) -> tuple[int, float, float, str, str]:
         robot.type,
         robot.robot,
     )
-
-
-def _software() -> dict[str, str]:
-    found = {}
-    for name in _SOFTWARE:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found

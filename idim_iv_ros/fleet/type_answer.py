@@ -8,7 +8,6 @@ from idim_iv_ros.fleet.result import FleetType, TypeQuantity
 from idim_iv_ros.fleet.statistics.common_causes import causes_of_robot, common_causes, sentences
 from idim_iv_ros.fleet.statistics.judged import Judged
 from idim_iv_ros.fleet.statistics.outliers import LEAST as LEAST_ROBOTS
-from idim_iv_ros.fleet.statistics.quantities import Quantity
 from idim_iv_ros.fleet.statistics.random_effects import type_estimate
 from idim_iv_ros.fleet.statistics.resemblance import resemblance
 from idim_iv_ros.statistics.change_points import LEAST as LEAST_BAGS
@@ -58,10 +57,7 @@ def fleet_type(judged: Judged) -> FleetType:
         type=group.type,
         robots=robots,
         bags=sum(len(robot.bags) for robot in group.robots),
-        quantities=tuple(
-            _type_quantity(judged, column, quantity)
-            for column, quantity in enumerate(group.quantities)
-        ),
+        quantities=_type_quantities(judged),
         diagnosed=tuple(causes),
         causes=common,
         notes=tuple(notes),
@@ -69,34 +65,30 @@ def fleet_type(judged: Judged) -> FleetType:
     )
 
 
-def _type_quantity(judged: Judged, column: int, quantity: Quantity) -> TypeQuantity:
-    apart = judged.outlying.entries[:, column]
-    values = np.array([each.ordinary_values[column] for each in judged.estimates])
-    variances = np.array([each.ordinary_variances[column] for each in judged.estimates])
+def _type_quantities(judged: Judged) -> tuple[TypeQuantity, ...]:
+    apart = judged.outlying.entries
+    values = np.array([robot.ordinary_values for robot in judged.estimates])
+    variances = np.array([robot.ordinary_variances for robot in judged.estimates])
     values = np.where(apart, np.nan, values)
-    found = type_estimate(values, variances)
-    logarithmic = quantity.kind == "residual"
-    shown = np.exp if logarithmic else (lambda value: value)
-    known = np.isfinite(values)
-    nan = math.nan
-    mean = float(values[known][0]) if known.sum() == 1 else nan
-    return TypeQuantity(
-        name=quantity.name,
-        kind=quantity.kind,
-        expression=quantity.expression,
-        unit=quantity.unit,
-        robots=int(known.sum()),
-        left_out=tuple(
-            robot.robot for robot, out in zip(judged.bags.robots, apart, strict=True) if out
-        ),
-        mean=float(shown(found.mean if found else mean)),
-        mean_low=float(shown(found.mean_low)) if found else nan,
-        mean_high=float(shown(found.mean_high)) if found else nan,
-        sigma=found.sigma if found else nan,
-        sigma_low=found.sigma_low if found else nan,
-        sigma_high=found.sigma_high if found else nan,
-        next_low=float(shown(found.next_low)) if found else nan,
-        next_high=float(shown(found.next_high)) if found else nan,
-        between_bags=float(np.sqrt(judged.common.variance[column])),
-        given=quantity.given,
+    numbers = type_estimate(values, variances)
+    numbers["between_bags"] = np.sqrt(judged.common.variance)
+    residual = [quantity.kind == "residual" for quantity in judged.bags.quantities]
+    for name in ("mean", "mean_low", "mean_high", "next_low", "next_high"):
+        numbers[name] = np.where(residual, np.exp(numbers[name]), numbers[name])
+    return tuple(
+        TypeQuantity(
+            name=quantity.name,
+            kind=quantity.kind,
+            expression=quantity.expression,
+            unit=quantity.unit,
+            robots=int(np.isfinite(values[:, column]).sum()),
+            left_out=tuple(
+                robot.robot
+                for robot, out in zip(judged.bags.robots, apart[:, column], strict=True)
+                if out
+            ),
+            given=quantity.given,
+            **{name: float(number[column]) for name, number in numbers.items()},
+        )
+        for column, quantity in enumerate(judged.bags.quantities)
     )

@@ -10,6 +10,7 @@ averaged over chosen robots keeps its level (Benjamini and Bogomolov, J. R. Stat
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from idim_iv_ros.types import FloatArray
@@ -49,12 +50,10 @@ def choose(p_values: FloatArray, level: float = FALSE_DISCOVERIES) -> Chosen:
 
 def benjamini_hochberg(p_values: FloatArray, level: float) -> NDArray[np.bool_]:
     """Which null hypotheses are rejected, (k,); NaN never is."""
-    from statsmodels.stats.multitest import multipletests
-
     known = np.isfinite(p_values)
     rejected = np.zeros(len(p_values), dtype=bool)
     if known.any():
-        rejected[known] = multipletests(p_values[known], level, method="fdr_bh")[0]
+        rejected[known] = scipy.stats.false_discovery_control(p_values[known]) <= level
     return rejected
 
 

@@ -12,8 +12,6 @@ degrees of freedom at the true one (DerSimonian and Kacker, Contemp. Clin. Trial
 Columns are separate problems; NaN is a unit that has no estimate there.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy
 
@@ -23,34 +21,6 @@ LEVEL = 0.95  # of every interval
 _NEWTON = 60
 _HALVINGS = 90
 _CLOSE = 1e-12
-
-
-@dataclass(frozen=True)
-class TypeEstimate:
-    """One quantity of the robots of a type.
-
-    Attributes
-    ----------
-    units : int
-        Robots behind it.
-    mean, mean_low, mean_high : float
-        Hartung-Knapp interval.
-    sigma, sigma_low, sigma_high : float
-        Standard deviation from robot to robot, Q-profile interval.
-    next_low, next_high : float
-        Where the true value of the next robot lies (Higgins, Thompson and Spiegelhalter, J. R.
-        Statist. Soc. A 172, 2009); NaN below three robots.
-    """
-
-    units: int
-    mean: float
-    mean_low: float
-    mean_high: float
-    sigma: float
-    sigma_low: float
-    sigma_high: float
-    next_low: float
-    next_high: float
 
 
 def generalised_q(
@@ -166,50 +136,35 @@ def between_interval(values: FloatArray, variances: FloatArray) -> tuple[FloatAr
     return low, high
 
 
-def type_estimate(values: FloatArray, variances: FloatArray) -> TypeEstimate | None:
-    """Mean, scatter and prediction interval of one quantity; None below two units.
-
-    The mean is that of statsmodels with the variance of Paule and Mandel; its interval is that of
-    Hartung and Knapp (Statist. Med. 20, 2001), never narrower than the estimates' own variances
-    allow (Röver, Knapp and Friede, BMC Med. Res. Methodol. 15, 2015).
+def type_estimate(values: FloatArray, variances: FloatArray) -> dict[str, FloatArray]:
+    """Mean, scatter and prediction interval of quantities over the robots of a type.
 
     Parameters
     ----------
-    values, variances : (k,)
-        NaN where a unit has none.
-    """
-    from statsmodels.stats.meta_analysis import combine_effects
+    values, variances : (k, m)
+        NaN where a robot has none.
 
-    known = np.isfinite(values) & np.isfinite(variances)
-    values, variances = values[known], variances[known]
-    count = len(values)
-    if count < 2:
-        return None
-    # The iteration of statsmodels has a fixed tolerance: on a scale of one it is a fine one.
-    scale = float(np.std(values, ddof=1)) or float(np.sqrt(np.mean(variances))) or 1.0
-    centre = float(np.median(values))
-    fit = combine_effects(
-        (values - centre) / scale, np.maximum(variances, 1e-300) / scale**2, method_re="iterated"
-    )
-    mean = centre + scale * float(fit.mean_effect_re)
-    variance = scale**2 * max(
-        float(fit.var_hksj_re), float(fit.var_eff_w_re) if fit.tau2 <= 0.0 else 0.0
-    )
-    sigma2 = scale**2 * max(float(fit.tau2), 0.0)
-    half = float(scipy.stats.t.isf(0.5 * (1.0 - LEVEL), count - 1)) * np.sqrt(variance)
-    low, high = between_interval(values[:, None], variances[:, None])
-    ahead = np.nan
-    if count > 2:
-        quantile = float(scipy.stats.t.isf(0.5 * (1.0 - LEVEL), count - 2))
-        ahead = quantile * float(np.sqrt(sigma2 + variance))
-    return TypeEstimate(
-        units=count,
-        mean=mean,
-        mean_low=mean - half,
-        mean_high=mean + half,
-        sigma=float(np.sqrt(sigma2)),
-        sigma_low=float(np.sqrt(low[0])),
-        sigma_high=float(np.sqrt(high[0])),
-        next_low=mean - ahead,
-        next_high=mean + ahead,
-    )
+    Returns
+    -------
+    dict of str to (m,)
+        By the names of `TypeQuantity`: ``mean`` with the interval of Hartung and Knapp (Statist.
+        Med. 20, 2001), at the τ² of Paule and Mandel never narrower than the estimates' own
+        variances allow; ``sigma``, from robot to robot, with its Q-profile interval; ``next_low``
+        and ``next_high``, between which the true value of the next robot lies (Higgins, Thompson
+        and Spiegelhalter, J. R. Statist. Soc. A 172, 2009). NaN where there are too few robots:
+        of two there is no next one, of one only its value.
+    """
+    count = (np.isfinite(values) & np.isfinite(variances)).sum(axis=0)
+    between = between_variance(values, variances)
+    _, mean, variance = generalised_q(values, variances, between)
+    tail = 0.5 * (1.0 - LEVEL)
+    half = np.where(count > 1, scipy.stats.t.isf(tail, np.maximum(count - 1, 1)), np.nan)
+    ahead = np.where(count > 2, scipy.stats.t.isf(tail, np.maximum(count - 2, 1)), np.nan)
+    half, ahead = half * np.sqrt(variance), ahead * np.sqrt(between + variance)
+    low, high = between_interval(values, variances)
+    sigmas = np.where(count > 1, np.sqrt([between, low, high]), np.nan)
+    return {
+        "mean": mean, "mean_low": mean - half, "mean_high": mean + half,
+        "sigma": sigmas[0], "sigma_low": sigmas[1], "sigma_high": sigmas[2],
+        "next_low": mean - ahead, "next_high": mean + ahead,
+    }  # fmt: skip
