@@ -6,6 +6,5 @@
 - `between_bags`: what one robot's bags differ by from day to day
 - `over_time`: what changed at a robot, when, and by how much
 - `outliers`: which robots differ from their type, and in which parameters
-- `screen`: which robots deserve a diagnosis
 - `common_causes`: what the diagnoses say together
 """
