@@ -136,9 +136,9 @@ class BagResult(Document):
     uri: str
     content: str
     key: str = ""
-    robot: str
-    type: str
-    time: str | None
+    robot: str = ""
+    type: str = ""
+    time: str | None = None
     labels: dict[str, str] = field(default_factory=dict)
     status: Status
     reason: str = ""

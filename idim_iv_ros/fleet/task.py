@@ -67,28 +67,32 @@ def _kept(name: str, description: bytes) -> Path:
     return path
 
 
-def content_task(uri: str) -> tuple[str, Status, str]:
-    """Digest of a bag's content; empty where it cannot be read, then with the reason.
+def content_task(uri: str) -> BagResult:
+    """Return a bag with the digest of its content, or why it cannot be read.
 
     Raises
     ------
     UsageError
         Its store can be asked for no bag at all.
     """
+    status: Status
     try:
-        return content_of(uri), "ok", ""
+        return BagResult(uri=uri, content=content_of(uri), status="ok")
     except FileNotFoundError:
-        return "", "missing", "no such file"
+        status, reason = "missing", "no such file"
     except StoreError as error:
         raise UsageError(f"{uri}: {error.strerror}") from error
     except OSError as error:
-        return "", "unusable", error.strerror or str(error)
+        status, reason = "unusable", error.strerror or str(error)
     except IdimError as error:
-        return "", "corrupt", str(error).removeprefix(f"{local_path(uri)}: ")
+        status, reason = "corrupt", str(error).removeprefix(f"{local_path(uri)}: ")
+    return BagResult(uri=uri, content="", status=status, reason=reason)
 
 
 def identify_task(uri: str, content: str, key: str, robot: Robot) -> BagResult:
     """Identify one bag; whatever is wrong with it is in the result.
+
+    A bag without a topic that can be read, or with damages, is corrupt.
 
     Raises
     ------
@@ -102,30 +106,8 @@ def identify_task(uri: str, content: str, key: str, robot: Robot) -> BagResult:
         request = configured_request(configuration)
         fields = bag_fields(read_segments(bag, request), configuration)
     except IdimError as error:
+        torn = isinstance(error, DataError) and (bag.damages or not bag.topics)
         # The name of the bag is beside it.
         reason = str(error).removeprefix(f"{bag.path}: ")
-        return without_estimate(uri, content, key, _status(bag, error), reason)
-    return BagResult(uri=uri, content=content, key=key, robot="", type="", status="ok", **fields)
-
-
-def without_estimate(uri: str, content: str, key: str, status: Status, reason: str) -> BagResult:
-    """Return the row of a bag that supports no estimate."""
-    return BagResult(
-        uri=uri,
-        content=content,
-        key=key,
-        robot="",
-        type="",
-        time=None,
-        status=status,
-        reason=reason,
-    )
-
-
-def _status(bag: Bag, error: IdimError) -> Status:
-    """A bag without a topic that can be read, or with damages, is corrupt."""
-    return (
-        "corrupt"
-        if isinstance(error, DataError) and (bag.damages or not bag.topics)
-        else "unusable"
-    )
+        fields = {"status": "corrupt" if torn else "unusable", "reason": reason}
+    return BagResult(**{"uri": uri, "content": content, "key": key, "status": "ok"} | fields)
