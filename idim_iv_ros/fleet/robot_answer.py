@@ -141,7 +141,7 @@ def _change(
     """Return a change; `between` is the variance from bag to bag, NaN where it is unknown."""
     rows, change = series.rows, series.change
     assert change is not None
-    times = [stamp_of(float(time)) or "" for time in robot.times[rows]]
+    times = [stamp_of(float(time)) for time in robot.times[rows]]
     values, fitted = robot.values[rows, column], change.fitted
     stds = np.sqrt(robot.variances[rows, column] + np.nan_to_num(between))
     numbers = np.array([change.before, change.before + change.size, change.size,

@@ -140,20 +140,22 @@ def _time(where: str, value: object) -> str | None:
     if value is None:
         return None
     try:
-        time = value if isinstance(value, datetime) else datetime.fromisoformat(_zone(str(value)))
+        return iso_time(value if isinstance(value, datetime) else time_of(str(value)))
     except ValueError as error:
         raise UsageError(
             f"{where}: time {value} is not in ISO 8601, as in 2026-03-01T12:00:00Z"
         ) from error
-    return iso_time(time if time.tzinfo else time.replace(tzinfo=timezone.utc))
 
 
-def _zone(text: str) -> str:
-    """ISO 8601 as every Python reads it: Python 3.10 knows no Z."""
-    return text[:-1] + "+00:00" if text.endswith(("Z", "z")) else text
+def time_of(text: str) -> datetime:
+    """Read ISO 8601, UTC where it names no zone; ValueError where it is none."""
+    # Python 3.10 knows no Z.
+    time = datetime.fromisoformat(text[:-1] + "+00:00" if text.endswith(("Z", "z")) else text)
+    return time if time.tzinfo else time.replace(tzinfo=timezone.utc)
 
 
 def iso_time(time: datetime) -> str:
-    """``2026-03-01T12:00:00Z``."""
+    """``2026-03-01T12:00:00Z``; a time without zone is UTC."""
+    time = time if time.tzinfo else time.replace(tzinfo=timezone.utc)
     text = time.astimezone(timezone.utc).isoformat(timespec="microseconds")
     return text.replace("+00:00", "Z").replace(".000000Z", "Z")

@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from idim_iv_ros.fleet.regression import stacked
 from idim_iv_ros.fleet.statistics.over_time import OverTime
 from idim_iv_ros.fleet.statistics.quantities import RobotBags, TypeBags
 from idim_iv_ros.fleet.statistics.random_effects import (
@@ -16,7 +17,7 @@ from idim_iv_ros.fleet.statistics.random_effects import (
     common_between_variance,
     generalised_q,
 )
-from idim_iv_ros.fleet.statistics.stacking import regression, shares, stacked
+from idim_iv_ros.fleet.statistics.stacking import regression, shares
 from idim_iv_ros.types import FloatArray
 
 # Probability that any quantity of any robot of a type is called unsteady although it is not.
