@@ -20,12 +20,12 @@ from idim_iv_ros.fleet.result import (
 )
 from idim_iv_ros.fleet.robot_answer import fleet_robot, robot_without_bags
 from idim_iv_ros.fleet.statistics.common_causes import causes_of_robot, common_causes, sentences
-from idim_iv_ros.fleet.statistics.judged import Judged, judge
 from idim_iv_ros.fleet.statistics.multiplicity import FALSE_DISCOVERIES
 from idim_iv_ros.fleet.statistics.outliers import LEAST as LEAST_ROBOTS
 from idim_iv_ros.fleet.statistics.quantities import types_of
 from idim_iv_ros.fleet.statistics.random_effects import LEVEL, type_estimate
 from idim_iv_ros.fleet.statistics.resemblance import resemblance
+from idim_iv_ros.fleet.statistics.robots import Judged, judge
 from idim_iv_ros.statistics.change_points import LEAST as LEAST_BAGS
 
 TYPICAL = 3  # ordinary robots that represent their type
@@ -136,7 +136,7 @@ def _fleet_type(judged: Judged) -> FleetType:
     }
     ordinary = [
         robot.robot
-        for robot, differs in zip(group.robots, judged.outlying.robots, strict=True)
+        for robot, differs in zip(group.robots, judged.outlying.chosen.units, strict=True)
         if robot.robot in causes and not differs
     ]
     common = common_causes(causes, ordinary)
@@ -184,11 +184,9 @@ def _notes(judged: Judged) -> list[str]:
 
 
 def _type_quantities(judged: Judged) -> tuple[TypeQuantity, ...]:
-    apart = judged.outlying.entries
-    values = np.array([robot.ordinary_values for robot in judged.estimates])
-    variances = np.array([robot.ordinary_variances for robot in judged.estimates])
-    values = np.where(apart, np.nan, values)
-    numbers = type_estimate(values, variances)
+    apart = judged.outlying.chosen.entries
+    values = np.where(apart, np.nan, judged.estimates.ordinary_values)
+    numbers = type_estimate(values, judged.estimates.ordinary_variances)
     numbers["between_bags"] = np.sqrt(judged.common.variance)
     residual = [quantity.kind == "residual" for quantity in judged.bags.quantities]
     for name in ("mean", "mean_low", "mean_high", "next_low", "next_high"):

@@ -16,9 +16,8 @@ from idim_iv_ros.fleet.result import (
     RobotQuantity,
     TypeQuantity,
 )
-from idim_iv_ros.fleet.statistics.judged import Judged
-from idim_iv_ros.fleet.statistics.over_time import Series
-from idim_iv_ros.fleet.statistics.quantities import Quantity, RobotBags, stamp_of
+from idim_iv_ros.fleet.statistics.quantities import stamp_of
+from idim_iv_ros.fleet.statistics.robots import Judged
 from idim_iv_ros.fleet.statistics.stacking import agreement
 
 AGREEMENT_LEVEL = 0.05
@@ -43,16 +42,8 @@ def fleet_robot(
     """
     robot, over = judged.bags.robots[place], judged.changes[place]
     quantities = _quantities(judged, place)
-    changes = sorted(
-        (
-            _change(robot, column, quantity, judged.common.variance[column], series)
-            for column, (quantity, series) in enumerate(
-                zip(judged.bags.quantities, over.series, strict=True)
-            )
-            if over.changed[column]
-        ),
-        key=lambda change: change.p_value,
-    )
+    changes = [_change(judged, place, int(column)) for column in np.flatnonzero(over.changed)]
+    changes.sort(key=lambda change: change.p_value)
     differing = sorted(
         ((q, u) for q, u in zip(quantities, usual, strict=True) if q.differs),
         key=lambda pair: -abs(pair[0].distance),
@@ -85,7 +76,7 @@ def fleet_robot(
         not_used=len(unused),
         first=times[0] if times else None,
         last=times[-1] if times else None,
-        p_value=float(judged.outlying.robot_p_values[place]),
+        p_value=float(judged.outlying.chosen.p_values[place]),
         change_p_value=over.p_value,
         agreement=_agreement(judged, place),
         quantities=quantities,
@@ -114,10 +105,10 @@ def robot_without_bags(kind: str, name: str, bags: Sequence[BagResult]) -> Fleet
 
 
 def _quantities(judged: Judged, place: int) -> tuple[RobotQuantity, ...]:
-    estimate, outlying = judged.estimates[place], judged.outlying
-    ends = np.array([estimate.values, estimate.values - estimate.half,
-                     estimate.values + estimate.half])  # fmt: skip
+    estimates, outlying = judged.estimates, judged.outlying
+    value, half = estimates.values[place], estimates.half[place]
     residual = [quantity.kind == "residual" for quantity in judged.bags.quantities]
+    ends = np.array([value, value - half, value + half])
     values, low, high = np.where(residual, np.exp(ends), ends)
     return tuple(
         RobotQuantity(
@@ -127,23 +118,21 @@ def _quantities(judged: Judged, place: int) -> tuple[RobotQuantity, ...]:
             high=float(high[column]),
             distance=float(outlying.statistics[place, column]),
             p_value=float(outlying.p_values[place, column]),
-            differs=bool(outlying.entries[place, column]),
+            differs=bool(outlying.chosen.entries[place, column]),
             changed=bool(judged.changes[place].changed[column]),
-            unsteady=bool(estimate.unsteady[column]),
+            unsteady=bool(estimates.unsteady[place, column]),
         )
         for column, quantity in enumerate(judged.bags.quantities)
     )
 
 
-def _change(
-    robot: RobotBags, column: int, quantity: Quantity, between: float, series: Series
-) -> ParameterChange:
-    """Return a change; `between` is the variance from bag to bag, NaN where it is unknown."""
-    rows, change = series.rows, series.change
+def _change(judged: Judged, place: int, column: int) -> ParameterChange:
+    robot, quantity = judged.bags.robots[place], judged.bags.quantities[column]
+    rows, change = judged.changes[place].rows[column], judged.changes[place].changes[column]
     assert change is not None
     times = [stamp_of(float(time)) for time in robot.times[rows]]
     values, fitted = robot.values[rows, column], change.fitted
-    stds = np.sqrt(robot.variances[rows, column] + np.nan_to_num(between))
+    stds = np.sqrt(robot.variances[rows, column] + np.nan_to_num(judged.common.variance[column]))
     numbers = np.array([change.before, change.before + change.size, change.size,
                         change.size_low, change.size_high])  # fmt: skip
     if quantity.kind == "residual":
@@ -184,7 +173,7 @@ def _agreement(judged: Judged, place: int) -> tuple[AgreementTest, ...]:
         columns,
         alpha=AGREEMENT_LEVEL,
     )
-    everything, unsteady = list(range(group.parameters)), judged.estimates[place].unsteady
+    everything, unsteady = list(range(group.parameters)), judged.estimates.unsteady[place]
     return tuple(
         AgreementTest(
             test.scope,

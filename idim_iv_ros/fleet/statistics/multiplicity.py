@@ -7,6 +7,7 @@ averaged over chosen robots keeps its level (Benjamini and Bogomolov, J. R. Stat
 2014).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,16 +37,27 @@ class Chosen:
     entries: NDArray[np.bool_]
 
 
-def choose(p_values: FloatArray, level: float = FALSE_DISCOVERIES) -> Chosen:
-    """Choose units and their entries from p-values (k, m); NaN where none was computed."""
-    units = np.array([_simes(row) for row in p_values]).reshape(len(p_values))
+def choose(groups: Sequence[FloatArray], level: float = FALSE_DISCOVERIES) -> list[Chosen]:
+    """Choose units and their entries at one rate for all groups.
+
+    Parameters
+    ----------
+    groups : sequence of (k, m)
+        p-values, NaN where none was computed; m may differ.
+    """
+    simes = [np.array([_simes(row) for row in p_values]) for p_values in groups]
+    units = np.concatenate([np.zeros(0), *simes])
     chosen = benjamini_hochberg(units, level)
-    entries = np.zeros(p_values.shape, dtype=bool)
-    tested = int(np.sum(np.isfinite(units)))
-    within = level * float(chosen.sum()) / max(tested, 1)
-    for unit in np.flatnonzero(chosen):
-        entries[unit] = benjamini_hochberg(p_values[unit], within)
-    return Chosen(units, chosen, entries)
+    within = level * float(chosen.sum()) / max(int(np.isfinite(units).sum()), 1)
+    result, first = [], 0
+    for p_values, own in zip(groups, simes, strict=True):
+        called = chosen[first : first + len(own)]
+        first += len(own)
+        entries = np.zeros(p_values.shape, dtype=bool)
+        for unit in np.flatnonzero(called):
+            entries[unit] = benjamini_hochberg(p_values[unit], within)
+        result.append(Chosen(own, called, entries))
+    return result
 
 
 def benjamini_hochberg(p_values: FloatArray, level: float) -> NDArray[np.bool_]:
