@@ -52,8 +52,8 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
     Parameters
     ----------
     results
-        Of all bags, those that cannot be used among them. The order does not matter but for the
-        list of bags.
+        Of all bags, those that cannot be used among them, each recording once (`identify_bags`).
+        The order does not matter but for the list of bags.
 
     Raises
     ------
@@ -62,7 +62,13 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
     """
     if not results:
         raise UsageError("a fleet needs at least one bag; none was found")
-    why_not = _left_out(results)
+    why_not = {
+        place: bag.reason or bag.status
+        if bag.status != "ok"
+        else "it says nothing of any parameter"
+        for place, bag in enumerate(results)
+        if bag.status != "ok" or not bag.names
+    }
     groups = types_of([bag for place, bag in enumerate(results) if place not in why_not])
     other = {id(bag) for group in groups for bag in group.other_model}
     for place, bag in enumerate(results):
@@ -108,22 +114,6 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
         limits=LIMITS,
         software={name: version(name) for name in _SOFTWARE},
     )
-
-
-def _left_out(results: Sequence[BagResult]) -> dict[int, str]:
-    """Bags that count for nothing, by their place, and why: unusable, or recorded twice."""
-    why: dict[int, str] = {}
-    first: dict[str, BagResult] = {}
-    for place, bag in enumerate(results):
-        if bag.status != "ok":
-            why[place] = bag.reason or bag.status
-        elif not bag.names:
-            why[place] = "it says nothing of any base parameter"
-        elif bag.content and bag.content in first:
-            why[place] = f"the same recording as {first[bag.content].uri}"
-        else:
-            first[bag.content] = bag
-    return why
 
 
 def _fleet_type(judged: Judged) -> FleetType:

@@ -1,5 +1,6 @@
 """What a fleet says: the document fleet.json, and what its page draws."""
 
+import math
 from dataclasses import dataclass, field
 from typing import ClassVar, Final, Literal
 
@@ -93,8 +94,8 @@ class CommonCause:
     of_type : bool
         Whether nearly all diagnosed robots that are ordinary for their type have it.
     parameters : dict of name to EffectParameter
-        Mean over these robots of each number that all of them determine; the standard deviation is
-        that of the mean and holds what they differ by.
+        Mean over these robots of each number that half of them determine or more; the standard
+        deviation is that of the mean and holds what they differ by.
     """
 
     effect: str
@@ -262,13 +263,13 @@ class FleetRobot:
     reasons: tuple[str, ...]
     bags: int
     not_used: int
-    first: str | None
-    last: str | None
-    p_value: Number
-    change_p_value: Number
-    agreement: tuple[AgreementTest, ...]
-    quantities: tuple[RobotQuantity, ...]
-    changes: tuple[ParameterChange, ...]
+    first: str | None = None
+    last: str | None = None
+    p_value: Number = math.nan
+    change_p_value: Number = math.nan
+    agreement: tuple[AgreementTest, ...] = ()
+    quantities: tuple[RobotQuantity, ...] = ()
+    changes: tuple[ParameterChange, ...] = ()
     diagnosis: GapSummary | None = None
 
 

@@ -87,20 +87,9 @@ def fleet_robot(
 
 def robot_without_bags(kind: str, name: str, bags: Sequence[BagResult]) -> FleetRobot:
     """Return a robot of which no bag could be used."""
+    reasons = (_unused_words(bags, 0), "nothing is known of it")
     return FleetRobot(
-        robot=name,
-        type=kind,
-        attention="recordings",
-        reasons=(_unused_words(bags, 0), "nothing is known of it"),
-        bags=0,
-        not_used=len(bags),
-        first=None,
-        last=None,
-        p_value=math.nan,
-        change_p_value=math.nan,
-        agreement=(),
-        quantities=(),
-        changes=(),
+        robot=name, type=kind, attention="recordings", reasons=reasons, bags=0, not_used=len(bags)
     )
 
 

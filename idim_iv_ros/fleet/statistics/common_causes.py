@@ -116,7 +116,7 @@ def sentences(
         alone = " alone" if one and not several and len(diagnosed) > 1 else ""
         words = f"{', '.join(cause.robots)}{alone} {'has' if one else 'have'} {_name(cause)}"
         usual = shared.get(place)
-        apart = f" of another size than {type_name}{_size(usual)}" if usual else ""
+        apart = f", apart from that of {type_name}{_size(usual)}" if usual else ""
         said.append(f"{words}{_size(cause)}{apart}")
     return tuple(said)
 
@@ -143,35 +143,35 @@ def _agree(one: CauseSummary, other: CauseSummary) -> bool:
 
     The 95 % are of all numbers together (Bonferroni).
     """
-    deviations = scipy.stats.norm.isf(0.5 * (1.0 - LEVEL) / max(len(one.parameters), 1))
-    for name, first in one.parameters.items():
-        second = other.parameters.get(name)
-        if second is None:
-            continue
-        if first.std is None or second.std is None:
-            spec = BY_NAME[one.effect].spec(name) if one.effect in BY_NAME else None
-            if spec is not None and spec.bound == "1 or -1" and first.value != second.value:
-                return False
-            continue
+    first, second = _determined(one), _determined(other)
+    same = first.keys() & second.keys()
+    if (first or second) and not same:
+        return False  # nothing to compare
+    for name in one.parameters.keys() & other.parameters.keys() - same:
+        spec = BY_NAME[one.effect].spec(name) if one.effect in BY_NAME else None
+        signs = one.parameters[name].value, other.parameters[name].value
+        if spec is not None and spec.bound == "1 or -1" and signs[0] != signs[1]:
+            return False
+    deviations = scipy.stats.norm.isf(0.5 * (1.0 - LEVEL) / max(len(same), 1))
+    for name in same:
         without = _without_effect(one.effect, name)
-        size = max(abs(first.value - without), abs(second.value - without))
-        distance = abs(first.value - second.value)
-        if distance > max(deviations * np.hypot(first.std, second.std), _SCATTER * size):
+        values = np.array([first[name].value, second[name].value]) - without
+        noise = np.hypot(first[name].std or 0.0, second[name].std or 0.0)
+        if abs(values[0] - values[1]) > max(deviations * noise, _SCATTER * np.abs(values).max()):
             return False
     return True
 
 
 def _together(causes: Sequence[CauseSummary]) -> dict[str, EffectParameter]:
-    """Mean over robots of each number that all determine; the deviation holds their scatter."""
+    """Mean of each number that half of the robots determine; its deviation holds their scatter."""
     numbers = {}
-    for name, first in _determined(causes[0]).items():
-        same = [_determined(cause).get(name) for cause in causes]
-        found = [(each.value, each.std) for each in same if each is not None and each.std]
-        if len(found) < len(causes):
+    for name in dict.fromkeys(name for cause in causes for name in _determined(cause)):
+        same = [cause.parameters[name] for cause in causes if name in _determined(cause)]
+        if 2 * len(same) < len(causes):
             continue
-        values, stds = np.array(found)[:, :, None].transpose(1, 0, 2)
+        values, stds = np.array([[number.value, number.std] for number in same]).T[:, :, None]
         _, mean, variance = generalised_q(values, stds**2, between_variance(values, stds**2))
-        numbers[name] = EffectParameter(float(mean[0]), float(np.sqrt(variance[0])), first.unit)
+        numbers[name] = EffectParameter(float(mean[0]), float(np.sqrt(variance[0])), same[0].unit)
     return numbers
 
 

@@ -99,6 +99,21 @@ def test_a_coupling_in_the_other_direction_is_another_cause() -> None:
     assert len(common_causes(diagnosed, list(diagnosed))) == 2
 
 
+def test_robots_without_a_number_in_common_are_not_compared() -> None:
+    inertia = {
+        name: [
+            CauseSummary(
+                "link_inertia",
+                "parametric",
+                "joint_2",
+                {moment: EffectParameter(0.1, 0.01, "kg m")},
+            )
+        ]
+        for name, moment in (("robot_1", "change_of_base_MX2"), ("robot_2", "change_of_base_MZ2"))
+    }
+    assert [cause.of_type for cause in common_causes(inertia, list(inertia))] == [False, False]
+
+
 def test_a_cause_of_zeros_is_not_named() -> None:
     assert is_nothing(drift((1.1e5, 1.3e6), (40.0, 500.0)))
     assert not is_nothing(drift((30.0, 4.0), (0.5, 0.02)))
