@@ -17,11 +17,10 @@ from idim_iv_ros.fleet.fleet_result import fleet_result
 from idim_iv_ros.fleet.identify import identify_bags
 from idim_iv_ros.fleet.remote import open_bag
 from idim_iv_ros.fleet.result import FleetResult, Screened
-from idim_iv_ros.fleet.robots import robots_of
+from idim_iv_ros.fleet.robots import Robot, robots_of
 from idim_iv_ros.fleet.run import FleetRun
 from idim_iv_ros.fleet.source import find_bags
 from idim_iv_ros.fleet.statistics.common_causes import is_nothing
-from idim_iv_ros.fleet.task import Robot
 from idim_iv_ros.progress import Progress, part_of
 
 DIAGNOSES = "diagnoses"  # folder of the diagnoses of robots, below the results of the fleet

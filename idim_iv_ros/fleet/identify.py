@@ -1,18 +1,25 @@
-"""All bags of a fleet identified, each by itself: what `idim-iv fleet` does before statistics."""
+"""All bags of a fleet identified, each by itself: what `idim-iv fleet` does before statistics.
+
+A task runs on a worker: it may run twice, and knows of no other bag.
+"""
 
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
-from idim_iv_ros.fleet.bag_result import BagResult
-from idim_iv_ros.fleet.content import code_version, key_of
-from idim_iv_ros.fleet.remote import require_stores
-from idim_iv_ros.fleet.robots import robots_of
+from idim_iv_ros.errors import DataError, IdimError, UsageError
+from idim_iv_ros.fleet.bag_result import BagResult, Status
+from idim_iv_ros.fleet.content import code_version, content_of, key_of
+from idim_iv_ros.fleet.regression import bag_fields
+from idim_iv_ros.fleet.remote import StoreError, local_path, open_bag, require_stores
+from idim_iv_ros.fleet.robots import Robot, robots_of
 from idim_iv_ros.fleet.run import FleetRun
 from idim_iv_ros.fleet.source import BagEntry, find_bags
-from idim_iv_ros.fleet.task import content_task, identify_task
+from idim_iv_ros.identification.prepare import configured_request
 from idim_iv_ros.progress import Progress
+from idim_iv_ros.recording.bags.folder import Bag
+from idim_iv_ros.recording.segments import read_segments
 
 BAGS = "bags"  # folder of the results of bags, below those of the fleet
 # Bags whose content is looked at at once: disks and stores answer several.
@@ -93,3 +100,49 @@ def without_repeats(results: Iterable[BagResult]) -> tuple[BagResult, ...]:
             )
         kept.append(result)
     return tuple(kept)
+
+
+def content_task(uri: str) -> BagResult:
+    """Return a bag with the digest of its content, or why it cannot be read.
+
+    Raises
+    ------
+    UsageError
+        Its store can be asked for no bag at all.
+    """
+    status: Status
+    try:
+        return BagResult(uri=uri, content=content_of(uri), status="ok")
+    except FileNotFoundError:
+        status, reason = "missing", "no such file"
+    except StoreError as error:
+        raise UsageError(f"{uri}: {error.strerror}") from error
+    except OSError as error:
+        status, reason = "unusable", error.strerror or str(error)
+    except IdimError as error:
+        status, reason = "corrupt", str(error).removeprefix(f"{local_path(uri)}: ")
+    return BagResult(uri=uri, content="", status=status, reason=reason)
+
+
+def identify_task(uri: str, content: str, key: str, robot: Robot) -> BagResult:
+    """Identify one bag; whatever is wrong with it is in the result.
+
+    A bag without a topic that can be read, or with damages, is corrupt.
+
+    Raises
+    ------
+    OSError
+        Its store does not answer: later it may.
+    """
+    bag = Bag(Path(uri))
+    try:
+        bag = open_bag(uri)
+        configuration = robot.local()
+        request = configured_request(configuration)
+        fields = bag_fields(read_segments(bag, request), configuration)
+    except IdimError as error:
+        torn = isinstance(error, DataError) and (bag.damages or not bag.topics)
+        # The name of the bag is beside it.
+        reason = str(error).removeprefix(f"{bag.path}: ")
+        fields = {"status": "corrupt" if torn else "unusable", "reason": reason}
+    return BagResult(**{"uri": uri, "content": content, "key": key, "status": "ok"} | fields)
