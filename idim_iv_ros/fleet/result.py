@@ -16,14 +16,7 @@ WhyDiagnose = Literal["differs", "changed", "unsteady", "typical"]
 
 @dataclass(frozen=True, kw_only=True)
 class FleetBag:
-    """One bag: whether it was used, and why not.
-
-    Attributes
-    ----------
-    used : bool
-    why_not : str
-        Empty where it was used.
-    """
+    """One bag, and why it was not used; empty where it was."""
 
     uri: str
     robot: str
@@ -44,8 +37,6 @@ class TypeQuantity:
 
     Attributes
     ----------
-    name, expression, unit : str
-    kind : str
     robots : int
         Behind the numbers.
     left_out : tuple of str
@@ -87,8 +78,6 @@ class CommonCause:
 
     Attributes
     ----------
-    effect, kind : str
-    joint : str or None
     robots : tuple of str
         Where it was found; robots that have the effect with another size are another cause.
     of_type : bool
@@ -116,7 +105,6 @@ class FleetType:
         With usable bags.
     bags : int
         Used.
-    quantities : tuple of TypeQuantity
     diagnosed : tuple of str
         Robots with a diagnosis.
     causes : tuple of CommonCause
@@ -140,13 +128,8 @@ class FleetType:
 class AgreementTest:
     """Whether one set of parameters holds for all bags of a robot (F-test from R factors).
 
-    Attributes
-    ----------
-    what : str
-        ``all parameters`` or a group of them.
-    p_value : float
-    beyond_type : bool
-        Whether a parameter of it differs from bag to bag more than in the other robots.
+    `what`: ``all parameters`` or a group of them; `beyond_type`: whether a parameter of it differs
+    from bag to bag more than in the other robots.
     """
 
     what: str
@@ -160,7 +143,6 @@ class RobotQuantity:
 
     Attributes
     ----------
-    name : str
     value, low, high : float
         All bags in one regression, with a 95 % interval that holds what bags differ by.
     distance : float
@@ -193,7 +175,6 @@ class ParameterChange:
 
     Attributes
     ----------
-    name, unit : str
     kind : str
         ``step``, or ``ramp``: it begins after the bag before `begin` and goes on to the last bag.
     p_value : float
@@ -249,7 +230,6 @@ class FleetRobot:
         Of the null hypothesis that it is one of its type.
     change_p_value : float
         Of the null hypothesis that nothing changed over time.
-    agreement : tuple of AgreementTest
     quantities : tuple of RobotQuantity
         In the order of its type's.
     changes : tuple of ParameterChange
@@ -277,14 +257,7 @@ class FleetRobot:
 class Screened:
     """A robot that deserves a diagnosis.
 
-    Attributes
-    ----------
-    robot, type : str
-    why : str
-        ``typical``: it represents its type.
-    reason : str
-    bags : tuple of str
-        URIs to diagnose, newest first.
+    `why`: ``typical`` ones represent their type; `bags`: URIs to diagnose, newest first.
     """
 
     robot: str
@@ -305,7 +278,6 @@ class FleetResult(Document):
         changed.
     level : float
         Of all intervals.
-    types : tuple of FleetType
     robots : tuple of FleetRobot
         What needs attention first.
     bags : tuple of FleetBag
@@ -314,7 +286,6 @@ class FleetResult(Document):
         What to diagnose.
     limits : tuple of str
         What R factors cannot show.
-    software : dict
     """
 
     what: ClassVar[str] = "the result of a fleet"

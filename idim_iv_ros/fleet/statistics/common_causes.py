@@ -194,17 +194,14 @@ def _ratio(effect: str, name: str, number: EffectParameter) -> float:
 
 
 def _name(cause: CommonCause) -> str:
-    name = cause.effect.replace("_", " ")
-    for first in ("load", "position"):
-        name = name.replace(f"{first} dependent", f"{first}-dependent")
+    name = cause.effect.replace("_dependent", "-dependent").replace("_", " ")
     return f"{name} at {cause.joint}" if cause.joint else name
 
 
 def _size(cause: CommonCause) -> str:
     """The surest numbers of a cause with their 95 % intervals, in brackets; empty without any."""
     numbers = _determined(cause)
-    ratios = {name: _ratio(cause.effect, name, number) for name, number in numbers.items()}
-    surest = sorted(numbers, key=lambda name: -ratios[name])[:_SHOWN]
+    surest = sorted(numbers, key=lambda name: -_ratio(cause.effect, name, numbers[name]))[:_SHOWN]
     about = BY_NAME.get(cause.effect)
     said = [
         f"{about.parameter_words(name) if about else name.replace('_', ' ')} "

@@ -98,32 +98,30 @@ def common_between_variance(groups: list[tuple[FloatArray, FloatArray]]) -> Floa
     (m,)
         NaN where no group has two units.
     """
-    columns = groups[0][0].shape[1] if groups else 0
-    counts = np.array([np.isfinite(v + s).sum(axis=0) for v, s in groups]).reshape(-1, columns)
-    judged = counts > 1
+    counts = np.array([np.isfinite(v + s).sum(axis=0) for v, s in groups])
+    usable = (counts > 1).any(axis=0)
+    judged = (counts > 1) | ~usable
+    spread = np.array([_spread(values) for values, _ in groups]).max(axis=0)
 
     def median(between: FloatArray) -> FloatArray:
         q = np.array([generalised_q(v, s, between)[0] for v, s in groups])
         below = scipy.stats.chi2.cdf(q, np.maximum(counts - 1, 1))
         return np.asarray(np.nanmedian(np.where(judged, below, np.nan), axis=0))
 
-    result = np.full(columns, np.nan)
-    usable = judged.any(axis=0)
-    if not usable.any():
-        return result
-    groups = [(values[:, usable], variances[:, usable]) for values, variances in groups]
-    judged, counts = judged[:, usable], counts[:, usable]
-    spread = np.nanmax(
-        [np.nan_to_num(np.nanmax(v, axis=0) - np.nanmin(v, axis=0)) for v, _ in groups], axis=0
-    )
     low, high = np.zeros(len(spread)), np.maximum(spread, 1e-300) ** 2 * 1e3
     at_zero = median(low) <= 0.5
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         above = median(middle) > 0.5
         low, high = np.where(above, middle, low), np.where(above, high, middle)
-    result[usable] = np.where(at_zero, 0.0, 0.5 * (low + high))
-    return result
+    return np.where(usable, np.where(at_zero, 0.0, 0.5 * (low + high)), np.nan)
+
+
+def _spread(values: FloatArray) -> FloatArray:
+    """Largest less smallest of each column (m,), zero where there is none."""
+    known = np.isfinite(values)
+    largest = np.where(known, values, -np.inf).max(axis=0)
+    return np.where(known.any(axis=0), largest - np.where(known, values, np.inf).min(axis=0), 0.0)
 
 
 def between_interval(values: FloatArray, variances: FloatArray) -> tuple[FloatArray, FloatArray]:
