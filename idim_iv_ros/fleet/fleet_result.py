@@ -25,7 +25,7 @@ from idim_iv_ros.fleet.statistics.outliers import LEAST as LEAST_ROBOTS
 from idim_iv_ros.fleet.statistics.quantities import types_of
 from idim_iv_ros.fleet.statistics.random_effects import LEVEL, type_estimate
 from idim_iv_ros.fleet.statistics.resemblance import resemblance
-from idim_iv_ros.fleet.statistics.robots import Judged, judge
+from idim_iv_ros.fleet.statistics.robots import ComparedType, compare_robots
 from idim_iv_ros.statistics.change_points import LEAST as LEAST_BAGS
 
 TYPICAL = 3  # ordinary robots that represent their type
@@ -82,15 +82,15 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
     types: list[FleetType] = []
     robots: list[FleetRobot] = []
     screen: list[Screened] = []
-    for judged in judge(groups):
-        kind = _fleet_type(judged)
-        own = [
-            fleet_robot(judged, place, kind.quantities, unused.pop((kind.type, robot.robot), []))
-            for place, robot in enumerate(judged.bags.robots)
+    for compared in compare_robots(groups):
+        kind = _fleet_type(compared)
+        members = [
+            fleet_robot(compared, place, kind.quantities, unused.pop((kind.type, robot.robot), []))
+            for place, robot in enumerate(compared.bags.robots)
         ]
         types.append(kind)
-        robots += own
-        screen += _screened(judged, own)
+        robots += members
+        screen += _screened(compared, members)
     robots += [robot_without_bags(kind, name, bags) for (kind, name), bags in unused.items()]
     return FleetResult(
         false_discoveries=FALSE_DISCOVERIES,
@@ -116,9 +116,9 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
     )
 
 
-def _fleet_type(judged: Judged) -> FleetType:
+def _fleet_type(compared: ComparedType) -> FleetType:
     """Return one type: its quantities, what diagnoses say together, and what is not judged."""
-    group = judged.bags
+    group = compared.bags
     causes = {
         robot.robot: causes_of_robot(robot.bags)
         for robot in group.robots
@@ -126,7 +126,7 @@ def _fleet_type(judged: Judged) -> FleetType:
     }
     ordinary = [
         robot.robot
-        for robot, differs in zip(group.robots, judged.outlying.chosen.units, strict=True)
+        for robot, differs in zip(group.robots, compared.outlying.chosen.units, strict=True)
         if robot.robot in causes and not differs
     ]
     common = common_causes(causes, ordinary)
@@ -134,36 +134,36 @@ def _fleet_type(judged: Judged) -> FleetType:
         type=group.type,
         robots=len(group.robots),
         bags=sum(len(robot.bags) for robot in group.robots),
-        quantities=_type_quantities(judged),
+        quantities=_type_quantities(compared),
         diagnosed=tuple(causes),
         causes=common,
-        notes=tuple(_notes(judged)),
+        notes=tuple(_notes(compared)),
         sentences=sentences(group.type, common, tuple(causes), ordinary),
     )
 
 
-def _notes(judged: Judged) -> list[str]:
+def _notes(compared: ComparedType) -> list[str]:
     """What of a type cannot be judged, and why."""
     notes = []
-    count = len(judged.bags.robots)
+    count = len(compared.bags.robots)
     robots = f"{count} robot{'s' if count != 1 else ''}"
     if count < LEAST_ROBOTS:
         notes.append(
             f"{robots} of this type: with fewer than {LEAST_ROBOTS} nothing says what is ordinary, "
             "and no robot is called different"
         )
-    if not np.isfinite(judged.common.variance).any():
+    if not np.isfinite(compared.common.variance).any():
         notes.append(
             "no robot has two bags: what differs from day to day is unknown and counts as a "
             "difference between robots"
         )
-    short = sum(not math.isfinite(change.p_value) for change in judged.changes)
+    short = sum(not math.isfinite(change.p_value) for change in compared.changes)
     if short:
         notes.append(
             f"{short} of {robots} {'has' if short == 1 else 'have'} fewer than {LEAST_BAGS} "
             "bags with a time, or all at one time: whether anything changed there is not judged"
         )
-    similar = resemblance(judged.bags.robots)
+    similar = resemblance(compared.bags.robots)
     if similar is not None:
         notes.append(
             "bags that follow each other resemble each other (median correlation "
@@ -173,12 +173,12 @@ def _notes(judged: Judged) -> list[str]:
     return notes
 
 
-def _type_quantities(judged: Judged) -> tuple[TypeQuantity, ...]:
-    apart = judged.outlying.chosen.entries
-    values = np.where(apart, np.nan, judged.estimates.ordinary_values)
-    numbers = type_estimate(values, judged.estimates.ordinary_variances)
-    numbers["between_bags"] = np.sqrt(judged.common.variance)
-    residual = [quantity.kind == "residual" for quantity in judged.bags.quantities]
+def _type_quantities(compared: ComparedType) -> tuple[TypeQuantity, ...]:
+    apart = compared.outlying.chosen.entries
+    values = np.where(apart, np.nan, compared.estimates.ordinary_values)
+    numbers = type_estimate(values, compared.estimates.ordinary_variances)
+    numbers["between_bags"] = np.sqrt(compared.common.variance)
+    residual = [quantity.kind == "residual" for quantity in compared.bags.quantities]
     for name in ("mean", "mean_low", "mean_high", "next_low", "next_high"):
         numbers[name] = np.where(residual, np.exp(numbers[name]), numbers[name])
     return tuple(
@@ -190,17 +190,17 @@ def _type_quantities(judged: Judged) -> tuple[TypeQuantity, ...]:
             robots=int(np.isfinite(values[:, column]).sum()),
             left_out=tuple(
                 robot.robot
-                for robot, out in zip(judged.bags.robots, apart[:, column], strict=True)
+                for robot, out in zip(compared.bags.robots, apart[:, column], strict=True)
                 if out
             ),
             given=quantity.given,
             **{name: float(number[column]) for name, number in numbers.items()},
         )
-        for column, quantity in enumerate(judged.bags.quantities)
+        for column, quantity in enumerate(compared.bags.quantities)
     )
 
 
-def _screened(judged: Judged, robots: Sequence[FleetRobot]) -> list[Screened]:
+def _screened(compared: ComparedType, robots: Sequence[FleetRobot]) -> list[Screened]:
     """Return the robots of a type that deserve a diagnosis, and those that represent the type.
 
     These are the ordinary ones nearest to the others, by their largest studentised distance.
@@ -212,7 +212,7 @@ def _screened(judged: Judged, robots: Sequence[FleetRobot]) -> list[Screened]:
     }
     chosen: list[Screened] = []
     typical: list[tuple[float, Screened]] = []
-    for robot, bags in zip(robots, judged.bags.robots, strict=True):
+    for robot, bags in zip(robots, compared.bags.robots, strict=True):
         newest = tuple(bag.uri for bag in reversed(bags.bags[-NEWEST:]))
         why = robot.attention
         if why in ("differs", "changed", "unsteady"):

@@ -90,27 +90,29 @@ def bag_fields(
 
 
 def _segment(recording: Recording, configuration: Configuration) -> Segment:
-    found = identified([recording], configuration, "idim-iv", Stopwatch(None))
-    result = assemble_result(found.prepared, found.estimates, found.validation)
+    identification = identified([recording], configuration, "idim-iv", Stopwatch(None))
+    result = assemble_result(
+        identification.prepared, identification.estimates, identification.validation
+    )
     return Segment(
         start=recording.start,
         duration=recording.duration,
         result=replace(result, series=()),
-        r_factor=whitened_r_factor(found),
-        rows={joint.name: len(joint) for joint in found.estimates.rows},
-        floor=torque_noise(found.prepared.motions),
+        r_factor=whitened_r_factor(identification),
+        rows={joint.name: len(joint) for joint in identification.estimates.rows},
+        floor=torque_noise(identification.prepared.motions),
         checks=loss_sentences([recording]),
     )
 
 
-def whitened_r_factor(found: Identified) -> FloatArray:
+def whitened_r_factor(identification: Identified) -> FloatArray:
     """R (b + 1, b + 1) of [X y] of all joints, each whitened by the model of its own residual.
 
     The whitened residual has unit variance: rows of different joints and bags count as they should
     when they are stacked. The diagonal is not negative, so that equal rows have equal factors.
     """
-    rows, models = found.estimates.rows, found.estimates.refined.models
-    width = len(found.prepared.model.base.columns) + 1
+    rows, models = identification.estimates.rows, identification.estimates.refined.models
+    width = len(identification.prepared.model.base.columns) + 1
     plain = [joint.with_instruments(joint.matrix) for joint in rows]
     factors = [
         joint.standardized_r_factor(model) for joint, model in zip(plain, models, strict=True)

@@ -17,7 +17,7 @@ from idim_iv_ros.fleet.result import (
     TypeQuantity,
 )
 from idim_iv_ros.fleet.statistics.quantities import stamp_of
-from idim_iv_ros.fleet.statistics.robots import Judged
+from idim_iv_ros.fleet.statistics.robots import ComparedType
 from idim_iv_ros.fleet.statistics.stacking import agreement
 
 AGREEMENT_LEVEL = 0.05
@@ -29,7 +29,7 @@ _INERTIA = "inertia and gravity"
 
 
 def fleet_robot(
-    judged: Judged, place: int, usual: Sequence[TypeQuantity], unused: Sequence[BagResult]
+    compared: ComparedType, place: int, usual: Sequence[TypeQuantity], unused: Sequence[BagResult]
 ) -> FleetRobot:
     """Return the robot at `place` of its type.
 
@@ -40,9 +40,9 @@ def fleet_robot(
     unused
         Its bags that could not be used.
     """
-    robot, over = judged.bags.robots[place], judged.changes[place]
-    quantities = _quantities(judged, place)
-    changes = [_change(judged, place, int(column)) for column in np.flatnonzero(over.changed)]
+    robot, over = compared.bags.robots[place], compared.changes[place]
+    quantities = _quantities(compared, place)
+    changes = [_change(compared, place, int(column)) for column in np.flatnonzero(over.changed)]
     changes.sort(key=lambda change: change.p_value)
     differing = sorted(
         ((q, u) for q, u in zip(quantities, usual, strict=True) if q.differs),
@@ -69,16 +69,16 @@ def fleet_robot(
     diagnosed = [bag.diagnosis for bag in robot.bags if bag.diagnosis is not None]
     return FleetRobot(
         robot=robot.robot,
-        type=judged.bags.type,
+        type=compared.bags.type,
         attention=next((name for name, seen in attentions.items() if seen), "none"),
         reasons=tuple(reasons),
         bags=len(robot.bags),
         not_used=len(unused),
         first=times[0] if times else None,
         last=times[-1] if times else None,
-        p_value=float(judged.outlying.chosen.p_values[place]),
+        p_value=float(compared.outlying.chosen.p_values[place]),
         change_p_value=over.p_value,
-        agreement=_agreement(judged, place),
+        agreement=_agreement(compared, place),
         quantities=quantities,
         changes=tuple(changes),
         diagnosis=diagnosed[-1] if diagnosed else None,
@@ -93,10 +93,10 @@ def robot_without_bags(kind: str, name: str, bags: Sequence[BagResult]) -> Fleet
     )
 
 
-def _quantities(judged: Judged, place: int) -> tuple[RobotQuantity, ...]:
-    estimates, outlying = judged.estimates, judged.outlying
+def _quantities(compared: ComparedType, place: int) -> tuple[RobotQuantity, ...]:
+    estimates, outlying = compared.estimates, compared.outlying
     value, half = estimates.values[place], estimates.half[place]
-    residual = [quantity.kind == "residual" for quantity in judged.bags.quantities]
+    residual = [quantity.kind == "residual" for quantity in compared.bags.quantities]
     ends = np.array([value, value - half, value + half])
     values, low, high = np.where(residual, np.exp(ends), ends)
     return tuple(
@@ -108,20 +108,20 @@ def _quantities(judged: Judged, place: int) -> tuple[RobotQuantity, ...]:
             distance=float(outlying.statistics[place, column]),
             p_value=float(outlying.p_values[place, column]),
             differs=bool(outlying.chosen.entries[place, column]),
-            changed=bool(judged.changes[place].changed[column]),
+            changed=bool(compared.changes[place].changed[column]),
             unsteady=bool(estimates.unsteady[place, column]),
         )
-        for column, quantity in enumerate(judged.bags.quantities)
+        for column, quantity in enumerate(compared.bags.quantities)
     )
 
 
-def _change(judged: Judged, place: int, column: int) -> ParameterChange:
-    robot, quantity = judged.bags.robots[place], judged.bags.quantities[column]
-    rows, change = judged.changes[place].rows[column], judged.changes[place].changes[column]
+def _change(compared: ComparedType, place: int, column: int) -> ParameterChange:
+    robot, quantity = compared.bags.robots[place], compared.bags.quantities[column]
+    rows, change = compared.changes[place].rows[column], compared.changes[place].changes[column]
     assert change is not None
     times = [stamp_of(float(time)) for time in robot.times[rows]]
     values, fitted = robot.values[rows, column], change.fitted
-    stds = np.sqrt(robot.variances[rows, column] + np.nan_to_num(judged.common.variance[column]))
+    stds = np.sqrt(robot.variances[rows, column] + np.nan_to_num(compared.common.variance[column]))
     numbers = np.array([change.before, change.before + change.size, change.size,
                         change.size_low, change.size_high])  # fmt: skip
     if quantity.kind == "residual":
@@ -149,8 +149,8 @@ def _change(judged: Judged, place: int, column: int) -> ParameterChange:
     )
 
 
-def _agreement(judged: Judged, place: int) -> tuple[AgreementTest, ...]:
-    group, robot = judged.bags, judged.bags.robots[place]
+def _agreement(compared: ComparedType, place: int) -> tuple[AgreementTest, ...]:
+    group, robot = compared.bags, compared.bags.robots[place]
     usable = [bag for bag, fit in zip(robot.bags, robot.fits, strict=True) if fit.complete]
     columns: dict[str, list[int]] = defaultdict(list)
     for column, quantity in enumerate(group.quantities[: group.parameters]):
@@ -162,7 +162,7 @@ def _agreement(judged: Judged, place: int) -> tuple[AgreementTest, ...]:
         columns,
         alpha=AGREEMENT_LEVEL,
     )
-    everything, unsteady = list(range(group.parameters)), judged.estimates.unsteady[place]
+    everything, unsteady = list(range(group.parameters)), compared.estimates.unsteady[place]
     return tuple(
         AgreementTest(
             test.scope,
@@ -182,20 +182,21 @@ def _unused_words(unused: Sequence[BagResult], used: int) -> str:
     return f"{len(unused)} of {len(unused) + used} bags could not be used{detail}"
 
 
-def _difference_words(own: RobotQuantity, usual: TypeQuantity) -> str:
+def _difference_words(quantity: RobotQuantity, usual: TypeQuantity) -> str:
     """Say in what and how far a robot differs from its type."""
-    distance = f"{abs(own.distance):.3g} standard deviations" if math.isfinite(own.distance) else ""
-    side = "above" if own.distance > 0.0 else "below"
+    far = math.isfinite(quantity.distance)
+    distance = f"{abs(quantity.distance):.3g} standard deviations" if far else ""
+    side = "above" if quantity.distance > 0.0 else "below"
     if usual.kind == "residual":
-        factor = own.value / usual.mean if usual.mean > 0.0 else math.nan
+        factor = quantity.value / usual.mean if usual.mean > 0.0 else math.nan
         joint = usual.name.removeprefix("residual ")
         return (
             f"the residual of {joint} is {factor:.3g} times that of the type "
-            f"({_number(own.value)} {usual.unit}; {distance} {side})"
+            f"({_number(quantity.value)} {usual.unit}; {distance} {side})"
         )
-    when = " before it changed" if own.changed else ""
+    when = " before it changed" if quantity.changed else ""
     return (
-        f"{own.name}{when} is {distance} {side} the other robots: {_number(own.value)} "
+        f"{quantity.name}{when} is {distance} {side} the other robots: {_number(quantity.value)} "
         f"{usual.unit}, the type has {_number(usual.mean)} ± {_number(usual.sigma, 2)} from robot "
         "to robot"
     )

@@ -49,16 +49,16 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
             return _manifest(source, _rows(source, bytes(content)))
         information = reachable(system.info, path)
         if information["type"] != "directory":
-            folder, found = str(PurePosixPath(path).parent), [path]
+            folder, files = str(PurePosixPath(path).parent), [path]
         else:
-            folder, found = path, [str(each) for each in reachable(system.find, path)]
+            folder, files = path, [str(text) for text in reachable(system.find, path)]
     except FileNotFoundError as error:
         raise UsageError(f"{source}: no such file, folder or URL") from error
     except OSError as error:
         raise UsageError(f"{source}: cannot be read: {error.strerror or error}") from error
     entries = [
         _entry(bag, folder, bag if is_local(source) else system.unstrip_protocol(bag))
-        for bag in _bags(found)
+        for bag in _bags(files)
     ]
     if not entries:
         raise UsageError(f"{source}: no bag found (.mcap, .db3, .bag or a rosbag2 folder)")
@@ -67,7 +67,7 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
 
 def _bags(files: Iterable[str]) -> list[str]:
     """Bags among the files of a tree: rosbag2 folders, and files outside such folders."""
-    paths = [PurePosixPath(each) for each in files]
+    paths = [PurePosixPath(text) for text in files]
     paths = [path for path in paths if not path.name.startswith(".")]
     folders = {path.parent for path in paths if path.name == METADATA}
     bags = {
@@ -106,7 +106,7 @@ def _manifest(source: str, rows: list[dict[str, Any]]) -> tuple[BagEntry, ...]:
         raise UsageError(f"{source}: the manifest names no bag")
     for column in ("uri", "robot"):
         if column not in rows[0]:
-            listed = ", ".join(str(each) for each in rows[0])
+            listed = ", ".join(str(text) for text in rows[0])
             raise UsageError(f"{source}: no column {column}; it has {listed}")
     entries: dict[str, BagEntry] = {}
     for number, row in enumerate(rows, start=2 if source.endswith(".csv") else 1):
@@ -120,7 +120,7 @@ def _manifest(source: str, rows: list[dict[str, Any]]) -> tuple[BagEntry, ...]:
         uri = _absolute(source, values["uri"])
         if uri in entries:
             raise UsageError(f"{where}: {values['uri']} is listed twice")
-        labels = {name: str(each) for name, each in values.items() if name not in _COLUMNS}
+        labels = {name: str(text) for name, text in values.items() if name not in _COLUMNS}
         kind = str(values.get("type", ""))
         time = _time(where, values.get("time"))
         entries[uri] = BagEntry(uri, values["robot"], kind, time, labels)

@@ -50,22 +50,22 @@ def choose(groups: Sequence[FloatArray], level: float = FALSE_DISCOVERIES) -> li
     chosen = benjamini_hochberg(units, level)
     within = level * float(chosen.sum()) / max(int(np.isfinite(units).sum()), 1)
     result, first = [], 0
-    for p_values, own in zip(groups, simes, strict=True):
-        called = chosen[first : first + len(own)]
-        first += len(own)
+    for p_values, of_group in zip(groups, simes, strict=True):
+        called = chosen[first : first + len(of_group)]
+        first += len(of_group)
         entries = np.zeros(p_values.shape, dtype=bool)
         for unit in np.flatnonzero(called):
             entries[unit] = benjamini_hochberg(p_values[unit], within)
-        result.append(Chosen(own, called, entries))
+        result.append(Chosen(of_group, called, entries))
     return result
 
 
 def benjamini_hochberg(p_values: FloatArray, level: float) -> NDArray[np.bool_]:
     """Which null hypotheses are rejected, (k,); NaN never is."""
-    known = np.isfinite(p_values)
+    tested = np.isfinite(p_values)
     rejected = np.zeros(len(p_values), dtype=bool)
-    if known.any():
-        rejected[known] = scipy.stats.false_discovery_control(p_values[known]) <= level
+    if tested.any():
+        rejected[tested] = scipy.stats.false_discovery_control(p_values[tested]) <= level
     return rejected
 
 

@@ -66,12 +66,12 @@ def _p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
     counts = np.isfinite(raw).sum(axis=0)
     result = np.full(raw.shape, np.nan)
     for column in np.flatnonzero(counts >= LEAST):
-        judged = np.isfinite(raw[:, column])
+        tested = np.isfinite(raw[:, column])
         drawn = _nobody_differs(int(counts[column]))
-        ranks = np.searchsorted(drawn, raw[judged, column], side="right")
+        ranks = np.searchsorted(drawn, raw[tested, column], side="right")
         share = (ranks + 1.0) / (len(drawn) + 1.0)
-        small = raw[judged, column] * (_TAIL / len(drawn)) / drawn[_TAIL - 1]
-        result[judged, column] = np.where(ranks < _TAIL, small, share)
+        small = raw[tested, column] * (_TAIL / len(drawn)) / drawn[_TAIL - 1]
+        result[tested, column] = np.where(ranks < _TAIL, small, share)
     return result
 
 
@@ -85,12 +85,12 @@ def _nobody_differs(robots: int) -> FloatArray:
 
 def _taken_out(values: FloatArray, variances: FloatArray) -> FloatArray:
     """Smallest p-value of each robot and of those that are nearer to the others, (k, m)."""
-    known = np.isfinite(values) & np.isfinite(variances)
-    left = np.where(known, values, np.nan)
-    counts = known.sum(axis=0)
+    estimated = np.isfinite(values) & np.isfinite(variances)
+    left = np.where(estimated, values, np.nan)
+    counts = estimated.sum(axis=0)
     columns = np.arange(values.shape[1])
     steps = np.maximum(counts // _MOST, 1)
-    order, found = [], []
+    order, tails = [], []
     for step in range(int(steps.max(initial=0))):
         between = between_variance(left, variances)
         _, mean, _ = generalised_q(left, variances, between)
@@ -104,10 +104,10 @@ def _taken_out(values: FloatArray, variances: FloatArray) -> FloatArray:
         tail = 2.0 * scipy.stats.t.sf(np.abs(distance), np.maximum(others - 1, 1))
         tested = (step < steps) & (counts - step >= LEAST) & np.isfinite(tail)
         order.append(farthest)
-        found.append(np.where(tested, tail, np.inf))
-    result = np.where(known & (counts >= LEAST), 1.0, np.nan)
+        tails.append(np.where(tested, tail, np.inf))
+    result = np.where(estimated & (counts >= LEAST), 1.0, np.nan)
     smallest = np.full(values.shape[1], np.inf)
-    for farthest, p_value in zip(reversed(order), reversed(found), strict=True):
+    for farthest, p_value in zip(reversed(order), reversed(tails), strict=True):
         smallest = np.minimum(smallest, p_value)
         inside = np.isfinite(result[farthest, columns]) & np.isfinite(smallest)
         result[farthest[inside], columns[inside]] = smallest[inside]
@@ -131,8 +131,8 @@ def _against_others(
     statistics = np.full(values.shape, np.nan)
     kept = np.where(left_out, np.nan, values)
     for robot in range(len(values)):
-        others, own = np.delete(kept, robot, axis=0), np.delete(variances, robot, axis=0)
-        usable = np.isfinite(others + own).sum(axis=0) >= LEAST - 1
-        distance = _distance(values[robot], variances[robot], others, own)
+        others, spread = np.delete(kept, robot, axis=0), np.delete(variances, robot, axis=0)
+        usable = np.isfinite(others + spread).sum(axis=0) >= LEAST - 1
+        distance = _distance(values[robot], variances[robot], others, spread)
         statistics[robot, usable] = distance[usable]
     return statistics

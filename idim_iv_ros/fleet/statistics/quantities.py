@@ -105,13 +105,13 @@ def _model(bag: BagResult) -> tuple[tuple[str, ...], str, str]:
 
 def _type(bags: Sequence[BagResult], name: str) -> TypeBags:
     (usual, _), *_ = Counter(map(_model, bags)).most_common(1)
-    own = [bag for bag in bags if _model(bag) == usual]
-    first = own[0]
+    comparable = [bag for bag in bags if _model(bag) == usual]
+    first = comparable[0]
     given = first.given or (math.nan,) * len(first.names)
     about = zip(first.units, first.expressions, given, strict=True)
     columns = zip(first.names, about, strict=True)
     joints = [noise.joint for noise in first.noise]
-    robots = sorted({bag.robot for bag in own})
+    robots = sorted({bag.robot for bag in comparable})
     return TypeBags(
         name,
         (
@@ -120,7 +120,8 @@ def _type(bags: Sequence[BagResult], name: str) -> TypeBags:
         ),
         len(first.names),
         tuple(
-            _robot([bag for bag in own if bag.robot == robot], robot, joints) for robot in robots
+            _robot([bag for bag in comparable if bag.robot == robot], robot, joints)
+            for robot in robots
         ),
         tuple(bag for bag in bags if _model(bag) != usual),
     )

@@ -33,9 +33,9 @@ def generalised_q(
     values, variances : (k, m)
         NaN where a unit has none.
     """
-    known = np.isfinite(values) & np.isfinite(variances)
-    weights = np.where(known, 1.0 / (np.where(known, variances, 1.0) + between), 0.0)
-    filled = np.where(known, values, 0.0)
+    estimated = np.isfinite(values) & np.isfinite(variances)
+    weights = np.where(estimated, 1.0 / (np.where(estimated, variances, 1.0) + between), 0.0)
+    filled = np.where(estimated, values, 0.0)
     total = weights.sum(axis=0)
     safe = np.where(total > 0.0, total, 1.0)
     mean = (weights * filled).sum(axis=0) / safe
@@ -54,22 +54,24 @@ def between_variance(
     target : (m,), optional
         k − 1 of each column if left out: the estimate of Paule and Mandel.
     """
-    known = np.isfinite(values) & np.isfinite(variances)
-    count = known.sum(axis=0)
+    estimated = np.isfinite(values) & np.isfinite(variances)
+    count = estimated.sum(axis=0)
     wanted = np.asarray(count - 1.0 if target is None else target, dtype=float)
-    found = np.zeros(values.shape[1])
+    root = np.zeros(values.shape[1])
     open_columns = np.flatnonzero((count > 1) & (wanted > 0.0))
-    filled = np.where(known, values, 0.0)[:, open_columns]
-    own = np.where(known, variances, np.inf)[:, open_columns]
+    filled = np.where(estimated, values, 0.0)[:, open_columns]
+    noise = np.where(estimated, variances, np.inf)[:, open_columns]
     wanted = wanted[open_columns]
-    total = known[:, open_columns].sum(axis=0)
+    total = estimated[:, open_columns].sum(axis=0)
     middle = filled.sum(axis=0) / total
-    squares = (np.where(known[:, open_columns], filled - middle, 0.0) ** 2).sum(axis=0)
+    squares = (np.where(estimated[:, open_columns], filled - middle, 0.0) ** 2).sum(axis=0)
     # The root where all variances are equal. Q is convex and falls: Newton's step from below the
     # root never passes it, and one from above lands below or at zero.
-    tau = np.maximum(squares / wanted - np.where(own < np.inf, own, 0.0).sum(axis=0) / total, 0.0)
+    tau = np.maximum(
+        squares / wanted - np.where(noise < np.inf, noise, 0.0).sum(axis=0) / total, 0.0
+    )
     for _ in range(_NEWTON):
-        weights = 1.0 / (own + tau)
+        weights = 1.0 / (noise + tau)
         rest = filled - (weights * filled).sum(axis=0) / weights.sum(axis=0)
         q = (weights * rest**2).sum(axis=0)
         slope = (weights**2 * rest**2).sum(axis=0)
@@ -78,8 +80,8 @@ def between_variance(
         tau = np.maximum(tau + change, 0.0)
         if np.all(settled | (np.abs(change) <= _CLOSE * tau)):
             break
-    found[open_columns] = tau
-    return found
+    root[open_columns] = tau
+    return root
 
 
 def common_between_variance(groups: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
@@ -100,34 +102,36 @@ def common_between_variance(groups: list[tuple[FloatArray, FloatArray]]) -> Floa
     """
     counts = np.array([np.isfinite(v + s).sum(axis=0) for v, s in groups])
     usable = (counts > 1).any(axis=0)
-    judged = (counts > 1) | ~usable
+    scattering = (counts > 1) | ~usable
     spread = np.array([_spread(values) for values, _ in groups]).max(axis=0)
 
     def median(between: FloatArray) -> FloatArray:
         q = np.array([generalised_q(v, s, between)[0] for v, s in groups])
         below = scipy.stats.chi2.cdf(q, np.maximum(counts - 1, 1))
-        return np.asarray(np.nanmedian(np.where(judged, below, np.nan), axis=0))
+        return np.asarray(np.nanmedian(np.where(scattering, below, np.nan), axis=0))
 
     low, high = np.zeros(len(spread)), np.maximum(spread, 1e-300) ** 2 * 1e3
     at_zero = median(low) <= 0.5
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        above = median(middle) > 0.5
-        low, high = np.where(above, middle, low), np.where(above, high, middle)
+        too_low = median(middle) > 0.5
+        low, high = np.where(too_low, middle, low), np.where(too_low, high, middle)
     return np.where(usable, np.where(at_zero, 0.0, 0.5 * (low + high)), np.nan)
 
 
 def _spread(values: FloatArray) -> FloatArray:
     """Largest less smallest of each column (m,), zero where there is none."""
-    known = np.isfinite(values)
-    largest = np.where(known, values, -np.inf).max(axis=0)
-    return np.where(known.any(axis=0), largest - np.where(known, values, np.inf).min(axis=0), 0.0)
+    estimated = np.isfinite(values)
+    largest = np.where(estimated, values, -np.inf).max(axis=0)
+    return np.where(
+        estimated.any(axis=0), largest - np.where(estimated, values, np.inf).min(axis=0), 0.0
+    )
 
 
 def between_interval(values: FloatArray, variances: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Ends (m,), (m,) of the Q-profile interval of τ²."""
-    known = np.isfinite(values) & np.isfinite(variances)
-    dof = np.maximum(known.sum(axis=0) - 1, 1)
+    estimated = np.isfinite(values) & np.isfinite(variances)
+    dof = np.maximum(estimated.sum(axis=0) - 1, 1)
     tail = 0.5 * (1.0 - LEVEL)
     low = between_variance(values, variances, scipy.stats.chi2.isf(tail, dof))
     high = between_variance(values, variances, scipy.stats.chi2.ppf(tail, dof))

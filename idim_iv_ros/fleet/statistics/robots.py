@@ -74,7 +74,7 @@ class Estimates:
 
 
 @dataclass(frozen=True)
-class Judged:
+class ComparedType:
     """All that the statistics say of the robots of one type, in the order of `bags.robots`."""
 
     bags: TypeBags
@@ -84,7 +84,7 @@ class Judged:
     outlying: Outlying
 
 
-def judge(groups: Sequence[TypeBags]) -> list[Judged]:
+def compare_robots(groups: Sequence[TypeBags]) -> list[ComparedType]:
     """Judge the robots of all types: changes first, since what changed is compared as it was.
 
     Robots of all types share one false discovery rate.
@@ -102,7 +102,7 @@ def judge(groups: Sequence[TypeBags]) -> list[Judged]:
     by_type = [[next(changes) for _ in group.robots] for group in groups]
     estimates = list(map(_estimates, groups, common, by_type))
     outliers = outlying([(kind.ordinary_values, kind.ordinary_variances) for kind in estimates])
-    return list(map(Judged, groups, common, by_type, estimates, outliers))
+    return list(map(ComparedType, groups, common, by_type, estimates, outliers))
 
 
 def between_bags(group: TypeBags) -> BetweenBags:
@@ -123,19 +123,19 @@ def _prior(
     less one: few robots say little of how the scatter differs from robot to robot.
     """
     q = np.array([generalised_q(v, s, between)[0] for v, s in pairs])
-    found = np.zeros(len(between))
+    prior = np.zeros(len(between))
     for column in range(len(between)):
-        judged = counts[:, column] >= _FEWEST_OF_SCATTER
-        most = float(np.sum(judged)) - 1.0
+        scattering = counts[:, column] >= _FEWEST_OF_SCATTER
+        most = float(np.sum(scattering)) - 1.0
         if most < 1.0:
             continue
-        dof = counts[judged, column] - 1.0
-        scatter = np.log(np.maximum(q[judged, column] / dof, _LEAST_SCATTER))
+        dof = counts[scattering, column] - 1.0
+        scatter = np.log(np.maximum(q[scattering, column] / dof, _LEAST_SCATTER))
         spread = float(np.subtract(*np.quantile(scatter, [0.75, 0.25])))
         able = [nu for nu in _PRIORS if nu <= most and _spread(float(np.median(dof)), nu) >= spread]
         # The spread falls with ν: the largest that still makes so large a one.
-        found[column] = max(able, default=0.0)
-    return found
+        prior[column] = max(able, default=0.0)
+    return prior
 
 
 @cache
@@ -193,8 +193,8 @@ def _together(robot: RobotBags, between: FloatArray) -> tuple[FloatArray, FloatA
     if not whole.complete:
         return np.full(width, np.nan), np.full(width, np.nan)
     # The noise of the rows: what one set of parameters leaves holds the bags' differences too.
-    own = [fit for fit in robot.fits if fit.dof > 0]
-    noise = sum(fit.squares for fit in own) / max(sum(fit.dof for fit in own), 1)
+    complete = [fit for fit in robot.fits if fit.dof > 0]
+    noise = sum(fit.squares for fit in complete) / max(sum(fit.dof for fit in complete), 1)
     scale = noise / (whole.squares / whole.dof) if whole.squares > 0.0 else 1.0
     variances = scale * np.diag(whole.covariance)
     for share in shares(factors):

@@ -110,14 +110,14 @@ def agreement(
     dof = sum(rows) - count * width
     if count < 2 or dof <= 0:
         return not_run("one bag" if count == 1 else "no bags" if count == 0 else "too few rows")
-    own = sum(float(factor[-1, -1]) ** 2 for factor in factors)
+    separate = sum(float(factor[-1, -1]) ** 2 for factor in factors)
     pooled = float(stacked(factors)[-1, -1]) ** 2
-    if own <= 0.0:
+    if separate <= 0.0:
         return not_run("the residual vanishes")
     tests = []
     for name in names:
         columns = list(range(width)) if name == ALL else list(groups[name])
-        free = own if name == ALL else _squares_with_own(factors, columns)
+        free = separate if name == ALL else _squares_with_own(factors, columns)
         level = alpha if name == ALL else alpha / max(len(groups), 1)
         tests.append(
             f_test(
@@ -125,7 +125,7 @@ def agreement(
                 name,
                 explained=max(pooled - free, 0.0),
                 df=(count - 1) * len(columns),
-                unexplained=own,
+                unexplained=separate,
                 df_denom=dof,
                 alpha=level,
             )
