@@ -94,7 +94,8 @@ def later(chunk: bytes, seconds: int) -> bytes:
 
 def identified() -> None:
     from idim_iv_ros import load_configuration
-    from idim_iv_ros.fleet.task import Robot, identify_task
+    from idim_iv_ros.fleet.identify import identify_task
+    from idim_iv_ros.fleet.robots import Robot
 
     robot = Robot.of(load_configuration(CONFIG))
     started = time.perf_counter()

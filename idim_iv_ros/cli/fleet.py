@@ -151,7 +151,7 @@ def _write_robots(found: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
     for each in found.diagnoses:
         folder = Path(run.out) / "robots" / each.screened.robot
         page: Path | None = folder / "report.html"
-        if each.gap is not None and each.fresh:
+        if each.gap is not None and each.gap.series:
             _, page = write_gap_report(each.gap, folder, force=force, config=run.config)
         if page is not None and page.is_file():
             pages[each.screened.robot] = page

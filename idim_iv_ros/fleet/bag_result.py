@@ -18,16 +18,10 @@ Status = Literal["ok", "missing", "corrupt", "unusable"]
 
 @dataclass(frozen=True)
 class JointNoise:
-    """Residual of one joint.
+    """Residual of one joint, N m (N for a prismatic joint).
 
-    Attributes
-    ----------
-    joint : str
-    rms : float
-        Of the residual of the bag's own estimate, N m (N for a prismatic joint).
-    floor : float
-        Of the noise of the measured torque in the band of the rows, which no model explains, same
-        unit.
+    `rms`: of the bag's own estimate; `floor`: of the noise of the measured torque in the band of
+    the rows, which no model explains.
     """
 
     joint: str
@@ -39,14 +33,7 @@ class JointNoise:
 class CauseSummary:
     """One accepted cause of a diagnosis.
 
-    Attributes
-    ----------
-    effect, kind : str
-    joint : str or None
-    parameters : dict of name to EffectParameter
-        Value, standard deviation, unit.
-    shrinkage : float or None
-        Share of the torque gap above the noise floor that goes with it.
+    `shrinkage`: share of the torque gap above the noise floor that goes with it.
     """
 
     effect: str
@@ -101,14 +88,12 @@ class BagResult(Document):
         Of the base parameters.
     kinematics : str
         Digest of the geometry: base parameters of bags are comparable where it is the same.
-    effort_unit : str
     r_factor : (p + 1, p + 1)
         Upper triangular R of the whitened [X y]: RᵀR holds XᵀWX, XᵀWy and yᵀWy, where W is the
         inverse of the covariance of the residual as an autoregressive process, joint by joint.
         Divided by its deviation, so that the whitened residual has variance one.
     rows : int
         Whitened rows behind it.
-    noise : tuple of JointNoise
     estimator : str
         Of `values`: ``idim-iv`` where the instruments were accepted, else ``idim-ls``.
     why_least_squares : str
@@ -122,7 +107,7 @@ class BagResult(Document):
     condition_number : float
         Of the stacked regressor matrix.
     verdict, sentence : str or None, str
-        Of the identification, see `OverallVerdict`.
+        See `OverallVerdict`.
     checks : tuple of str
         Findings on the recording: losses, frozen channels, segments.
     diagnosis : GapSummary or None
@@ -136,9 +121,9 @@ class BagResult(Document):
     uri: str
     content: str
     key: str = ""
-    robot: str
-    type: str
-    time: str | None
+    robot: str = ""
+    type: str = ""
+    time: str | None = None
     labels: dict[str, str] = field(default_factory=dict)
     status: Status
     reason: str = ""

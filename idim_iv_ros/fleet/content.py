@@ -44,8 +44,8 @@ def content_of(uri: str) -> str:
     system, name = file_system(uri)
     for part in bag_parts(system, name):
         # A listing may say less than the store knows of one object.
-        known = reachable(system.info, part["name"])
-        digest.update(f"{known['size']} {_says(known)}\n".encode())
+        details = reachable(system.info, part["name"])
+        digest.update(f"{details['size']} {_says(details)}\n".encode())
     return digest.hexdigest()
 
 

@@ -14,14 +14,13 @@ from idim_iv_ros.errors import IdimError
 from idim_iv_ros.fleet.bag_result import BagResult, CauseSummary, GapSummary
 from idim_iv_ros.fleet.content import code_version, key_of
 from idim_iv_ros.fleet.fleet_result import fleet_result
-from idim_iv_ros.fleet.identify import Counted, identify_bags
+from idim_iv_ros.fleet.identify import identify_bags
 from idim_iv_ros.fleet.remote import open_bag
 from idim_iv_ros.fleet.result import FleetResult, Screened
-from idim_iv_ros.fleet.robots import robots_of
+from idim_iv_ros.fleet.robots import Robot, robots_of
 from idim_iv_ros.fleet.run import FleetRun
 from idim_iv_ros.fleet.source import find_bags
-from idim_iv_ros.fleet.store import Store
-from idim_iv_ros.fleet.task import Robot
+from idim_iv_ros.fleet.statistics.common_causes import is_nothing
 from idim_iv_ros.progress import Progress, part_of
 
 DIAGNOSES = "diagnoses"  # folder of the diagnoses of robots, below the results of the fleet
@@ -38,16 +37,14 @@ class RobotDiagnosis:
     screened : Screened
         Which robot, from which bags, and why it was diagnosed.
     gap : GapResult or None
+        With the series that a report draws where it was made in this run.
     reason : str
         Why there is none.
-    fresh : bool
-        Whether it was made in this run: then it holds the series that a report draws.
     """
 
     screened: Screened
     gap: GapResult | None
     reason: str = ""
-    fresh: bool = False
 
 
 @dataclass(frozen=True)
@@ -81,47 +78,28 @@ def diagnose_fleet(run: FleetRun, progress: Progress | None = None) -> Fleet:
 
     Parameters, errors: as `identify_bags`. What was diagnosed before is kept.
     """
-    found = identify_fleet(run, part_of(progress, 0.0, _IDENTIFIED))
-    diagnoses = _diagnosed(run, found, part_of(progress, _IDENTIFIED, 1.0))
-    bags = _with_summaries(found.bags, diagnoses)
-    return Fleet(bags, fleet_result(bags), diagnoses)
-
-
-def _diagnosed(
-    run: FleetRun, found: Fleet, progress: Progress | None
-) -> tuple[RobotDiagnosis, ...]:
+    identified = identify_fleet(run, part_of(progress, 0.0, _IDENTIFIED))
     _, robots = robots_of(find_bags(run.source), Path(run.config))
-    store = Store(Path(run.out) / DIAGNOSES, GapResult)
-    contents = {bag.uri: bag.content for bag in found.bags}
-    screen = found.result.screen
-    keys = [
-        key_of(
-            "\n".join(contents[uri] for uri in each.bags),
-            robots[each.robot].digest,
-            code_version(),
-            "diagnose",
-        )
-        for each in screen
-    ]
-    diagnoses = [
-        RobotDiagnosis(each, store.get(key)) for each, key in zip(screen, keys, strict=True)
-    ]
-    waiting = [place for place, each in enumerate(diagnoses) if each.gap is None]
-    count = Counted("diagnosing", len(waiting), progress, 0.0, 1.0, of="robots")
-
-    def done(number: int, answer: GapResult | str | None, why: str) -> None:
-        place = waiting[number]
+    contents = {bag.uri: bag.content for bag in identified.bags}
+    tasks = []
+    for chosen in identified.result.screen:
+        robot = robots[chosen.robot]
+        content = "\n".join(contents[uri] for uri in chosen.bags)
+        key = key_of(content, robot.digest, code_version(), "diagnose")
+        tasks.append((key, (chosen.bags, robot)))
+    rest = part_of(progress, _IDENTIFIED, 1.0)
+    stage = ("diagnosing", "robots")
+    answers = run.answers(DIAGNOSES, GapResult, diagnose_task, tasks, stage, rest)
+    diagnoses = []
+    summaries: dict[str, GapSummary] = {}
+    for chosen, answer in zip(identified.result.screen, answers, strict=True):
         if isinstance(answer, GapResult):
-            store.put(keys[place], answer)
-            diagnoses[place] = RobotDiagnosis(screen[place], answer, fresh=True)
+            diagnoses.append(RobotDiagnosis(chosen, answer))
+            summaries |= dict.fromkeys(chosen.bags, gap_summary(answer))
         else:
-            diagnoses[place] = RobotDiagnosis(screen[place], None, answer or why)
-        count.one_more()
-
-    with count.said():
-        tasks = [(screen[place].bags, robots[screen[place].robot]) for place in waiting]
-        run.tasks(diagnose_task, tasks, done)
-    return tuple(diagnoses)
+            diagnoses.append(RobotDiagnosis(chosen, None, answer))
+    bags = tuple(replace(bag, diagnosis=summaries.get(bag.uri)) for bag in identified.bags)
+    return Fleet(bags, fleet_result(bags), tuple(diagnoses))
 
 
 def diagnose_task(uris: Sequence[str], robot: Robot) -> GapResult | str:
@@ -141,24 +119,12 @@ def diagnose_task(uris: Sequence[str], robot: Robot) -> GapResult | str:
 
 
 def gap_summary(gap: GapResult) -> GapSummary:
-    """Return a diagnosis in short."""
-    causes = tuple(
+    """Return a diagnosis in short; a cause whose numbers may all be zero is none."""
+    causes = [
         CauseSummary(
             cause.effect, cause.kind, cause.joint, cause.parameters, cause.torque_gap.shrinkage
         )
         for cause in gap.causes
-    )
-    return GapSummary(gap.verdict, causes, gap.summary)
-
-
-def _with_summaries(
-    bags: Sequence[BagResult], diagnoses: Sequence[RobotDiagnosis]
-) -> tuple[BagResult, ...]:
-    """Give every diagnosed bag the diagnosis of the bags that it was diagnosed with."""
-    summaries = {
-        uri: gap_summary(each.gap)
-        for each in diagnoses
-        if each.gap is not None
-        for uri in each.screened.bags
-    }
-    return tuple(replace(bag, diagnosis=summaries.get(bag.uri)) for bag in bags)
+    ]
+    shown = tuple(cause for cause in causes if not is_nothing(cause))
+    return GapSummary(gap.verdict, shown, gap.summary)

@@ -3,22 +3,47 @@
 import math
 from collections import defaultdict
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, version
-from importlib.util import find_spec
+from importlib.metadata import version
+
+import numpy as np
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.fleet.bag_result import BagResult
-from idim_iv_ros.fleet.result import Attention, FleetBag, FleetResult, FleetRobot
+from idim_iv_ros.fleet.result import (
+    Attention,
+    FleetBag,
+    FleetResult,
+    FleetRobot,
+    FleetType,
+    Screened,
+    TypeQuantity,
+)
 from idim_iv_ros.fleet.robot_answer import fleet_robot, robot_without_bags
-from idim_iv_ros.fleet.statistics import screen
-from idim_iv_ros.fleet.statistics.judged import judge
+from idim_iv_ros.fleet.statistics.common_causes import causes_of_robot, common_causes, sentences
 from idim_iv_ros.fleet.statistics.multiplicity import FALSE_DISCOVERIES
+from idim_iv_ros.fleet.statistics.outliers import LEAST as LEAST_ROBOTS
 from idim_iv_ros.fleet.statistics.quantities import types_of
-from idim_iv_ros.fleet.statistics.random_effects import LEVEL
-from idim_iv_ros.fleet.type_answer import fleet_type
+from idim_iv_ros.fleet.statistics.random_effects import LEVEL, type_estimate
+from idim_iv_ros.fleet.statistics.resemblance import resemblance
+from idim_iv_ros.fleet.statistics.robots import ComparedType, compare_robots
+from idim_iv_ros.statistics.change_points import LEAST as LEAST_BAGS
 
+TYPICAL = 3  # ordinary robots that represent their type
+NEWEST = 3  # bags of a robot that are diagnosed
 _ORDER: tuple[Attention, ...] = ("differs", "changed", "unsteady", "recordings", "none")
-_SOFTWARE = ("idim-iv-ros", "numpy", "scipy", "statsmodels")
+_SOFTWARE = ("idim-iv-ros", "numpy", "scipy")
+
+LIMITS = (
+    "Robots are compared in their base parameters and in the residual of each joint. An effect "
+    "that all robots of a type share raises all their residuals and makes none of them stand out: "
+    "that is why ordinary robots are diagnosed, too.",
+    "What a residual consists of (backlash, load-dependent friction, a ripple) is not in an R "
+    "factor: only a diagnosis of the bags says it.",
+    "An effect that is smaller than what bags of one robot differ by, or than what robots of the "
+    "type differ by, is not found here.",
+    "Parameters of R factors are those of least squares: noise of the encoders moves those of all "
+    "robots equally, so that differences and changes are right and means may be off by a little.",
+)
 
 
 def fleet_result(results: Sequence[BagResult]) -> FleetResult:
@@ -27,45 +52,46 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
     Parameters
     ----------
     results
-        Of all bags, those that cannot be used among them. The order does not matter but for the
-        list of bags.
+        Of all bags, those that cannot be used among them, each recording once (`identify_bags`).
+        The order does not matter but for the list of bags.
 
     Raises
     ------
     UsageError
-        There is none, or statsmodels is not installed.
+        There is none.
     """
-    if find_spec("statsmodels") is None:
-        raise UsageError(
-            "the statistics of a fleet need statsmodels: pip install 'idim-iv-ros[fleet]'"
-        )
     if not results:
         raise UsageError("a fleet needs at least one bag; none was found")
-    why_not = _left_out(results)
-    groups = types_of([bag for k, bag in enumerate(results) if k not in why_not])
-    for group in groups:
-        other = {id(bag) for bag in group.other_model}
-        why_not.update(
-            (k, f"its base parameters, geometry or unit are not those of most bags of {group.type}")
-            for k, bag in enumerate(results)
-            if id(bag) in other
-        )
-    judged = judge(groups)
-    types = [fleet_type(each) for each in judged]
+    why_not = {
+        place: bag.reason or bag.status
+        if bag.status != "ok"
+        else "it says nothing of any parameter"
+        for place, bag in enumerate(results)
+        if bag.status != "ok" or not bag.names
+    }
+    groups = types_of([bag for place, bag in enumerate(results) if place not in why_not])
+    other = {id(bag) for group in groups for bag in group.other_model}
+    for place, bag in enumerate(results):
+        if id(bag) in other:
+            why_not[place] = (
+                f"its base parameters, geometry or unit are not those of most bags of {bag.type}"
+            )
     unused: dict[tuple[str, str], list[BagResult]] = defaultdict(list)
     for place in why_not:
         unused[results[place].type, results[place].robot].append(results[place])
-    robots = [
-        fleet_robot(each, place, kind.quantities, unused.get((kind.type, robot.robot), []))
-        for each, kind in zip(judged, types, strict=True)
-        for place, robot in enumerate(each.bags.robots)
-    ]
-    seen = {(robot.type, robot.robot) for robot in robots}
-    robots += [
-        robot_without_bags(kind, name, bags)
-        for (kind, name), bags in unused.items()
-        if (kind, name) not in seen
-    ]
+    types: list[FleetType] = []
+    robots: list[FleetRobot] = []
+    screen: list[Screened] = []
+    for compared in compare_robots(groups):
+        kind = _fleet_type(compared)
+        members = [
+            fleet_robot(compared, place, kind.quantities, unused.pop((kind.type, robot.robot), []))
+            for place, robot in enumerate(compared.bags.robots)
+        ]
+        types.append(kind)
+        robots += members
+        screen += _screened(compared, members)
+    robots += [robot_without_bags(kind, name, bags) for (kind, name), bags in unused.items()]
     return FleetResult(
         false_discoveries=FALSE_DISCOVERIES,
         level=LEVEL,
@@ -84,26 +110,124 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
             )
             for place, bag in enumerate(results)
         ),
-        screen=tuple(each for one in judged for each in screen.screened(one)),
-        limits=screen.LIMITS,
-        software=_software(),
+        screen=tuple(screen),
+        limits=LIMITS,
+        software={name: version(name) for name in _SOFTWARE},
     )
 
 
-def _left_out(results: Sequence[BagResult]) -> dict[int, str]:
-    """Bags that count for nothing, by their place, and why: unusable, or recorded twice."""
-    why: dict[int, str] = {}
-    first: dict[str, BagResult] = {}
-    for place, bag in enumerate(results):
-        if bag.status != "ok":
-            why[place] = bag.reason or bag.status
-        elif not bag.names:
-            why[place] = "it says nothing of any base parameter"
-        elif bag.content and bag.content in first:
-            why[place] = f"the same recording as {first[bag.content].uri}"
+def _fleet_type(compared: ComparedType) -> FleetType:
+    """Return one type: its quantities, what diagnoses say together, and what is not judged."""
+    group = compared.bags
+    causes = {
+        robot.robot: causes_of_robot(robot.bags)
+        for robot in group.robots
+        if any(bag.diagnosis is not None for bag in robot.bags)
+    }
+    ordinary = [
+        robot.robot
+        for robot, differs in zip(group.robots, compared.outlying.chosen.units, strict=True)
+        if robot.robot in causes and not differs
+    ]
+    common = common_causes(causes, ordinary)
+    return FleetType(
+        type=group.type,
+        robots=len(group.robots),
+        bags=sum(len(robot.bags) for robot in group.robots),
+        quantities=_type_quantities(compared),
+        diagnosed=tuple(causes),
+        causes=common,
+        notes=tuple(_notes(compared)),
+        sentences=sentences(group.type, common, tuple(causes), ordinary),
+    )
+
+
+def _notes(compared: ComparedType) -> list[str]:
+    """What of a type cannot be judged, and why."""
+    notes = []
+    count = len(compared.bags.robots)
+    robots = f"{count} robot{'s' if count != 1 else ''}"
+    if count < LEAST_ROBOTS:
+        notes.append(
+            f"{robots} of this type: with fewer than {LEAST_ROBOTS} nothing says what is ordinary, "
+            "and no robot is called different"
+        )
+    if not np.isfinite(compared.common.variance).any():
+        notes.append(
+            "no robot has two bags: what differs from day to day is unknown and counts as a "
+            "difference between robots"
+        )
+    short = sum(not math.isfinite(change.p_value) for change in compared.changes)
+    if short:
+        notes.append(
+            f"{short} of {robots} {'has' if short == 1 else 'have'} fewer than {LEAST_BAGS} "
+            "bags with a time, or all at one time: whether anything changed there is not judged"
+        )
+    similar = resemblance(compared.bags.robots)
+    if similar is not None:
+        notes.append(
+            "bags that follow each other resemble each other (median correlation "
+            f"{similar:.2f}), as where temperature or season move all of them: what is called a "
+            "change may be such a slow movement, and its p-value and date do not know of it"
+        )
+    return notes
+
+
+def _type_quantities(compared: ComparedType) -> tuple[TypeQuantity, ...]:
+    apart = compared.outlying.chosen.entries
+    values = np.where(apart, np.nan, compared.estimates.ordinary_values)
+    numbers = type_estimate(values, compared.estimates.ordinary_variances)
+    numbers["between_bags"] = np.sqrt(compared.common.variance)
+    residual = [quantity.kind == "residual" for quantity in compared.bags.quantities]
+    for name in ("mean", "mean_low", "mean_high", "next_low", "next_high"):
+        numbers[name] = np.where(residual, np.exp(numbers[name]), numbers[name])
+    return tuple(
+        TypeQuantity(
+            name=quantity.name,
+            kind=quantity.kind,
+            expression=quantity.expression,
+            unit=quantity.unit,
+            robots=int(np.isfinite(values[:, column]).sum()),
+            left_out=tuple(
+                robot.robot
+                for robot, out in zip(compared.bags.robots, apart[:, column], strict=True)
+                if out
+            ),
+            given=quantity.given,
+            **{name: float(number[column]) for name, number in numbers.items()},
+        )
+        for column, quantity in enumerate(compared.bags.quantities)
+    )
+
+
+def _screened(compared: ComparedType, robots: Sequence[FleetRobot]) -> list[Screened]:
+    """Return the robots of a type that deserve a diagnosis, and those that represent the type.
+
+    These are the ordinary ones nearest to the others, by their largest studentised distance.
+    """
+    words = {
+        "differs": "differs from its type in {}",
+        "changed": "{} changed over time",
+        "unsteady": "{}: its bags disagree",
+    }
+    chosen: list[Screened] = []
+    typical: list[tuple[float, Screened]] = []
+    for robot, bags in zip(robots, compared.bags.robots, strict=True):
+        newest = tuple(bag.uri for bag in reversed(bags.bags[-NEWEST:]))
+        why = robot.attention
+        if why in ("differs", "changed", "unsteady"):
+            names = ", ".join(q.name for q in robot.quantities if getattr(q, why))
+            reason = words[why].format(names)
+            chosen.append(Screened(robot.robot, robot.type, why, reason, newest))
         else:
-            first[bag.content] = bag
-    return why
+            reason = f"represents {robot.type}: nothing about it is unusual"
+            distance = max(
+                (abs(q.distance) for q in robot.quantities if math.isfinite(q.distance)),
+                default=0.0,
+            )
+            typical.append((distance, Screened(robot.robot, robot.type, "typical", reason, newest)))
+    typical.sort(key=lambda pair: (pair[0], pair[1].robot))
+    return chosen + [robot for _, robot in typical[:TYPICAL]]
 
 
 def _urgency(robot: FleetRobot) -> tuple[int, float, float, str, str]:
@@ -116,13 +240,3 @@ def _urgency(robot: FleetRobot) -> tuple[int, float, float, str, str]:
         robot.type,
         robot.robot,
     )
-
-
-def _software() -> dict[str, str]:
-    found = {}
-    for name in _SOFTWARE:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found

@@ -1,7 +1,7 @@
 """One bag identified: its own estimate, and the R factor that represents it among others."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from typing import Any
 
@@ -31,45 +31,29 @@ _FIRST_YEAR = 2000
 
 
 @dataclass(frozen=True)
-class SegmentEstimate:
-    """What is kept of one segment; see `BagResult` for the fields that it has, too.
+class Segment:
+    """What is kept of one segment.
 
     Attributes
     ----------
     start, duration : float
         s, on the clock of the bag.
-    noise : (2, n_joints)
-        rms of the residual, and noise floor.
-    covariance : (p, p)
-        Of the IDIM-IV estimate.
-    values, std, ls_values, ls_std : (p,)
-        Of IDIM-IV and of joint-weighted IDIM-LS.
-    accepted : bool or None
-        Of the instruments.
+    result : IdentificationResult
+    r_factor : (b + 1, b + 1)
+        See `whitened_r_factor`.
+    rows : dict of joint to int
+        Behind it.
+    floor : (n_joints,)
+        Noise floor of the torque, N m (N).
+    checks : tuple of str
     """
 
     start: float
     duration: float
-    samples: dict[str, int]
-    names: tuple[str, ...]
-    expressions: tuple[str, ...]
-    units: tuple[str, ...]
-    kinematics: str
-    effort_unit: str
+    result: IdentificationResult
     r_factor: FloatArray
-    rows: int
-    noise: FloatArray
-    values: FloatArray
-    std: FloatArray
-    covariance: FloatArray
-    ls_values: FloatArray
-    ls_std: FloatArray
-    given: tuple[float, ...] | None
-    condition_number: float
-    accepted: bool | None
-    why_not_accepted: str
-    verdict: Verdict
-    sentence: str
+    rows: dict[str, int]
+    floor: FloatArray
     checks: tuple[str, ...]
 
 
@@ -88,7 +72,7 @@ def bag_fields(
     UsageError, DataError
         As `identify`; a segment that supports no estimate is left out if another one does.
     """
-    segments: list[SegmentEstimate] = []
+    segments: list[Segment] = []
     left_out: list[str] = []
     first: DataError | None = None
     with one_thread():
@@ -105,54 +89,41 @@ def bag_fields(
     return _joined(segments, left_out)
 
 
-def _segment(recording: Recording, configuration: Configuration) -> SegmentEstimate:
-    found = identified([recording], configuration, "idim-iv", Stopwatch(None))
-    result = assemble_result(found.prepared, found.estimates, found.validation)
-    parameters = result.parameters
-    given = [each.given_value for each in parameters]
-    floor = torque_noise(found.prepared.motions)
-    rows = found.estimates.rows
-    return SegmentEstimate(
+def _segment(recording: Recording, configuration: Configuration) -> Segment:
+    identification = identified([recording], configuration, "idim-iv", Stopwatch(None))
+    result = assemble_result(
+        identification.prepared, identification.estimates, identification.validation
+    )
+    return Segment(
         start=recording.start,
         duration=recording.duration,
-        samples={joint.name: len(joint) for joint in rows},
-        names=tuple(each.name for each in parameters),
-        expressions=tuple(each.expression for each in parameters),
-        units=tuple(each.unit for each in parameters),
-        kinematics=result.kinematics,
-        effort_unit=result.effort_unit,
-        r_factor=whitened_r_factor(found),
-        rows=sum(len(joint) for joint in rows),
-        noise=np.array([[each.rms for each in result.residuals], floor]),
-        values=np.array([each.value for each in parameters]),
-        std=np.array([each.std for each in parameters]),
-        covariance=result.covariance,
-        ls_values=np.array([each.ls_value for each in parameters]),
-        ls_std=np.array([each.ls_std for each in parameters]),
-        given=tuple(g for g in given if g is not None) if None not in given else None,
-        condition_number=result.fit.condition_number,
-        accepted=result.instruments.accepted,
-        why_not_accepted=_why_not(result),
-        verdict=result.verdict.verdict,
-        sentence=result.verdict.sentence,
+        result=replace(result, series=()),
+        r_factor=whitened_r_factor(identification),
+        rows={joint.name: len(joint) for joint in identification.estimates.rows},
+        floor=torque_noise(identification.prepared.motions),
         checks=loss_sentences([recording]),
     )
 
 
-def whitened_r_factor(found: Identified) -> FloatArray:
+def whitened_r_factor(identification: Identified) -> FloatArray:
     """R (b + 1, b + 1) of [X y] of all joints, each whitened by the model of its own residual.
 
     The whitened residual has unit variance: rows of different joints and bags count as they should
     when they are stacked. The diagonal is not negative, so that equal rows have equal factors.
     """
-    rows, models = found.estimates.rows, found.estimates.refined.models
-    width = len(found.prepared.model.base.columns) + 1
+    rows, models = identification.estimates.rows, identification.estimates.refined.models
+    width = len(identification.prepared.model.base.columns) + 1
     plain = [joint.with_instruments(joint.matrix) for joint in rows]
     factors = [
         joint.standardized_r_factor(model) for joint, model in zip(plain, models, strict=True)
     ]
     factor = stacked_r_factor(factors, [joint.places for joint in plain], width)
     return square(factor)
+
+
+def stacked(factors: Sequence[FloatArray]) -> FloatArray:
+    """R factor (b + 1, b + 1) of the rows of several, without a negative diagonal."""
+    return square(r_factor(np.vstack(factors)))
 
 
 def square(factor: FloatArray) -> FloatArray:
@@ -177,43 +148,50 @@ def _why_not(result: IdentificationResult) -> str:
     return f"the instruments are rejected{where}"
 
 
-def _joined(segments: Sequence[SegmentEstimate], left_out: Sequence[str]) -> dict[str, Any]:
-    first = segments[0]
-    factor = square(r_factor(np.vstack([each.r_factor for each in segments])))
-    rows = sum(each.rows for each in segments)
-    why = next((each.why_not_accepted for each in segments if not each.accepted), "")
+def _joined(segments: Sequence[Segment], left_out: Sequence[str]) -> dict[str, Any]:
+    first, result = segments[0], segments[0].result
+    factor = stacked([segment.r_factor for segment in segments])
+    samples = {joint: sum(segment.rows[joint] for segment in segments) for joint in first.rows}
+    rows = sum(samples.values())
+    why = next(filter(None, (_why_not(segment.result) for segment in segments)), "")
     estimator: Estimator = "idim-ls" if why else "idim-iv"
     values, std = _values(segments, factor, rows, estimator)
-    worst = min(segments, key=lambda each: _VERDICTS.index(each.verdict))
-    weights = [each.rows / rows for each in segments]
-    squares = sum(w * each.noise**2 for w, each in zip(weights, segments, strict=True))
-    noise = np.sqrt(squares)
-    checks = list(dict.fromkeys(check for each in segments for check in each.checks))
-    if len(segments) + len(left_out) > 1:
-        checks.insert(0, f"read in {len(segments) + len(left_out)} segments")
+    worst = min((segment.result.verdict for segment in segments),
+                key=lambda overall: _VERDICTS.index(overall.verdict))  # fmt: skip
+    noise = np.array(
+        [[[joint.rms for joint in s.result.residuals], s.floor] for s in segments], dtype=float
+    )
+    weights = [sum(segment.rows.values()) for segment in segments]
+    rms, floor = np.sqrt(np.average(noise**2, axis=0, weights=weights))
+    checks = list(dict.fromkeys(check for segment in segments for check in segment.checks))
+    count = len(segments) + len(left_out)
+    if count > 1:
+        checks.insert(0, f"read in {count} segments")
+    given = tuple(
+        parameter.given_value
+        for parameter in result.parameters
+        if parameter.given_value is not None
+    )
     return {
         "time": date_of(first.start),
-        "duration": sum(each.duration for each in segments),
-        "samples": {
-            joint: sum(each.samples[joint] for each in segments) for joint in first.samples
-        },
-        "names": first.names,
-        "expressions": first.expressions,
-        "units": first.units,
-        "kinematics": first.kinematics,
-        "effort_unit": first.effort_unit,
+        "duration": sum(segment.duration for segment in segments),
+        "samples": samples,
+        "names": tuple(parameter.name for parameter in result.parameters),
+        "expressions": tuple(parameter.expression for parameter in result.parameters),
+        "units": tuple(parameter.unit for parameter in result.parameters),
+        "kinematics": result.kinematics,
+        "effort_unit": result.effort_unit,
         "r_factor": factor,
         "rows": rows,
         "noise": tuple(
-            JointNoise(joint, float(rms), float(floor))
-            for joint, rms, floor in zip(first.samples, *noise, strict=True)
+            JointNoise(joint, float(rms[k]), float(floor[k])) for k, joint in enumerate(samples)
         ),
         "estimator": estimator,
         "why_least_squares": why,
         "values": tuple(map(float, values)),
         "std": tuple(map(float, std)),
-        "given": first.given,
-        "condition_number": max(each.condition_number for each in segments),
+        "given": given if len(given) == len(values) else None,
+        "condition_number": max(segment.result.fit.condition_number for segment in segments),
         "verdict": worst.verdict,
         "sentence": worst.sentence,
         "checks": (*checks, *left_out),
@@ -221,23 +199,26 @@ def _joined(segments: Sequence[SegmentEstimate], left_out: Sequence[str]) -> dic
 
 
 def _values(
-    segments: Sequence[SegmentEstimate], factor: FloatArray, rows: int, estimator: Estimator
+    segments: Sequence[Segment], factor: FloatArray, rows: int, estimator: Estimator
 ) -> tuple[FloatArray, FloatArray]:
     """Estimate of the bag: its own, or that of all segments together.
 
     Segments are independent: IDIM-IV estimates are averaged with the inverse of their covariances
     as weights, and least squares is solved on the stacked R factor.
     """
+    names = ("value", "std") if estimator == "idim-iv" else ("ls_value", "ls_std")
     if len(segments) == 1:
-        (one,) = segments
-        iv = estimator == "idim-iv"
-        return (one.values, one.std) if iv else (one.ls_values, one.ls_std)
+        parameters = segments[0].result.parameters
+        values, std = (np.array([getattr(p, name) for p in parameters]) for name in names)
+        return values, std
     if estimator == "idim-iv":
-        weights = [np.linalg.inv(each.covariance) for each in segments]
+        weights = [np.linalg.inv(segment.result.covariance) for segment in segments]
         covariance = np.linalg.inv(np.sum(weights, axis=0))
-        pairs = zip(weights, segments, strict=True)
-        values = covariance @ np.sum([w @ each.values for w, each in pairs], axis=0)
-        return values, np.sqrt(np.diag(covariance))
+        weighted = [
+            weight @ [parameter.value for parameter in segment.result.parameters]
+            for weight, segment in zip(weights, segments, strict=True)
+        ]
+        return covariance @ np.sum(weighted, axis=0), np.sqrt(np.diag(covariance))
     upper, right = factor[:-1, :-1], factor[:-1, -1]
     inverse = scipy.linalg.solve_triangular(upper, np.eye(len(upper)))
     variance = factor[-1, -1] ** 2 / max(1, rows - len(upper))

@@ -134,8 +134,8 @@ def open_bag(uri: str) -> Bag:
     system, path = file_system(uri)
     files = bag_parts(system, path)
     sources: dict[Path, ByteSource] = {
-        Path(PurePosixPath(each["name"]).name): FetchedFile(system, each["name"], each["size"])
-        for each in files
+        Path(PurePosixPath(part["name"]).name): FetchedFile(system, part["name"], part["size"])
+        for part in files
     }
     return Bag(Path(PurePosixPath(path).name), sources)
 
@@ -146,7 +146,7 @@ def bag_parts(system: Any, path: str) -> list[dict[str, Any]]:
     if information["type"] != "directory":
         return [information]
     listed = reachable(system.ls, path, detail=True)
-    files = [each for each in listed if is_bag_file(str(each["name"]))]
+    files = [part for part in listed if is_bag_file(str(part["name"]))]
     if not files:
         raise FileNotFoundError(0, "no .mcap, .db3 or .bag file in this folder")
-    return sorted(files, key=lambda each: (len(each["name"]), each["name"]))
+    return sorted(files, key=lambda part: (len(part["name"]), part["name"]))

@@ -1,9 +1,11 @@
 """What a fleet says: the document fleet.json, and what its page draws."""
 
+import math
 from dataclasses import dataclass, field
 from typing import ClassVar, Final, Literal
 
 from idim_iv_ros.documents import Document, Number
+from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.fleet.bag_result import GapSummary, Status
 
 FLEET_FORMAT: Final = "idim_iv_ros/fleet/1"
@@ -14,14 +16,7 @@ WhyDiagnose = Literal["differs", "changed", "unsteady", "typical"]
 
 @dataclass(frozen=True, kw_only=True)
 class FleetBag:
-    """One bag: whether it was used, and why not.
-
-    Attributes
-    ----------
-    used : bool
-    why_not : str
-        Empty where it was used.
-    """
+    """One bag, and why it was not used; empty where it was."""
 
     uri: str
     robot: str
@@ -42,8 +37,6 @@ class TypeQuantity:
 
     Attributes
     ----------
-    name, expression, unit : str
-    kind : str
     robots : int
         Behind the numbers.
     left_out : tuple of str
@@ -81,16 +74,17 @@ class TypeQuantity:
 
 @dataclass(frozen=True)
 class CommonCause:
-    """A cause that diagnoses named.
+    """A cause that diagnoses named, of one sign and size.
 
     Attributes
     ----------
-    effect, kind : str
-    joint : str or None
     robots : tuple of str
-        Where it was found.
+        Where it was found; robots that have the effect with another size are another cause.
     of_type : bool
         Whether nearly all diagnosed robots that are ordinary for their type have it.
+    parameters : dict of name to EffectParameter
+        Mean over these robots of each number that half of them determine or more; the standard
+        deviation is that of the mean and holds what they differ by.
     """
 
     effect: str
@@ -98,6 +92,7 @@ class CommonCause:
     joint: str | None
     robots: tuple[str, ...]
     of_type: bool
+    parameters: dict[str, EffectParameter] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +105,6 @@ class FleetType:
         With usable bags.
     bags : int
         Used.
-    quantities : tuple of TypeQuantity
     diagnosed : tuple of str
         Robots with a diagnosis.
     causes : tuple of CommonCause
@@ -134,13 +128,8 @@ class FleetType:
 class AgreementTest:
     """Whether one set of parameters holds for all bags of a robot (F-test from R factors).
 
-    Attributes
-    ----------
-    what : str
-        ``all parameters`` or a group of them.
-    p_value : float
-    beyond_type : bool
-        Whether a parameter of it differs from bag to bag more than in the other robots.
+    `what`: ``all parameters`` or a group of them; `beyond_type`: whether a parameter of it differs
+    from bag to bag more than in the other robots.
     """
 
     what: str
@@ -154,7 +143,6 @@ class RobotQuantity:
 
     Attributes
     ----------
-    name : str
     value, low, high : float
         All bags in one regression, with a 95 % interval that holds what bags differ by.
     distance : float
@@ -187,7 +175,6 @@ class ParameterChange:
 
     Attributes
     ----------
-    name, unit : str
     kind : str
         ``step``, or ``ramp``: it begins after the bag before `begin` and goes on to the last bag.
     p_value : float
@@ -243,7 +230,6 @@ class FleetRobot:
         Of the null hypothesis that it is one of its type.
     change_p_value : float
         Of the null hypothesis that nothing changed over time.
-    agreement : tuple of AgreementTest
     quantities : tuple of RobotQuantity
         In the order of its type's.
     changes : tuple of ParameterChange
@@ -257,13 +243,13 @@ class FleetRobot:
     reasons: tuple[str, ...]
     bags: int
     not_used: int
-    first: str | None
-    last: str | None
-    p_value: Number
-    change_p_value: Number
-    agreement: tuple[AgreementTest, ...]
-    quantities: tuple[RobotQuantity, ...]
-    changes: tuple[ParameterChange, ...]
+    first: str | None = None
+    last: str | None = None
+    p_value: Number = math.nan
+    change_p_value: Number = math.nan
+    agreement: tuple[AgreementTest, ...] = ()
+    quantities: tuple[RobotQuantity, ...] = ()
+    changes: tuple[ParameterChange, ...] = ()
     diagnosis: GapSummary | None = None
 
 
@@ -271,14 +257,7 @@ class FleetRobot:
 class Screened:
     """A robot that deserves a diagnosis.
 
-    Attributes
-    ----------
-    robot, type : str
-    why : str
-        ``typical``: it represents its type.
-    reason : str
-    bags : tuple of str
-        URIs to diagnose, newest first.
+    `why`: ``typical`` ones represent their type; `bags`: URIs to diagnose, newest first.
     """
 
     robot: str
@@ -299,7 +278,6 @@ class FleetResult(Document):
         changed.
     level : float
         Of all intervals.
-    types : tuple of FleetType
     robots : tuple of FleetRobot
         What needs attention first.
     bags : tuple of FleetBag
@@ -308,7 +286,6 @@ class FleetResult(Document):
         What to diagnose.
     limits : tuple of str
         What R factors cannot show.
-    software : dict
     """
 
     what: ClassVar[str] = "the result of a fleet"

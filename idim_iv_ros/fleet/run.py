@@ -1,12 +1,20 @@
-"""What is asked of a fleet, and where the work is done."""
+"""What is asked of a fleet, where the work is done, and what is kept of it."""
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar
 
+from idim_iv_ros.documents import Document
+from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import FilePath
+from idim_iv_ros.files import FilePath, write_together
 from idim_iv_ros.fleet.scheduling import connected, run_tasks
+from idim_iv_ros.interruption import said_if_interrupted
+from idim_iv_ros.progress import Progress
+
+D = TypeVar("D", bound=Document)
 
 
 @dataclass(frozen=True)
@@ -54,3 +62,90 @@ class FleetRun:
         if arguments:
             with connected(self.scheduler, self.workers) as client:
                 run_tasks(client, function, arguments, done)
+
+    def answers(
+        self,
+        folder: str,
+        kind: type[D],
+        function: Callable[..., D | str],
+        tasks: Sequence[tuple[str, tuple[Any, ...]]],
+        stage: tuple[str, str],
+        progress: Progress | None,
+    ) -> list[D | str]:
+        """Call a function for all tasks that earlier runs did not do, and keep what it returns.
+
+        Parameters
+        ----------
+        folder
+            Below `out`: each answer is a file of its own there, whole or not at all.
+        kind
+            Of document that the function returns, or why there is none.
+        tasks
+            Key under which the answer is kept, and the arguments.
+        stage
+            What is done and to what, in words: ``("identifying", "bags")``.
+
+        Returns
+        -------
+        list of Document or str
+            In the order of the tasks; what failed, with its reason, is tried again by another run.
+
+        Raises
+        ------
+        UsageError
+            An answer cannot be written, or as `run_tasks`.
+        """
+        paths = [Path(self.out) / folder / f"{key}.json" for key, _ in tasks]
+        answers: list[D | str] = [_read(kind, path) or "" for path in paths]
+        waiting = [place for place, answer in enumerate(answers) if not answer]
+        count, begin = 0, time.monotonic()
+
+        def say() -> None:
+            if progress is not None and waiting:
+                progress(_words(stage, count, len(waiting), time.monotonic() - begin),
+                         count / len(waiting))  # fmt: skip
+
+        def done(number: int, answer: D | str | None, why: str) -> None:
+            nonlocal count
+            place = waiting[number]
+            answers[place] = answer or why
+            if isinstance(answer, Document):
+                _write(answer, paths[place])
+            count += 1
+            say()
+
+        say()
+        with said_if_interrupted(
+            lambda: (
+                f"{count:,} of {len(waiting):,} {stage[1]} are done and kept; the same command "
+                "goes on from there"
+            )
+        ):
+            self.tasks(function, [tasks[place][1] for place in waiting], done)
+        return answers
+
+
+def _read(kind: type[D], path: Path) -> D | None:
+    """Return what an earlier run kept; None where there is nothing that this version can read."""
+    try:
+        return kind.from_json(path.read_text(encoding="utf-8"), str(path))
+    except (FileNotFoundError, UsageError, ValueError):
+        return None
+
+
+def _write(answer: Document, path: Path) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_together({path: json_text(answer.to_document(), indent=None)})
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _words(stage: tuple[str, str], done: int, total: int, seconds: float) -> str:
+    """Say how many are done, how fast, and how long the rest takes."""
+    words = f"{stage[0]} {done:,} of {total:,} {stage[1]}"
+    if not done or seconds <= 0.0:
+        return words
+    left = seconds / done * (total - done)
+    unit, size = ("s", 1.0) if left < 100.0 else ("min", 60.0) if left < 6000.0 else ("h", 3600.0)
+    return f"{words}, {60.0 * done / seconds:.3g} a minute, {left / size:.0f} {unit} left"

@@ -4,7 +4,7 @@ import itertools
 import logging
 import os
 import tempfile
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -71,36 +71,33 @@ def connected(scheduler: str | None = None, workers: int | None = None) -> Itera
             client = stack.enter_context(Client(scheduler, timeout=f"{_WAIT} s"))
         except Exception as error:
             raise UsageError(f"--scheduler {scheduler}: {one_line(error)}") from error
-        _require_worker(client, scheduler)
+        try:
+            client.wait_for_workers(1, timeout=_WAIT)
+        except TimeoutError as error:
+            raise UsageError(
+                f"--scheduler {scheduler}: it has no worker after {_WAIT} s"
+            ) from error
         _require_same_version(client)
         yield client
 
 
-def _require_worker(client: Any, scheduler: str) -> None:
-    try:
-        client.wait_for_workers(1, timeout=_WAIT)
-    except TimeoutError as error:
-        raise UsageError(f"--scheduler {scheduler}: it has no worker after {_WAIT} s") from error
-
-
 def _require_same_version(client: Any) -> None:
     """Refuse workers of another version, or without this program; lost ones are passed over."""
-    answers = client.run(code_version, on_error="return")
-    for answer in answers.values():
-        if isinstance(answer, Exception) and not isinstance(answer, OSError):
+    for answer in client.run(code_version, on_error="return").values():
+        if isinstance(answer, str):
+            _require_version(client, answer)
+        elif not isinstance(answer, OSError):
             raise UsageError(
                 f"--scheduler {client.scheduler.address}: its workers cannot run idim_iv_ros "
                 f"({one_line(answer)}); install the same version there"
             )
-    _require_version(client, {answer for answer in answers.values() if isinstance(answer, str)})
 
 
-def _require_version(client: Any, versions: Collection[str]) -> None:
-    others = sorted(set(versions) - {code_version()})
-    if others:
+def _require_version(client: Any, version: str) -> None:
+    if version != code_version():
         raise UsageError(
-            f"--scheduler {client.scheduler.address}: workers run {', '.join(others)}, this "
-            f"machine {code_version()}; install the same version everywhere"
+            f"--scheduler {client.scheduler.address}: workers run {version}, this machine "
+            f"{code_version()}; install the same version everywhere"
         )
 
 
@@ -135,7 +132,7 @@ def run_tasks(
     UsageError
         A worker runs another version of this program.
     """
-    from distributed import as_completed
+    from distributed import KilledWorker, as_completed
 
     waiting = iter(enumerate(arguments))
     places: dict[str, int] = {}
@@ -149,32 +146,25 @@ def run_tasks(
             places[future.key] = place
             finished.add(future)
 
-    submit(_ahead(client))
+    def ahead() -> int:
+        """Tasks that keep all threads busy; workers may have come."""
+        return max(1, _AHEAD * int(sum(client.ncores().values())))
+
+    submit(ahead())
     for future in finished:
-        place = places.pop(future.key)
+        place, answer, why = places.pop(future.key), None, ""
         if future.status == "finished":
             answer = future.result()
             if isinstance(answer, OtherVersion):
-                _require_version(client, {answer.version})
-            done(place, answer, "")
-        else:
-            error = future.exception() if future.status == "error" else None
+                _require_version(client, answer.version)
+        elif future.status == "error":
+            error = future.exception()
             if isinstance(error, (ImportError, AttributeError)):  # of a worker that came later?
                 _require_same_version(client)
-            done(place, None, _why(error))
+            died = isinstance(error, KilledWorker)
+            why = "its worker died each time (out of memory?)" if died else one_line(error)
+        else:
+            why = "the task was cancelled"
+        done(place, answer, why)
         future.release()
-        # Workers may have come.
-        submit(max(1, _ahead(client) - len(places)))
-
-
-def _ahead(client: Any) -> int:
-    threads = int(sum(client.ncores().values()))
-    return max(1, _AHEAD * threads)
-
-
-def _why(error: BaseException | None) -> str:
-    from distributed import KilledWorker
-
-    if isinstance(error, KilledWorker):
-        return "its worker died each time (out of memory?)"
-    return "the task was cancelled" if error is None else one_line(error)
+        submit(max(1, ahead() - len(places)))

@@ -49,16 +49,16 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
             return _manifest(source, _rows(source, bytes(content)))
         information = reachable(system.info, path)
         if information["type"] != "directory":
-            folder, found = str(PurePosixPath(path).parent), [path]
+            folder, files = str(PurePosixPath(path).parent), [path]
         else:
-            folder, found = path, [str(each) for each in reachable(system.find, path)]
+            folder, files = path, [str(text) for text in reachable(system.find, path)]
     except FileNotFoundError as error:
         raise UsageError(f"{source}: no such file, folder or URL") from error
     except OSError as error:
         raise UsageError(f"{source}: cannot be read: {error.strerror or error}") from error
     entries = [
         _entry(bag, folder, bag if is_local(source) else system.unstrip_protocol(bag))
-        for bag in _bags(found)
+        for bag in _bags(files)
     ]
     if not entries:
         raise UsageError(f"{source}: no bag found (.mcap, .db3, .bag or a rosbag2 folder)")
@@ -67,7 +67,7 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
 
 def _bags(files: Iterable[str]) -> list[str]:
     """Bags among the files of a tree: rosbag2 folders, and files outside such folders."""
-    paths = [PurePosixPath(each) for each in files]
+    paths = [PurePosixPath(text) for text in files]
     paths = [path for path in paths if not path.name.startswith(".")]
     folders = {path.parent for path in paths if path.name == METADATA}
     bags = {
@@ -106,7 +106,7 @@ def _manifest(source: str, rows: list[dict[str, Any]]) -> tuple[BagEntry, ...]:
         raise UsageError(f"{source}: the manifest names no bag")
     for column in ("uri", "robot"):
         if column not in rows[0]:
-            listed = ", ".join(str(each) for each in rows[0])
+            listed = ", ".join(str(text) for text in rows[0])
             raise UsageError(f"{source}: no column {column}; it has {listed}")
     entries: dict[str, BagEntry] = {}
     for number, row in enumerate(rows, start=2 if source.endswith(".csv") else 1):
@@ -120,7 +120,7 @@ def _manifest(source: str, rows: list[dict[str, Any]]) -> tuple[BagEntry, ...]:
         uri = _absolute(source, values["uri"])
         if uri in entries:
             raise UsageError(f"{where}: {values['uri']} is listed twice")
-        labels = {name: str(each) for name, each in values.items() if name not in _COLUMNS}
+        labels = {name: str(text) for name, text in values.items() if name not in _COLUMNS}
         kind = str(values.get("type", ""))
         time = _time(where, values.get("time"))
         entries[uri] = BagEntry(uri, values["robot"], kind, time, labels)
@@ -140,20 +140,22 @@ def _time(where: str, value: object) -> str | None:
     if value is None:
         return None
     try:
-        time = value if isinstance(value, datetime) else datetime.fromisoformat(_zone(str(value)))
+        return iso_time(value if isinstance(value, datetime) else time_of(str(value)))
     except ValueError as error:
         raise UsageError(
             f"{where}: time {value} is not in ISO 8601, as in 2026-03-01T12:00:00Z"
         ) from error
-    return iso_time(time if time.tzinfo else time.replace(tzinfo=timezone.utc))
 
 
-def _zone(text: str) -> str:
-    """ISO 8601 as every Python reads it: Python 3.10 knows no Z."""
-    return text[:-1] + "+00:00" if text.endswith(("Z", "z")) else text
+def time_of(text: str) -> datetime:
+    """Read ISO 8601, UTC where it names no zone; ValueError where it is none."""
+    # Python 3.10 knows no Z.
+    time = datetime.fromisoformat(text[:-1] + "+00:00" if text.endswith(("Z", "z")) else text)
+    return time if time.tzinfo else time.replace(tzinfo=timezone.utc)
 
 
 def iso_time(time: datetime) -> str:
-    """``2026-03-01T12:00:00Z``."""
+    """``2026-03-01T12:00:00Z``; a time without zone is UTC."""
+    time = time if time.tzinfo else time.replace(tzinfo=timezone.utc)
     text = time.astimezone(timezone.utc).isoformat(timespec="microseconds")
     return text.replace("+00:00", "Z").replace(".000000Z", "Z")

@@ -23,17 +23,19 @@ label_NAME      other columns of the manifest
 
 import math
 from collections.abc import Sequence
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import complete_files
 from idim_iv_ros.fleet.bag_result import BagResult
+from idim_iv_ros.fleet.source import time_of
 
 FILE = "fleet.parquet"
-_TEXTS = ("uri", "robot", "type", "status", "reason", "estimator", "verdict", "parameter", "unit")
-_NUMBERS = ("duration", "value", "std", "given")
+_COLUMNS = (
+    *("uri", "robot", "type", "time", "status", "reason", "duration", "rows", "estimator"),
+    *("verdict", "parameter", "unit", "value", "std", "given", "content"),
+)
 
 
 def write_table(results: Sequence[BagResult], path: Path) -> None:
@@ -47,21 +49,14 @@ def write_table(results: Sequence[BagResult], path: Path) -> None:
     import pyarrow
     from pyarrow import parquet
 
-    labels = sorted({name for result in results for name in result.labels})
-    kinds = dict.fromkeys(_TEXTS, pyarrow.string()) | dict.fromkeys(_NUMBERS, pyarrow.float64())
+    kinds = dict.fromkeys(("duration", "value", "std", "given"), pyarrow.float64())
     kinds |= {"time": pyarrow.timestamp("us", tz="UTC"), "rows": pyarrow.int64()}
-    kinds |= {"content": pyarrow.string()}
-    kinds |= {f"label_{name}": pyarrow.string() for name in labels}
-    order = (
-        *("uri", "robot", "type", "time", "status", "reason", "duration", "rows", "estimator"),
-        *("verdict", "parameter", "unit", "value", "std", "given", "content"),
-        *(f"label_{name}" for name in labels),
-    )
-    rows = [row for result in results for row in _rows(result, labels)]
+    labels = sorted({f"label_{name}" for result in results for name in result.labels})
     schema = pyarrow.schema(
-        [pyarrow.field(name, kinds[name]) for name in order],
+        [pyarrow.field(name, kinds.get(name, pyarrow.string())) for name in (*_COLUMNS, *labels)],
         metadata={"idim_iv_ros": "idim_iv_ros/fleet-table/1"},
     )
+    rows = [row for result in results for row in _rows(result)]
     table = pyarrow.Table.from_pylist(rows, schema=schema)
     try:
         with complete_files([path]) as temporary:
@@ -70,42 +65,28 @@ def write_table(results: Sequence[BagResult], path: Path) -> None:
         raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
-def _rows(result: BagResult, labels: Sequence[str]) -> list[dict[str, Any]]:
+def _rows(result: BagResult) -> list[dict[str, Any]]:
+    """Rows of one bag; what does not exist is null."""
     usable = result.status == "ok"
     common: dict[str, Any] = {
-        "uri": result.uri,
-        "robot": result.robot,
-        "type": result.type,
-        "time": _time(result.time),
-        "status": result.status,
-        "reason": result.reason or None,
-        "duration": _number(result.duration),
-        "rows": result.rows if usable else None,
-        "estimator": result.estimator if usable else None,
-        "verdict": result.verdict,
-        "content": result.content or None,
+        name: getattr(result, name)
+        for name in ("uri", "robot", "type", "status", "duration", "verdict")
     }
-    common |= {f"label_{name}": result.labels.get(name) for name in labels}
-    if not usable:
-        return [common]
-    given = result.given or (None,) * len(result.names)
-    columns = zip(result.names, result.units, result.values, result.std, given, strict=True)
+    common |= {name: getattr(result, name) or None for name in ("reason", "content")}
+    common |= {"time": time_of(result.time) if result.time is not None else None}
+    common |= {f"label_{name}": text for name, text in result.labels.items()}
+    parameters: list[dict[str, Any]] = [{}]
+    if usable:
+        common |= {"rows": result.rows, "estimator": result.estimator}
+        given = result.given or (None,) * len(result.names)
+        columns = zip(result.names, result.units, result.values, result.std, given, strict=True)
+        names = ("parameter", "unit", "value", "std", "given")
+        parameters = [dict(zip(names, column, strict=True)) for column in columns]
+    rows = [common | parameter for parameter in parameters]
     return [
-        common
-        | {
-            "parameter": name,
-            "unit": unit,
-            "value": _number(value),
-            "std": _number(std),
-            "given": _number(nominal),
+        {
+            name: None if isinstance(value, float) and not math.isfinite(value) else value
+            for name, value in row.items()
         }
-        for name, unit, value, std, nominal in columns
+        for row in rows
     ]
-
-
-def _time(text: str | None) -> datetime | None:
-    return None if text is None else datetime.fromisoformat(text.replace("Z", "+00:00"))
-
-
-def _number(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None

@@ -3,8 +3,8 @@
 - `quantities`: base parameters and residuals of each bag, as columns
 - `stacking`: all bags of a robot in one regression; do they agree, and in what not
 - `random_effects`: variance between units beyond that of their estimates; the robots of a type
-- `between_bags`: what one robot's bags differ by from day to day
+- `robots`: what one robot's bags differ by from day to day; all of the robots of a type
 - `over_time`: what changed at a robot, when, and by how much
 - `outliers`: which robots differ from their type, and in which parameters
-- `screen`: which robots deserve a diagnosis; what the diagnoses say together
+- `common_causes`: what the diagnoses say together
 """

@@ -7,9 +7,11 @@ averaged over chosen robots keeps its level (Benjamini and Bogomolov, J. R. Stat
 2014).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from idim_iv_ros.types import FloatArray
@@ -35,26 +37,35 @@ class Chosen:
     entries: NDArray[np.bool_]
 
 
-def choose(p_values: FloatArray, level: float = FALSE_DISCOVERIES) -> Chosen:
-    """Choose units and their entries from p-values (k, m); NaN where none was computed."""
-    units = np.array([_simes(row) for row in p_values]).reshape(len(p_values))
+def choose(groups: Sequence[FloatArray], level: float = FALSE_DISCOVERIES) -> list[Chosen]:
+    """Choose units and their entries at one rate for all groups.
+
+    Parameters
+    ----------
+    groups : sequence of (k, m)
+        p-values, NaN where none was computed; m may differ.
+    """
+    simes = [np.array([_simes(row) for row in p_values]) for p_values in groups]
+    units = np.concatenate([np.zeros(0), *simes])
     chosen = benjamini_hochberg(units, level)
-    entries = np.zeros(p_values.shape, dtype=bool)
-    tested = int(np.sum(np.isfinite(units)))
-    within = level * float(chosen.sum()) / max(tested, 1)
-    for unit in np.flatnonzero(chosen):
-        entries[unit] = benjamini_hochberg(p_values[unit], within)
-    return Chosen(units, chosen, entries)
+    within = level * float(chosen.sum()) / max(int(np.isfinite(units).sum()), 1)
+    result, first = [], 0
+    for p_values, of_group in zip(groups, simes, strict=True):
+        called = chosen[first : first + len(of_group)]
+        first += len(of_group)
+        entries = np.zeros(p_values.shape, dtype=bool)
+        for unit in np.flatnonzero(called):
+            entries[unit] = benjamini_hochberg(p_values[unit], within)
+        result.append(Chosen(of_group, called, entries))
+    return result
 
 
 def benjamini_hochberg(p_values: FloatArray, level: float) -> NDArray[np.bool_]:
     """Which null hypotheses are rejected, (k,); NaN never is."""
-    from statsmodels.stats.multitest import multipletests
-
-    known = np.isfinite(p_values)
+    tested = np.isfinite(p_values)
     rejected = np.zeros(len(p_values), dtype=bool)
-    if known.any():
-        rejected[known] = multipletests(p_values[known], level, method="fdr_bh")[0]
+    if tested.any():
+        rejected[tested] = scipy.stats.false_discovery_control(p_values[tested]) <= level
     return rejected
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from idim_iv_ros.fleet.statistics.multiplicity import FALSE_DISCOVERIES, choose
+from idim_iv_ros.fleet.statistics.multiplicity import Chosen, choose
 from idim_iv_ros.fleet.statistics.random_effects import between_variance, generalised_q
 from idim_iv_ros.types import FloatArray
 
@@ -28,20 +28,6 @@ _TAIL = 20  # of these with a smaller p-value; beyond, both fall in proportion
 
 
 @dataclass(frozen=True)
-class Population:
-    """The robots of one type.
-
-    Attributes
-    ----------
-    values, variances : (k, m)
-        NaN where a robot has no estimate.
-    """
-
-    values: FloatArray
-    variances: FloatArray
-
-
-@dataclass(frozen=True)
 class Outlying:
     """Outcome for one type.
 
@@ -50,52 +36,43 @@ class Outlying:
     statistics : (k, m)
         Studentised distance from the others.
     p_values : (k, m)
-    robots : (k,) bool
-    robot_p_values : (k,)
-    entries : (k, m) bool
-        Quantities in which a called robot differs.
+    chosen : Chosen
+        Robots that differ, and the quantities in which they do.
     """
 
     statistics: FloatArray
     p_values: FloatArray
-    robots: NDArray[np.bool_]
-    robot_p_values: FloatArray
-    entries: NDArray[np.bool_]
+    chosen: Chosen
 
 
-def outlying(populations: Sequence[Population], level: float = FALSE_DISCOVERIES) -> list[Outlying]:
-    """Judge the robots of all types together at one false discovery rate."""
-    if not populations:
-        return []
-    tested = [_p_values(each) for each in populations]
-    widest = max(p_values.shape[1] for p_values in tested)
-    padded = [np.pad(p, ((0, 0), (0, widest - p.shape[1])), constant_values=np.nan) for p in tested]
-    chosen = choose(np.vstack(padded), level)
-    found, first = [], 0
-    for population, p_values in zip(populations, tested, strict=True):
-        rows = slice(first, first + len(p_values))
-        first += len(p_values)
-        entries = chosen.entries[rows, : p_values.shape[1]]
-        statistics = _against_others(population, entries)
-        found.append(
-            Outlying(statistics, p_values, chosen.units[rows], chosen.p_values[rows], entries)
-        )
-    return found
+def outlying(types: Sequence[tuple[FloatArray, FloatArray]]) -> list[Outlying]:
+    """Judge the robots of all types together at one false discovery rate.
+
+    Parameters
+    ----------
+    types : sequence of ((k, m), (k, m))
+        Values and variances of the robots of each type, NaN where one has no estimate.
+    """
+    tested = [_p_values(values, variances) for values, variances in types]
+    return [
+        Outlying(_against_others(*robots, chosen.entries), p_values, chosen)
+        for robots, p_values, chosen in zip(types, tested, choose(tested), strict=True)
+    ]
 
 
-def _p_values(population: Population) -> FloatArray:
+def _p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
     """Calibrated p-values (k, m); NaN where nothing can be judged."""
-    raw = _taken_out(population.values, population.variances)
+    raw = _taken_out(values, variances)
     counts = np.isfinite(raw).sum(axis=0)
-    found = np.full(raw.shape, np.nan)
+    result = np.full(raw.shape, np.nan)
     for column in np.flatnonzero(counts >= LEAST):
-        judged = np.isfinite(raw[:, column])
+        tested = np.isfinite(raw[:, column])
         drawn = _nobody_differs(int(counts[column]))
-        ranks = np.searchsorted(drawn, raw[judged, column], side="right")
+        ranks = np.searchsorted(drawn, raw[tested, column], side="right")
         share = (ranks + 1.0) / (len(drawn) + 1.0)
-        small = raw[judged, column] * (_TAIL / len(drawn)) / drawn[_TAIL - 1]
-        found[judged, column] = np.where(ranks < _TAIL, small, share)
-    return found
+        small = raw[tested, column] * (_TAIL / len(drawn)) / drawn[_TAIL - 1]
+        result[tested, column] = np.where(ranks < _TAIL, small, share)
+    return result
 
 
 @lru_cache(maxsize=32)
@@ -108,60 +85,54 @@ def _nobody_differs(robots: int) -> FloatArray:
 
 def _taken_out(values: FloatArray, variances: FloatArray) -> FloatArray:
     """Smallest p-value of each robot and of those that are nearer to the others, (k, m)."""
-    known = np.isfinite(values) & np.isfinite(variances)
-    left = np.where(known, values, np.nan)
-    counts = known.sum(axis=0)
+    estimated = np.isfinite(values) & np.isfinite(variances)
+    left = np.where(estimated, values, np.nan)
+    counts = estimated.sum(axis=0)
     columns = np.arange(values.shape[1])
     steps = np.maximum(counts // _MOST, 1)
-    order, found = [], []
+    order, tails = [], []
     for step in range(int(steps.max(initial=0))):
         between = between_variance(left, variances)
         _, mean, _ = generalised_q(left, variances, between)
         with np.errstate(invalid="ignore", divide="ignore"):
             distances = np.abs(left - mean) / np.sqrt(variances + between)
         farthest = np.argmax(np.where(np.isfinite(distances), distances, -1.0), axis=0)
-        own = left[farthest, columns]
+        value = left[farthest, columns]
         left[farthest, columns] = np.nan
-        p_value = _beside(own, variances[farthest, columns], left, variances)
+        distance = _distance(value, variances[farthest, columns], left, variances)
+        others = np.isfinite(left + variances).sum(axis=0)
+        tail = 2.0 * scipy.stats.t.sf(np.abs(distance), np.maximum(others - 1, 1))
+        tested = (step < steps) & (counts - step >= LEAST) & np.isfinite(tail)
         order.append(farthest)
-        found.append(np.where((step < steps) & (counts - step >= LEAST), p_value, np.inf))
-    result = np.where(known & (counts >= LEAST), 1.0, np.nan)
+        tails.append(np.where(tested, tail, np.inf))
+    result = np.where(estimated & (counts >= LEAST), 1.0, np.nan)
     smallest = np.full(values.shape[1], np.inf)
-    for farthest, p_value in zip(reversed(order), reversed(found), strict=True):
+    for farthest, p_value in zip(reversed(order), reversed(tails), strict=True):
         smallest = np.minimum(smallest, p_value)
         inside = np.isfinite(result[farthest, columns]) & np.isfinite(smallest)
         result[farthest[inside], columns[inside]] = smallest[inside]
     return result
 
 
-def _beside(
-    own: FloatArray, variance: FloatArray, others: FloatArray, variances: FloatArray
-) -> FloatArray:
-    """p-values (m,) of one robot beside others."""
-    distance = _distance(own, variance, others, variances)
-    count = np.isfinite(others + variances).sum(axis=0)
-    tail = 2.0 * scipy.stats.t.sf(np.abs(distance), np.maximum(count - 1, 1))
-    return np.where(np.isfinite(tail), tail, np.inf)
-
-
 def _distance(
-    own: FloatArray, variance: FloatArray, others: FloatArray, variances: FloatArray
+    value: FloatArray, variance: FloatArray, others: FloatArray, variances: FloatArray
 ) -> FloatArray:
     """Studentised distance (m,) of one robot from others."""
     between = between_variance(others, variances)
     _, mean, uncertainty = generalised_q(others, variances, between)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray((own - mean) / np.sqrt(variance + between + uncertainty))
+        return np.asarray((value - mean) / np.sqrt(variance + between + uncertainty))
 
 
-def _against_others(population: Population, left_out: NDArray[np.bool_]) -> FloatArray:
+def _against_others(
+    values: FloatArray, variances: FloatArray, left_out: NDArray[np.bool_]
+) -> FloatArray:
     """Studentised distances (k, m) of each robot from the others that were not called."""
-    values, variances = population.values, population.variances
     statistics = np.full(values.shape, np.nan)
     kept = np.where(left_out, np.nan, values)
     for robot in range(len(values)):
-        others, own = np.delete(kept, robot, axis=0), np.delete(variances, robot, axis=0)
-        usable = np.isfinite(others + own).sum(axis=0) >= LEAST - 1
-        distance = _distance(values[robot], variances[robot], others, own)
+        others, spread = np.delete(kept, robot, axis=0), np.delete(variances, robot, axis=0)
+        usable = np.isfinite(others + spread).sum(axis=0) >= LEAST - 1
+        distance = _distance(values[robot], variances[robot], others, spread)
         statistics[robot, usable] = distance[usable]
     return statistics

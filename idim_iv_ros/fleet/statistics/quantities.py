@@ -13,12 +13,12 @@ from typing import Literal
 import numpy as np
 
 from idim_iv_ros.fleet.bag_result import BagResult
+from idim_iv_ros.fleet.source import iso_time, time_of
 from idim_iv_ros.fleet.statistics.stacking import Regression, regression
 from idim_iv_ros.types import FloatArray
 
 QuantityKind = Literal["parameter", "residual"]
 _DAY = 86400.0
-Model = tuple[tuple[str, ...], str, str]
 
 
 @dataclass(frozen=True)
@@ -78,25 +78,17 @@ class TypeBags:
     other_model: tuple[BagResult, ...]
 
 
-def days_of(time: str | None) -> float:
-    """Days since 1970 of an ISO 8601 stamp, UTC where it names no zone; NaN for none."""
-    if time is None:
-        return math.nan
+def stamp_of(days: float) -> str:
+    """ISO 8601, UTC, of days since 1970."""
+    return iso_time(datetime.fromtimestamp(round(days * _DAY), tz=timezone.utc))
+
+
+def _days_of(time: str | None) -> float:
+    """Days since 1970; NaN of what is no time."""
     try:
-        stamp = datetime.fromisoformat(time.replace("Z", "+00:00"))
+        return math.nan if time is None else time_of(time).timestamp() / _DAY
     except ValueError:
         return math.nan
-    if stamp.tzinfo is None:
-        stamp = stamp.replace(tzinfo=timezone.utc)
-    return stamp.timestamp() / _DAY
-
-
-def stamp_of(days: float) -> str | None:
-    """ISO 8601, UTC; None for NaN."""
-    if not math.isfinite(days):
-        return None
-    stamp = datetime.fromtimestamp(round(days * _DAY), tz=timezone.utc)
-    return stamp.strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def types_of(bags: Sequence[BagResult]) -> list[TypeBags]:
@@ -107,71 +99,47 @@ def types_of(bags: Sequence[BagResult]) -> list[TypeBags]:
     ]
 
 
-def _model(bag: BagResult) -> Model:
+def _model(bag: BagResult) -> tuple[tuple[str, ...], str, str]:
     return bag.names, bag.kinematics, bag.effort_unit
 
 
 def _type(bags: Sequence[BagResult], name: str) -> TypeBags:
-    models = Counter(_model(bag) for bag in bags)
-    most = max(models.values())
-    usual = next(model for model, count in models.items() if count == most)
-    own = [bag for bag in bags if _model(bag) == usual]
-    first = own[0]
-    joints = [each.joint for each in first.noise]
+    (usual, _), *_ = Counter(map(_model, bags)).most_common(1)
+    comparable = [bag for bag in bags if _model(bag) == usual]
+    first = comparable[0]
     given = first.given or (math.nan,) * len(first.names)
-    parameters = tuple(
-        Quantity(name, "parameter", unit, expression, value)
-        for name, unit, expression, value in zip(
-            first.names, first.units, first.expressions, given, strict=True
-        )
-    )
-    residuals = tuple(
-        Quantity(f"residual {joint}", "residual", first.effort_unit) for joint in joints
-    )
-    robots = tuple(
-        _robot([bag for bag in own if bag.robot == robot], robot, joints)
-        for robot in sorted({bag.robot for bag in own})
-    )
+    about = zip(first.units, first.expressions, given, strict=True)
+    columns = zip(first.names, about, strict=True)
+    joints = [noise.joint for noise in first.noise]
+    robots = sorted({bag.robot for bag in comparable})
     return TypeBags(
         name,
-        parameters + residuals,
-        len(parameters),
-        robots,
+        (
+            *(Quantity(label, "parameter", *rest) for label, rest in columns),
+            *(Quantity(f"residual {joint}", "residual", first.effort_unit) for joint in joints),
+        ),
+        len(first.names),
+        tuple(
+            _robot([bag for bag in comparable if bag.robot == robot], robot, joints)
+            for robot in robots
+        ),
         tuple(bag for bag in bags if _model(bag) != usual),
     )
 
 
 def _robot(bags: Sequence[BagResult], robot: str, joints: Sequence[str]) -> RobotBags:
-    known = [(days_of(bag.time), bag) for bag in bags]
-    ordered = sorted(known, key=lambda each: (math.isnan(each[0]), each[0], each[1].uri))
-    fits = [regression(bag.r_factor, bag.rows) for _, bag in ordered]
-    values, variances = [], []
-    for (_, bag), fit in zip(ordered, fits, strict=True):
-        rms = {each.joint: each.rms for each in bag.noise}
+    dated = [(_days_of(bag.time), bag) for bag in bags]
+    dated.sort(key=lambda pair: (math.isnan(pair[0]), pair[0], pair[1].uri))
+    times, bags = np.array([days for days, _ in dated]), [bag for _, bag in dated]
+    fits = tuple(regression(bag.r_factor, bag.rows) for bag in bags)
+    width = len(bags[0].names)
+    values, variances = np.full((2, len(bags), width + len(joints)), np.nan)
+    for row, (bag, fit) in enumerate(zip(bags, fits, strict=True)):
+        if fit.complete:
+            values[row, :width], variances[row, :width] = fit.values, np.diag(fit.covariance)
+        rms = {noise.joint: noise.rms for noise in bag.noise if noise.rms > 0.0}
+        values[row, width:] = np.log([rms.get(joint, np.nan) for joint in joints])
         # Variance of the logarithm of a deviation from n values: 1 / 2n.
-        spread = len(joints) / (2.0 * max(bag.rows, 1))
-        width = len(fit.values)
-        values.append(
-            [
-                *(fit.values if fit.complete else np.full(width, np.nan)),
-                *(_log(rms.get(joint, math.nan)) for joint in joints),
-            ]
-        )
-        variances.append(
-            [
-                *(np.diag(fit.covariance) if fit.complete else np.full(width, np.nan)),
-                *(spread for _ in joints),
-            ]
-        )
-    return RobotBags(
-        robot,
-        tuple(bag for _, bag in ordered),
-        np.array([days for days, _ in ordered]),
-        tuple(fits),
-        np.array(values, dtype=float),
-        np.array(variances, dtype=float),
-    )
-
-
-def _log(value: float) -> float:
-    return math.log(value) if value > 0.0 and math.isfinite(value) else math.nan
+        variances[row, width:] = len(joints) / (2.0 * max(bag.rows, 1))
+    values[~np.isfinite(values)] = np.nan
+    return RobotBags(robot, tuple(bags), times, fits, values, variances)

@@ -12,8 +12,6 @@ degrees of freedom at the true one (DerSimonian and Kacker, Contemp. Clin. Trial
 Columns are separate problems; NaN is a unit that has no estimate there.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy
 
@@ -23,34 +21,6 @@ LEVEL = 0.95  # of every interval
 _NEWTON = 60
 _HALVINGS = 90
 _CLOSE = 1e-12
-
-
-@dataclass(frozen=True)
-class TypeEstimate:
-    """One quantity of the robots of a type.
-
-    Attributes
-    ----------
-    units : int
-        Robots behind it.
-    mean, mean_low, mean_high : float
-        Hartung-Knapp interval.
-    sigma, sigma_low, sigma_high : float
-        Standard deviation from robot to robot, Q-profile interval.
-    next_low, next_high : float
-        Where the true value of the next robot lies (Higgins, Thompson and Spiegelhalter, J. R.
-        Statist. Soc. A 172, 2009); NaN below three robots.
-    """
-
-    units: int
-    mean: float
-    mean_low: float
-    mean_high: float
-    sigma: float
-    sigma_low: float
-    sigma_high: float
-    next_low: float
-    next_high: float
 
 
 def generalised_q(
@@ -63,9 +33,9 @@ def generalised_q(
     values, variances : (k, m)
         NaN where a unit has none.
     """
-    known = np.isfinite(values) & np.isfinite(variances)
-    weights = np.where(known, 1.0 / (np.where(known, variances, 1.0) + between), 0.0)
-    filled = np.where(known, values, 0.0)
+    estimated = np.isfinite(values) & np.isfinite(variances)
+    weights = np.where(estimated, 1.0 / (np.where(estimated, variances, 1.0) + between), 0.0)
+    filled = np.where(estimated, values, 0.0)
     total = weights.sum(axis=0)
     safe = np.where(total > 0.0, total, 1.0)
     mean = (weights * filled).sum(axis=0) / safe
@@ -84,22 +54,24 @@ def between_variance(
     target : (m,), optional
         k − 1 of each column if left out: the estimate of Paule and Mandel.
     """
-    known = np.isfinite(values) & np.isfinite(variances)
-    count = known.sum(axis=0)
+    estimated = np.isfinite(values) & np.isfinite(variances)
+    count = estimated.sum(axis=0)
     wanted = np.asarray(count - 1.0 if target is None else target, dtype=float)
-    found = np.zeros(values.shape[1])
+    root = np.zeros(values.shape[1])
     open_columns = np.flatnonzero((count > 1) & (wanted > 0.0))
-    filled = np.where(known, values, 0.0)[:, open_columns]
-    own = np.where(known, variances, np.inf)[:, open_columns]
+    filled = np.where(estimated, values, 0.0)[:, open_columns]
+    noise = np.where(estimated, variances, np.inf)[:, open_columns]
     wanted = wanted[open_columns]
-    total = known[:, open_columns].sum(axis=0)
+    total = estimated[:, open_columns].sum(axis=0)
     middle = filled.sum(axis=0) / total
-    squares = (np.where(known[:, open_columns], filled - middle, 0.0) ** 2).sum(axis=0)
+    squares = (np.where(estimated[:, open_columns], filled - middle, 0.0) ** 2).sum(axis=0)
     # The root where all variances are equal. Q is convex and falls: Newton's step from below the
     # root never passes it, and one from above lands below or at zero.
-    tau = np.maximum(squares / wanted - np.where(own < np.inf, own, 0.0).sum(axis=0) / total, 0.0)
+    tau = np.maximum(
+        squares / wanted - np.where(noise < np.inf, noise, 0.0).sum(axis=0) / total, 0.0
+    )
     for _ in range(_NEWTON):
-        weights = 1.0 / (own + tau)
+        weights = 1.0 / (noise + tau)
         rest = filled - (weights * filled).sum(axis=0) / weights.sum(axis=0)
         q = (weights * rest**2).sum(axis=0)
         slope = (weights**2 * rest**2).sum(axis=0)
@@ -108,8 +80,8 @@ def between_variance(
         tau = np.maximum(tau + change, 0.0)
         if np.all(settled | (np.abs(change) <= _CLOSE * tau)):
             break
-    found[open_columns] = tau
-    return found
+    root[open_columns] = tau
+    return root
 
 
 def common_between_variance(groups: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
@@ -128,88 +100,73 @@ def common_between_variance(groups: list[tuple[FloatArray, FloatArray]]) -> Floa
     (m,)
         NaN where no group has two units.
     """
-    columns = groups[0][0].shape[1] if groups else 0
-    counts = np.array([np.isfinite(v + s).sum(axis=0) for v, s in groups]).reshape(-1, columns)
-    judged = counts > 1
+    counts = np.array([np.isfinite(v + s).sum(axis=0) for v, s in groups])
+    usable = (counts > 1).any(axis=0)
+    scattering = (counts > 1) | ~usable
+    spread = np.array([_spread(values) for values, _ in groups]).max(axis=0)
 
     def median(between: FloatArray) -> FloatArray:
         q = np.array([generalised_q(v, s, between)[0] for v, s in groups])
         below = scipy.stats.chi2.cdf(q, np.maximum(counts - 1, 1))
-        return np.asarray(np.nanmedian(np.where(judged, below, np.nan), axis=0))
+        return np.asarray(np.nanmedian(np.where(scattering, below, np.nan), axis=0))
 
-    result = np.full(columns, np.nan)
-    usable = judged.any(axis=0)
-    if not usable.any():
-        return result
-    groups = [(values[:, usable], variances[:, usable]) for values, variances in groups]
-    judged, counts = judged[:, usable], counts[:, usable]
-    spread = np.nanmax(
-        [np.nan_to_num(np.nanmax(v, axis=0) - np.nanmin(v, axis=0)) for v, _ in groups], axis=0
-    )
     low, high = np.zeros(len(spread)), np.maximum(spread, 1e-300) ** 2 * 1e3
     at_zero = median(low) <= 0.5
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        above = median(middle) > 0.5
-        low, high = np.where(above, middle, low), np.where(above, high, middle)
-    result[usable] = np.where(at_zero, 0.0, 0.5 * (low + high))
-    return result
+        too_low = median(middle) > 0.5
+        low, high = np.where(too_low, middle, low), np.where(too_low, high, middle)
+    return np.where(usable, np.where(at_zero, 0.0, 0.5 * (low + high)), np.nan)
+
+
+def _spread(values: FloatArray) -> FloatArray:
+    """Largest less smallest of each column (m,), zero where there is none."""
+    estimated = np.isfinite(values)
+    largest = np.where(estimated, values, -np.inf).max(axis=0)
+    return np.where(
+        estimated.any(axis=0), largest - np.where(estimated, values, np.inf).min(axis=0), 0.0
+    )
 
 
 def between_interval(values: FloatArray, variances: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Ends (m,), (m,) of the Q-profile interval of τ²."""
-    known = np.isfinite(values) & np.isfinite(variances)
-    dof = np.maximum(known.sum(axis=0) - 1, 1)
+    estimated = np.isfinite(values) & np.isfinite(variances)
+    dof = np.maximum(estimated.sum(axis=0) - 1, 1)
     tail = 0.5 * (1.0 - LEVEL)
     low = between_variance(values, variances, scipy.stats.chi2.isf(tail, dof))
     high = between_variance(values, variances, scipy.stats.chi2.ppf(tail, dof))
     return low, high
 
 
-def type_estimate(values: FloatArray, variances: FloatArray) -> TypeEstimate | None:
-    """Mean, scatter and prediction interval of one quantity; None below two units.
-
-    The mean is that of statsmodels with the variance of Paule and Mandel; its interval is that of
-    Hartung and Knapp (Statist. Med. 20, 2001), never narrower than the estimates' own variances
-    allow (Röver, Knapp and Friede, BMC Med. Res. Methodol. 15, 2015).
+def type_estimate(values: FloatArray, variances: FloatArray) -> dict[str, FloatArray]:
+    """Mean, scatter and prediction interval of quantities over the robots of a type.
 
     Parameters
     ----------
-    values, variances : (k,)
-        NaN where a unit has none.
-    """
-    from statsmodels.stats.meta_analysis import combine_effects
+    values, variances : (k, m)
+        NaN where a robot has none.
 
-    known = np.isfinite(values) & np.isfinite(variances)
-    values, variances = values[known], variances[known]
-    count = len(values)
-    if count < 2:
-        return None
-    # The iteration of statsmodels has a fixed tolerance: on a scale of one it is a fine one.
-    scale = float(np.std(values, ddof=1)) or float(np.sqrt(np.mean(variances))) or 1.0
-    centre = float(np.median(values))
-    fit = combine_effects(
-        (values - centre) / scale, np.maximum(variances, 1e-300) / scale**2, method_re="iterated"
-    )
-    mean = centre + scale * float(fit.mean_effect_re)
-    variance = scale**2 * max(
-        float(fit.var_hksj_re), float(fit.var_eff_w_re) if fit.tau2 <= 0.0 else 0.0
-    )
-    sigma2 = scale**2 * max(float(fit.tau2), 0.0)
-    half = float(scipy.stats.t.isf(0.5 * (1.0 - LEVEL), count - 1)) * np.sqrt(variance)
-    low, high = between_interval(values[:, None], variances[:, None])
-    ahead = np.nan
-    if count > 2:
-        quantile = float(scipy.stats.t.isf(0.5 * (1.0 - LEVEL), count - 2))
-        ahead = quantile * float(np.sqrt(sigma2 + variance))
-    return TypeEstimate(
-        units=count,
-        mean=mean,
-        mean_low=mean - half,
-        mean_high=mean + half,
-        sigma=float(np.sqrt(sigma2)),
-        sigma_low=float(np.sqrt(low[0])),
-        sigma_high=float(np.sqrt(high[0])),
-        next_low=mean - ahead,
-        next_high=mean + ahead,
-    )
+    Returns
+    -------
+    dict of str to (m,)
+        By the names of `TypeQuantity`: ``mean`` with the interval of Hartung and Knapp (Statist.
+        Med. 20, 2001), at the τ² of Paule and Mandel never narrower than the estimates' own
+        variances allow; ``sigma``, from robot to robot, with its Q-profile interval; ``next_low``
+        and ``next_high``, between which the true value of the next robot lies (Higgins, Thompson
+        and Spiegelhalter, J. R. Statist. Soc. A 172, 2009). NaN where there are too few robots:
+        of two there is no next one, of one only its value.
+    """
+    count = (np.isfinite(values) & np.isfinite(variances)).sum(axis=0)
+    between = between_variance(values, variances)
+    _, mean, variance = generalised_q(values, variances, between)
+    tail = 0.5 * (1.0 - LEVEL)
+    half = np.where(count > 1, scipy.stats.t.isf(tail, np.maximum(count - 1, 1)), np.nan)
+    ahead = np.where(count > 2, scipy.stats.t.isf(tail, np.maximum(count - 2, 1)), np.nan)
+    half, ahead = half * np.sqrt(variance), ahead * np.sqrt(between + variance)
+    low, high = between_interval(values, variances)
+    sigmas = np.where(count > 1, np.sqrt([between, low, high]), np.nan)
+    return {
+        "mean": mean, "mean_low": mean - half, "mean_high": mean + half,
+        "sigma": sigmas[0], "sigma_low": sigmas[1], "sigma_high": sigmas[2],
+        "next_low": mean - ahead, "next_high": mean + ahead,
+    }  # fmt: skip

@@ -24,11 +24,11 @@ def resemblance(robots: Sequence[RobotBags]) -> float | None:
     (Kendall, Biometrika 41, 1954). The test over robots is that of Wilcoxon, which one robot that
     changed moves no more than any other.
     """
-    found = [each for robot in robots if (each := _lag_one(robot)) is not None]
-    if len(found) < _FEWEST_ROBOTS:
+    correlations = [correlation for robot in robots if (correlation := _lag_one(robot)) is not None]
+    if len(correlations) < _FEWEST_ROBOTS:
         return None
-    test = scipy.stats.wilcoxon(found, alternative="greater")
-    return float(np.median(found)) if test.pvalue < _LEVEL else None
+    test = scipy.stats.wilcoxon(correlations, alternative="greater")
+    return float(np.median(correlations)) if test.pvalue < _LEVEL else None
 
 
 def _lag_one(robot: RobotBags) -> float | None:

@@ -1,4 +1,4 @@
-"""One estimate a robot: all its bags together, with what bags differ by from day to day."""
+"""The robots of a type: all bags of each together, what bags differ by, what stands out."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +8,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from idim_iv_ros.fleet.statistics.over_time import OverTime
+from idim_iv_ros.fleet.regression import stacked
+from idim_iv_ros.fleet.statistics.outliers import Outlying, outlying
+from idim_iv_ros.fleet.statistics.over_time import OverTime, over_time
 from idim_iv_ros.fleet.statistics.quantities import RobotBags, TypeBags
 from idim_iv_ros.fleet.statistics.random_effects import (
     LEVEL,
@@ -16,7 +18,7 @@ from idim_iv_ros.fleet.statistics.random_effects import (
     common_between_variance,
     generalised_q,
 )
-from idim_iv_ros.fleet.statistics.stacking import regression, shares, stacked
+from idim_iv_ros.fleet.statistics.stacking import regression, shares
 from idim_iv_ros.types import FloatArray
 
 # Probability that any quantity of any robot of a type is called unsteady although it is not.
@@ -48,31 +50,59 @@ class BetweenBags:
 
 
 @dataclass(frozen=True)
-class RobotEstimate:
-    """All bags of a robot together.
+class Estimates:
+    """Each robot of a type, all its bags together.
 
     Attributes
     ----------
-    values, variances : (m,)
+    values : (k, m)
         Of all bags in one regression; the mean logarithm for residuals. NaN where the bags
         together do not show a parameter.
-    unsteady : (m,) bool
-        The bags differ more than those of the other robots do.
-    between : (m,)
-        Variance between its bags that entered.
-    half : (m,)
+    half : (k, m)
         Half of the 95 % interval.
-    ordinary_values, ordinary_variances : (m,)
-        The same for a comparison with other robots: what changed over time as it was before.
+    unsteady : (k, m) bool
+        The bags differ more than those of the other robots do.
+    ordinary_values, ordinary_variances : (k, m)
+        For a comparison with other robots: what changed over time as it was before.
     """
 
     values: FloatArray
-    variances: FloatArray
-    unsteady: NDArray[np.bool_]
-    between: FloatArray
     half: FloatArray
+    unsteady: NDArray[np.bool_]
     ordinary_values: FloatArray
     ordinary_variances: FloatArray
+
+
+@dataclass(frozen=True)
+class ComparedType:
+    """All that the statistics say of the robots of one type, in the order of `bags.robots`."""
+
+    bags: TypeBags
+    common: BetweenBags
+    changes: Sequence[OverTime]
+    estimates: Estimates
+    outlying: Outlying
+
+
+def compare_robots(groups: Sequence[TypeBags]) -> list[ComparedType]:
+    """Judge the robots of all types: changes first, since what changed is compared as it was.
+
+    Robots of all types share one false discovery rate.
+    """
+    common = [between_bags(group) for group in groups]
+    changes = iter(
+        over_time(
+            [
+                (robot, between.variance, between.prior)
+                for group, between in zip(groups, common, strict=True)
+                for robot in group.robots
+            ]
+        )
+    )
+    by_type = [[next(changes) for _ in group.robots] for group in groups]
+    estimates = list(map(_estimates, groups, common, by_type))
+    outliers = outlying([(kind.ordinary_values, kind.ordinary_variances) for kind in estimates])
+    return list(map(ComparedType, groups, common, by_type, estimates, outliers))
 
 
 def between_bags(group: TypeBags) -> BetweenBags:
@@ -93,19 +123,19 @@ def _prior(
     less one: few robots say little of how the scatter differs from robot to robot.
     """
     q = np.array([generalised_q(v, s, between)[0] for v, s in pairs])
-    found = np.zeros(len(between))
+    prior = np.zeros(len(between))
     for column in range(len(between)):
-        judged = counts[:, column] >= _FEWEST_OF_SCATTER
-        most = float(np.sum(judged)) - 1.0
+        scattering = counts[:, column] >= _FEWEST_OF_SCATTER
+        most = float(np.sum(scattering)) - 1.0
         if most < 1.0:
             continue
-        dof = counts[judged, column] - 1.0
-        scatter = np.log(np.maximum(q[judged, column] / dof, _LEAST_SCATTER))
+        dof = counts[scattering, column] - 1.0
+        scatter = np.log(np.maximum(q[scattering, column] / dof, _LEAST_SCATTER))
         spread = float(np.subtract(*np.quantile(scatter, [0.75, 0.25])))
         able = [nu for nu in _PRIORS if nu <= most and _spread(float(np.median(dof)), nu) >= spread]
         # The spread falls with ν: the largest that still makes so large a one.
-        found[column] = max(able, default=0.0)
-    return found
+        prior[column] = max(able, default=0.0)
+    return prior
 
 
 @cache
@@ -114,53 +144,40 @@ def _spread(dof: float, prior: float) -> float:
     return float(np.subtract(*np.log(scipy.stats.f.ppf([0.75, 0.25], dof, prior))))
 
 
-def robot_estimates(
-    group: TypeBags, common: BetweenBags, changes: Sequence[OverTime]
-) -> list[RobotEstimate]:
-    """Estimate each robot of a type.
-
-    Parameters
-    ----------
-    changes
-        Of each robot: a quantity that changed is not called unsteady beside.
-    """
+def _estimates(group: TypeBags, common: BetweenBags, changes: Sequence[OverTime]) -> Estimates:
+    """Estimate each robot of a type; a quantity that changed is not called unsteady beside."""
     tests = sum(robot.values.shape[1] for robot in group.robots if len(robot.bags) > 1)
     alpha = UNSTEADY_LEVEL / max(tests, 1)
-    return [
-        _estimate(robot, group.parameters, common, over_time, alpha)
-        for robot, over_time in zip(group.robots, changes, strict=True)
+    rows = [
+        _estimate(robot, group.parameters, common, change, alpha)
+        for robot, change in zip(group.robots, changes, strict=True)
     ]
+    return Estimates(*map(np.array, zip(*rows, strict=True)))
 
 
 def _estimate(
-    robot: RobotBags, parameters: int, common: BetweenBags, over_time: OverTime, alpha: float
-) -> RobotEstimate:
+    robot: RobotBags, parameters: int, common: BetweenBags, changes: OverTime, alpha: float
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], FloatArray, FloatArray]:
+    """Rows of `Estimates`, (m,) each."""
     between = np.nan_to_num(common.variance)
     count = np.isfinite(robot.values + robot.variances).sum(axis=0)
-    q, mean, _ = generalised_q(robot.values, robot.variances, between)
+    q, _, _ = generalised_q(robot.values, robot.variances, between)
     surprise = scipy.stats.chi2.sf(q, np.maximum(count - 1, 1))
-    unsteady = (count >= _FEWEST_UNSTEADY) & (surprise < alpha) & ~over_time.changed
-    own = between_variance(robot.values, robot.variances)
-    apart = unsteady | over_time.changed
-    between = np.where(apart, np.maximum(own, between), between)
+    unsteady = (count >= _FEWEST_UNSTEADY) & (surprise < alpha) & ~changes.changed
+    apart = unsteady | changes.changed
+    scatter = between_variance(robot.values, robot.variances)
+    between = np.where(apart, np.maximum(scatter, between), between)
     dof = np.where(apart, count - 1, np.maximum(common.dof, 1))
-    values, variances = np.full((2, robot.values.shape[1]), np.nan)
+    _, values, variances = generalised_q(robot.values, robot.variances, between)
     values[:parameters], variances[:parameters] = _together(robot, between[:parameters])
-    residuals = slice(parameters, None)
-    _, mean, variance = generalised_q(
-        robot.values[:, residuals], robot.variances[:, residuals], between[residuals]
-    )
-    values[residuals], variances[residuals] = mean, variance
+    half = scipy.stats.t.isf(0.5 * (1.0 - LEVEL), dof) * np.sqrt(variances)
     ordinary_values, ordinary_variances = values.copy(), variances.copy()
-    for column in np.flatnonzero(over_time.changed):
-        change = over_time.series[column].change
+    for column in np.flatnonzero(changes.changed):
+        change = changes.changes[int(column)]
         assert change is not None
         ordinary_values[column] = change.before
         ordinary_variances[column] = change.before_std**2
-    half = scipy.stats.t.isf(0.5 * (1.0 - LEVEL), dof) * np.sqrt(variances)
-    return RobotEstimate(
-        values, variances, unsteady, between, half, ordinary_values, ordinary_variances
-    )
+    return values, half, unsteady, ordinary_values, ordinary_variances
 
 
 def _together(robot: RobotBags, between: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -176,8 +193,8 @@ def _together(robot: RobotBags, between: FloatArray) -> tuple[FloatArray, FloatA
     if not whole.complete:
         return np.full(width, np.nan), np.full(width, np.nan)
     # The noise of the rows: what one set of parameters leaves holds the bags' differences too.
-    own = [fit for fit in robot.fits if fit.dof > 0]
-    noise = sum(fit.squares for fit in own) / max(sum(fit.dof for fit in own), 1)
+    complete = [fit for fit in robot.fits if fit.dof > 0]
+    noise = sum(fit.squares for fit in complete) / max(sum(fit.dof for fit in complete), 1)
     scale = noise / (whole.squares / whole.dof) if whole.squares > 0.0 else 1.0
     variances = scale * np.diag(whole.covariance)
     for share in shares(factors):

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor
+from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis
+from idim_iv_ros.fleet.regression import stacked
 from idim_iv_ros.statistics.hypothesis import HypothesisTest, f_test
 from idim_iv_ros.types import FloatArray
 
@@ -43,11 +44,6 @@ class Regression:
     squares: float
     dof: int
     complete: bool
-
-
-def stacked(factors: Sequence[FloatArray]) -> FloatArray:
-    """R factor (p + 1, p + 1) of the rows of all bags."""
-    return _square(r_factor(np.vstack(factors)))
 
 
 def regression(factor: FloatArray, rows: int) -> Regression:
@@ -103,25 +99,25 @@ def agreement(
         Of the test of all parameters; shared among the groups (Bonferroni).
     """
     names = (ALL, *groups)
+
+    def not_run(why: str) -> tuple[HypothesisTest, ...]:
+        return tuple(
+            HypothesisTest.not_run(NULL.format(what=name), name, why, alpha) for name in names
+        )
+
     count = len(factors)
     width = factors[0].shape[1] - 1 if count else 0
     dof = sum(rows) - count * width
     if count < 2 or dof <= 0:
-        why = "one bag" if count == 1 else "no bags" if count == 0 else "too few rows"
-        return tuple(
-            HypothesisTest.not_run(NULL.format(what=name), name, why, alpha) for name in names
-        )
-    own = sum(float(factor[-1, -1]) ** 2 for factor in factors)
+        return not_run("one bag" if count == 1 else "no bags" if count == 0 else "too few rows")
+    separate = sum(float(factor[-1, -1]) ** 2 for factor in factors)
     pooled = float(stacked(factors)[-1, -1]) ** 2
-    if own <= 0.0:
-        reason = "the residual vanishes"
-        return tuple(
-            HypothesisTest.not_run(NULL.format(what=name), name, reason, alpha) for name in names
-        )
+    if separate <= 0.0:
+        return not_run("the residual vanishes")
     tests = []
     for name in names:
         columns = list(range(width)) if name == ALL else list(groups[name])
-        free = own if name == ALL else _squares_with_own(factors, columns)
+        free = separate if name == ALL else _squares_with_own(factors, columns)
         level = alpha if name == ALL else alpha / max(len(groups), 1)
         tests.append(
             f_test(
@@ -129,7 +125,7 @@ def agreement(
                 name,
                 explained=max(pooled - free, 0.0),
                 df=(count - 1) * len(columns),
-                unexplained=own,
+                unexplained=separate,
                 df_denom=dof,
                 alpha=level,
             )
@@ -143,13 +139,6 @@ def _squares_with_own(factors: Sequence[FloatArray], columns: Sequence[int]) -> 
     others = [k for k in range(width) if k not in set(columns)]
     reduced = []
     for factor in factors:
-        ordered = _square(r_factor(factor[:, [*columns, *others]]))
+        ordered = stacked([factor[:, [*columns, *others]]])
         reduced.append(ordered[len(columns) :, len(columns) :])
     return float(stacked(reduced)[-1, -1]) ** 2
-
-
-def _square(factor: FloatArray) -> FloatArray:
-    width = factor.shape[1]
-    if len(factor) == width:
-        return factor
-    return np.vstack([factor, np.zeros((width - len(factor), width))])

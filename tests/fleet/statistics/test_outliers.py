@@ -6,38 +6,37 @@ import scipy
 import statsmodels.api as sm
 
 from idim_iv_ros.fleet.statistics.multiplicity import choose
-from idim_iv_ros.fleet.statistics.outliers import Population, outlying
+from idim_iv_ros.fleet.statistics.outliers import outlying
 
 ROBOTS, QUANTITIES = 12, 6
 
 
-def population(seed: int, noise: float = 0.2) -> Population:
+def population(seed: int, noise: float = 0.2) -> tuple[np.ndarray, np.ndarray]:
     random = np.random.default_rng(seed)
     values = random.normal(size=(ROBOTS, QUANTITIES))
     variances = np.full(values.shape, noise**2)
-    return Population(values + noise * random.normal(size=values.shape), variances)
+    return values + noise * random.normal(size=values.shape), variances
 
 
 def test_distances_are_externally_studentised_residuals_where_noise_is_equal() -> None:
-    ordinary = population(1, 1e-3)
-    (found,) = outlying([ordinary])
-    assert not found.entries.any()
+    values, variances = population(1, 1e-3)
+    (found,) = outlying([(values, variances)])
+    assert not found.chosen.entries.any()
     for column in range(QUANTITIES):
-        fit = sm.OLS(ordinary.values[:, column], np.ones(ROBOTS)).fit()
+        fit = sm.OLS(values[:, column], np.ones(ROBOTS)).fit()
         theirs = fit.get_influence().resid_studentized_external
         np.testing.assert_allclose(found.statistics[:, column], theirs, rtol=1e-4)
 
 
 def test_robots_that_hide_each_other_are_found() -> None:
-    ordinary = population(2)
-    values = ordinary.values.copy()
+    values, variances = population(2)
     values[[0, 1, 2], 3] += 9.0
     fit = sm.OLS(values[:, 3], np.ones(ROBOTS)).fit()
     one_by_one = fit.outlier_test()  # columns: statistic, p-value, p-value by Bonferroni
     assert (one_by_one[:3, 1] > 0.02).all(), "each of them hides the others"
-    (found,) = outlying([Population(values, ordinary.variances)])
-    assert found.robots[:3].all() and found.entries[:3, 3].all()
-    assert found.robots[3:].sum() <= 1
+    (found,) = outlying([(values, variances)])
+    assert found.chosen.units[:3].all() and found.chosen.entries[:3, 3].all()
+    assert found.chosen.units[3:].sum() <= 1
 
 
 @pytest.mark.parametrize("robots", [6, 25])
@@ -46,37 +45,35 @@ def test_where_nobody_differs_one_fleet_of_ten_has_a_robot_called(robots: int) -
     called = 0
     for _ in range(80):
         values = random.normal(size=(robots, QUANTITIES))
-        called += outlying([Population(values, np.full(values.shape, 0.01))])[0].robots.any()
+        called += outlying([(values, np.full(values.shape, 0.01))])[0].chosen.units.any()
     assert called <= scipy.stats.binom.ppf(0.99, 80, 0.1)
 
 
 def test_three_robots_are_too_few() -> None:
-    few = population(4)
-    (found,) = outlying([Population(few.values[:3], few.variances[:3])])
-    assert np.isnan(found.p_values).all() and not found.robots.any()
+    values, variances = population(4)
+    (found,) = outlying([(values[:3], variances[:3])])
+    assert np.isnan(found.p_values).all() and not found.chosen.units.any()
 
 
 def test_robots_without_an_estimate_are_not_judged() -> None:
-    some = population(5)
-    values = some.values.copy()
+    values, variances = population(5)
     values[4], values[:, 0] = np.nan, np.nan
-    (found,) = outlying([Population(values, some.variances)])
+    (found,) = outlying([(values, variances)])
     assert np.isnan(found.p_values[4]).all() and np.isnan(found.p_values[:, 0]).all()
     assert np.isfinite(found.p_values[0, 1:]).all()
 
 
 def test_types_share_one_false_discovery_rate() -> None:
     first, second = population(6), population(7)
-    values = first.values.copy()
-    values[0, 0] += 12.0
-    found = outlying([Population(values, first.variances), second])
-    assert found[0].robots[0] and not found[1].robots.any()
+    first[0][0, 0] += 12.0
+    found = outlying([first, second])
+    assert found[0].chosen.units[0] and not found[1].chosen.units.any()
 
 
 def test_quantities_are_chosen_at_the_share_of_chosen_robots() -> None:
     p_values = np.ones((10, 4))
     p_values[0] = [0.0005, 0.004, 0.009, 0.6]
-    found = choose(p_values, 0.1)
+    (found,) = choose([p_values], 0.1)
     # Simes: 4 · 0.0005 = 0.002, chosen by Benjamini-Hochberg below 0.1 / 10. Within the robot the
     # level is 0.1 · 1 / 10: steps of 0.0025, 0.005, 0.0075, 0.01.
     assert found.p_values[0] == pytest.approx(0.002)

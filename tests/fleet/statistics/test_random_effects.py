@@ -41,6 +41,12 @@ def risk_ratios() -> tuple[np.ndarray, np.ndarray]:
     return values, 1 / ill - 1 / treated + 1 / ill_without - 1 / control
 
 
+def estimate_of(values: np.ndarray, variances: np.ndarray) -> dict[str, float]:
+    """The estimate of one quantity."""
+    columns = type_estimate(values[:, None], variances[:, None])
+    return {name: float(column[0]) for name, column in columns.items()}
+
+
 def test_q_profile_interval_is_that_of_metafor_on_the_vaccine_trials() -> None:
     # R, metafor: confint(rma(measure="RR", ai=tpos, bi=tneg, ci=cpos, di=cneg, data=dat.bcg))
     # tau^2 0.3132, 0.1197 to 1.1115.
@@ -71,29 +77,39 @@ def test_columns_are_separate_and_unknown_units_count_for_nothing() -> None:
 def test_with_equal_variances_all_intervals_are_those_of_a_normal_sample() -> None:
     random = np.random.default_rng(1)
     values, variance = random.normal(5.0, 2.0, size=15), 0.3
-    found = type_estimate(values, np.full(15, variance))
-    assert found is not None
+    found = estimate_of(values, np.full(15, variance))
     squares = float(np.sum((values - values.mean()) ** 2))
     mean = scipy.stats.ttest_1samp(values, 0.0).confidence_interval(0.95)
-    assert found.mean == pytest.approx(values.mean())
-    assert (found.mean_low, found.mean_high) == pytest.approx((mean.low, mean.high), rel=1e-4)
-    assert found.sigma**2 == pytest.approx(squares / 14 - variance, rel=1e-4)
+    assert found["mean"] == pytest.approx(values.mean())
+    assert (found["mean_low"], found["mean_high"]) == pytest.approx((mean.low, mean.high), rel=1e-4)
+    assert found["sigma"] ** 2 == pytest.approx(squares / 14 - variance, rel=1e-4)
     ends = squares / scipy.stats.chi2.isf([0.025, 0.975], 14) - variance
-    assert (found.sigma_low**2, found.sigma_high**2) == pytest.approx(tuple(ends))
+    assert (found["sigma_low"] ** 2, found["sigma_high"] ** 2) == pytest.approx(tuple(ends))
     ahead = scipy.stats.t.isf(0.025, 13) * np.sqrt(squares / 14 * (1 + 1 / 15) - variance)
-    assert found.next_high - found.mean == pytest.approx(ahead, rel=1e-4)
+    assert found["next_high"] - found["mean"] == pytest.approx(ahead, rel=1e-4)
 
 
 def test_units_that_differ_less_than_their_noise_make_no_narrow_interval() -> None:
     values = np.array([1.0, 1.001, 0.999, 1.0005])
-    found = type_estimate(values, np.full(4, 0.04))
-    assert found is not None and found.sigma == 0.0
+    found = estimate_of(values, np.full(4, 0.04))
+    assert found["sigma"] == 0.0
     half = scipy.stats.t.isf(0.025, 3) * 0.2 / 2.0
-    assert found.mean_high - found.mean == pytest.approx(half)
+    assert found["mean_high"] - found["mean"] == pytest.approx(half)
 
 
 def test_one_robot_is_no_sample() -> None:
-    assert type_estimate(np.array([1.0]), np.array([0.1])) is None
+    found = estimate_of(np.array([1.0]), np.array([0.1]))
+    assert found.pop("mean") == 1.0
+    assert np.isnan(list(found.values())).all()
+
+
+def test_mean_and_interval_are_those_of_statsmodels_on_the_vaccine_trials() -> None:
+    values, variances = risk_ratios()
+    theirs = combine_effects(values, variances, method_re="iterated", use_t=True)
+    found = estimate_of(values, variances)
+    low, high = theirs.conf_int()[3]  # random effects, Hartung and Knapp
+    assert found["mean"] == pytest.approx(theirs.mean_effect_re, rel=1e-4)
+    assert (found["mean_low"], found["mean_high"]) == pytest.approx((low, high), rel=1e-4)
 
 
 def test_variance_common_to_groups_is_not_moved_by_a_third_of_them() -> None:

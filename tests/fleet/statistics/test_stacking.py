@@ -5,7 +5,8 @@ import pytest
 import statsmodels.api as sm
 
 from idim_iv_ros.estimation.qr import r_factor
-from idim_iv_ros.fleet.statistics.stacking import ALL, agreement, regression, shares, stacked
+from idim_iv_ros.fleet.regression import stacked
+from idim_iv_ros.fleet.statistics.stacking import ALL, agreement, regression, shares
 
 BAGS, ROWS, WIDTH = 5, 60, 4
 GROUPS = {"friction": [1, 3], "rest": [0, 2]}

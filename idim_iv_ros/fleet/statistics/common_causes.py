@@ -1,0 +1,212 @@
+"""What the diagnoses of several robots say together: causes of the type, and those of one robot.
+
+Robots have a cause in common where their values agree: in sign and, within their intervals, in
+size. Robots of one type are never equal, so that sizes that differ by less than `_SCATTER` agree
+however narrow the intervals are.
+"""
+
+from collections import defaultdict
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+import scipy
+
+from idim_iv_ros.effects.cause import EffectParameter
+from idim_iv_ros.effects.registry import BY_NAME
+from idim_iv_ros.fleet.bag_result import BagResult, CauseSummary
+from idim_iv_ros.fleet.result import CommonCause
+from idim_iv_ros.fleet.statistics.random_effects import LEVEL, between_variance, generalised_q
+
+# Share of the diagnosed ordinary robots in which a cause is one of the type, and the fewest robots.
+_OF_TYPE, _OF_TYPE_LEAST = 2.0 / 3.0, 2
+# Share of a robot's diagnosed bags in which a cause is one of the robot.
+_OF_ROBOT = 0.5
+# Share of the larger size by which robots with one cause may differ.
+_SCATTER = 0.5
+_INTERVAL = 1.96  # deviations, 95 %
+_SHOWN = 2  # numbers of a cause in a sentence: those that differ from zero most surely
+
+Robots = Mapping[str, CauseSummary]
+
+
+def is_nothing(cause: CauseSummary) -> bool:
+    """Whether no number of a cause differs from that of a robot without it, at 95 %.
+
+    A cause without any number that has a deviation is not judged by them.
+    """
+    ratios = [_ratio(cause.effect, *item) for item in _determined(cause).items()]
+    return bool(ratios) and max(ratios) <= _INTERVAL
+
+
+def causes_of_robot(bags: Sequence[BagResult]) -> list[CauseSummary]:
+    """Causes that most diagnosed bags of one robot name, with the numbers of the newest of them.
+
+    Parameters
+    ----------
+    bags
+        Of the robot, in the order of time.
+    """
+    diagnosed = [bag.diagnosis for bag in bags if bag.diagnosis is not None]
+    named: dict[tuple[str, str | None], list[CauseSummary]] = defaultdict(list)
+    for diagnosis in diagnosed:
+        for key, cause in {(c.effect, c.joint): c for c in diagnosis.causes}.items():
+            named[key].append(cause)
+    return [causes[-1] for causes in named.values() if len(causes) > _OF_ROBOT * len(diagnosed)]
+
+
+def common_causes(
+    causes: Mapping[str, Sequence[CauseSummary]], ordinary: Collection[str]
+) -> tuple[CommonCause, ...]:
+    """Sort the causes of diagnosed robots into those of the type and those of single robots.
+
+    An effect at a joint of which robots have different sizes is several causes.
+
+    Parameters
+    ----------
+    causes
+        By robot, of all that were diagnosed.
+    ordinary
+        Those of them that do not differ from their type.
+    """
+    places: dict[tuple[str, str | None], dict[str, CauseSummary]] = defaultdict(dict)
+    for robot, named in causes.items():
+        for cause in named:
+            places[cause.effect, cause.joint][robot] = cause
+    result = []
+    for (effect, joint), robots in places.items():
+        for group in _of_one_size(robots, ordinary):
+            among = len(set(group) & set(ordinary))
+            of_type = among >= max(_OF_TYPE_LEAST, _OF_TYPE * len(set(ordinary)))
+            kind = next(iter(group.values())).kind
+            values = _together(list(group.values()))
+            result.append(CommonCause(effect, kind, joint, tuple(group), of_type, values))
+    return tuple(
+        sorted(result, key=lambda c: (not c.of_type, -len(c.robots), c.effect, c.joint or ""))
+    )
+
+
+def sentences(
+    type_name: str,
+    causes: Sequence[CommonCause],
+    diagnosed: Collection[str],
+    ordinary: Collection[str],
+) -> tuple[str, ...]:
+    """Say what the diagnoses say together; empty where none was made."""
+    if not diagnosed:
+        return ()
+    said = []
+    count = len(set(ordinary))
+    shared = {(cause.effect, cause.joint): cause for cause in causes if cause.of_type}
+    for cause in shared.values():
+        among = len(set(cause.robots) & set(ordinary))
+        said.append(
+            f"{type_name}: the nominal model misses {_name(cause)}{_size(cause)} on {among} of "
+            f"{count} ordinary robots that were diagnosed: a matter of the type"
+        )
+    if not shared and count >= _OF_TYPE_LEAST:
+        said.append(
+            f"{type_name}: no cause is common to the {count} ordinary robots that were diagnosed"
+        )
+    for cause in causes:
+        if cause.of_type:
+            continue
+        place = (cause.effect, cause.joint)
+        several = sum((other.effect, other.joint) == place for other in causes) > 1
+        one = len(cause.robots) == 1
+        alone = " alone" if one and not several and len(diagnosed) > 1 else ""
+        words = f"{', '.join(cause.robots)}{alone} {'has' if one else 'have'} {_name(cause)}"
+        usual = shared.get(place)
+        apart = f", apart from that of {type_name}{_size(usual)}" if usual else ""
+        said.append(f"{words}{_size(cause)}{apart}")
+    return tuple(said)
+
+
+def _of_one_size(robots: Robots, ordinary: Collection[str]) -> list[dict[str, CauseSummary]]:
+    """Split the robots with one effect into groups that agree with their first, largest first.
+
+    A group begins with the robot with which most of the ordinary robots agree.
+    """
+    groups = []
+    left = dict(robots)
+    while left:
+        agreeing = {
+            first: [name for name, other in left.items() if _agree(left[first], other)]
+            for first in left
+        }
+        most = max(agreeing.values(), key=lambda names: (len({*names} & {*ordinary}), len(names)))
+        groups.append({name: left.pop(name) for name in most})
+    return groups
+
+
+def _agree(one: CauseSummary, other: CauseSummary) -> bool:
+    """Whether two robots may have one cause: each number of both agrees in sign and size.
+
+    The 95 % are of all numbers together (Bonferroni).
+    """
+    first, second = _determined(one), _determined(other)
+    same = first.keys() & second.keys()
+    if (first or second) and not same:
+        return False  # nothing to compare
+    for name in one.parameters.keys() & other.parameters.keys() - same:
+        spec = BY_NAME[one.effect].spec(name) if one.effect in BY_NAME else None
+        signs = one.parameters[name].value, other.parameters[name].value
+        if spec is not None and spec.bound == "1 or -1" and signs[0] != signs[1]:
+            return False
+    deviations = scipy.stats.norm.isf(0.5 * (1.0 - LEVEL) / max(len(same), 1))
+    for name in same:
+        without = _without_effect(one.effect, name)
+        values = np.array([first[name].value, second[name].value]) - without
+        noise = np.hypot(first[name].std or 0.0, second[name].std or 0.0)
+        if abs(values[0] - values[1]) > max(deviations * noise, _SCATTER * np.abs(values).max()):
+            return False
+    return True
+
+
+def _together(causes: Sequence[CauseSummary]) -> dict[str, EffectParameter]:
+    """Mean of each number that half of the robots determine; its deviation holds their scatter."""
+    numbers = {}
+    for name in dict.fromkeys(name for cause in causes for name in _determined(cause)):
+        same = [cause.parameters[name] for cause in causes if name in _determined(cause)]
+        if 2 * len(same) < len(causes):
+            continue
+        values, stds = np.array([[number.value, number.std] for number in same]).T[:, :, None]
+        _, mean, variance = generalised_q(values, stds**2, between_variance(values, stds**2))
+        numbers[name] = EffectParameter(float(mean[0]), float(np.sqrt(variance[0])), same[0].unit)
+    return numbers
+
+
+def _determined(cause: CauseSummary | CommonCause) -> dict[str, EffectParameter]:
+    return {name: number for name, number in cause.parameters.items() if number.std is not None}
+
+
+def _without_effect(effect: str, name: str) -> float:
+    """Value of a number at which there is no effect: one of a gain, else zero."""
+    cause = BY_NAME.get(effect)
+    spec = cause.spec(name) if cause is not None and cause.kind == "parametric" else None
+    default = spec.default if spec is not None else None
+    return default if default is not None and np.isfinite(default) else 0.0
+
+
+def _ratio(effect: str, name: str, number: EffectParameter) -> float:
+    """Distance of a number from that without the effect, in its deviations."""
+    distance = abs(number.value - _without_effect(effect, name))
+    return distance / number.std if number.std else float(np.inf if distance else 0.0)
+
+
+def _name(cause: CommonCause) -> str:
+    name = cause.effect.replace("_dependent", "-dependent").replace("_", " ")
+    return f"{name} at {cause.joint}" if cause.joint else name
+
+
+def _size(cause: CommonCause) -> str:
+    """The surest numbers of a cause with their 95 % intervals, in brackets; empty without any."""
+    numbers = _determined(cause)
+    surest = sorted(numbers, key=lambda name: -_ratio(cause.effect, name, numbers[name]))[:_SHOWN]
+    about = BY_NAME.get(cause.effect)
+    said = [
+        f"{about.parameter_words(name) if about else name.replace('_', ' ')} "
+        f"{numbers[name].value:.2g} ± {_INTERVAL * (numbers[name].std or 0.0):.1g} "
+        f"{numbers[name].unit}".rstrip()
+        for name in surest
+    ]
+    return f" ({', '.join(said)})" if said else ""
