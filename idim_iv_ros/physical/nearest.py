@@ -35,10 +35,12 @@ from idim_iv_ros.physical.torque_error import Judge
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.types import FloatArray, IntArray
 
-# λ: a nominal link of twice or half the size costs about 0.1, where a difference of one standard
-# deviation costs 1: what the recording shows to 10 % moves by less than a hundredth of its σ.
+# λ: a difference of one standard deviation costs 1. A load of a hundred times the moments of a thin
+# flange has a divergence of thousands, so that λ must be far smaller than a nominal link of twice
+# the size would need: else the divergence outweighs the recording, and a rigid arm is called
+# impossible. Below 1e-4 the solver begins to fail.
 # ε: what a link has at least of its nominal pseudo-inertia in every direction.
-TIE_BREAKER = 0.1
+TIE_BREAKER = 1e-3
 LEAST_OF_NOMINAL = 1e-3
 ALPHA = 0.01
 _ACTIVE = 1.5  # a bound holds a link back within this factor of it
