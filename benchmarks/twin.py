@@ -1,16 +1,18 @@
 """A mended simulator that is edited: the payload comes off, another tool goes on.
 
 The protocol of the closest peer (SAPC, "Fidelity Is Not Identification", 2026): an FR3 of MuJoCo
-Menagerie with a payload, other friction at joints 4 and 6, and a link 3 that is 12 % heavier is the
-reference (implicit integrator, 0.5 ms). It is recorded on three motions, diagnosed and exported; the
-exported twin (implicitfast, 1 ms) and the reference run two other motions under the same law with the
-nominal model's feedforward, and the figure is the distance of their tools. What the protocol leaves
-open is chosen here: the order of the random numbers (all sines, then all cosines) and the centre of
-the motions, Menagerie's `home`. The figures are of the size of the peer's and not the same.
+Menagerie with a payload, other friction at joints 4 and 6, and a link 3 that is 12 % heavier is
+the reference (implicit integrator, 0.5 ms). It is recorded on three motions, diagnosed and
+exported; the exported twin (implicitfast, 1 ms) and the reference run two other motions under the
+same law with the nominal model's feedforward, and the figure is the distance of their tools. What
+the protocol leaves open is chosen here: the order of the random numbers (all sines, then all
+cosines) and the centre of the motions, Menagerie's `home`. The figures are of the size of the
+peer's and not the same.
 
     python -m benchmarks.twin FR3.xml --out DIR [--noise 1 0 3]
 
-FR3.xml holds the bodies of Menagerie's franka_fr3/fr3.xml.
+FR3.xml holds the bodies
+of Menagerie's franka_fr3/fr3.xml.
 """
 
 import argparse
@@ -96,7 +98,7 @@ def twin(path: Path, tool: Tool | None = None) -> mujoco.MjModel:
 
 
 def motion(nominal: mujoco.MjModel, seed: int, most: tuple[float, float, float]) -> Motion:
-    """Five harmonics of 0.1 Hz, scaled joint by joint to a share of the range, speed, acceleration."""
+    """Five harmonics of 0.1 Hz, scaled by joint to shares of range, speed, acceleration."""
     random, order = np.random.default_rng(seed), np.arange(1, 6)
     sine, cosine = (random.normal(size=(7, 5)) / order for _ in range(2))
     pulse = 2.0 * np.pi * 0.1 * order

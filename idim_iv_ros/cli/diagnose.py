@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Protocol
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand
@@ -24,51 +24,27 @@ from idim_iv_ros.files import GAP, REPORT
 
 AGAINST = "--against"
 
-if TYPE_CHECKING:
-    from idim_iv_ros.cli.output import Output
-    from idim_iv_ros.configuration import Configuration
-    from idim_iv_ros.diagnosis.result import GapResult
-    from idim_iv_ros.files import FilePath, FilePaths
-    from idim_iv_ros.progress import Progress
-
 
 class WithSets(TyperCommand):
     """A command whose `--against` takes all names up to the next option, as bags do."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Give each name behind `--against` an option of its own."""
-        return super().parse_args(ctx, list(_each_against(args)))
+        """Read the arguments with one `--against` in front of every name that belongs to it."""
+        return super().parse_args(ctx, list(separated_sets(args)))
 
 
-def _each_against(args: Sequence[str]) -> Iterator[str]:
-    behind = False
-    for place, each in enumerate(args):
-        if each == "--":
-            yield from args[place:]
+def separated_sets(arguments: Sequence[str]) -> Iterator[str]:
+    """Yield the arguments with one `--against` in front of every name that belongs to it."""
+    belongs = False
+    for place, argument in enumerate(arguments):
+        if argument == "--":
+            yield from arguments[place:]
             return
-        if each.startswith("-"):
-            behind = each == AGAINST
-            yield each
-            continue
-        if behind and args[place - 1] != AGAINST:
+        if argument.startswith("-"):
+            belongs = argument == AGAINST
+        elif belongs and arguments[place - 1] != AGAINST:
             yield AGAINST
-        yield each
-
-
-class Diagnose(Protocol):
-    """The public function `diagnose`."""
-
-    def __call__(
-        self,
-        bags: FilePaths,
-        configuration: Configuration,
-        *,
-        without: Sequence[str] = (),
-        against: FilePaths = (),
-        nominal: FilePath | None = None,
-        progress: Progress | None = None,
-    ) -> GapResult:
-        """Diagnose bags."""
+        yield argument
 
 
 def diagnose_command(
@@ -117,92 +93,36 @@ def diagnose_command(
 
     What changed: idim-iv diagnose before.mcap --against after.mcap --config ur5.yaml --out changed
     """
-    from idim_iv_ros.cli.output import Output
-    from idim_iv_ros.diagnosis.diagnose import diagnose
-    from idim_iv_ros.effects.registry import EFFECTS
-
-    output = Output(quiet=quiet, as_json=as_json, verbose=verbose)
-    run_diagnosis(
-        bags,
-        config,
-        out,
-        without or (),
-        diagnose=diagnose,
-        effects=EFFECTS,
-        against=against or (),
-        nominal=nominal,
-        picture=picture,
-        force=force,
-        output=output,
-    )
-
-
-def run_diagnosis(
-    bags: Sequence[Path],
-    config: Path,
-    out: Path | None,
-    without: Sequence[str],
-    *,
-    diagnose: Diagnose,
-    effects: Sequence[str],
-    against: Sequence[Path] = (),
-    nominal: Path | None = None,
-    picture: Path | None = None,
-    force: bool = False,
-    output: Output | None = None,
-) -> None:
-    """Check the request, diagnose, write the files, print the tables.
-
-    Parameters
-    ----------
-    diagnose
-        What makes a `GapResult` of the bags.
-    effects
-        Names that `without` may hold.
-    against
-        Recordings that may differ from the bags.
-    nominal
-        Result whose base parameters are the nominal model.
-    picture
-        File of a picture of the summary, if one is wanted.
-
-    Raises
-    ------
-    UsageError
-        An effect that the catalogue does not have, or as `load_configuration`,
-        `require_destination` and `require_picture`.
-    """
     from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
     from idim_iv_ros.cli.identify import print_physical
-    from idim_iv_ros.cli.output import Output, report_warnings, require_destination
+    from idim_iv_ros.cli.output import Output
     from idim_iv_ros.configuration import load_configuration
+    from idim_iv_ros.diagnosis.diagnose import diagnose
+    from idim_iv_ros.effects.registry import EFFECTS
     from idim_iv_ros.report import write_gap_report
-    from idim_iv_ros.report.picture import require_picture, write_picture
+    from idim_iv_ros.report.picture import write_picture
 
-    output = output or Output()
-    for name in without:
-        if name not in effects:
-            raise UsageError(f"--without {name}: no such effect; there are {', '.join(effects)}")
+    output = Output(quiet=quiet, as_json=as_json)
+    for name in without or ():
+        if name not in EFFECTS:
+            raise UsageError(f"--without {name}: no such effect; there are {', '.join(EFFECTS)}")
     configuration = load_configuration(config)
-    require_picture(picture, force=force)
-    destination = require_destination(out, (GAP, REPORT), as_json=output.as_json, force=force)
-    numbers = page = None
-    with destination:
-        left_out = tuple(dict.fromkeys(without))
-        with output.progress() as progress:
-            more: dict[str, Any] = {"against": list(against)} if against else {}
-            if nominal is not None:
-                more["nominal"] = nominal
-            result = diagnose(bags, configuration, without=left_out, progress=progress, **more)
-        if out is not None:
-            with report_warnings():
-                numbers, page = write_gap_report(result, out, force=force, config=config)
-        if picture is not None:
-            write_picture(result, picture)
-    output.document(result.to_document())
-    print_diagnosis(output.console, result, whole=output.verbose)
+    result, numbers, page = output.produce(
+        lambda progress: diagnose(
+            bags,
+            configuration,
+            without=tuple(dict.fromkeys(without or ())),
+            against=against or (),
+            nominal=nominal,
+            progress=progress,
+        ),
+        lambda result: write_gap_report(result, out or "", force=force, config=config),
+        write_picture,
+        out=out,
+        names=(GAP, REPORT),
+        picture=picture,
+        force=force,
+    )
+    print_diagnosis(output.console, result, whole=verbose)
     print_physical(output, result, numbers, config)
-    if page is not None:
-        output.line(f"Report: {page}")
-    elif numbers is not None:
-        output.line(f"Numbers: {numbers}")
+    output.name_files(numbers, page)

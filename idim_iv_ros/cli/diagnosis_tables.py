@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.markup import escape
 
-from idim_iv_ros.cli.table import Column, print_table, unbroken
+from idim_iv_ros.cli.table import print_table, unbroken
 from idim_iv_ros.diagnosis.parameter_words import surest
 from idim_iv_ros.diagnosis.result import (
     Cause,
@@ -63,10 +63,10 @@ def _print_contrast(console: Console, result: GapResult, contrast: ContrastResul
     console.print(escape(contrast.sentence), highlight=False)
     if contrast.causes:
         columns = [
-            Column("what changed"),
-            Column("second set less reference (± 95 %)"),
-            Column("torque that it makes"),
-            Column("indistinguishable from"),
+            "what changed",
+            "second set less reference (± 95 %)",
+            "torque that it makes",
+            "indistinguishable from",
         ]
         rows = [
             (
@@ -83,11 +83,11 @@ def _print_contrast(console: Console, result: GapResult, contrast: ContrastResul
         ]
         print_table(console, "What changed, largest torque first", columns, rows)
     columns = [
-        Column("joint"),
-        Column("model of the reference", right=True),
-        Column("with what changed", right=True),
-        Column("with its own model", right=True),
-        Column("not explained", right=True),
+        "joint",
+        ">model of the reference",
+        ">with what changed",
+        ">with its own model",
+        ">not explained",
     ]
     joints = [
         (
@@ -106,11 +106,11 @@ def _print_contrast(console: Console, result: GapResult, contrast: ContrastResul
 
 def _print_causes(console: Console, result: GapResult) -> None:
     columns = [
-        Column("effect, joint"),
-        Column("parameters (± 95 %)"),
-        Column("torque gap, shrinkage"),
-        Column("folds"),
-        Column("indistinguishable from"),
+        "effect, joint",
+        "parameters (± 95 %)",
+        "torque gap, shrinkage",
+        "folds",
+        "indistinguishable from",
     ]
     rows = []
     for cause in result.causes:
@@ -118,10 +118,10 @@ def _print_causes(console: Console, result: GapResult) -> None:
         rows.append(
             (
                 f"{effect_words(cause.effect)}\n{', '.join(joints) or 'all joints'}",
-                "\n".join(_parameters(cause)),
+                "\n".join(_shown(cause.parameters)),
                 "\n".join(unbroken(line) for line in _gaps(result, cause)),
                 unbroken(cause.evidence.chosen_in_folds) or "–",
-                _confounders(cause),
+                _names(cause.indistinguishable_from, cause.joint),
             )
         )
     print_table(console, "Causes, strongest first", columns, rows)
@@ -129,7 +129,7 @@ def _print_causes(console: Console, result: GapResult) -> None:
 
 def _print_hints(console: Console, result: GapResult) -> None:
     """What may be there, and is not sure enough for a cause."""
-    columns = [Column(each) for each in ("would be", "chosen in folds", "why it is only a hint")]
+    columns = ["would be", "chosen in folds", "why it is only a hint"]
     rows = [
         (
             effect_at(each.effect, each.joint, each.other_joint),
@@ -141,12 +141,8 @@ def _print_hints(console: Console, result: GapResult) -> None:
     print_table(console, "Hints, no causes", columns, rows)
 
 
-def _parameters(cause: Cause) -> list[str]:
-    """The surest of its numbers under their names in gap.json; words and all are in the report."""
-    return _shown(cause.parameters)
-
-
 def _shown(parameters: dict[str, EffectParameter]) -> list[str]:
+    """The best determined numbers under their names in gap.json, and how many more there are."""
     shown = surest(parameters, _MOST_NUMBERS)
     lines = [_parameter(name, each) for name, each in shown.items()]
     more = len(parameters) - len(shown)
@@ -182,10 +178,6 @@ def _shrinkage(gap: Gap) -> str:
     return f"{100.0 * gap.shrinkage:.0f} %{interval} less"
 
 
-def _confounders(cause: Cause) -> str:
-    return _names(cause.indistinguishable_from, cause.joint)
-
-
 def _names(others: Sequence[Indistinguishable], joint: str | None) -> str:
     names = [
         f"{effect_words(each.effect)} at {each.joint}"
@@ -205,9 +197,9 @@ def _print_stages(console: Console, result: GapResult, whole: bool) -> None:
     if not whole and len(stages) > _FEW_STAGES and len(stages) * len(result.joints) > _MOST_ROWS:
         stages = [*stages[: _FEW_STAGES - 1], stages[-1]]
     tracked = any(stage.tracking_rms for stage in stages)
-    columns = [Column("joint"), Column("model"), Column("torque", right=True)]
+    columns = ["joint", "model", ">torque"]
     if tracked:
-        columns.append(Column("simulation", right=True))
+        columns.append(">simulation")
     floors = {each.joint: each.noise_floor for each in result.joint_gaps}
     rows = []
     for joint in result.joints:
@@ -234,7 +226,7 @@ def _floor_words(result: GapResult) -> str:
 
 def _print_untestable(console: Console, result: GapResult, whole: bool) -> None:
     groups = untestable(result)
-    columns = [Column(each) for each in ("effect", "joint", "why", "record this next")]
+    columns = ["effect", "joint", "why", "record this next"]
     rows = [
         (effect_words(each.effect), each.joints or "all", each.reason, each.excitation_needed)
         for each in groups

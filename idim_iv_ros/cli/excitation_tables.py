@@ -2,7 +2,7 @@
 
 from rich.console import Console
 
-from idim_iv_ros.cli.table import Column, print_table, unbroken
+from idim_iv_ros.cli.table import print_table, unbroken
 from idim_iv_ros.excitation import Diagnosis, Excitation, LimitUse, MotionLimits
 from idim_iv_ros.excitation.criterion import BAD_DEVIATION, BAD_SHARE
 from idim_iv_ros.excitation.segments import NOT_REVEALED
@@ -24,7 +24,7 @@ def print_excitation(
         "parameters with friction",
         highlight=False,
     )
-    columns = [Column(""), Column("random (median)", right=True), Column("designed", right=True)]
+    columns = ["", ">random (median)", ">designed"]
     kinds = (
         ("rows over torque limit", "weighted"),
         ("plain, SI units", "plain"),
@@ -61,7 +61,7 @@ def print_use(console: Console, model: InverseModel, limits: MotionLimits, use: 
         f"Largest share of each limit (allowed: {100 * limits.margin:g} %)", highlight=False
     )
     headings = ("position", "velocity", "acceleration", "torque")
-    columns = [Column("joint"), *(Column(each, right=True) for each in headings)]
+    columns = ["joint", *(f">{heading}" for heading in headings)]
     rows = []
     for index, joint in enumerate(model.robot.joints):
         shares = (use.position, use.velocity, use.acceleration)
@@ -95,8 +95,8 @@ def _print_parameters(console: Console, excitation: Excitation, whole: bool) -> 
     if not bad:
         return
     headings = ("nominal", "predicted σ", "%σ", "unexplained")
-    columns = [Column("parameter"), *(Column(each, right=True) for each in headings)]
-    columns.append(Column("unit"))
+    columns = ["parameter", *(f">{heading}" for heading in headings)]
+    columns.append("unit")
     rows = []
     for parameter in bad:
         relative = parameter.relative_std
@@ -124,10 +124,10 @@ def print_diagnosis(
         highlight=False,
     )
     columns = [
-        Column("segments"),
-        Column("of them", right=True),
-        Column("seconds", right=True),
-        Column("reveal"),
+        "segments",
+        ">of them",
+        ">seconds",
+        "reveal",
     ]
     rows = []
     for kind in dict.fromkeys(segment.plan.kind for segment in diagnosis.segments):

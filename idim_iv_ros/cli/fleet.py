@@ -159,7 +159,7 @@ def _write_robots(found: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
 
 
 def _print(output: Output, found: Fleet, pages: dict[str, Path]) -> None:
-    from idim_iv_ros.cli.table import Column, print_table
+    from idim_iv_ros.cli.table import print_table
     from idim_iv_ros.report.fleet import headline
 
     used = [bag for bag in found.result.bags if bag.used]
@@ -172,7 +172,7 @@ def _print(output: Output, found: Fleet, pages: dict[str, Path]) -> None:
         print_table(
             output.console,
             "Robots that need attention, most urgent first",
-            [Column("robot"), Column("type"), Column("why"), Column("bags", right=True)],
+            ["robot", "type", "why", ">bags"],
             [
                 [robot.robot, robot.type, _why(robot.reasons, output.verbose), str(robot.bags)]
                 for robot in noticed

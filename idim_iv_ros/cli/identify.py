@@ -52,38 +52,34 @@ def identify_command(
 
     Example: idim-iv identify run1.mcap run2.mcap --config ur5.yaml --out results
     """
-    from idim_iv_ros.cli.output import Output, require_destination
+    from idim_iv_ros.cli.output import Output
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.files import REPORT, RESULT
 
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
-    numbers = page = None
-    with output.progress() as progress:
-        from idim_iv_ros.cli.output import report_warnings
+    with output.progress():  # while the libraries are loaded
         from idim_iv_ros.identification.identify import identify
         from idim_iv_ros.report import write_report
-        from idim_iv_ros.report.picture import require_picture, write_picture
-
-        require_picture(picture, force=force)
-        with require_destination(out, (RESULT, REPORT), as_json=as_json, force=force):
-            result = identify(bags, configuration, estimator=estimator.value, progress=progress)
-            if out is not None:
-                with report_warnings():
-                    numbers, page = write_report(result, out, force=force, config=config)
-            if picture is not None:
-                write_picture(result, picture)
-    output.document(result.to_document())
+        from idim_iv_ros.report.picture import write_picture
+    result, numbers, page = output.produce(
+        lambda progress: identify(
+            bags, configuration, estimator=estimator.value, progress=progress
+        ),
+        lambda result: write_report(result, out or "", force=force, config=config),
+        write_picture,
+        out=out,
+        names=(RESULT, REPORT),
+        picture=picture,
+        force=force,
+    )
     output.warn_quietly([*result.doubts, *data_warnings(result)])
     print_parameters(output.console, result, whole=verbose)
     print_remarks(output.console, result)
     print_verdict(output.console, result)
     print_next(output.console, result, bags, config)
     print_physical(output, result, numbers, config)
-    if page is not None:
-        output.line(f"Report: {page}")
-    elif numbers is not None:
-        output.line(f"Numbers: {numbers}")
+    output.name_files(numbers, page)
 
 
 def print_physical(
@@ -114,15 +110,15 @@ def print_parameters(
 
     The best determined ones come first where not the `whole` table is printed.
     """
-    from idim_iv_ros.cli.table import Column, print_table, unbroken
+    from idim_iv_ros.cli.table import print_table, unbroken
 
-    columns = [Column("parameter"), *(Column(each, right=True) for each in ("value", "σ", "%σ"))]
+    columns = ["parameter", ">value", ">σ", ">%σ"]
     if truth:
-        columns += [Column("truth", right=True), Column("off by", right=True)]
-    columns.append(Column("unit"))
+        columns += [">truth", ">off by"]
+    columns.append("unit")
     remarked = any(parameter.essential_remark for parameter in result.parameters)
     if remarked:
-        columns.append(Column("remark"))
+        columns.append("remark")
     rows: list[tuple[float, list[str]]] = []
     for parameter in result.parameters:
         value, std = parameter.essential_value, parameter.essential_std

@@ -76,7 +76,7 @@ def init_command(
 def _print_proposal(console: Console, proposal: Proposal, out: Path) -> None:
     from rich.text import Text
 
-    from idim_iv_ros.cli.table import Column, print_table
+    from idim_iv_ros.cli.table import print_table
 
     rows = []
     for section, keys in proposal.values_for(out).items():
@@ -85,9 +85,9 @@ def _print_proposal(console: Console, proposal: Proposal, out: Path) -> None:
             rows.append((f"{section}.{name}", shown, proposal.reasons.get((section, name), "")))
     if "reference" not in proposal.values["signals"]:
         rows.append(("signals.reference", "none", proposal.reasons["signals", "reference"]))
-    print_table(console, "", [Column("key"), Column("value"), Column("why")], rows)
+    print_table(console, "", ["key", "value", "why"], rows)
     if proposal.left_out:
         left_out = list(proposal.left_out.items())
-        print_table(console, "Left out", [Column("joint"), Column("why")], left_out)
+        print_table(console, "Left out", ["joint", "why"], left_out)
     for warning in proposal.warnings:
         console.print(Text.assemble(("Warning: ", "yellow"), warning))

@@ -34,11 +34,8 @@ def record_command(
 
     Example: idim-iv record --config ur5.yaml --out bags --namespace left
     """
-    from idim_iv_ros.configuration import load_configuration
-
-    load_configuration(config)
-    parameters = {"configuration": config.resolve(), "bag_directory": out, "autostart": True}
-    _start_node("recorder", namespace, parameters, context.args)
+    parameters = {**_robot(config), "bag_directory": out, "autostart": True}
+    _run("recorder", namespace, parameters, context.args)
 
 
 def serve_command(
@@ -60,16 +57,8 @@ def serve_command(
 
     Example: idim-iv serve --config ur5.yaml --bags bags --out results
     """
-    from idim_iv_ros.configuration import load_configuration
-
-    load_configuration(config)
-    parameters = {
-        "configuration": config.resolve(),
-        "bag_directory": bags,
-        "output_directory": out,
-        "auto": auto,
-    }
-    _start_node("identifier", namespace, parameters, context.args)
+    folders = {"bag_directory": bags, "output_directory": out}
+    _run("identifier", namespace, {**_robot(config), **folders, "auto": auto}, context.args)
 
 
 Result = Annotated[
@@ -96,10 +85,7 @@ def predict_command(
 
     Example: idim-iv predict --config ur5.yaml --result results/result.json
     """
-    from idim_iv_ros.configuration import load_configuration
-
-    load_configuration(config)
-    _start_node("predictor", namespace, _of_predictor(config, result, results), context.args)
+    _run("predictor", namespace, _prediction(config, result, results), context.args)
 
 
 def watch_command(
@@ -139,21 +125,23 @@ def watch_command(
     parameters: dict[str, object] = {}
     predictor = None
     if config is not None:
-        from idim_iv_ros.configuration import load_configuration
-
-        load_configuration(config)
-        parameters = _of_predictor(config, result, results)
-        predictor = _module("predictor").Predictor
-    watch = _module("watch")
-    arguments = _arguments(namespace, parameters, context.args)
-    raise typer.Exit(watch.run(arguments, watch.WatchSettings(web=web, predictor=predictor)))
+        parameters = _prediction(config, result, results)
+        predictor = _node("predictor").Predictor
+    settings = _node("watch").WatchSettings(web=web, predictor=predictor)
+    _run("watch", namespace, parameters, context.args, settings)
 
 
-def _of_predictor(config: Path, result: Path | None, results: Path) -> dict[str, object]:
-    parameters: dict[str, object] = {
-        "configuration": config.resolve(),
-        "output_directory": results.resolve(),
-    }
+def _robot(config: Path) -> dict[str, object]:
+    """Parameter that names the robot's file, which is refused here if it cannot be read."""
+    from idim_iv_ros.configuration import load_configuration
+
+    load_configuration(config)
+    return {"configuration": config.resolve()}
+
+
+def _prediction(config: Path, result: Path | None, results: Path) -> dict[str, object]:
+    """Parameters of the predictor."""
+    parameters = {**_robot(config), "output_directory": results.resolve()}
     if result is not None:
         if not result.is_file():
             raise UsageError(f"{result}: no such file; `idim-iv identify` writes one")
@@ -161,23 +149,37 @@ def _of_predictor(config: Path, result: Path | None, results: Path) -> dict[str,
     return parameters
 
 
-def _start_node(
-    name: str, namespace: str, parameters: Mapping[str, object], others: Sequence[str]
+def _run(
+    name: str,
+    namespace: str,
+    parameters: Mapping[str, object],
+    others: Sequence[str],
+    *settings: object,
 ) -> None:
-    """Run a node of `idim_iv_ros.nodes` with parameters, and arguments of ROS, until a signal.
+    """Run a node of `idim_iv_ros.nodes` until a signal, and exit with its status.
+
+    Parameters
+    ----------
+    name
+    namespace
+    parameters
+        Of ROS, by name.
+    others
+        Arguments of ROS that the user gave.
+    settings
+        What the node takes besides arguments of ROS.
 
     Raises
     ------
     UsageError
         rclpy or the messages are not installed, or an argument is neither the command's nor ROS's.
     typer.Exit
-        With the exit status of the node.
     """
-    arguments = _arguments(namespace, parameters, others)
-    raise typer.Exit(_module(name).run(arguments))
+    arguments = ros_arguments(namespace, parameters, others)
+    raise typer.Exit(_node(name).run(arguments, *settings))
 
 
-def _module(name: str) -> Any:
+def _node(name: str) -> Any:
     """Import a node, or say what is missing."""
     try:
         return importlib.import_module(f"idim_iv_ros.nodes.{name}.node")
@@ -188,7 +190,7 @@ def _module(name: str) -> Any:
         ) from error
 
 
-def _arguments(
+def ros_arguments(
     namespace: str, parameters: Mapping[str, object], others: Sequence[str]
 ) -> list[str]:
     """Arguments of ROS that set the namespace and the parameters, and those of the user."""

@@ -4,10 +4,10 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
-from typing import TextIO
+from typing import Protocol, TextIO, TypeVar
 
 from rich import progress as bars
 from rich.console import Console
@@ -19,6 +19,16 @@ from idim_iv_ros.errors import ReportWarning, UsageError
 from idim_iv_ros.progress import Progress
 
 INTERVAL = 5.0  # s between lines where stderr is not a terminal
+
+
+class Result(Protocol):
+    """What a command computes and prints as JSON."""
+
+    def to_document(self) -> dict[str, object]:
+        """Return plain values for JSON."""
+
+
+AnyResult = TypeVar("AnyResult", bound=Result)
 
 
 class Output:
@@ -39,6 +49,67 @@ class Output:
     def progress(self) -> AbstractContextManager[Progress]:
         """Progress on stderr; it is gone, or stays as lines, when the work ends."""
         return shown_progress(self.quiet)
+
+    def produce(
+        self,
+        compute: Callable[[Progress], AnyResult],
+        write: Callable[[AnyResult], tuple[Path, Path | None]],
+        draw: Callable[[AnyResult, Path], object],
+        *,
+        out: Path | None,
+        names: Sequence[str],
+        picture: Path | None,
+        force: bool,
+    ) -> tuple[AnyResult, Path | None, Path | None]:
+        """Compute a result, write its files and its picture, and print it for a program.
+
+        Parameters
+        ----------
+        compute
+        write
+            Writes the files and returns the paths of the numbers and of the page.
+        draw
+            Draws the picture.
+        out
+            Folder of the files; None with --json.
+        names
+            Of the files.
+        picture
+            File of the picture, if one is wanted.
+        force
+            Replace files that idim_iv_ros did not write.
+
+        Returns
+        -------
+        result, numbers, page
+            The paths are None where no file was written.
+
+        Raises
+        ------
+        UsageError
+            There is no place for a file: nothing was computed.
+        """
+        from idim_iv_ros.report.picture import require_picture
+
+        numbers = page = None
+        require_picture(picture, force=force)
+        with require_destination(out, names, as_json=self.as_json, force=force):
+            with self.progress() as progress:
+                result = compute(progress)
+            if out is not None:
+                with report_warnings():
+                    numbers, page = write(result)
+            if picture is not None:
+                draw(result, picture)
+        self.document(result.to_document())
+        return result, numbers, page
+
+    def name_files(self, numbers: Path | None, page: Path | None) -> None:
+        """Name the page that was written, else the numbers."""
+        if page is not None:
+            self.line(f"Report: {page}")
+        elif numbers is not None:
+            self.line(f"Numbers: {numbers}")
 
     def line(self, text: str) -> None:
         """Print text in which nothing is markup, unbroken: paths stay whole."""

@@ -55,49 +55,43 @@ def replay_command(
 
     Example: idim-iv replay run1.mcap --config ur5.yaml --effects why/gap.json --out replay
     """
-    from idim_iv_ros.cli.output import Output, report_warnings, require_destination
+    from idim_iv_ros.cli.output import Output
     from idim_iv_ros.configuration import load_configuration
 
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
     from idim_iv_ros.report import write_replay_report
-    from idim_iv_ros.report.picture import require_picture
     from idim_iv_ros.report.replay_picture import write_replay_picture
     from idim_iv_ros.simulators.mujoco_video import require_video, write_video
     from idim_iv_ros.simulators.replay import replay_bags, replayed_robot
 
-    require_picture(picture, force=force)
     require_video(video, force=force)
-    destination = require_destination(out, (REPLAY, REPORT), as_json=as_json, force=force)
-    numbers = page = None
-    with destination:
-        with output.progress() as progress:
-            result = replay_bags(
-                bags, configuration, model=model, effects=effects, progress=progress
-            )
-        if out is not None:
-            with report_warnings():
-                numbers, page = write_replay_report(result, out, force=force)
-        if picture is not None:
-            write_replay_picture(result, picture)
-        if video is not None:
-            write_video(result, replayed_robot(bags, configuration), video)
-    output.document(result.to_document())
+    result, numbers, page = output.produce(
+        lambda progress: replay_bags(
+            bags, configuration, model=model, effects=effects, progress=progress
+        ),
+        lambda result: write_replay_report(result, out or "", force=force),
+        write_replay_picture,
+        out=out,
+        names=(REPLAY, REPORT),
+        picture=picture,
+        force=force,
+    )
+    if video is not None:
+        write_video(result, replayed_robot(bags, configuration), video)
     _print(output.console, result)
     output.warn(result.notes)
-    for name, path in (("Report", page), ("Numbers", None if page else numbers)):
-        if path is not None:
-            output.line(f"{name}: {path}")
+    output.name_files(numbers, page)
     if video is not None:
         output.line(f"Video: {video}")
 
 
 def _print(console: Console, result: ReplayResult) -> None:
-    from idim_iv_ros.cli.table import Column, print_table, unbroken
+    from idim_iv_ros.cli.table import print_table, unbroken
     from idim_iv_ros.report.replay import error_rows, headline
 
     drawn = [stage.name for stage in result.stages if stage.tracking is not None]
-    columns = [Column("joint"), *(Column(name, right=True) for name in (*drawn, "noise"))]
+    columns = ["joint", *(f">{name}" for name in (*drawn, "noise"))]
     for kind, title in (
         ("tracking", "Position, simulation less recording (rms, ± half of the 95 % interval)"),
         ("torque", "Torque, simulation less recording"),

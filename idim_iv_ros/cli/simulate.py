@@ -112,13 +112,13 @@ def _doubts(configuration: Configuration) -> tuple[str, ...]:
 
 
 def _print_largest(console: Console, joints: list[str], bags: Sequence[SimulatedBag]) -> None:
-    from idim_iv_ros.cli.table import Column, print_table, unbroken
+    from idim_iv_ros.cli.table import print_table, unbroken
     from idim_iv_ros.model.units import unit_at
 
     columns = [
-        Column("joint"),
-        Column("effort", right=True),
-        Column("tracking error", right=True),
+        "joint",
+        ">effort",
+        ">tracking error",
     ]
     rows = []
     for column, joint in enumerate(joints):

@@ -5,7 +5,7 @@ with its unit (`unbroken`).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from textwrap import TextWrapper
 
 from rich.cells import cell_len
 from rich.console import Console
@@ -15,22 +15,7 @@ from rich.text import Text
 _GAP = 2  # spaces between columns
 _LONGEST = 24  # rows that are printed without --verbose
 _NOTHING = ("", "–")
-_NO_BREAK = "\N{NO-BREAK SPACE}"
-
-
-@dataclass(frozen=True)
-class Column:
-    """Heading and alignment of a column.
-
-    Attributes
-    ----------
-    heading : str
-    right : bool
-        Aligned to the right: numbers.
-    """
-
-    heading: str
-    right: bool = False
+_NO_BREAK = "\N{NO-BREAK SPACE}"  # no white space for textwrap
 
 
 def unbroken(text: str) -> str:
@@ -41,7 +26,7 @@ def unbroken(text: str) -> str:
 def print_table(
     console: Console,
     title: str,
-    columns: Sequence[Column],
+    columns: Sequence[str],
     rows: Sequence[Sequence[str]],
     *,
     whole: bool = True,
@@ -51,104 +36,76 @@ def print_table(
 
     Parameters
     ----------
+    columns
+        Headings; ``>`` in front of one aligns its column to the right.
     whole
         Print all rows; else the first 24, and how many there are besides.
     rest
         Where the other rows are.
     """
-    said = [
+    filled = [
         place
         for place in range(len(columns))
         if not rows or any(row[place] not in _NOTHING for row in rows)
     ]
-    columns = [columns[place] for place in said]
-    rows = [[row[place] for place in said] for row in rows]
-    shown = rows if whole else rows[:_LONGEST]
+    headings = [columns[place].removeprefix(">") for place in filled]
+    cells = [[row[place] for place in filled] for row in (rows if whole else rows[:_LONGEST])]
     if title:
         console.print(Text(title, style="bold"))
-    widths = _widths(columns, shown, console.width)
+    widths = _widths(list(zip(headings, *cells, strict=True)), console.width)
     if widths is None:
-        _print_blocks(console, columns, shown)
+        _print_blocks(console, headings, cells)
     else:
-        _print_columns(console, columns, shown, widths)
-    if len(shown) < len(rows):
-        console.print(Text(f"… and {len(rows) - len(shown)} more: {rest}", style="dim"))
+        table = Table(box=None, padding=(0, _GAP, 0, 0), pad_edge=False, header_style="dim")
+        for place, heading, width in zip(filled, headings, widths, strict=True):
+            right = columns[place].startswith(">")
+            text = _wrapped(heading, width)
+            table.add_column(text, width=width, justify="right" if right else "left")
+        for row in cells:
+            table.add_row(*map(_wrapped, row, widths))
+        console.print(table)
+    if len(cells) < len(rows):
+        console.print(Text(f"… and {len(rows) - len(cells)} more: {rest}", style="dim"))
 
 
-def _widths(
-    columns: Sequence[Column], rows: Sequence[Sequence[str]], available: int
-) -> list[int] | None:
-    """Width of each column, None where not even the longest words fit beside one another."""
-    least, most = [], []
-    for place, column in enumerate(columns):
-        cells = [column.heading, *(row[place] for row in rows)]
-        lines = [line for cell in cells for line in cell.split("\n")]
-        words = [word for line in lines for word in line.split(" ")]
-        most.append(max(map(cell_len, lines)))
-        least.append(max(map(cell_len, words)))
-    spare = available - sum(least) - _GAP * (len(columns) - 1)
+def _widths(columns: Sequence[Sequence[str]], available: int) -> list[int] | None:
+    """Width of each column, None where not even the longest words fit side by side."""
+    lines = [[line for cell in column for line in cell.split("\n")] for column in columns]
+    widths = [
+        max(cell_len(word) for line in column for word in line.split(" ")) for column in lines
+    ]
+    wishes = [max(map(cell_len, column)) for column in lines]
+    spare = available - sum(widths) - _GAP * (len(columns) - 1)
     if spare < 0:
         return None
-    widths = list(least)
-    while spare and any(width < wish for width, wish in zip(widths, most, strict=True)):
-        wanting = max(range(len(widths)), key=lambda k: most[k] / widths[k])
-        widths[wanting] += 1
-        spare -= 1
+    for _ in range(min(spare, sum(wishes) - sum(widths))):
+        narrowest = max(range(len(widths)), key=lambda k: wishes[k] / widths[k])
+        widths[narrowest] += 1
     return widths
 
 
-def _print_columns(
-    console: Console,
-    columns: Sequence[Column],
-    rows: Sequence[Sequence[str]],
-    widths: Sequence[int],
-) -> None:
-    table = Table(box=None, padding=(0, _GAP, 0, 0), pad_edge=False, header_style="dim")
-    for column, width in zip(columns, widths, strict=True):
-        table.add_column(
-            _text(_wrapped(column.heading, width)),
-            width=width,
-            no_wrap=True,
-            justify="right" if column.right else "left",
-        )
-    for row in rows:
-        cells = zip(row, widths, strict=True)
-        table.add_row(*(_text(_wrapped(cell, width)) for cell, width in cells))
-    console.print(table)
-
-
-def _print_blocks(
-    console: Console, columns: Sequence[Column], rows: Sequence[Sequence[str]]
-) -> None:
+def _print_blocks(console: Console, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """The first cell of a row as a heading, the others under it as ``heading: value``."""
     width = max(console.width - 2, 1)
-    for row in rows:
-        if row[0]:
-            console.print(_text([row[0].replace("\n", ", ")]), soft_wrap=True)
-        for column, cell in zip(columns[1:], row[1:], strict=True):
+    for first, *others in rows:
+        if first:
+            console.print(_plain(first.replace("\n", ", ")), soft_wrap=True)
+        for heading, cell in zip(headings[1:], others, strict=True):
             if cell:
+                block = _wrapped(f"{heading}: {cell}", width)
                 if "\n" in cell:
-                    lines = [f"{column.heading}:"]
-                    lines += [f"  {line}" for line in _wrapped(cell, width - 2)]
-                else:
-                    lines = _wrapped(f"{column.heading}: {cell}", width)
-                console.print(_text([f"  {line}" for line in lines]), soft_wrap=True)
+                    block = _plain(f"{heading}:\n{_wrapped(cell, width - 2, indent='  ')}")
+                for line in block.plain.split("\n"):
+                    console.print(Text(f"  {line}"), soft_wrap=True)
 
 
-def _wrapped(cell: str, width: int) -> list[str]:
-    """Lines of a cell, broken at spaces where they are longer than `width`."""
-    lines = []
-    for line in cell.split("\n"):
-        current = ""
-        for word in line.split(" "):
-            longer = f"{current} {word}" if current else word
-            if current and cell_len(longer) > width:
-                lines.append(current)
-                longer = word
-            current = longer
-        lines.append(current)
-    return lines
+def _wrapped(cell: str, width: int, indent: str = "") -> Text:
+    """Cell broken at spaces where a line of it is longer than `width`."""
+    wrap = TextWrapper(width, break_long_words=False, break_on_hyphens=False).wrap
+    return _plain(
+        "\n".join(indent + part for line in cell.split("\n") for part in wrap(line) or [""])
+    )
 
 
-def _text(lines: Sequence[str]) -> Text:
-    return Text("\n".join(lines).replace(_NO_BREAK, " "))
+def _plain(text: str) -> Text:
+    return Text(text.replace(_NO_BREAK, " "))

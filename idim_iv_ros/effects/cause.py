@@ -107,6 +107,8 @@ class Cause(ABC):
     segments: ClassVar[tuple[str, ...]] = ()
     beyond_motion: ClassVar[str] = ""
     joints_needed: ClassVar[int] = 1
+    # Prior odds of it against an effect of the usual odds, before a recording is seen.
+    prior_weight: ClassVar[float] = 1.0
     specs: ClassVar[tuple[ParameterSpec, ...]] = ()
     # Simulator: whether the base parameters hold it already; whether it may be at all joints, none
     # being named; the compiled laws that its contributions use.

@@ -27,6 +27,7 @@ class Payload(ParametricEffect):
 
     name = "payload"
     order = 10
+    prior_weight = 4.0  # tools are changed, links are not
     confounders = ("link_inertia", "torque_gain", "gravity_direction")
     excitation = "all joints, in poses that move the last link through all directions of gravity"
     segments = ("repeat",)

@@ -1,12 +1,10 @@
 """Design of motions that identify a robot or separate the causes of a gap."""
 
 from idim_iv_ros.excitation.criterion import (
-    ConditionNumbers,
-    PredictedParameter,
     condition_numbers,
     predict_parameters,
 )
-from idim_iv_ros.excitation.design import Design, design_excitation
+from idim_iv_ros.excitation.design import design_excitation
 from idim_iv_ros.excitation.diagnosis import Diagnosis, design_diagnosis
 from idim_iv_ros.excitation.excite import Excitation, excite, load_model, random_motion
 from idim_iv_ros.excitation.files import (
@@ -21,7 +19,6 @@ from idim_iv_ros.excitation.limit_use import LimitUse, limit_use
 from idim_iv_ros.excitation.limits import MotionLimits, motion_limits
 from idim_iv_ros.excitation.passes import Passes, passes_of, plan_passes, slowed, stop
 from idim_iv_ros.excitation.search import DesignSettings
-from idim_iv_ros.excitation.segments import Segment
 from idim_iv_ros.excitation.trajectory import (
     Trajectory,
     read_trajectory,
@@ -30,16 +27,12 @@ from idim_iv_ros.excitation.trajectory import (
 )
 
 __all__ = [
-    "ConditionNumbers",
-    "Design",
     "DesignSettings",
     "Diagnosis",
     "Excitation",
     "LimitUse",
     "MotionLimits",
     "Passes",
-    "PredictedParameter",
-    "Segment",
     "Trajectory",
     "condition_numbers",
     "design_diagnosis",

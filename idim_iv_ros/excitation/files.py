@@ -71,7 +71,7 @@ def require_place(
     """
     out = Path(out)
     stem = motion_stem(out)
-    require_replaceable(_files(stem, endings), force=force)
+    require_replaceable(_files(stem, endings).values(), force=force)
     try:
         if not stem.name or stem.is_dir():
             raise IsADirectoryError(f"{out} is a folder")
@@ -122,12 +122,11 @@ def write_motion(
     table, message = io.StringIO(), io.StringIO()
     write_csv(trajectory, table)
     write_joint_trajectory(trajectory, message, rate=message_rate)
-    texts = {"csv": table.getvalue(), "yaml": message.getvalue(), "json": "", **(tables or {})}
-    paths = dict(zip(_files(stem, texts), texts.values(), strict=True))
-    beside = {path.name: text for path, text in paths.items() if path.suffix != ".json"}
-    complete = {**document, FILES: digests(beside)}
-    text = json_text(complete)
-    paths[_files(stem, ["json"])[0]] = text
+    texts = {"csv": table.getvalue(), "yaml": message.getvalue(), **(tables or {})}
+    signed = {path.name: texts[ending] for ending, path in _files(stem, texts).items()}
+    texts["json"] = json_text({**document, FILES: digests(signed)})
+    endings = dict.fromkeys((*ENDINGS, *texts))
+    paths = {path: texts[ending] for ending, path in _files(stem, endings).items()}
     require_replaceable(paths, force=force)
     try:
         write_together(paths)
@@ -223,32 +222,25 @@ def segment_table(segments: Sequence[Segment]) -> str:
 
 def limits_document(limits: MotionLimits) -> dict[str, object]:
     """Limits for JSON, in rad, rad/s, rad/s², N m and m."""
-    names = ("lower", "upper", "velocity", "acceleration", "torque")
-    arrays = {name: [float(v) for v in getattr(limits, name)] for name in names}
-    return {
-        **arrays,
-        "floor": limits.floor,
-        "margin": limits.margin,
-        "torque_checked": limits.torque_known,
-    }
+    document = _plain(limits)
+    checked = document.pop("torque_known")
+    return {**document, "torque_checked": checked}
 
 
 def use_document(use: LimitUse) -> dict[str, object]:
     """Shares of the limits for JSON."""
-    shares = {
-        name: None if values is None else [float(v) for v in values]
-        for name, values in (
-            ("position", use.position),
-            ("velocity", use.velocity),
-            ("acceleration", use.acceleration),
-            ("torque", use.torque),
-        )
+    return _plain(use)
+
+
+def _plain(part: MotionLimits | LimitUse) -> dict[str, object]:
+    return {
+        name: value.tolist() if isinstance(value, np.ndarray) else value
+        for name, value in vars(part).items()
     }
-    return {**shares, "lowest_frame": use.lowest_frame, "lowest_height": use.lowest_height}
 
 
-def _files(stem: Path, endings: Iterable[str]) -> list[Path]:
-    return [stem.with_name(f"{stem.name}.{ending}") for ending in endings]
+def _files(stem: Path, endings: Iterable[str]) -> dict[str, Path]:
+    return {ending: stem.with_name(f"{stem.name}.{ending}") for ending in endings}
 
 
 def _refusal(out: Path, error: OSError) -> UsageError:

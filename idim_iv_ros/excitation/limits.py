@@ -1,7 +1,7 @@
 """What a motion may use of the robot: limits of joints, drives and space."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -93,20 +93,17 @@ def motion_limits(
     if floor is not None and not np.isfinite(floor):
         raise UsageError(f"floor {floor:g}: a height in m is needed")
     lower, upper = _positions(model)
-    velocity = _needed(model, robot.limits.velocity, "velocity", "<limit velocity> of the URDF")
     configured = configuration.controller.torque_limit
     torque = np.where(robot.limits.effort > 0.0, robot.limits.effort, np.inf)
     if configured is not None:
         torque = np.minimum(torque, configured)
-    torque = _needed(
-        model, torque, "effort", "<limit effort> of the URDF or controller.torque_limit"
-    )
+    effort = "<limit effort> of the URDF or controller.torque_limit"
     limits = MotionLimits(
         lower=lower,
         upper=upper,
-        velocity=velocity,
+        velocity=_needed(model, robot.limits.velocity, "velocity", "<limit velocity> of the URDF"),
         acceleration=np.full(len(robot.joints), np.inf),
-        torque=torque,
+        torque=_needed(model, torque, "effort", effort),
         torque_known=robot.has_inertials,
         floor=floor,
         margin=margin,
@@ -116,7 +113,7 @@ def motion_limits(
         if acceleration is None
         else _per_joint(acceleration, len(robot.joints))
     )
-    return MotionLimits(**{**limits.__dict__, "acceleration": values})
+    return replace(limits, acceleration=values)
 
 
 def _positions(model: InverseModel) -> tuple[FloatArray, FloatArray]:

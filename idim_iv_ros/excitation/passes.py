@@ -12,7 +12,7 @@ from idim_iv_ros.excitation.excite import load_model, random_motion
 from idim_iv_ros.excitation.limit_use import limit_use, moving_frames
 from idim_iv_ros.excitation.limits import MotionLimits, motion_limits
 from idim_iv_ros.excitation.search import DesignSettings
-from idim_iv_ros.excitation.trajectory import Trajectory
+from idim_iv_ros.excitation.trajectory import Trajectory, quintic
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.types import FloatArray
@@ -24,7 +24,7 @@ _PERIOD = 10.0  # s; longer motions repeat a period
 _LONGEST_SEARCH = 300.0  # s; searches end by themselves long before
 _RATE = 1000.0  # samples per second
 _SHORTEST = 0.5  # s of an approach
-# Largest speed and acceleration of 10 s³ - 15 s⁴ + 6 s⁵, which goes from 0 to 1 in unit time.
+# Largest speed and acceleration of `quintic`.
 _PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 10.0 / np.sqrt(3.0)
 
 
@@ -206,12 +206,12 @@ def _approach(
         float(np.max(np.sqrt(_PEAK_ACCELERATION * np.abs(way) / (share * limits.acceleration)))),
     )
     samples = int(np.ceil(seconds * motion.rate))
-    s = np.linspace(0.0, 1.0, samples + 1)[:, None]
+    place, slope, curvature = quintic(np.linspace(0.0, 1.0, samples + 1)[:, None])
     seconds = samples / motion.rate
     return Trajectory(
         motion.joints,
         motion.rate,
-        start + way * s**3 * (10.0 - 15.0 * s + 6.0 * s**2),
-        way * 30.0 * s**2 * (1.0 - s) ** 2 / seconds,
-        way * 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / seconds**2,
+        start + way * place,
+        way * slope / seconds,
+        way * curvature / seconds**2,
     )

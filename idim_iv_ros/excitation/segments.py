@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.effects.registry import BY_NAME, CAUSES
+from idim_iv_ros.excitation.trajectory import quintic
 from idim_iv_ros.types import FloatArray
 
 # Kinds of segment; which effects each reveals is in the files of `effects/`.
@@ -121,10 +122,12 @@ def separating_motion(first: str, second: str) -> str:
 def rest_to_rest(displacement: FloatArray, seconds: float, rate: float) -> Shape:
     """Quintic from rest to rest: peaks 1.875 d/T in velocity, 5.774 d/T² in acceleration."""
     s, seconds = _phase(seconds, rate)
-    position = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-    velocity = 30.0 * s**2 * (1.0 - s) ** 2 / seconds
-    acceleration = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / seconds**2
-    return position * displacement, velocity * displacement, acceleration * displacement
+    position, slope, curvature = quintic(s)
+    return (
+        position * displacement,
+        slope / seconds * displacement,
+        curvature / seconds**2 * displacement,
+    )
 
 
 def there_and_back(speed: FloatArray, plateau: float, ramp: float, rate: float) -> Shape:
@@ -166,11 +169,9 @@ def waves(
         velocity += a * pulsation * np.cos(pulsation * time + p)
         acceleration -= a * pulsation**2 * np.sin(pulsation * time + p)
     distance = np.minimum(time, seconds - time)
-    u = np.clip(distance / fade, 0.0, 1.0)
-    side = np.where(time <= seconds / 2.0, 1.0, -1.0) / fade
-    window = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-    first = side * 30.0 * u**2 * (1.0 - u) ** 2
-    second = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / fade**2
+    window, slope, curvature = quintic(np.clip(distance / fade, 0.0, 1.0))
+    first = np.where(time <= seconds / 2.0, 1.0, -1.0) / fade * slope
+    second = curvature / fade**2
     return (
         window * position,
         window * velocity + first * position,

@@ -70,6 +70,15 @@ class Trajectory:
         return Trajectory(tuple(joints), self.rate, *(each[:, columns] for each in signals))
 
 
+def quintic(s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """10 s³ - 15 s⁴ + 6 s⁵, from rest at s = 0 to rest at 1, and two derivatives by s."""
+    return (
+        s**3 * (10.0 - 15.0 * s + 6.0 * s**2),
+        30.0 * s**2 * (1.0 - s) ** 2,
+        60.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
+    )
+
+
 def require_sampling(rate: float, duration: float, what: str) -> None:
     """Refuse a rate that no controller has, and more samples than can be computed.
 

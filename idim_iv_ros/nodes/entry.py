@@ -1,4 +1,4 @@
-"""What all nodes share: running until a signal, one line for whatever goes wrong, diagnostics."""
+"""What all nodes share: running until a signal, timers, stamps, diagnostics."""
 
 import os
 import signal
@@ -9,14 +9,22 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 import rclpy
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from rclpy.timer import Timer
 from rclpy.utilities import try_shutdown
 
 from idim_iv_ros.errors import IdimError, UsageError, one_line, silence_foreign_warnings
 from idim_iv_ros.nodes.unknown_names import refuse_unknown_arguments
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Quality of service of a topic whose last message reaches those who subscribe later."""
 
 _WAIT = 0.2  # s until a signal is noticed
 
@@ -113,3 +121,14 @@ def diagnostic_status(
     return DiagnosticStatus(
         level=level, name=name, hardware_id=hardware, message=sentence, values=pairs
     )
+
+
+def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
+    """Return a timer that runs every `period` seconds whatever the clock of ROS says."""
+    return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+def time_message(stamp: int) -> Time:
+    """Return a time, ns since 1970, as a message."""
+    seconds, nanoseconds = divmod(stamp, 1_000_000_000)
+    return Time(sec=seconds, nanosec=nanoseconds)

@@ -1,6 +1,6 @@
 """Parameters of a node as one dataclass: what they mean, what is allowed, and their values."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,9 +15,10 @@ from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from idim_iv_ros.configuration import load_configuration
+from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.unknown_names import named, refuse_unknown_parameters
+from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
 
 _NEEDED = {
     Parameter.Type.BOOL: "true or false",
@@ -41,10 +42,6 @@ class Settings:
         UsageError
             One line that names the parameter.
         """
-        self._check()
-
-    def _check(self) -> None:
-        """What a child checks."""
 
     def check_files(self) -> None:
         """Check what is read when the node is configured, where that is not at the start.
@@ -185,13 +182,42 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
     return new
 
 
-def checked(settings: Settings, parameters: Sequence[Parameter]) -> SetParametersResult:
-    """Return whether the new values are allowed, and else why not, as rclpy asks for it."""
-    try:
-        changed(settings, parameters)
-    except IdimError as error:
-        return SetParametersResult(successful=False, reason=str(error))
-    return SetParametersResult(successful=True)
+def follow_changes(
+    node: Node,
+    read: Callable[[], Kind],
+    apply: Callable[[Kind, set[str]], object],
+    refuse: Callable[[Mapping[str, Any]], str] = lambda given: "",
+) -> None:
+    """Check and apply parameters that are set while the node runs.
+
+    Parameters
+    ----------
+    node
+    read
+        Returns the settings as they are now.
+    apply
+        Takes the new settings and the names of the parameters that were set.
+    refuse
+        Takes the given values by name; says why they cannot be set now, or nothing.
+    """
+
+    def check(parameters: list[Parameter]) -> SetParametersResult:
+        given = {item.name: item.value for item in parameters}
+        try:
+            reason = refuse(given)
+            if not reason:
+                changed(read(), parameters)
+            if not reason and given.get("configuration"):
+                read_configuration(node, given["configuration"])
+        except IdimError as error:
+            reason = str(error)
+        return SetParametersResult(successful=not reason, reason=reason)
+
+    def follow(parameters: list[Parameter]) -> None:
+        apply(changed(read(), parameters), {item.name for item in parameters})
+
+    node.add_on_set_parameters_callback(check)
+    node.add_post_set_parameters_callback(follow)
 
 
 def _descriptor(described: "Field[Any]") -> ParameterDescriptor:
@@ -221,5 +247,42 @@ def check_configuration(file: str) -> None:
     """
     try:
         load_configuration(Path(file))
+    except IdimError as error:
+        raise UsageError(f"configuration: {error}") from error
+
+
+def resolved_topics(node: Node, configuration: Configuration) -> Configuration:
+    """Return the configuration for bags that a node asks for.
+
+    Its relative topics are looked for first where the node would subscribe them itself: in its
+    namespace, with its remappings.
+
+    Raises
+    ------
+    UsageError
+        A name is none that ROS allows.
+    """
+    names: dict[str, str] = {}
+    for name in (*configuration.signals.relative_topics, ROBOT_DESCRIPTION):
+        try:
+            names[name] = node.resolve_topic_name(name)
+        except Exception as error:  # rclpy has one class for each thing that can be wrong
+            raise UsageError(
+                f"{configuration.source}: signals: {name!r} is no topic of ROS: letters, digits "
+                "and _, no digit first, parts separated by /"
+            ) from error
+    return configuration.with_own_topics(names)
+
+
+def read_configuration(node: Node, file: str) -> Configuration:
+    """Return the configuration of the parameter ``configuration``, as the node sees its topics.
+
+    Raises
+    ------
+    UsageError
+        It cannot be read, or names what is no topic; one line that names the parameter.
+    """
+    try:
+        return resolved_topics(node, load_configuration(Path(file)))
     except IdimError as error:
         raise UsageError(f"configuration: {error}") from error

@@ -14,8 +14,8 @@ from idim_iv_ros.recording.bags.folder import Bag, bags_of, loss_notes, with_los
 from idim_iv_ros.recording.bags.joint_message_type import may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
 from idim_iv_ros.recording.clock import StampedMessages
+from idim_iv_ros.recording.frozen_channels import without_frozen
 from idim_iv_ros.recording.grid import Grid, make_grid, pauses_of, without_pauses
-from idim_iv_ros.recording.held_samples import without_frozen
 from idim_iv_ros.recording.other_topics import (
     prismatic_joints,
     reference_advice,

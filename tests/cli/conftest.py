@@ -1,7 +1,7 @@
 """Recordings and configurations for the command line."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bags import simulated_arms
+from idim_iv_ros.cli.diagnose import diagnose_command
 from idim_iv_ros.cli.main import main
 from idim_iv_ros.recording import JointTopic, write_bag
 
@@ -36,6 +37,18 @@ def run(monkeypatch: pytest.MonkeyPatch, capfd) -> Callable[..., Outcome]:
             raise SystemExit(0)
         captured = capfd.readouterr()
         return Outcome(int(stopped.value.code or 0), captured.out, captured.err)
+
+    return call
+
+
+@pytest.fixture
+def diagnose(config, tmp_path: Path, monkeypatch) -> Callable[..., None]:
+    """Run the command with something else in the place of what computes a diagnosis."""
+
+    def call(stand_in: Callable, bags: Sequence[Path] = (), **options: object) -> None:
+        monkeypatch.setenv("COLUMNS", "140")
+        monkeypatch.setattr("idim_iv_ros.diagnosis.diagnose.diagnose", stand_in)
+        diagnose_command(list(bags), config(), **{"out": tmp_path / "why", **options})
 
     return call
 

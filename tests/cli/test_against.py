@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from idim_iv_ros.cli.diagnose import _each_against, run_diagnosis
+from idim_iv_ros.cli.diagnose import separated_sets
 from idim_iv_ros.report import gap_report_html
 from tests.report.sample_contrast import sample_contrast
 
@@ -20,13 +20,10 @@ from tests.report.sample_contrast import sample_contrast
     ],
 )
 def test_names_behind_against_belong_to_it_up_to_the_next_option(given: str, read: str) -> None:
-    assert list(_each_against(given.split())) == read.split()
+    assert list(separated_sets(given.split())) == read.split()
 
 
-def test_what_changed_is_printed_before_the_reference_by_itself(
-    config, tmp_path: Path, capsys, monkeypatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "140")
+def test_what_changed_is_printed_before_the_reference_by_itself(diagnose, capsys) -> None:
     calls = []
 
     def stand_in(bags, configuration, *, without=(), against=(), nominal=None, progress=None):
@@ -34,19 +31,15 @@ def test_what_changed_is_printed_before_the_reference_by_itself(
         return sample_contrast()
 
     sets = [Path("a.mcap")], [Path("b1.mcap"), Path("b2.mcap")]
-    run_diagnosis(
-        sets[0], config(), tmp_path / "why", (), diagnose=stand_in, effects=(),
-        against=sets[1], nominal=Path("result.json"),
-    )  # fmt: skip
+    diagnose(stand_in, sets[0], against=sets[1], nominal=Path("result.json"))
     assert calls == [(tuple(sets[1]), Path("result.json"))]
     printed = " ".join(capsys.readouterr().out.split())
     result = sample_contrast()
     assert result.contrast is not None
     sentence = " ".join(result.contrast.sentence.split())
     assert printed.count(sentence) == 1
-    assert printed.index("Contrast: the sets differ") < printed.index("(the reference by itself)")
+    assert printed.index("Contrast:") < printed.index("Verdict:")
     assert "payload" in printed and "mass\xa0=\xa00.81" in printed.replace(" ", "\xa0")
-    assert "Torque left in the second set" in printed
 
 
 def test_the_report_begins_with_what_changed() -> None:
@@ -64,7 +57,7 @@ def test_a_recording_in_both_sets_is_refused(run, bag: Path, config, tmp_path: P
         "diagnose", bag, "--against", bag, "--config", config(), "--out", tmp_path / "why"
     )
     assert outcome.status == 2
-    assert "among the reference recordings" in outcome.error
+    assert bag.name in outcome.error
     assert len(outcome.error.strip().splitlines()) == 1
     assert not (tmp_path / "why" / "gap.json").exists()
 

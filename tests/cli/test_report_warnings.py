@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from idim_iv_ros.cli.diagnose import run_diagnosis
 from idim_iv_ros.report import page, write
-from tests.cli.test_diagnose import EFFECTS, StandIn
+from tests.cli.test_diagnose import StandIn
 
 
 def _fails(*_: object, **__: object) -> str:
@@ -42,10 +41,10 @@ def test_identify_ends_well_with_one_warning_when_a_section_fails(
 
 
 def test_diagnose_ends_well_with_one_warning_when_a_section_fails(
-    config, tmp_path: Path, capfd, monkeypatch: pytest.MonkeyPatch
+    diagnose, tmp_path: Path, capfd, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _broken("DIAGNOSIS", "residuals", monkeypatch)
-    run_diagnosis([], config(), tmp_path / "why", (), diagnose=StandIn("both"), effects=EFFECTS)
+    diagnose(StandIn("both"))
     printed = capfd.readouterr()
     warned = [line for line in printed.err.splitlines() if "warning" in line]
     assert len(warned) == 1
@@ -56,7 +55,7 @@ def test_diagnose_ends_well_with_one_warning_when_a_section_fails(
 
 @pytest.mark.parametrize("command", ["identify", "diagnose"])
 def test_a_page_that_cannot_be_drawn_at_all_leaves_the_numbers(
-    run, config, bag, tmp_path: Path, capfd, monkeypatch: pytest.MonkeyPatch, command: str
+    run, diagnose, config, bag, tmp_path: Path, capfd, monkeypatch, command: str
 ) -> None:
     out = tmp_path / "out"
     monkeypatch.setattr(write, "report_html", _fails)
@@ -66,7 +65,7 @@ def test_a_page_that_cannot_be_drawn_at_all_leaves_the_numbers(
         assert done.status == 0
         printed, error = done.out, done.error
     else:
-        run_diagnosis([], config(), out, (), diagnose=StandIn("both"), effects=EFFECTS)
+        diagnose(StandIn("both"), out=out)
         printed, error = capfd.readouterr()
     (numbers,) = out.iterdir()
     assert json.loads(numbers.read_text())["robot"]

@@ -6,11 +6,11 @@ import pytest
 from rich.console import Console
 
 from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
-from idim_iv_ros.cli.table import Column, print_table, unbroken
+from idim_iv_ros.cli.table import print_table, unbroken
 from tests.report.sample_gap import sample_gap, with_first_joint_named
 
 LONG = "shoulder_pan_joint_very_long"
-COLUMNS = [Column("joint"), Column("torque", right=True), Column("what was found")]
+COLUMNS = ["joint", ">torque", "what was found"]
 ROWS = [
     (LONG, unbroken("12.5 N m"), "ZZ1 + Ia1 + YY2 + 0.0484·M3 grows with the speed"),
     ("elbow", unbroken("0.3 N m"), "nothing"),

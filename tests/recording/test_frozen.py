@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from idim_iv_ros.recording import JointTopic, Recording, read_recordings, write_bag
-from idim_iv_ros.recording.held_samples import frozen_efforts, frozen_positions, moving_speed
+from idim_iv_ros.recording.frozen_channels import frozen_efforts, frozen_positions, moving_speed
 
 FloatArray = NDArray[np.float64]
 

@@ -129,7 +129,7 @@ def test_positions_and_efforts_of_one_stamp_belong_together(tmp_path, efforts_fi
 
 
 def test_a_topic_of_the_gripper_alone_is_refused_with_what_it_holds(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"never holds joint a; it holds finger"):
+    with pytest.raises(DataError, match=r"joint a; .* finger"):
         read(tmp_path, gripper())
 
 

@@ -100,7 +100,7 @@ def test_effort_on_a_topic_without_header_uses_arrival_and_says_so(tmp_path: Pat
 
 def test_array_of_another_length_is_refused(tmp_path: Path) -> None:
     messages = steady() + [("/effort", 1.0 + k / 50, float_array([1.0])) for k in range(100)]
-    with pytest.raises(DataError, match="1 numbers in a message for 2 joints"):
+    with pytest.raises(DataError, match=r"1 numbers .* 2 joints"):
         read(write(tmp_path / "bag", messages), effort="/effort")
 
 

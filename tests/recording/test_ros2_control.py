@@ -129,7 +129,7 @@ def test_joints_are_found_by_name_whatever_their_order_and_number(tmp_path: Path
 
 def test_a_controller_of_other_joints_is_refused_with_their_names(tmp_path: Path) -> None:
     bag = on_controller(on_states(ControlBag()), order=(1,)).write(tmp_path / "bag")
-    with pytest.raises(DataError, match=r"controller_state never holds joint a; it holds b"):
+    with pytest.raises(DataError, match=r"joint a; .* b"):
         read(bag, reference=STATE)
 
 
@@ -145,9 +145,7 @@ def test_what_comes_before_and_after_the_controller_is_active_is_left_out(tmp_pa
     assert np.array_equal(recording.position.values, column(measured)[60:180])
     # By a spline between the same stamps.
     assert recording.position_reference.values == pytest.approx(column(asked)[60:180], abs=1e-12)
-    assert any(
-        "not active in the first 0.6 s and the last 0.2 s" in n.what for n in recording.notes
-    )
+    assert any("first 0.6 s and the last 0.2 s" in n.what for n in recording.notes)
 
 
 def test_a_controller_that_rests_in_between_is_no_reference_there(tmp_path: Path) -> None:
@@ -165,7 +163,7 @@ def test_a_controller_that_was_never_active_is_refused(tmp_path: Path) -> None:
     bag = on_states(ControlBag())
     for stamp in STAMPS:
         bag.state(stamp, JOINTS)
-    with pytest.raises(DataError, match=r"empty or NaN in every message; was the controller"):
+    with pytest.raises(DataError, match=r"empty or NaN"):
         read(bag.write(tmp_path / "bag"), reference=STATE)
 
 

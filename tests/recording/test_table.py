@@ -160,5 +160,5 @@ def test_columns_are_named_by_the_header_or_by_numbers_from_0(tmp_path: Path, ke
     convert(tmp_path, f"{table}:{key}", rate=None, time=f"{table}:0")
     (recording,) = read_recordings([tmp_path / "out.mcap"], joints=JOINTS)
     np.testing.assert_allclose(recording.position.values, GOOD, atol=1e-9)
-    with pytest.raises(UsageError, match="no column 3; there are t, q1, q2, or numbers from 0"):
+    with pytest.raises(UsageError, match=r"column 3; .* t, q1, q2, "):
         convert(tmp_path, f"{table}:3,1")

@@ -96,16 +96,16 @@ def test_the_reference_of_another_robot_is_not_taken(tmp_path: Path) -> None:
     bag = bag_of(tmp_path, "/left/joint_states", "/right/joint_reference")
     with pytest.raises(DataError, match="no topic /left/joint_reference") as refused:
         read(bag)
-    assert "joint states are on /left/joint_states, /right/joint_reference" in str(refused.value)
+    assert "/left/joint_states, /right/joint_reference" in str(refused.value)
 
 
 def test_a_full_name_is_no_other(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="no topic /joint_states; joint states are on /left/"):
+    with pytest.raises(DataError, match=r"/joint_states; .* /left/"):
         read(bag_of(tmp_path, *LEFT), joint_states="/joint_states")
 
 
 def test_a_name_is_no_end_of_a_word(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="no topic /states; joint states are on /left/"):
+    with pytest.raises(DataError, match=r"/states; .* /left/"):
         read(bag_of(tmp_path, *LEFT), joint_states="states")
 
 

@@ -19,7 +19,7 @@ from idim_iv_ros.nodes.identifier import node as identifier
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
 from idim_iv_ros.nodes.predictor import node as predictor
-from idim_iv_ros.nodes.predictor.settings import PredictorSettings
+from idim_iv_ros.nodes.predictor.node import PredictorSettings
 from idim_iv_ros.nodes.recorder import node as recorder
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
 from idim_iv_ros.nodes.simulator import node as simulator

@@ -13,13 +13,13 @@ from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from idim_iv_ros.cli.nodes import _arguments
+from idim_iv_ros.cli.nodes import ros_arguments
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.collector.settings import CollectorSettings
-from idim_iv_ros.nodes.identifier.own_folder import OwnFolder
+from idim_iv_ros.nodes.identifier.folder_lock import FolderLock
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
 from idim_iv_ros.nodes.parameters import changed, declare
-from idim_iv_ros.nodes.predictor.settings import PredictorSettings
+from idim_iv_ros.nodes.predictor.node import PredictorSettings
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
 from idim_iv_ros.nodes.simulator.node import SimulatorSettings
 from idim_iv_ros.nodes.unknown_names import refuse_unknown_arguments, refuse_unknown_parameters
@@ -123,7 +123,7 @@ def test_what_is_meant_is_taken(node) -> None:
 
 @pytest.mark.parametrize("text", ["2024", "true", "~", "a: b", 'é "x" \\ #1'])
 def test_the_command_line_passes_text_as_text(node, text: str) -> None:
-    given = _arguments("", {"bag_prefix": text, "autostart": True}, [])[1:]
+    given = ros_arguments("", {"bag_prefix": text, "autostart": True}, [])[1:]
     settings = declare(node(*given[1:]), RecorderSettings, given)
     assert (settings.bag_prefix, settings.autostart) == (text, True)
 
@@ -228,5 +228,5 @@ def test_a_folder_that_cannot_be_written_is_said_at_once(
 def test_a_folder_that_will_be_made_is_not_made_before(tmp_path: Path) -> None:
     RecorderSettings(bag_directory=str(tmp_path / "a" / "b")).check()
     assert not list(tmp_path.iterdir())
-    OwnFolder(tmp_path / "a" / "b").take()
+    FolderLock(tmp_path / "a" / "b").take()
     assert (tmp_path / "a" / "b").is_dir()

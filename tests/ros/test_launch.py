@@ -7,7 +7,7 @@ import pytest
 
 from idim_iv_ros.nodes.collector.settings import CollectorSettings
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
-from idim_iv_ros.nodes.predictor.settings import PredictorSettings
+from idim_iv_ros.nodes.predictor.node import PredictorSettings
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
 from idim_iv_ros.nodes.simulator.node import SimulatorSettings
 from tests.ros.launch_file import Launched, launch, launched_nodes

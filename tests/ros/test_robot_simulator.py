@@ -89,7 +89,7 @@ def test_it_answers_while_it_compiles_and_can_be_interrupted(
     observer.latched(String, "/robot_description")
     refused = move(observer, process.name)
     assert not refused.success
-    assert "the simulation is compiled, once on a new machine" in refused.message
+    assert "compiled" in refused.message
     text = process.errors.read_text
     observer.until(lambda: "joint states follow" in text(), "a line that says so")
     assert process.finish() == 0

@@ -6,15 +6,17 @@ import json
 import math
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
 from idim_iv_interfaces.msg import Prediction, RecorderStatus
-from idim_iv_ros.nodes.watch.state import JointJudgement, LiveView, joint_views
+from idim_iv_ros.nodes.watch.state import JointView, LiveView
 from idim_iv_ros.nodes.watch.terminal import live_table
 from idim_iv_ros.nodes.watch.web import LivePage
+from idim_iv_ros.prediction.rows import LIMIT, SHARE
 from tests.browser import CHROMIUM, Browser
 from tests.ros.processes import HANG, Observer, Process
 
@@ -23,12 +25,12 @@ JOINTS = tuple(f"joint_{k}" for k in range(1, 8))
 
 
 def view(warns: bool = False) -> LiveView:
-    judgements = {
-        "joint_1": JointJudgement("N m", 3.1 if warns else 1.1, 1.4, warns, "residual 0.1 N m"),
-        "joint_2": JointJudgement("N", NAN, NAN, False, "no motion to judge by"),
-    }
-    numbers = ([-123.456, 1.0], [-123.0, NAN], [-0.456, NAN], [1.2, NAN])
-    joints = joint_views(("joint_1", "joint_2"), numbers, judgements)
+    values = {"unit": "N m", SHARE: "3.1" if warns else "1.1", LIMIT: "1.4"}
+    first = JointView.diagnosed("joint_1", values, warns, "residual 0.1 N m")
+    numbers = {"measured": -123.456, "predicted": -123.0, "residual": -0.456, "share": 1.2}
+    still = {"unit": "N", SHARE: "nan", LIMIT: "unknown"}
+    second = JointView.diagnosed("joint_2", still, False, "no motion to judge by")
+    joints = (replace(first, **numbers), replace(second, measured=1.0))
     return LiveView("arm", 12.0, 0.15, "", joints, {"recorder": "idle"})
 
 
@@ -55,7 +57,14 @@ def test_what_is_beyond_its_limit_is_said_in_words() -> None:
 
 def test_why_nothing_is_predicted_is_said() -> None:
     text = shown(LiveView("", 0.0, NAN, "nobody publishes /joint_states", ()))
-    assert "nothing is predicted: nobody publishes /joint_states" in text
+    assert "nobody publishes /joint_states" in text
+
+
+def states(url: str, after: int = 0) -> list[dict]:
+    """States of a page behind a number."""
+    connection = http.client.HTTPConnection(url.split("/")[2], timeout=HANG)
+    connection.request("GET", f"/states?after={after}")
+    return list(json.load(connection.getresponse())["states"])
 
 
 @pytest.fixture
@@ -83,32 +92,24 @@ def test_the_page_and_all_it_needs_come_from_here(page: LivePage) -> None:
     assert get(page, "/", host="evil.example:80").status == 403
 
 
-def test_events_hold_the_newest_state_and_the_last_ones(page: LivePage) -> None:
+def test_a_page_gets_the_last_states_and_then_those_that_are_new(page: LivePage) -> None:
     page.publish(view().to_document())
-    stream = get(page, "/events")
-    assert stream.getheader("Content-Type") == "text/event-stream"
-    before = json.loads(stream.readline().removeprefix(b"data: "))
-    assert before["joints"][0]["measured"] == -123.456
-    assert before["joints"][1]["predicted"] is None
-    assert stream.readline() == b"\n"
+    (first,) = states(page.url)
+    assert first["joints"][0]["measured"] == -123.456
+    assert first["joints"][1]["predicted"] is None
     page.publish(LiveView("arm", 13.0, NAN, "no position for 2 s", ()).to_document())
-    after = json.loads(stream.readline().removeprefix(b"data: "))
-    assert (after["stamp"], after["reason"], after["delay"]) == (13.0, "no position for 2 s", None)
+    (second,) = states(page.url, after=1)
+    assert (second["stamp"], second["delay"]) == (13.0, None)
+    assert states(page.url, after=2) == []
+    assert states(page.url, after=9) == [first, second]  # a page of an earlier server
 
 
 def test_a_port_that_is_taken_is_refused_in_one_line(page: LivePage) -> None:
     from idim_iv_ros.errors import UsageError
 
     port = int(page.url.rstrip("/").rpartition(":")[2])
-    with pytest.raises(UsageError, match=f"--web {port}: Address already in use; name another"):
+    with pytest.raises(UsageError, match=f"--web {port}:"):
         LivePage(port)
-
-
-def events(url: str) -> http.client.HTTPResponse:
-    """The stream of a page; it ends with its process."""
-    connection = http.client.HTTPConnection(url.split("/")[2], timeout=HANG)
-    connection.request("GET", "/events")
-    return connection.getresponse()
 
 
 @pytest.fixture
@@ -145,11 +146,11 @@ def test_watch_shows_what_nodes_say_and_ends_with_one_line(
         return seconds > 20
 
     observer.until(publish, "some predictions")
-    stream = events(url)
-    event: dict = {"joints": []}
-    while not event["joints"]:  # on a busy machine it said first that nothing is heard
-        event = json.loads(stream.readline().removeprefix(b"data: "))
-        stream.readline()
+    seen = [state for state in states(url) if state["joints"]]
+    while not seen:  # on a busy machine it said first that nothing is heard
+        publish()
+        seen = [state for state in states(url) if state["joints"]]
+    event = seen[-1]
     assert [each["name"] for each in event["joints"]] == list(JOINTS)
     assert event["joints"][0]["predicted"] == 1.25
     if CHROMIUM is not None:
@@ -166,15 +167,11 @@ def test_watch_shows_what_nodes_say_and_ends_with_one_line(
         finally:
             browser.close()
     second = node.create_publisher(Prediction, "/watched/predictor/prediction", 10)
-    stream = events(url)
 
     def refused() -> bool:
         publish()
-        event = {"reason": ""}
-        line = stream.readline()
-        if line.startswith(b"data: "):
-            event = json.loads(line.removeprefix(b"data: "))
-        return "2 predictors publish /watched/predictor/prediction" in event["reason"]
+        words = "2 predictors publish /watched/predictor/prediction"
+        return any(words in state["reason"] for state in states(url))
 
     observer.until(refused, "word of the second predictor")
     for publisher in (predictions, recorder, second):

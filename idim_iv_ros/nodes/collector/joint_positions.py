@@ -5,10 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
+from idim_iv_ros.nodes.entry import steady_timer
 from idim_iv_ros.nodes.joint_topic import JointTopic
 from idim_iv_ros.signal_source import field_of, topic_of
 from idim_iv_ros.types import FloatArray
@@ -72,10 +71,9 @@ class JointPositions:
         self._stamp: int | None = None
         self.last: Place | None = None
         self._topic.look()
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timers = (
-            node.create_timer(_LOOK, self._look, clock=steady),
-            node.create_timer(_SEARCH, self._topic.look, clock=steady),
+            steady_timer(node, _LOOK, self._look),
+            steady_timer(node, _SEARCH, self._topic.look),
         )
 
     @property

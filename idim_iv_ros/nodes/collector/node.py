@@ -4,13 +4,11 @@ import math
 import queue
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from idim_iv_interfaces.action import Collect
 from idim_iv_ros.configuration import Configuration
@@ -23,8 +21,7 @@ from idim_iv_ros.nodes.collector.settings import CollectorSettings
 from idim_iv_ros.nodes.entry import run_node
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS
 from idim_iv_ros.nodes.identifier.request_server import Clients, DeferredActionServer
-from idim_iv_ros.nodes.own_topics import checked_topics, read_own
-from idim_iv_ros.nodes.parameters import changed, declare
+from idim_iv_ros.nodes.parameters import declare, follow_changes, read_configuration
 
 _GONE_LOOK = 0.5  # s between two looks whether the client is there
 _TURNS = 10  # of the executor, in which the last result is sent
@@ -73,8 +70,7 @@ class Collector:
         self._name = action = node.resolve_service_name("~/collect")
         self._clients = Clients(node, f"{action}/_action/get_result")
         self._looked, self._nobody = 0.0, False
-        node.add_on_set_parameters_callback(self._check)
-        node.add_post_set_parameters_callback(self._apply)
+        follow_changes(node, lambda: self._settings, self._apply, self._refuse)
         robot = self._settings.configuration or "no robot configured"
         may = "may" if self._settings.allow_motion else "must not"
         node.get_logger().info(
@@ -104,7 +100,7 @@ class Collector:
         self._configuration = self._positions = self._references = None
         if not self._settings.configuration:
             return
-        configuration = read_own(self.node, self._settings.configuration)
+        configuration = read_configuration(self.node, self._settings.configuration)
         joints, signals = configuration.robot.joints, configuration.signals
         self._configuration = configuration
         self._positions = JointPositions(self.node, signals.joint_states, joints)
@@ -238,16 +234,14 @@ class Collector:
                 return
             call()
 
-    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        names = {parameter.name for parameter in parameters}
-        if "configuration" in names and self._goal is not None:
-            reason = "configuration: a goal is under way; cancel it first"
-            return SetParametersResult(successful=False, reason=reason)
-        return checked_topics(self.node, self._settings, parameters)
+    def _refuse(self, given: Mapping[str, object]) -> str:
+        if "configuration" in given and self._goal is not None:
+            return "configuration: a goal is under way; cancel it first"
+        return ""
 
-    def _apply(self, parameters: Sequence[Parameter]) -> None:
-        self._settings = changed(self._settings, parameters)
-        if any(each.name == "configuration" for each in parameters):
+    def _apply(self, settings: CollectorSettings, given: set[str]) -> None:
+        self._settings = settings
+        if "configuration" in given:
             self._load()
 
 

@@ -63,7 +63,8 @@ class CollectorSettings(Settings):
         3600.0, "a goal ends after this time, s; that of a request may be shorter", (1.0, 86_400.0)
     )
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Check what the ranges cannot express."""
         if self.motion not in KINDS:
             raise UsageError(f"motion: {self.motion!r} is neither {' nor '.join(KINDS)}")
         if self.interface not in (TOPIC, ACTION, AUTO):

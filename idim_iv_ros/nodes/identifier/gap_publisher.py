@@ -5,15 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Literal
 
-from builtin_interfaces.msg import Time
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from idim_iv_interfaces.msg import GapReport
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.documents import Document
 from idim_iv_ros.errors import IdimError
 from idim_iv_ros.files import GAP
+from idim_iv_ros.nodes.entry import LATCHED, time_message
 from idim_iv_ros.nodes.identifier.messages import gap_message
 
 FILE = "last_gap.json"
@@ -43,8 +42,7 @@ class GapPublisher:
     def __init__(self, node: Node, directory: Path) -> None:
         self._node, self._directory = node, directory
         self.last: GapReport | None = None
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._reports = node.create_publisher(GapReport, "~/gap", latched)
+        self._reports = node.create_publisher(GapReport, "~/gap", LATCHED)
 
     def publish_last(self) -> None:
         """Publish the last diagnosis that was kept, if its file can be read."""
@@ -78,7 +76,6 @@ class GapPublisher:
         _LastGap(stamp=stamp, bags=tuple(bags), folder=folder).write(self._directory / FILE)
 
     def _publish(self, stamp: int, bags: Sequence[str], folder: str) -> None:
-        time = Time(sec=stamp // 1_000_000_000, nanosec=stamp % 1_000_000_000)
         result = GapResult.read(self._directory / folder / GAP)
-        self.last = gap_message(result, time, bags, folder)
+        self.last = gap_message(result, time_message(stamp), bags, folder)
         self._reports.publish(self.last)

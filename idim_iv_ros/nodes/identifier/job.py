@@ -3,7 +3,7 @@
 import math
 import stat
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -102,24 +102,24 @@ class Job:
         self.listener.progress(stage, share)
 
 
-RequestedJob = Callable[[Any, IdentifierSettings, Configuration | None, JobListener], Job]
-
-
-def requested_identification(
+def requested_job(
+    task: Task,
     request: Any,
     settings: IdentifierSettings,
     configuration: Configuration | None,
     listener: JobListener,
 ) -> Job:
-    """Return the job of an Identify request, a goal or a service request.
+    """Return the job that a goal or a request of a service asks for.
 
     Parameters
     ----------
+    task
     request
-        With `bags`, `configuration`, `estimator` and `timeout`.
+        With `bags`, `configuration`, `timeout`, and `estimator` or `without`; the worker looks up
+        the effects of `without`.
     settings
     configuration
-        The node's own.
+        The node's.
     listener
         Who asks.
 
@@ -129,49 +129,12 @@ def requested_identification(
         A name leads out of its folder, a file is missing or too large, the estimator is unknown
         or the timeout is no time.
     """
-    estimator = request.estimator or ESTIMATORS[0]
+    estimator = getattr(request, "estimator", "") or ESTIMATORS[0]
+    without = getattr(request, "without", ())
     if estimator not in ESTIMATORS:
         raise UsageError(f"estimator {estimator!r} is neither {' nor '.join(ESTIMATORS)}")
-    job = _job("identification", request, settings, configuration, listener)
-    return replace(job, estimator=estimator)
-
-
-def requested_diagnosis(
-    request: Any,
-    settings: IdentifierSettings,
-    configuration: Configuration | None,
-    listener: JobListener,
-) -> Job:
-    """Return the job of a Diagnose request, a goal or a service request.
-
-    Parameters
-    ----------
-    request
-        With `bags`, `configuration`, `without` and `timeout`.
-    settings
-    configuration
-        The node's own.
-    listener
-        Who asks.
-
-    Raises
-    ------
-    UsageError
-        As `requested_identification`; effects are looked up by the worker.
-    """
-    if len(request.without) > _MOST_EFFECTS:
-        raise UsageError(f"without: {len(request.without)} effects; at most {_MOST_EFFECTS}")
-    job = _job("diagnosis", request, settings, configuration, listener)
-    return replace(job, without=tuple(dict.fromkeys(request.without)))
-
-
-def _job(
-    task: Task,
-    request: Any,
-    settings: IdentifierSettings,
-    configuration: Configuration | None,
-    listener: JobListener,
-) -> Job:
+    if len(without) > _MOST_EFFECTS:
+        raise UsageError(f"without: {len(without)} effects; at most {_MOST_EFFECTS}")
     root = Path(settings.bag_directory)
     if not request.bags:
         raise UsageError("name at least one bag")
@@ -194,6 +157,8 @@ def _job(
         listener=listener,
         answer_within=request.timeout or None,
         configuration_name=request.configuration,
+        estimator=estimator if task == "identification" else "",
+        without=tuple(dict.fromkeys(without)),
     )
 
 

@@ -1,6 +1,7 @@
 """A node with the standard lifecycle, whose transitions are plain functions."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -41,6 +42,8 @@ class ManagedNode(LifecycleNode):
         self.state = UNCONFIGURED
         self._transitions, self._starting = transitions, False
         self._failure: Exception | None = None
+        for transition in transitions:
+            setattr(self, f"on_{transition}", partial(self._do, transition))
         super().__init__(name)  # type: ignore[no-untyped-call]
         change = self._service_change_state
         asked = change.callback
@@ -73,27 +76,7 @@ class ManagedNode(LifecycleNode):
         finally:
             self._starting = False
 
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Configure."""
-        return self._do("configure")
-
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Activate."""
-        return self._do("activate")
-
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Deactivate."""
-        return self._do("deactivate")
-
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Clean up."""
-        return self._do("cleanup")
-
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Shut down."""
-        return self._do("shutdown")
-
-    def _do(self, transition: str) -> TransitionCallbackReturn:
+    def _do(self, transition: str, _: LifecycleState | None = None) -> TransitionCallbackReturn:
         try:
             self._transitions[transition]()
         except Exception as error:  # rclpy would end the node without a word

@@ -7,34 +7,28 @@ from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from idim_iv_interfaces import action, srv
 from idim_iv_interfaces.msg import BagClosed
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import IdimError, UsageError
-from idim_iv_ros.nodes.entry import run_node
+from idim_iv_ros.nodes.entry import run_node, steady_timer
+from idim_iv_ros.nodes.identifier.folder_lock import FolderLock
 from idim_iv_ros.nodes.identifier.gap_publisher import GapPublisher
 from idim_iv_ros.nodes.identifier.job import (
     Job,
     JobListener,
-    RequestedJob,
-    requested_diagnosis,
-    requested_identification,
+    Task,
+    requested_job,
 )
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue
 from idim_iv_ros.nodes.identifier.managed_node import ACTIVE, FINALIZED, INACTIVE, ManagedNode
-from idim_iv_ros.nodes.identifier.own_folder import OwnFolder
 from idim_iv_ros.nodes.identifier.report import work_diagnosis
 from idim_iv_ros.nodes.identifier.request_server import RequestServer
 from idim_iv_ros.nodes.identifier.result_publisher import ResultPublisher
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
-from idim_iv_ros.nodes.own_topics import checked_topics, with_own_topics
-from idim_iv_ros.nodes.parameters import changed, declare
+from idim_iv_ros.nodes.parameters import declare, follow_changes, resolved_topics
 
 _LOOK = 0.1  # s between two looks whether a job takes too long
 _LONGEST_END = 10.0  # s in which the last answers are given
@@ -79,46 +73,41 @@ class Identifier:
         self._settings = declare(node, IdentifierSettings, arguments)
         self._configuration: Configuration | None = None
         self._failure = ""
-        self._folder = OwnFolder(Path(self._settings.output_directory))
+        self._folder = FolderLock(Path(self._settings.output_directory))
         self._publisher = ResultPublisher(
             node,
             Path(self._settings.output_directory),
             lambda: self._settings.drift_significance,
         )
         self._gaps = GapPublisher(node, Path(self._settings.output_directory))
-        self._guard = node.create_guard_condition(self._poll)
+        self._guard = node.create_guard_condition(lambda: self._jobs.poll())
         self._jobs = JobQueue(lambda: self._settings, self._guard.trigger, self._ended)
         self._servers = (
-            RequestServer(
-                node,
-                "~/identify",
-                srv.Identify,
-                action.Identify,
-                partial(self._submit, requested_identification),
-                self._jobs.cancel,
-                lambda: self._publisher.last,
-            ),
-            RequestServer(
-                node,
-                "~/diagnose",
-                srv.Diagnose,
-                action.Diagnose,
-                partial(self._submit, requested_diagnosis),
-                self._jobs.cancel,
-                lambda: self._gaps.last,
-            ),
+            self._server("identification", srv.Identify, action.Identify, self._publisher),
+            self._server("diagnosis", srv.Diagnose, action.Diagnose, self._gaps),
         )
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         node.create_subscription(BagClosed, "recorder/bag_closed", self._bag_closed, 10)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(_LOOK, self._poll, clock=steady)
-        node.create_timer(self._settings.status_period, self._report, clock=steady)
-        node.add_on_set_parameters_callback(self._check)
-        node.add_post_set_parameters_callback(self._apply)
+        steady_timer(node, _LOOK, self._jobs.poll)
+        steady_timer(node, self._settings.status_period, self._report)
+        follow_changes(node, lambda: self._settings, self._apply)
         if self._settings.autostart:
             self._managed.start()
         else:
             node.get_logger().info(f"unconfigured: {self._next_step()}")
+
+    def _server(
+        self, task: Task, service: Any, goals: Any, publisher: ResultPublisher | GapPublisher
+    ) -> RequestServer:
+        return RequestServer(
+            self.node,
+            f"~/{service.__name__.lower()}",
+            service,
+            goals,
+            partial(self._submit, task),
+            self._jobs.cancel,
+            lambda: publisher.last,
+        )
 
     def _configure(self) -> None:
         """Read the files and publish what they hold; that of the robot is read anew."""
@@ -179,7 +168,7 @@ class Identifier:
 
     def _loaded(self) -> Configuration | None:
         path = self._settings.configuration
-        return with_own_topics(self.node, load_configuration(Path(path))) if path else None
+        return resolved_topics(self.node, load_configuration(Path(path))) if path else None
 
     def _bag_closed(self, message: BagClosed) -> None:
         if not self._settings.auto or self._managed.state != ACTIVE:
@@ -195,15 +184,15 @@ class Identifier:
 
             listener = JobListener(lambda: None, lambda stage, share: None, ended)
             request = srv.Identify.Request(bags=[message.bag])
-            self._submit(requested_identification, request, listener)
+            self._submit("identification", request, listener)
 
-    def _submit(self, requested: RequestedJob, request: Any, listener: JobListener) -> Job | None:
+    def _submit(self, task: Task, request: Any, listener: JobListener) -> Job | None:
         """Queue a job; None if it was refused, and the listener has the reason."""
         try:
             if self._managed.state != ACTIVE:
                 raise UsageError(f"the identifier is {self._managed.state}: {self._next_step()}")
-            job = requested(request, self._settings, self._configuration, listener)
-            job.configuration = with_own_topics(self.node, job.configuration)
+            job = requested_job(task, request, self._settings, self._configuration, listener)
+            job.configuration = resolved_topics(self.node, job.configuration)
             self._jobs.submit(job)
             return job
         except IdimError as error:
@@ -236,9 +225,6 @@ class Identifier:
             stamp = self.node.get_clock().now().nanoseconds or time.time_ns()
             self._gaps.add(stamp, job.names, job.folder.name)
 
-    def _poll(self) -> None:
-        self._jobs.poll()
-
     def _report(self) -> None:
         name = self.node.get_fully_qualified_name()
         message = DiagnosticArray()
@@ -247,13 +233,9 @@ class Identifier:
         message.status += self._publisher.diagnoses(name)
         self._diagnostics.publish(message)
 
-    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        return checked_topics(self.node, self._settings, parameters)
-
-    def _apply(self, parameters: Sequence[Parameter]) -> None:
-        names = {parameter.name for parameter in parameters}
-        self._settings = changed(self._settings, parameters)
-        if "configuration" in names and self._managed.state in (INACTIVE, ACTIVE):
+    def _apply(self, settings: IdentifierSettings, given: set[str]) -> None:
+        self._settings = settings
+        if "configuration" in given and self._managed.state in (INACTIVE, ACTIVE):
             self._configuration = self._loaded()
 
 

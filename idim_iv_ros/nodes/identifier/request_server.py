@@ -11,11 +11,10 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus
 from rclpy.action.server import ActionServer, CancelResponse, ServerGoalHandle
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
+from idim_iv_ros.nodes.entry import steady_timer
 from idim_iv_ros.nodes.identifier.job import Job, JobListener
 
 # Requests that may wait for the executor: the default of services, ten, drops the rest of a burst
@@ -40,9 +39,7 @@ class PacedAnswers:
     def __init__(self, node: Node) -> None:
         self._waiting: deque[Callable[[], object]] = deque()
         self._room = _AT_ONCE
-        self._timer = node.create_timer(
-            _PAUSE, self._next_turn, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._timer = steady_timer(node, _PAUSE, self._next_turn)
 
     def __call__(self, answer: Callable[[], object]) -> None:
         """Call `answer` now or in a later turn; the order is kept."""
@@ -227,11 +224,11 @@ class RequestServer:
     ) -> None:
         self._node, self._service, self._action = node, service, action
         self._submit, self._cancel_job, self._result = submit, cancel, result
-        self._goals: dict[bytes, Job] = {}
-        self._asked_for: list[Job] = []
+        self._goals: dict[object, Job] = {}
+        self._requests: dict[object, Job] = {}
         whole = node.resolve_service_name(name)
         self._clients = Clients(node, whole), Clients(node, f"{whole}/_action/get_result")
-        node.create_timer(_LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady_timer(node, _LOOK, self._look)
         self._paced = PacedAnswers(node)
         create_deferred_service(node, service, name, self._asked, self._paced)
         self._actions = DeferredActionServer(node, action, name, self._accepted, self._cancel)
@@ -239,36 +236,47 @@ class RequestServer:
     @property
     def unanswered(self) -> int:
         """How many wait for an answer now."""
-        return len(self._asked_for) + self._paced.waiting + self._actions.unanswered
+        return len(self._requests) + self._paced.waiting + self._actions.unanswered
 
     def destroy(self) -> None:
         """Take the action away; its goals are lost."""
         self._actions.destroy()
 
     def _asked(self, request: Any, answer: Callable[[Any], None]) -> None:
-        def ended(success: bool, message: str) -> None:
-            self._asked_for = [each for each in self._asked_for if each.listener is not listener]
-            answer(self._answer(self._service.Response(), success, message))
-
-        listener = JobListener(lambda: None, lambda stage, share: None, ended)
-        job = self._submit(request, listener)
-        if job is not None:
-            self._asked_for.append(job)
+        self._begin(self._requests, object(), request, self._service.Response(), answer)
 
     def _accepted(self, goal: ServerGoalHandle) -> None:
-        key = bytes(goal.goal_id.uuid)
-
-        def progress(stage: str, share: float) -> None:
+        def say(stage: str, share: float) -> None:
             goal.publish_feedback(self._action.Feedback(stage=stage, progress=share))
 
-        def ended(success: bool, message: str) -> None:
-            self._goals.pop(key, None)
-            result = self._answer(self._action.Result(), success, message)
+        def finish(result: Any) -> None:
             self._actions.finish(goal, result)
 
-        job = self._submit(goal.request, JobListener(goal.execute, progress, ended))
+        key, result = bytes(goal.goal_id.uuid), self._action.Result()
+        self._begin(self._goals, key, goal.request, result, finish, goal.execute, say)
+
+    def _begin(
+        self,
+        jobs: dict[object, Job],
+        key: object,
+        request: Any,
+        response: Any,
+        answer: Callable[[Any], None],
+        started: Callable[[], None] = lambda: None,
+        progress: Callable[[str, float], None] = lambda stage, share: None,
+    ) -> None:
+        """Submit a job, kept in `jobs` until it has ended; `answer` takes the response then."""
+
+        def ended(success: bool, message: str) -> None:
+            jobs.pop(key, None)
+            response.success, response.message = success, message
+            if success:
+                response.result = self._result()
+            answer(response)
+
+        job = self._submit(request, JobListener(started, progress, ended))
         if job is not None:
-            self._goals[key] = job
+            jobs[key] = job
 
     def _cancel(self, goal: ServerGoalHandle) -> None:
         job = self._goals.get(bytes(goal.goal_id.uuid))
@@ -277,17 +285,10 @@ class RequestServer:
 
     def _look(self) -> None:
         """Cancel what nobody waits for any more."""
-        for clients, jobs in zip(
-            self._clients, (list(self._asked_for), list(self._goals.values())), strict=True
-        ):
+        for clients, kept in zip(self._clients, (self._requests, self._goals), strict=True):
+            jobs = list(kept.values())
             if jobs and clients.gone():
                 names = "; ".join(", ".join(job.names) for job in jobs)
                 self._node.get_logger().warning(f"{names}: who asked is gone")
                 for job in jobs:
                     self._cancel_job(job)
-
-    def _answer(self, response: Any, success: bool, message: str) -> Any:
-        response.success, response.message = success, message
-        if success:
-            response.result = self._result()
-        return response

@@ -6,14 +6,13 @@ from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from idim_iv_interfaces.msg import DriftReport, IdentificationResult, ParameterEstimates
 from idim_iv_interfaces.srv import GetHistory, SetBaseline
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.files import RESULT
 from idim_iv_ros.identification import result as identification
-from idim_iv_ros.nodes.identifier.drift_messages import drift_report, past_identification, time_of
+from idim_iv_ros.nodes.entry import LATCHED, time_message
 from idim_iv_ros.nodes.identifier.estimate_history import (
     Comparison,
     EstimateHistory,
@@ -21,7 +20,12 @@ from idim_iv_ros.nodes.identifier.estimate_history import (
 )
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS, Job
 from idim_iv_ros.nodes.identifier.messages import result_message
-from idim_iv_ros.nodes.identifier.report import drift_diagnosis, joint_diagnoses
+from idim_iv_ros.nodes.identifier.report import (
+    drift_diagnosis,
+    drift_report,
+    joint_diagnoses,
+    past_identification,
+)
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
 
 
@@ -44,10 +48,9 @@ class ResultPublisher:
         self._shown: IdentificationResult | None = None
         self._entry: PastEstimates | None = None
         self.last: IdentificationResult | None = None
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._estimates = node.create_publisher(ParameterEstimates, "~/estimates", latched)
-        self._results = node.create_publisher(IdentificationResult, "~/result", latched)
-        self._drifts = node.create_publisher(DriftReport, "~/drift", latched)
+        self._estimates = node.create_publisher(ParameterEstimates, "~/estimates", LATCHED)
+        self._results = node.create_publisher(IdentificationResult, "~/result", LATCHED)
+        self._drifts = node.create_publisher(DriftReport, "~/drift", LATCHED)
         node.create_service(GetHistory, "~/get_history", self._get_history)
         node.create_service(SetBaseline, "~/set_baseline", self._set_baseline)
 
@@ -103,7 +106,7 @@ class ResultPublisher:
             values={each.name: (each.value, each.std) for each in result.parameters},
             configuration=job.configuration_name,
         )
-        self.last = result_message(result, time_of(entry.stamp), entry.bags, entry.folder)
+        self.last = result_message(result, time_message(entry.stamp), entry.bags, entry.folder)
         if _own(entry) or self._entry is None or not _own(self._entry):
             self._show(entry, self.last)
         self._history.add(entry, settings.history_length)
@@ -128,7 +131,7 @@ class ResultPublisher:
     def _message(self, entry: PastEstimates) -> IdentificationResult:
         path = self._directory / entry.folder / RESULT
         result = identification.IdentificationResult.read(path)
-        return result_message(result, time_of(entry.stamp), entry.bags, entry.folder)
+        return result_message(result, time_message(entry.stamp), entry.bags, entry.folder)
 
     def _show(self, entry: PastEstimates, message: IdentificationResult) -> None:
         self._shown, self._entry = message, entry

@@ -56,7 +56,8 @@ class IdentifierSettings(Settings):
     )
     status_period: float = period_of_status()
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Check what the ranges cannot express."""
         if self.when_busy not in (WAIT, REFUSE):
             raise UsageError(f"when_busy: {self.when_busy!r} is neither {WAIT} nor {REFUSE}")
 

@@ -2,26 +2,30 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from idim_iv_interfaces import msg
 from idim_iv_ros.configuration import load_configuration
-from idim_iv_ros.nodes.entry import run_node
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.nodes.entry import LATCHED, run_node, steady_timer
 from idim_iv_ros.nodes.joint_topic import JointTopic
-from idim_iv_ros.nodes.own_topics import read_own
-from idim_iv_ros.nodes.parameters import changed, checked, declare
+from idim_iv_ros.nodes.parameters import (
+    Settings,
+    check_configuration,
+    declare,
+    follow_changes,
+    parameter,
+    period_of_status,
+    read_configuration,
+)
 from idim_iv_ros.nodes.predictor.markers import residual_markers
 from idim_iv_ros.nodes.predictor.model_source import ModelSource
 from idim_iv_ros.nodes.predictor.report import (
@@ -29,7 +33,6 @@ from idim_iv_ros.nodes.predictor.report import (
     prediction_diagnosis,
     prediction_message,
 )
-from idim_iv_ros.nodes.predictor.settings import PredictorSettings
 from idim_iv_ros.prediction import LivePrediction, Prediction
 from idim_iv_ros.prediction.rows import joint_levels
 from idim_iv_ros.signal_source import field_of, topic_of
@@ -48,6 +51,36 @@ is the parameter output_directory. Topics: ~/prediction, ~/residual_markers, /di
 Parameters: ros2 param describe /predictor NAME."""
 
 
+@dataclass(frozen=True)
+class PredictorSettings(Settings):
+    """Values of the parameters; the names are the same."""
+
+    configuration: str = parameter("", "the robot's YAML file", read_only=True)
+    result: str = parameter(
+        "",
+        "a result.json, which is read again when it changes; empty: the newest of the identifier",
+    )
+    output_directory: str = parameter(
+        "results", "where the identifier of this robot writes its results", read_only=True
+    )
+    rate: float = parameter(20.0, "predictions per second, Hz", (1.0, 100.0), read_only=True)
+    frame_prefix: str = parameter(
+        "", "in front of the names of links in ~/residual_markers, as of robot_state_publisher"
+    )
+    false_warnings: float = parameter(
+        1.0,
+        "warnings a day of motion that are accepted while the model fits, all joints together",
+        (1e-6, 1000.0),
+    )
+    status_period: float = period_of_status()
+
+    def check(self) -> None:
+        """Check what the ranges cannot express."""
+        if not self.configuration:
+            raise UsageError("configuration: name it: --ros-args -p configuration:=ROBOT.yaml")
+        check_configuration(self.configuration)
+
+
 class Predictor:
     """Parameters and topics around a `LivePrediction`.
 
@@ -61,7 +94,7 @@ class Predictor:
         self.node = node = Node("predictor")
         self._settings = declare(node, PredictorSettings, arguments)
         path = Path(self._settings.configuration)
-        read_own(node, self._settings.configuration)  # in one line, if it names what is no topic
+        read_configuration(node, str(path))  # refused if it names what is no topic
         self._configuration = load_configuration(path)
         import_module("scipy.signal")  # the first samples would wait a second for it
         self._joints = self._configuration.robot.joints
@@ -74,20 +107,17 @@ class Predictor:
         self._predictions = node.create_publisher(msg.Prediction, "~/prediction", 10)
         self._markers = node.create_publisher(MarkerArray, "~/residual_markers", 1)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_subscription(
-            msg.IdentificationResult, "identifier/result", self._announced, latched
+            msg.IdentificationResult, "identifier/result", self._announced, LATCHED
         )
         if self._source.needs_description:
             for name in dict.fromkeys(map(node.resolve_topic_name, _DESCRIPTIONS)):
-                node.create_subscription(String, name, self._described, latched)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(1.0 / self._settings.rate, self._predict, clock=steady)
-        node.create_timer(_LOOK, self._look, clock=steady)
-        node.create_timer(_MARKERS, self._mark, clock=steady)
-        node.create_timer(self._settings.status_period, self._report, clock=steady)
-        node.add_on_set_parameters_callback(self._check)
-        node.add_post_set_parameters_callback(self._apply)
+                node.create_subscription(String, name, self._described, LATCHED)
+        steady_timer(node, 1.0 / self._settings.rate, self._predict)
+        steady_timer(node, _LOOK, self._look)
+        steady_timer(node, _MARKERS, self._mark)
+        steady_timer(node, self._settings.status_period, self._report)
+        follow_changes(node, lambda: self._settings, self._apply)
         names = ", ".join(topic.name for topic in self._topics)
         node.get_logger().info(f"ready: {path} from {names}")
         self._look()
@@ -190,12 +220,9 @@ class Predictor:
             message.status += [joint_diagnosis(name, level) for level in levels]
         self._diagnostics.publish(message)
 
-    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        return checked(self._settings, parameters)
-
-    def _apply(self, parameters: Sequence[Parameter]) -> None:
-        before, self._settings = self._settings, changed(self._settings, parameters)
-        if self._settings is not before:
+    def _apply(self, settings: PredictorSettings, given: set[str]) -> None:
+        self._settings = settings
+        if given & {each.name for each in fields(settings)}:
             self._look()
 
 

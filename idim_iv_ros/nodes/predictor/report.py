@@ -2,20 +2,12 @@
 
 from collections.abc import Sequence
 
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from idim_iv_interfaces import msg
-from idim_iv_ros.nodes.entry import diagnostic_status
+from idim_iv_ros.nodes.entry import diagnostic_status, time_message
 from idim_iv_ros.prediction import IdentifiedModel, Prediction
 from idim_iv_ros.prediction.rows import LIMIT, SHARE, JointLevel
-
-_SECOND = 1_000_000_000
-
-
-def time_of(stamp: int) -> Time:
-    """Return a stamp, ns."""
-    return Time(sec=stamp // _SECOND, nanosec=stamp % _SECOND)
 
 
 def prediction_message(
@@ -31,7 +23,7 @@ def prediction_message(
         robot=robot if identified is None else identified.robot,
         valid=not prediction.reason,
         reason=prediction.reason,
-        identified=time_of(0 if identified is None else ended),
+        identified=time_message(0 if identified is None else ended),
         name=list(joints),
         measured=prediction.measured.tolist(),
         predicted=prediction.predicted.tolist(),
@@ -42,7 +34,7 @@ def prediction_message(
         noise_share=prediction.noise_share.tolist(),
         delay=(now - prediction.stamp) * 1e-9 if prediction.stamp else float("nan"),
     )
-    message.header.stamp = time_of(prediction.stamp)
+    message.header.stamp = time_message(prediction.stamp)
     return message
 
 

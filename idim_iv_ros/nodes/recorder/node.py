@@ -1,22 +1,18 @@
 """The node `recorder`: writes the topics of a robot into MCAP bags."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ROSClock
-from rclpy.clock_type import ClockType
+from rclpy.clock import ROSClock
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 from idim_iv_ros.errors import IdimError, UsageError
-from idim_iv_ros.nodes.entry import run_node
-from idim_iv_ros.nodes.own_topics import checked_topics
-from idim_iv_ros.nodes.parameters import changed, declare
+from idim_iv_ros.nodes.entry import run_node, steady_timer
+from idim_iv_ros.nodes.parameters import declare, follow_changes
 from idim_iv_ros.nodes.recorder.report import (
     SILENT_CLOCK,
     RecentCounts,
@@ -74,11 +70,9 @@ class Recorder:
             node.create_service(Trigger, f"~/{name}", self._service(getattr(self, f"_{name}")))
         self._snapshots = SnapshotService(node, self._writer, self._intake.drain, self._announce)
         node.create_service(Trigger, "~/snapshot", self._service(self._snapshots.take))
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(_LOOK, self._look, clock=steady)
-        node.create_timer(self._settings.status_period, self._report, clock=steady)
-        node.add_on_set_parameters_callback(self._check)
-        node.add_post_set_parameters_callback(self._apply)
+        steady_timer(node, _LOOK, self._look)
+        steady_timer(node, self._settings.status_period, self._report)
+        follow_changes(node, lambda: self._settings, self._apply, self._refuse)
         self._writer.start()
         self._intake.start()
         self._look()
@@ -208,20 +202,16 @@ class Recorder:
         else:
             log.info(self._sentence)
 
-    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        given = {parameter.name: parameter.value for parameter in parameters}
+    def _refuse(self, given: Mapping[str, object]) -> str:
         before = self._settings.configuration
         if self._session.bag is not None and given.get("configuration", before) != before:
-            reason = "configuration: a bag is open; call stop first"
-            return SetParametersResult(successful=False, reason=reason)
-        return checked_topics(self.node, self._settings, parameters)
+            return "configuration: a bag is open; call stop first"
+        return ""
 
-    def _apply(self, parameters: Sequence[Parameter]) -> None:
-        self._settings = settings = changed(self._settings, parameters)
-        self._session.settings = settings
+    def _apply(self, settings: RecorderSettings, given: set[str]) -> None:
+        self._settings = self._session.settings = settings
         ring = self._session.ring
         ring.duration, ring.limit = settings.snapshot_duration, settings.snapshot_memory
-        given = {parameter.name for parameter in parameters}
         if "configuration" in given:
             self._topics.configure(settings)
         elif given & {"extra_topics", "extra_topics_regex"}:

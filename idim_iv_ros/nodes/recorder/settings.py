@@ -84,7 +84,8 @@ class RecorderSettings(Settings):
     )
     status_period: float = period_of_status("~/status and /diagnostics")
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Check what the ranges cannot express."""
         if not self.bag_prefix or self.bag_prefix != Path(self.bag_prefix).name:
             raise UsageError(f"bag_prefix: {self.bag_prefix!r} is not the name of a folder")
         if self.storage_preset not in PRESETS:

@@ -1,11 +1,8 @@
 """The last seconds of all topics in memory, written as a bag when somebody asks for it."""
 
-import threading
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag, GrowingBag, SplitLimits
 from idim_iv_ros.recording.writing.growing_mcap import Message
@@ -63,8 +60,8 @@ class SnapshotRing:
         """What is kept, in the order of its log time."""
         messages = [message for *_, batch in list(self._batches) for message in batch]
         messages.sort(key=lambda message: message[0])
-        held = {message[1] for message in messages}
-        return [self._channels[name] for name in self._channels if name in held], messages
+        present = {message[1] for message in messages}
+        return [self._channels[name] for name in self._channels if name in present], messages
 
 
 def write_snapshot(
@@ -83,8 +80,8 @@ def write_snapshot(
     """
     channels, messages = content
     first = messages[0][0]
-    held = {message[1] for message in messages}
-    before = {name: message for name, message in latched.items() if name not in held}
+    present = {message[1] for message in messages}
+    before = {name: message for name, message in latched.items() if name not in present}
     topics = {each.name: each for each in (*latched_channels, *channels)}
     bag = GrowingBag(
         folder, SplitLimits(), lambda: first, before, list(topics.values()), storage=storage
@@ -95,53 +92,3 @@ def write_snapshot(
     except OSError:
         bag.abandon()
         raise
-
-
-class SnapshotThread(threading.Thread):
-    """Writes one snapshot while messages are taken and recorded as before."""
-
-    def __init__(
-        self,
-        write: Callable[[], ClosedBag],
-        done: Callable[[ClosedBag], object],
-        failed: Callable[[OSError], None],
-    ) -> None:
-        super().__init__(name="snapshot", daemon=True)
-        self._write, self._done, self._failed = write, done, failed
-
-    def run(self) -> None:
-        """Write, and say what became of it."""
-        try:
-            closed = self._write()
-        except OSError as error:
-            self._failed(error)
-        else:
-            self._done(closed)
-
-
-class ErrorWatch:
-    """Errors of other nodes on /diagnostics that were not there before.
-
-    Parameters
-    ----------
-    own : tuple of str
-        What the names of this node's own diagnoses begin with: its errors cause no snapshot, for
-        a full disk cannot take one.
-    """
-
-    def __init__(self, own: tuple[str, ...]) -> None:
-        self._own = own
-        self._errors: set[str] = set()
-
-    def new(self, array: DiagnosticArray) -> list[str]:
-        """``name: message`` of each status that has just become an error."""
-        fresh = []
-        for status in array.status:
-            if status.name.startswith(self._own):
-                continue
-            if status.level != DiagnosticStatus.ERROR:
-                self._errors.discard(status.name)
-            elif status.name not in self._errors:
-                self._errors.add(status.name)
-                fresh.append(f"{status.name}: {status.message}")
-        return fresh

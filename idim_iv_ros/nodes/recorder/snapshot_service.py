@@ -1,16 +1,44 @@
 """Snapshots of the recorder: the service, errors on /diagnostics, and the thread that writes."""
 
+import threading
 import time
 from collections.abc import Callable
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.recorder.session import RecordingSession
-from idim_iv_ros.nodes.recorder.snapshot import ErrorWatch, SnapshotThread
 from idim_iv_ros.nodes.recorder.threads import WriterThread
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag
+
+
+class ErrorWatch:
+    """Errors of other nodes on /diagnostics that were not there before.
+
+    Parameters
+    ----------
+    excepted : tuple of str
+        What the names of the recorder's diagnoses begin with: its errors cause no snapshot, for a
+        full disk cannot take one.
+    """
+
+    def __init__(self, excepted: tuple[str, ...]) -> None:
+        self._excepted = excepted
+        self._errors: set[str] = set()
+
+    def new(self, array: DiagnosticArray) -> list[str]:
+        """``name: message`` of each status that has just become an error."""
+        fresh = []
+        for status in array.status:
+            if status.name.startswith(self._excepted):
+                continue
+            if status.level != DiagnosticStatus.ERROR:
+                self._errors.discard(status.name)
+            elif status.name not in self._errors:
+                self._errors.add(status.name)
+                fresh.append(f"{status.name}: {status.message}")
+        return fresh
 
 
 class SnapshotService:
@@ -35,7 +63,7 @@ class SnapshotService:
     ) -> None:
         self._node, self._writer = node, writer
         self._drain, self._announce = drain, announce
-        self._thread: SnapshotThread | None = None
+        self._thread: threading.Thread | None = None
         self._errors = ErrorWatch((node.get_name(), node.get_fully_qualified_name()))
         self._taken = float("-inf")
         node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 100)
@@ -56,7 +84,17 @@ class SnapshotService:
             raise UsageError("the last snapshot is still being written")
         self._drain()
         folder, write = self._writer.call(self._session.snapshot)
-        self._thread = SnapshotThread(write, self._announce, self._failed)
+
+        def work() -> None:
+            try:
+                closed = write()
+            except OSError as error:
+                reason = error.strerror or error
+                self._node.get_logger().error(f"the snapshot could not be written: {reason}")
+            else:
+                self._announce(closed)
+
+        self._thread = threading.Thread(target=work, name="snapshot", daemon=True)
         self._taken = time.monotonic()
         self._thread.start()
         return f"the last {self._session.ring.span:.1f} s go into {folder}"
@@ -65,10 +103,6 @@ class SnapshotService:
         """Wait for a snapshot that is being written."""
         if self._thread is not None:
             self._thread.join()
-
-    def _failed(self, error: OSError) -> None:
-        reason = error.strerror or error
-        self._node.get_logger().error(f"the snapshot could not be written: {reason}")
 
     def _diagnosed(self, array: DiagnosticArray) -> None:
         new = self._errors.new(array)

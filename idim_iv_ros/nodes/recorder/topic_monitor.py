@@ -1,6 +1,5 @@
 """What happens on one topic: lost, late and malformed messages, gaps, stamps, joints, numbers."""
 
-import struct
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -100,7 +99,10 @@ class JointContent:
         except DataError:
             self.malformed += 1
             return
-        end = _names_end(message, layout.order) if self._type == JOINT_STATE else _NAMES_START
+        end = _NAMES_START
+        if self._type == JOINT_STATE:  # behind the count of positions, which follows the names
+            before = layout.structure < layout.fields["position"][0]
+            end = int(layout.structure[before][-1]) + 1
         if len(self._known) >= _KEPT:
             self._known.clear()
             self._ends.clear()
@@ -316,19 +318,3 @@ def header_stamps(messages: Sequence[bytes]) -> np.ndarray[tuple[int], np.dtype[
     stamps = np.frombuffer(raw, dtype=[("sec", order + "i4"), ("nanosec", order + "u4")])
     seconds = stamps["sec"].astype(np.int64)
     return np.asarray(seconds * 1_000_000_000 + stamps["nanosec"], dtype=np.int64)
-
-
-def _names_end(message: bytes, order: str) -> int:
-    """Offset behind the last joint name of a JointState that is known to be whole."""
-    unsigned = struct.Struct(order + "I")
-    place: int = _NAMES_START
-    (size,) = unsigned.unpack_from(message, place)
-    place += 4 + size
-    place += -(place - 4) % 4
-    (count,) = unsigned.unpack_from(message, place)
-    place += 4
-    for _ in range(count):
-        place += -(place - 4) % 4
-        (size,) = unsigned.unpack_from(message, place)
-        place += 4 + size
-    return place

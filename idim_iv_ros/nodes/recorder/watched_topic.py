@@ -4,6 +4,7 @@ import threading
 from collections.abc import Sequence
 from contextlib import suppress
 
+from rclpy.callback_groups import CallbackGroup
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -11,7 +12,6 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.nodes.never_executed import NeverExecuted
 from idim_iv_ros.nodes.recorder.installed_types import definition, has_header, python_type
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings, signals
 from idim_iv_ros.nodes.recorder.topic_monitor import JointContent, Taken, TopicMonitor
@@ -25,6 +25,21 @@ _AT_ONCE = 20_000
 
 _STRING = "std_msgs/msg/String"
 _FEW = 10  # descriptions that wait
+
+
+class NeverExecuted(CallbackGroup):
+    """Keeps its subscriptions out of every executor: they are emptied by hand."""
+
+    def can_execute(self, entity: object) -> bool:
+        """Return False."""
+        return False
+
+    def beginning_execution(self, entity: object) -> bool:
+        """Return False."""
+        return False
+
+    def ending_execution(self, entity: object) -> None:
+        """Nothing was begun."""
 
 
 class WatchedTopic:

@@ -10,12 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
@@ -25,8 +20,8 @@ from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
 from idim_iv_ros.model import read_urdf_file
-from idim_iv_ros.nodes.entry import CannotGoOnError, run_node
-from idim_iv_ros.nodes.parameters import Settings, changed, checked, declare, parameter
+from idim_iv_ros.nodes.entry import LATCHED, CannotGoOnError, run_node, steady_timer
+from idim_iv_ros.nodes.parameters import Settings, declare, follow_changes, parameter
 from idim_iv_ros.nodes.simulator.playback import (
     REST,
     Playback,
@@ -67,7 +62,8 @@ class SimulatorSettings(Settings):
     motion_seed: int = parameter(1, "seed of the random motion", (0, _LARGEST_SEED))
     seed: int = parameter(1, "seed of the noise", (0, _LARGEST_SEED))
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Check what the ranges cannot express."""
         if not self.configuration:
             raise UsageError("configuration: name it: --ros-args -p configuration:=ROBOT.yaml")
         if self.trajectory:
@@ -93,20 +89,18 @@ class RobotSimulator:
         limits = self._robot.robot.limits
         middle = 0.5 * (limits.lower + limits.upper)
         self._references = np.where(np.isfinite(middle), middle, 0.0)[None]
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node.create_publisher(String, ROBOT_DESCRIPTION, latched).publish(String(data=text))
+        node.create_publisher(String, ROBOT_DESCRIPTION, LATCHED).publish(String(data=text))
         truth = json.dumps(self._robot.truth)
-        node.create_publisher(String, "~/truth", latched).publish(String(data=truth))
+        node.create_publisher(String, "~/truth", LATCHED).publish(String(data=truth))
         self._playback: Playback | None = None
         self._planning = threading.Lock()
         self._problem = ""
         self._said: bool | None = None
-        self._moving = node.create_publisher(Bool, "~/moving", latched)
+        self._moving = node.create_publisher(Bool, "~/moving", LATCHED)
         node.create_subscription(JointTrajectory, "~/joint_trajectory", self._command, 1)
         node.create_service(Trigger, "~/move", self._move)
-        node.create_timer(_LOOK, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        node.add_on_set_parameters_callback(self._check)
-        node.add_post_set_parameters_callback(self._apply)
+        steady_timer(node, _LOOK, self._report)
+        follow_changes(node, lambda: self._settings, self._apply)
         self._begun, self._said_compiling = time.monotonic(), False
         self._rest: Future[list[JointTopic]] = Future()
         threading.Thread(target=self._prepare, name="preparing", daemon=True).start()
@@ -169,11 +163,8 @@ class RobotSimulator:
     def _now(self) -> int:
         return int(self.node.get_clock().now().nanoseconds)
 
-    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        return checked(self._settings, parameters)
-
-    def _apply(self, parameters: Sequence[Parameter]) -> None:
-        self._settings = changed(self._settings, parameters)
+    def _apply(self, settings: SimulatorSettings, given: set[str]) -> None:
+        self._settings = settings
 
     def _command(self, message: JointTrajectory) -> None:
         def trajectory() -> Trajectory:

@@ -11,6 +11,7 @@ from scipy.interpolate import CubicHermiteSpline, make_interp_spline
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError, one_line
 from idim_iv_ros.excitation import Trajectory
+from idim_iv_ros.excitation.trajectory import quintic
 from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.recording.writing.write import serialised
 from idim_iv_ros.simulators.recording import recorded_topics
@@ -187,7 +188,7 @@ def _approach(robot: SimulatedRobot, start: FloatArray, end: FloatArray, rate: f
     """Fifth-order polynomial from rest to rest, slow against the speed limits."""
     duration = max(0.5, _seconds(robot, end - start))
     s = np.linspace(0.0, 1.0, round(duration * rate) + 1)[:, None]
-    return np.asarray(start + (end - start) * s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
+    return start + (end - start) * quintic(s)[0]
 
 
 def _seconds(robot: SimulatedRobot, way: FloatArray) -> float:

@@ -2,20 +2,17 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rich.console import Console
 from rich.live import Live
 
 from idim_iv_interfaces.msg import DriftReport, Prediction, RecorderStatus
-from idim_iv_ros.nodes.entry import Closable, run_node
+from idim_iv_ros.nodes.entry import LATCHED, Closable, run_node, steady_timer
 from idim_iv_ros.nodes.unknown_names import refuse_unknown_parameters
-from idim_iv_ros.nodes.watch.state import JointJudgement, LiveView, joint_views
+from idim_iv_ros.nodes.watch.state import JointView, LiveView
 from idim_iv_ros.nodes.watch.terminal import live_table
 from idim_iv_ros.nodes.watch.web import LivePage
 
@@ -61,15 +58,14 @@ class Watcher:
             refuse_unknown_parameters(node, (), arguments)
         self._prediction: Prediction | None = None
         self._heard = self._printed = time.monotonic()
-        self._judgements: dict[str, JointJudgement] = {}
+        self._joints: dict[str, JointView] = {}
         self._nodes: dict[str, str] = {}
         self._predictors = 0
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_subscription(Prediction, _TOPIC, self._predicted, 50)
         node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 50)
         node.create_subscription(RecorderStatus, "recorder/status", self._recorded, 10)
-        node.create_subscription(DriftReport, "identifier/drift", self._drifted, latched)
-        node.create_timer(_DRAWN, self._draw, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_subscription(DriftReport, "identifier/drift", self._drifted, LATCHED)
+        steady_timer(node, _DRAWN, self._draw)
         self._console = Console()
         self._live: Live | None = None
         if self._page is not None:
@@ -102,7 +98,7 @@ class Watcher:
             if node == f"{namespace}/predictor" and what != "prediction":
                 values = {pair.key: pair.value for pair in status.values}
                 warns = status.level != DiagnosticStatus.OK
-                self._judgements[what] = JointJudgement.of(values, warns, status.message)
+                self._joints[what] = JointView.diagnosed(what, values, warns, status.message)
             elif node == f"{namespace}/identifier" and what == "identification":
                 self._nodes["identifier"] = status.message
 
@@ -117,12 +113,20 @@ class Watcher:
 
     def _view(self) -> LiveView:
         message, nodes = self._prediction, dict(self._nodes)
+        topic = self.node.resolve_topic_name(_TOPIC)
         if message is None:
-            topic = self.node.resolve_topic_name(_TOPIC)
             silent = f"nothing on {topic}: start `idim-iv predict`, or name --config here"
             return LiveView("", 0.0, float("nan"), silent, (), nodes)
-        topic = self.node.resolve_topic_name(_TOPIC)
-        numbers = (message.measured, message.predicted, message.residual, message.noise_share)
+        joints = [
+            replace(
+                self._joints.get(name, JointView(name)),
+                measured=message.measured[place],
+                predicted=message.predicted[place],
+                residual=message.residual[place],
+                share=message.noise_share[place],
+            )
+            for place, name in enumerate(message.name)
+        ]
         silent_for = time.monotonic() - self._heard
         reason = message.reason
         if self._predictors > 1:
@@ -138,7 +142,7 @@ class Watcher:
             stamp=stamp.sec + 1e-9 * stamp.nanosec,
             delay=message.delay,
             reason=reason,
-            joints=joint_views(message.name, numbers, self._judgements),
+            joints=tuple(joints),
             nodes=nodes,
         )
 

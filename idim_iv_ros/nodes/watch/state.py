@@ -1,7 +1,7 @@
 """What is known of a running robot at one moment, gathered from the nodes' topics."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from idim_iv_ros.prediction.rows import LIMIT, SHARE
@@ -11,7 +11,7 @@ GOOD, BEYOND, UNKNOWN = "good", "beyond", "unknown"
 
 @dataclass(frozen=True)
 class JointView:
-    """One joint.
+    """One joint: what the predictor's diagnostics say of it, and its newest prediction.
 
     Attributes
     ----------
@@ -23,7 +23,8 @@ class JointView:
         RMS of the residual over the last second of motion, over the noise floor of the
         identification; NaN where not known.
     level_share, limit : float
-        The same over ten seconds, and how much of it is explained; NaN where not known.
+        RMS of the residual over ten seconds of motion, over the same noise floor, and how much of
+        it is explained; NaN where not known.
     level : str
         ``good``, ``beyond`` the limit, or ``unknown``.
     sentence : str
@@ -31,15 +32,25 @@ class JointView:
     """
 
     name: str
-    unit: str
-    measured: float
-    predicted: float
-    residual: float
-    share: float
-    level_share: float
-    limit: float
-    level: str
-    sentence: str
+    unit: str = ""
+    measured: float = math.nan
+    predicted: float = math.nan
+    residual: float = math.nan
+    share: float = math.nan
+    level_share: float = math.nan
+    limit: float = math.nan
+    level: str = UNKNOWN
+    sentence: str = ""
+
+    @classmethod
+    def diagnosed(
+        cls, name: str, values: Mapping[str, str], warns: bool, sentence: str
+    ) -> "JointView":
+        """Return a joint without a prediction, from the key-value pairs of its diagnostics."""
+        share, limit = (_number(values.get(key, "")) for key in (SHARE, LIMIT))
+        level = BEYOND if warns else GOOD if math.isfinite(limit) else UNKNOWN
+        unit = values.get("unit", "")
+        return cls(name, unit, level_share=share, limit=limit, level=level, sentence=sentence)
 
 
 @dataclass(frozen=True)
@@ -83,61 +94,6 @@ class LiveView:
             ],
             "nodes": self.nodes,
         }
-
-
-@dataclass(frozen=True)
-class JointJudgement:
-    """What the predictor's diagnostics say of one joint."""
-
-    unit: str
-    share: float
-    limit: float
-    warns: bool
-    sentence: str
-
-    @classmethod
-    def of(cls, values: Mapping[str, str], warns: bool, sentence: str) -> "JointJudgement":
-        """Read it from the key-value pairs of the message."""
-        share, limit = (_number(values.get(key, "")) for key in (SHARE, LIMIT))
-        return cls(values.get("unit", ""), share, limit, warns, sentence)
-
-
-def joint_views(
-    names: Sequence[str],
-    numbers: Sequence[Sequence[float]],
-    judgements: Mapping[str, JointJudgement],
-) -> tuple[JointView, ...]:
-    """Join predictions with what is said of each joint.
-
-    Parameters
-    ----------
-    names
-    numbers
-        Measured, predicted, residual and share, (n_joints,) each.
-    judgements
-        By joint.
-    """
-    views = []
-    for name, *values in zip(names, *numbers, strict=True):
-        said = judgements.get(name, JointJudgement("", math.nan, math.nan, False, ""))
-        known = math.isfinite(said.limit) or said.warns
-        level = BEYOND if said.warns else GOOD if known else UNKNOWN
-        measured, predicted, residual, share = values
-        views.append(
-            JointView(
-                name=name,
-                unit=said.unit,
-                measured=measured,
-                predicted=predicted,
-                residual=residual,
-                share=share,
-                level_share=said.share,
-                limit=said.limit,
-                level=level,
-                sentence=said.sentence,
-            )
-        )
-    return tuple(views)
 
 
 def _number(text: str) -> float:

@@ -5,21 +5,22 @@ the same order nearly always: the layout of one message then holds for all that 
 every byte that is neither the stamp nor one of the numbers.
 """
 
-import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+from rosbags.interfaces import Nodetype
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.recording.bags.definitions import MessageType
+from idim_iv_ros.recording.bags.located import locate
 
 ByteArray = NDArray[np.uint8]
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 FLOAT_ARRAY = "std_msgs/msg/Float64MultiArray"
-_LONGEST = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -118,8 +119,37 @@ class CdrLayout:
         return seconds * 1_000_000_000 + nanoseconds
 
 
+_TEXT, _NUMBER = (Nodetype.BASE, ("string", 0)), (Nodetype.BASE, ("uint32", 0))
+_NUMBERS = (Nodetype.SEQUENCE, ((Nodetype.BASE, ("float64", 0)), 0))
+_TYPES = {
+    JOINT_STATE: MessageType(
+        JOINT_STATE,
+        {
+            JOINT_STATE: [
+                ("stamp.sec", _NUMBER),
+                ("stamp.nanosec", _NUMBER),
+                ("frame_id", _TEXT),
+                ("name", (Nodetype.SEQUENCE, (_TEXT, 0))),
+                *((name, _NUMBERS) for name in ("position", "velocity", "effort")),
+            ]
+        },
+    ),
+    FLOAT_ARRAY: MessageType(
+        FLOAT_ARRAY,
+        {
+            FLOAT_ARRAY: [
+                ("dim", (Nodetype.SEQUENCE, ((Nodetype.NAME, "dim"), 0))),
+                ("data_offset", _NUMBER),
+                ("data", _NUMBERS),
+            ],
+            "dim": [("label", _TEXT), ("size", _NUMBER), ("stride", _NUMBER)],
+        },
+    ),
+}
+
+
 def read_layout(message: bytes, message_type: str) -> CdrLayout:
-    """Read the layout of one message.
+    """Read the layout of one JointState or Float64MultiArray.
 
     Raises
     ------
@@ -127,77 +157,19 @@ def read_layout(message: bytes, message_type: str) -> CdrLayout:
         The bytes are not a message of this type.
     """
     try:
-        return _Cursor(message).layout(message_type)
-    except (struct.error, IndexError, UnicodeDecodeError, ValueError) as error:
+        located = locate(message, _TYPES[message_type])
+    except ValueError as error:
         raise DataError(f"not a {message_type} message") from error
-
-
-class _Cursor:
-    def __init__(self, message: bytes):
-        if len(message) < 8 or message[0] != 0 or message[1] not in (0, 1):
-            raise ValueError("no CDR encapsulation header")
-        self.message = message
-        self.order = "<" if message[1] == 1 else ">"
-        self.place = 4
-
-    def layout(self, message_type: str) -> CdrLayout:
-        stamp: int | None = None
-        names: tuple[str, ...] = ()
-        fields: dict[str, tuple[int, int]] = {}
-        if message_type == JOINT_STATE:
-            stamp = self.place
-            self.place += 8
-            self.string()
-            names = tuple(self.string() for _ in range(self.count()))
-            for field in ("position", "velocity", "effort"):
-                fields[field] = self.floats()
-        else:
-            for _ in range(self.count()):
-                self.string()
-                self.integer()
-                self.integer()
-            self.integer()
-            fields["data"] = self.floats()
-        free = np.zeros(len(self.message), dtype=bool)
-        if stamp is not None:
-            free[stamp : stamp + 8] = True
-        for offset, count in fields.values():
-            free[offset : offset + 8 * count] = True
-        free[self.place :] = True  # padding behind the last field
-        # Padding between fields is not written by every serialiser.
-        structure = np.flatnonzero(~free)
-        fixed = np.frombuffer(self.message, dtype=np.uint8)
-        return CdrLayout(len(self.message), self.order, stamp, names, fields, fixed, structure)
-
-    def integer(self) -> int:
-        self.align(4)
-        (value,) = struct.unpack_from(self.order + "I", self.message, self.place)
-        self.place += 4
-        return int(value)
-
-    def count(self) -> int:
-        value = self.integer()
-        if value > _LONGEST:
-            raise ValueError("a sequence longer than any robot")
-        return value
-
-    def string(self) -> str:
-        size = self.integer()
-        text = self.message[self.place : self.place + size]
-        if len(text) != size:
-            raise ValueError("the string passes the end of the message")
-        self.place += size
-        return text.rstrip(b"\0").decode("utf-8")
-
-    def floats(self) -> tuple[int, int]:
-        count = self.count()
-        if count:
-            self.align(8)
-        start = self.place
-        self.place += 8 * count
-        if self.place > len(self.message):
-            raise ValueError("the numbers pass the end of the message")
-        return start, count
-
-    def align(self, size: int) -> None:
-        self.place += -(self.place - 4) % size
+    return CdrLayout(
+        size=len(message),
+        order=located.order,
+        stamp=located.stamp,
+        names=located.texts.get("name", ()),
+        fields={
+            name: (numbers.offset, numbers.count)
+            for name, numbers in located.numbers.items()
+            if numbers.code.endswith("f8")
+        },
+        fixed=np.frombuffer(message, dtype=np.uint8),
+        structure=located.places,
+    )

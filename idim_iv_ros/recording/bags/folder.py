@@ -17,6 +17,7 @@ from ruamel.yaml.error import YAMLError
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import NO_FILE, FilePaths, as_paths, is_file, is_there
 from idim_iv_ros.interruption import undone_if_interrupted
+from idim_iv_ros.recording.bags.bag_file import BagFile
 from idim_iv_ros.recording.bags.byte_source import ByteSource, copied
 from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
@@ -27,7 +28,6 @@ from idim_iv_ros.recording.recording import Note
 
 SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag")  # in small letters
 
-_File = McapFile | SqliteFile | Ros1File
 _LONGEST_METADATA = 1 << 24  # bytes
 
 
@@ -121,21 +121,21 @@ class Bag:
                 topics.update(file.summarised_topics() or _met(file))
         return topics
 
-    def _files(self, stack: ExitStack) -> Iterator[tuple[Path, _File]]:
+    def _files(self, stack: ExitStack) -> Iterator[tuple[Path, BagFile]]:
         for path in list(self.sources) or bag_files(self.path):
             yield path, self._file(path, stack)
 
-    def _define(self, file: _File) -> None:
+    def _define(self, file: BagFile) -> None:
         if len(file.definitions) != len(self.definitions):
             self.definitions = {**self.definitions, **file.definitions}
 
-    def _file(self, path: Path, stack: ExitStack) -> _File:
+    def _file(self, path: Path, stack: ExitStack) -> BagFile:
         source = self.sources.get(path)
         if source is not None and path.suffix.lower() == ".mcap":
-            return McapFile(path, source)
+            return McapFile(path, source=source)
         local = path if source is None else _copy(path, source, stack)
         whole = _decompressed(local, stack) if local.suffix.lower() == ".zstd" else local
-        kinds: dict[str, type[_File]] = {".mcap": McapFile, ".bag": Ros1File}
+        kinds: dict[str, type[BagFile]] = {".mcap": McapFile, ".bag": Ros1File}
         return kinds.get(whole.suffix.lower(), SqliteFile)(whole)
 
     def _meet(self, topic: str, batch: MessageBatch) -> None:
@@ -168,13 +168,13 @@ def bags_of(bags: FilePaths) -> tuple[Bag, ...]:
     return tuple(each if isinstance(each, Bag) else Bag(path) for each, path in pairs)
 
 
-def _met(file: _File) -> dict[str, str]:
+def _met(file: BagFile) -> dict[str, str]:
     for _ in file.batches(set()):
         pass
     return file.topics
 
 
-def _damages(name: str, file: _File) -> list[str]:
+def _damages(name: str, file: BagFile) -> list[str]:
     damages = []
     if file.truncated:
         damages.append(f"{name} ends in the middle")

@@ -131,12 +131,12 @@ class JointMessageType:
             return  # its fields are interfaces, which only messages name
         fields = [name for name, _ in kinds[0].fields[self.name]]
         if self.name in (CONTROLLER_STATE, MANY_STATES):
-            known = POINTS if self.name == CONTROLLER_STATE else ("reference", "feedback")
-            if self.field is not None and self.field not in known:
+            points = POINTS if self.name == CONTROLLER_STATE else ("reference", "feedback")
+            if self.field is not None and self.field not in points:
                 there = self.field.partition(".")[0] in fields
                 raise UsageError(
                     f"{bag}: {topic} is {self.name}, which has no {'point' if there else 'field'} "
-                    f"{self.field}; it has {', '.join(name for name in fields if name in known)}"
+                    f"{self.field}; it has {', '.join(name for name in fields if name in points)}"
                 )
             return
         if self.field is None:
@@ -163,28 +163,28 @@ class JointMessageType:
         kinds = versions(self.name, self.schema)
         for kind in kinds:
             try:
-                found = locate(message, kind)
+                located = locate(message, kind)
             except ValueError:
                 continue
-            if len(kinds) == 1 or len(message) - found.end < _PADDING:
-                return self._layout(message, found, kind, quantities)
+            if len(kinds) == 1 or len(message) - located.end < _PADDING:
+                return self._layout(message, located, kind, quantities)
         raise DataError(f"not a {self.name} message")
 
     def _layout(
-        self, message: bytes, found: Located, kind: MessageType, quantities: Sequence[str]
+        self, message: bytes, located: Located, kind: MessageType, quantities: Sequence[str]
     ) -> CdrLayout:
         if self.name == CONTROLLER_STATE:
-            names, places = self._controller_state(found)
+            names, places = self._controller_state(located)
         elif self.name == DYNAMIC_STATE:
-            names, places = self._interfaces(found, quantities)
+            names, places = self._interfaces(located, quantities)
         elif self.name == MANY_STATES:
-            names, places = self._many_states(found)
+            names, places = self._many_states(located)
         else:
-            names, places = self._named_field(found, quantities)
-        return _placed(message, found, names, places)
+            names, places = self._named_field(located, quantities)
+        return _placed(message, located, names, places)
 
-    def _controller_state(self, found: Located) -> tuple[tuple[str, ...], Places]:
-        names = found.texts["joint_names"]
+    def _controller_state(self, located: Located) -> tuple[tuple[str, ...], Places]:
+        names = located.texts["joint_names"]
         points = _ASKED if self.reference else _MEASURED
         efforts = points if self.reference else (*_MEASURED, *_OUTPUT)
         if self.field is not None:
@@ -196,55 +196,56 @@ class JointMessageType:
             ("effort", "effort", efforts),
         ):
             # Of a version with both names only one is filled.
-            filled = (f"{point}.{member}" for point in allowed if _held(found, point, member))
+            filled = (f"{point}.{member}" for point in allowed if _filled(located, point, member))
             path = next(filled, "")
-            places[quantity] = (path, _row(found.numbers.get(path), len(names)))
+            places[quantity] = (path, _row(located.numbers.get(path), len(names)))
         return names, places
 
     def _interfaces(
-        self, found: Located, quantities: Sequence[str]
+        self, located: Located, quantities: Sequence[str]
     ) -> tuple[tuple[str, ...], Places]:
-        names = found.texts["joint_names"]
-        wanted = {each: each for each in ("position", "velocity", "effort")}
+        names = located.texts["joint_names"]
+        wanted = {name: name for name in ("position", "velocity", "effort")}
         if self.field is not None:
             wanted[_first_of(quantities)] = self.field
-        places: Places = {each: (interface, []) for each, interface in wanted.items()}
+        places: Places = {name: (interface, []) for name, interface in wanted.items()}
         for joint in range(len(names)):
             path = f"interface_values[{joint}]"
-            held = found.texts.get(f"{path}.interface_names", ())
-            row = _row(found.numbers.get(f"{path}.values"), len(held))
-            for interface, list_ in places.values():
-                list_.append(row[held.index(interface)] if interface in held else None)
+            interfaces = located.texts.get(f"{path}.interface_names", ())
+            row = _row(located.numbers.get(f"{path}.values"), len(interfaces))
+            for interface, column in places.values():
+                present = interface in interfaces
+                column.append(row[interfaces.index(interface)] if present else None)
         return names, places
 
-    def _many_states(self, found: Located) -> tuple[tuple[str, ...], Places]:
-        count = found.counts.get("dof_states", 0)
-        names = tuple(found.texts[f"dof_states[{k}].name"][0] for k in range(count))
+    def _many_states(self, located: Located) -> tuple[tuple[str, ...], Places]:
+        count = located.counts.get("dof_states", 0)
+        names = tuple(located.texts[f"dof_states[{k}].name"][0] for k in range(count))
         asked = self.field == "reference" or (self.field is None and self.reference)
         members = {"position": "reference"} if asked else {
             "position": "feedback", "velocity": "feedback_dot", "effort": "output"
         }  # fmt: skip
         return names, {
-            quantity: (member, [found.numbers[f"dof_states[{k}].{member}"] for k in range(count)])
+            quantity: (member, [located.numbers[f"dof_states[{k}].{member}"] for k in range(count)])
             for quantity, member in members.items()
         }
 
     def _named_field(
-        self, found: Located, quantities: Sequence[str]
+        self, located: Located, quantities: Sequence[str]
     ) -> tuple[tuple[str, ...], Places]:
         field = self.field or ""
-        if f"{field}.name" in found.texts:  # a JointState within the message
-            names = found.texts[f"{field}.name"]
-            paths = {each: f"{field}.{each}" for each in ("position", "velocity", "effort")}
+        if f"{field}.name" in located.texts:  # a JointState within the message
+            names = located.texts[f"{field}.name"]
+            paths = {name: f"{field}.{name}" for name in ("position", "velocity", "effort")}
         else:
-            names = found.texts.get("joint_names", found.texts.get("name", ()))
+            names = located.texts.get("joint_names", located.texts.get("name", ()))
             paths = {_first_of(quantities): field}
-        numbers = {each: found.numbers.get(path) for each, path in paths.items()}
-        counts = {each.count for each in numbers.values() if each is not None}
-        if counts != {len(names)} and f"{field}.name" not in found.texts:
+        numbers = {name: located.numbers.get(path) for name, path in paths.items()}
+        counts = {row.count for row in numbers.values() if row is not None}
+        if counts != {len(names)} and f"{field}.name" not in located.texts:
             names = ()
         width = max(max(counts), len(names))
-        return names, {each: (paths[each], _row(held, width)) for each, held in numbers.items()}
+        return names, {name: (paths[name], _row(row, width)) for name, row in numbers.items()}
 
 
 def _holds_numbers(kind: MessageType, path: str) -> bool:
@@ -264,8 +265,8 @@ def _holds_numbers(kind: MessageType, path: str) -> bool:
     return bool(node == Nodetype.BASE and detail[0] != "string")
 
 
-def _held(found: Located, point: str, member: str) -> bool:
-    numbers = found.numbers.get(f"{point}.{member}")
+def _filled(located: Located, point: str, member: str) -> bool:
+    numbers = located.numbers.get(f"{point}.{member}")
     return numbers is not None and numbers.count > 0
 
 
@@ -275,36 +276,38 @@ def _first_of(quantities: Sequence[str]) -> str:
 
 
 def _row(numbers: Numbers | None, count: int) -> list[Numbers | None]:
-    """Each number of a row by itself, as many as there are joints."""
+    """Split a row into single numbers, one for each of `count` joints; None where it ends."""
     if numbers is None:
         return [None] * count
     size = int(numbers.code[-1])
-    held = [
+    row = [
         Numbers(numbers.offset + k * size, 1, numbers.code)
         for k in range(min(numbers.count, count))
     ]
-    return [*held, *[None] * (count - len(held))]
+    return [*row, *[None] * (count - len(row))]
 
 
-def _placed(message: bytes, found: Located, names: tuple[str, ...], places: Places) -> PlacedLayout:
+def _placed(
+    message: bytes, located: Located, names: tuple[str, ...], places: Places
+) -> PlacedLayout:
     placed, fields = {}, {}
-    for quantity, (_, held) in places.items():
-        codes = {each.code for each in held if each is not None}
+    for quantity, (_, row) in places.items():
+        codes = {number.code for number in row if number is not None}
         if len(codes) != 1:
             fields[quantity] = (0, 0)
             continue
-        offsets = np.array([-1 if each is None else each.offset for each in held], dtype=np.int64)
-        placed[quantity], fields[quantity] = (offsets, codes.pop()), (0, len(held))
-    structure = np.concatenate([np.arange(start, stop) for start, stop in found.structure])
-    stamp = found.numbers.get("header.stamp.sec") or found.numbers.get("stamp.sec")
+        offsets = np.array(
+            [-1 if number is None else number.offset for number in row], dtype=np.int64
+        )
+        placed[quantity], fields[quantity] = (offsets, codes.pop()), (0, len(row))
     return PlacedLayout(
         size=len(message),
-        order="<" if message[1] == 1 else ">",
-        stamp=None if stamp is None else stamp.offset,
+        order=located.order,
+        stamp=located.stamp,
         names=names,
         fields=fields,
         fixed=np.frombuffer(message, dtype=np.uint8),
-        structure=structure,
+        structure=located.places,
         places=placed,
         origins={quantity: path for quantity, (path, _) in places.items() if quantity in placed},
     )

@@ -4,9 +4,11 @@ import struct
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from rosbags.interfaces import Nodetype
 
 from idim_iv_ros.recording.bags.definitions import MessageType
+from idim_iv_ros.types import IntArray
 
 _SIZES = {
     "bool": "u1", "byte": "u1", "char": "u1", "octet": "u1",
@@ -27,7 +29,7 @@ class Numbers:
 
 @dataclass
 class Located:
-    """What a walk through one message found; items of a sequence are ``name[0]``, ``name[1]``, ….
+    """What a walk through one message gives; items of a sequence are ``name[0]``, ``name[1]``, ….
 
     Attributes
     ----------
@@ -41,13 +43,27 @@ class Located:
         Bytes that decide where all others lie: lengths and texts.
     end : int
         Where the message ends; padding may follow.
+    order : str
+        ``<`` or ``>``: byte order.
     """
 
+    order: str
     numbers: dict[str, Numbers] = field(default_factory=dict)
     texts: dict[str, tuple[str, ...]] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
     structure: list[tuple[int, int]] = field(default_factory=lambda: [(0, 4)])
     end: int = 4
+
+    @property
+    def stamp(self) -> int | None:
+        """Offset of the seconds of the header's stamp, None where there is none."""
+        seconds = self.numbers.get("header.stamp.sec") or self.numbers.get("stamp.sec")
+        return None if seconds is None else seconds.offset
+
+    @property
+    def places(self) -> IntArray:
+        """Places (n,) of the bytes of the structure."""
+        return np.concatenate([np.arange(start, stop) for start, stop in self.structure])
 
 
 def locate(message: bytes, kind: MessageType) -> Located:
@@ -65,14 +81,13 @@ def locate(message: bytes, kind: MessageType) -> Located:
         walk.message(kind.name, "", 0)
     except (struct.error, UnicodeDecodeError, KeyError) as error:
         raise ValueError(f"no {kind.name}") from error
-    return walk.found
+    return walk.located
 
 
 class _Walk:
     def __init__(self, message: bytes, kind: MessageType) -> None:
         self.bytes, self.kind = message, kind
-        self.order = "<" if message[1] == 1 else ">"
-        self.found = Located()
+        self.located = Located("<" if message[1] == 1 else ">")
         self.items = 0
 
     def message(self, name: str, path: str, depth: int) -> None:
@@ -88,7 +103,7 @@ class _Walk:
             self.message(detail, path, depth + 1)
         elif node == Nodetype.BASE:
             if detail[0] == "string":
-                self.found.texts[path] = (self.text(),)
+                self.located.texts[path] = (self.text(),)
             else:
                 self.row(path, 1, detail[0])
         else:
@@ -104,9 +119,9 @@ class _Walk:
         if self.items > _MOST_ITEMS:
             raise ValueError("longer than any message of a robot")
         if node == Nodetype.BASE:
-            self.found.texts[path] = tuple(self.text() for _ in range(count))
+            self.located.texts[path] = tuple(self.text() for _ in range(count))
             return
-        self.found.counts[path] = count
+        self.located.counts[path] = count
         for number in range(count):
             self.value(item, f"{path}[{number}]", depth)
 
@@ -115,27 +130,27 @@ class _Walk:
         size = int(code[1])
         if count:
             self.align(size)
-        self.found.numbers[path] = Numbers(self.found.end, count, self.order + code)
+        self.located.numbers[path] = Numbers(self.located.end, count, self.located.order + code)
         self.advance(size * count)
 
     def count(self) -> int:
         self.align(4)
-        start = self.found.end
+        start = self.located.end
         self.advance(4)
-        self.found.structure.append((start, start + 4))
-        return int(struct.unpack_from(self.order + "I", self.bytes, start)[0])
+        self.located.structure.append((start, start + 4))
+        return int(struct.unpack_from(self.located.order + "I", self.bytes, start)[0])
 
     def text(self) -> str:
         size = self.count()
-        start = self.found.end
+        start = self.located.end
         self.advance(size)
-        self.found.structure.append((start, start + size))
+        self.located.structure.append((start, start + size))
         return self.bytes[start : start + size].rstrip(b"\0").decode("utf-8")
 
     def align(self, size: int) -> None:
-        self.found.end += -(self.found.end - 4) % size
+        self.located.end += -(self.located.end - 4) % size
 
     def advance(self, size: int) -> None:
-        self.found.end += size
-        if self.found.end > len(self.bytes):
+        self.located.end += size
+        if self.located.end > len(self.bytes):
             raise ValueError("the message ends before its content")

@@ -12,7 +12,6 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import lz4.frame
 import numpy as np
@@ -20,9 +19,9 @@ import zstandard
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.recording.bags.bag_file import BagFile
 from idim_iv_ros.recording.bags.byte_source import ByteSource, copied
 from idim_iv_ros.recording.bags.cdr import MessageBatch
-from idim_iv_ros.recording.bags.definitions import SchemaText
 from idim_iv_ros.recording.bags.mcap_index import McapIndex, fetched_index
 from idim_iv_ros.recording.bags.mcap_records import (
     CHANNEL,
@@ -52,49 +51,21 @@ _FORGOTTEN = 1 << 26  # bytes of a file that stay in memory behind the place of 
 
 
 @dataclass
-class McapFile:
+class McapFile(BagFile):
     """One MCAP file.
 
     Attributes
     ----------
-    path : Path
-        Of the file, or the name of `source` for messages.
     source : ByteSource or None
         Where the bytes are if not on this machine.
-    topics : dict
-        Type of each topic that was met so far.
-    definitions : dict
-        Definition of each type that was met so far.
-    truncated : bool
-        Whether the file ended before its end record; known once it was read.
-    damaged : int
-        Stretches of the file that could not be read (chunks that cannot be decompressed or whose
-        checksum is wrong, bytes that are no record); they are left out.
-    missing : Counter
-        Messages of each wanted topic that are known to be lost.
-    counted : bool
-        Whether `missing` is all that is lost; otherwise there is more, and nothing says how much.
     """
 
-    path: Path
     source: ByteSource | None = None
-    topics: dict[str, str] = field(default_factory=dict)
-    definitions: dict[str, SchemaText] = field(default_factory=dict)
-    truncated: bool = False
-    damaged: int = 0
-    missing: Counter[str] = field(default_factory=Counter)
-    counted: bool = True
     _description: McapDescription = field(default_factory=McapDescription)
     _found: Counter[int] = field(default_factory=Counter)
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
-        """Raw messages of the wanted topics, chunk by chunk.
-
-        Raises
-        ------
-        DataError
-            Not an MCAP file.
-        """
+        """Raw messages of the wanted topics, chunk by chunk; otherwise as `BagFile`."""
         if self.source is not None:
             index = fetched_index(self.source)
             if index is not None:

@@ -3,14 +3,13 @@
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from pathlib import Path
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader, ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.recording.bags.bag_file import BagFile
 from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 
@@ -20,17 +19,8 @@ _HEADER = (
 )
 
 
-@dataclass
-class Ros1File:
-    """One .bag file of ROS 1; attributes as those of `SqliteFile`."""
-
-    path: Path
-    topics: dict[str, str] = field(default_factory=dict)
-    definitions: dict[str, SchemaText] = field(default_factory=dict)
-    truncated: bool = False
-    damaged: int = 0
-    missing: Counter[str] = field(default_factory=Counter)
-    counted: bool = True
+class Ros1File(BagFile):
+    """One .bag file of ROS 1."""
 
     def summarised_topics(self) -> dict[str, str]:
         """Type of each topic, from the index of the file."""
@@ -38,13 +28,7 @@ class Ros1File:
             return dict(self.topics)
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
-        """Messages of the wanted topics, each batch in the order of arrival.
-
-        Raises
-        ------
-        DataError
-            Not a ROS 1 bag, or one without an index.
-        """
+        """Raw messages of the wanted topics as ROS 2 serialises them; otherwise as `BagFile`."""
         with self._opened() as reader:
             connections = [each for each in reader.connections if each.topic in wanted]
             if not connections:

@@ -6,14 +6,13 @@ computes (views, virtual tables, generated columns).
 
 import os
 import sqlite3
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import quote
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.recording.bags.bag_file import BagFile
 from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 
@@ -39,49 +38,11 @@ def _has_log(path: Path) -> bool:
         return False
 
 
-@dataclass
-class SqliteFile:
-    """One .db3 file.
-
-    Attributes
-    ----------
-    path : Path
-    topics : dict
-        Type of each topic, known once it was read.
-    definitions : dict
-        Definition of each type, where the table of them is there (since Iron).
-    truncated : bool
-        Whether nothing could be read behind a damaged page.
-    damaged : int
-        Stretches of damaged pages, and rows that are no message; they are left out.
-    missing : Counter
-        Always empty: of a damaged page nobody knows the topics.
-    """
-
-    path: Path
-    topics: dict[str, str] = field(default_factory=dict)
-    definitions: dict[str, SchemaText] = field(default_factory=dict)
-    truncated: bool = False
-    damaged: int = 0
-    missing: Counter[str] = field(default_factory=Counter)
-
-    @property
-    def counted(self) -> bool:
-        """Whether nothing is lost."""
-        return not (self.truncated or self.damaged)
-
-    def summarised_topics(self) -> dict[str, str]:
-        """Nothing: a database has no summary beside its tables."""
-        return {}
+class SqliteFile(BagFile):
+    """One .db3 file; of a damaged page nobody knows the topics, so that nothing is `missing`."""
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
-        """Raw messages of the wanted topics, block by block, each in the order of arrival.
-
-        Raises
-        ------
-        DataError
-            Not a rosbag2 database.
-        """
+        """Raw messages of the wanted topics, block by block; otherwise as `BagFile`."""
         mode = "mode=ro" if _has_log(self.path) else "immutable=1"
         address = f"file:{quote(os.fsencode(self.path))}?{mode}"
         try:
@@ -89,6 +50,7 @@ class SqliteFile:
                 numbers = self._open(connection)
                 topics = {number: name for number, name in numbers.items() if name in wanted}
                 yield from self._read(connection, topics)
+                self.counted = not (self.truncated or self.damaged)
         except (sqlite3.Error, UnicodeDecodeError) as error:  # a damaged name is no text
             raise DataError(f"{self.path}: not a rosbag2 database ({error})") from error
 

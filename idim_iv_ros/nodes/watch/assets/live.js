@@ -1,10 +1,10 @@
 "use strict";
-// Seconds that are shown, milliseconds between two drawings, share of the noise floor at the end
-// of a bar, seconds without an event after which the view says so.
+// Seconds that are shown, milliseconds between two looks for new states, share of the noise floor
+// at the end of a bar, seconds without a state after which the view says so.
 const SHOWN = 20, DRAWN = 250, LARGEST = 4, SILENT = 3;
 const SMALLEST_STEP = 0.5; // s between two samples from which a curve is interrupted
 const cards = new Map();
-let newest = null, heard = 0, paused = false;
+let newest = null, number_of_newest = 0, heard = 0, paused = false;
 
 const style = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const number = (value, digits = 3) => value === null ? "–" : value.toFixed(digits);
@@ -109,10 +109,17 @@ document.getElementById("pause").addEventListener("click", event => {
   event.target.textContent = paused ? "Go on" : "Pause";
   event.target.setAttribute("aria-pressed", String(paused));
 });
-const events = new EventSource("events");
-events.onmessage = event => {
-  newest = JSON.parse(event.data);
-  heard = performance.now();
-  if (!paused) keep(newest);
-};
-setInterval(draw, DRAWN);
+async function ask() {
+  try {
+    const answer = await (await fetch(`states?after=${number_of_newest}`)).json();
+    number_of_newest = answer.newest;
+    for (const state of answer.states) {
+      newest = state;
+      heard = performance.now();
+      if (!paused) keep(newest);
+    }
+  } catch { /* the server has ended: what was heard last stays, and `say` tells its age */ }
+  draw();
+  setTimeout(ask, DRAWN);
+}
+ask();

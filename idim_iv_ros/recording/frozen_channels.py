@@ -39,7 +39,6 @@ _STEPS_AFTER = 10
 _MOVES = 0.02
 # Of that speed, from which a fine and noisy effort has no reason to repeat.
 _CREEPS = 0.25
-_EXTREME = 1e-9
 
 
 def without_frozen(
@@ -124,11 +123,9 @@ def frozen_efforts(effort: FloatArray, position: FloatArray, speed: float) -> Bo
     usual = _usual(effort[first], last - first + 1, moved)
     if usual is None:
         return np.zeros(len(effort), dtype=bool)
-    known = effort[np.isfinite(effort)]
-    low, high = known.min(), known.max()
-    margin = _EXTREME * (high - low)
-    held = effort[first]
-    inside = (held > low + margin) & (held < high - margin) & (held != 0.0)
+    finite = effort[np.isfinite(effort)]
+    value = effort[first]
+    inside = (value > finite.min()) & (value < finite.max()) & (value != 0.0)
     if usual.fine and usual.random:
         moved = _moved(position, first, last, _CREEPS * speed)
     chosen = (last - first > usual.most) & moved & inside

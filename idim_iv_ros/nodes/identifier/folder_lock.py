@@ -1,4 +1,4 @@
-"""The output directory of an identifier is no other's: both would overwrite one history."""
+"""The output directory of an identifier is locked: two would overwrite one history."""
 
 import fcntl
 import os
@@ -8,7 +8,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import require_folder_place
 
 
-class OwnFolder:
+class FolderLock:
     """A folder that one process has to itself, however it ends: the system releases the lock.
 
     Parameters

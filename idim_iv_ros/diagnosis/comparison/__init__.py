@@ -1,0 +1,1 @@
+"""One comparison of numbers and physics: rows, candidates, evidence, selection."""

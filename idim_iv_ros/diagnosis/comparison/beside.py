@@ -1,0 +1,348 @@
+"""Every option beside the errors of the nominal numbers and beside the terms of a model.
+
+With δ ~ N(0, S Sᵀ) and X whitened, SᵀXᵀXS = Q Λ Qᵀ and M = S Q (1 + Λ)^−½, a product beside the
+errors is aᵀb − (Xᵀa)ᵀ M Mᵀ (Xᵀb). Terms of a model are random effects of a large size and enter
+in the same way, so that what they change is of their own low rank.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Key
+from idim_iv_ros.diagnosis.comparison.ledger import Ledger
+from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, products_with_model
+from idim_iv_ros.effects.effect import Shape
+from idim_iv_ros.types import FloatArray
+
+_ROUNDING = 1e-5  # of a direction's energy before the errors are taken out: single precision
+_LEAST_SIZE, _WIDER = 0.02, 3.0  # of a term, so that its coefficients are as good as free
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """One option in a model.
+
+    Attributes
+    ----------
+    candidate : Candidate
+    option : int
+        Its place among the candidate's shapes.
+    shape : Shape or None
+    columns : dict of int to (r_j, w)
+        Torque of unit coefficients, N m.
+    coefficients, deviations : (w,)
+    basis : (w, w)
+        Coefficients of a torque of unit size.
+    size : float
+        Share of the torque, root of the mean over its joints.
+    log_prior : float
+        Of this option.
+    evidence : float
+        Logarithm of the Bayes factor against misfit, when it was accepted.
+    presence : float
+        Posterior probability against nothing, before calibration.
+    whole, visible : (n_joints,)
+        Share of the torque that it has, and that counts beside errors and other terms.
+    rivals : tuple of (Key, float)
+        Other effects and places with their weights, together with its own one.
+    dispersion : float
+        Variance of its score over blocks of time over that of the model.
+    """
+
+    candidate: Candidate
+    option: int
+    shape: Shape | None
+    columns: dict[int, FloatArray]
+    coefficients: FloatArray
+    deviations: FloatArray
+    basis: FloatArray
+    size: float
+    log_prior: float
+    evidence: float
+    presence: float
+    whole: FloatArray
+    visible: FloatArray
+    rivals: tuple[tuple[Key, float], ...]
+    dispersion: float
+
+    @property
+    def key(self) -> Key:
+        """Effect and place."""
+        return self.candidate.key
+
+    @property
+    def width(self) -> int:
+        """Number of coefficients."""
+        return len(self.coefficients)
+
+    @property
+    def identity(self) -> tuple[object, ...]:
+        """Candidate and shape."""
+        return (id(self.candidate), self.option, self.shape)
+
+    @property
+    def prior_root(self) -> FloatArray:
+        """(w, w) root of the prior covariance of its coefficients."""
+        return self.basis * max(_WIDER * self.size, _LEAST_SIZE)
+
+
+class Torques:
+    """Products of columns that are not whitened, each row by the joint's torque: shares squared."""
+
+    def __init__(self, options: Options) -> None:
+        ledger = options.ledger
+        self.scales = [
+            1.0 / (np.sqrt(max(len(rows), 1)) * size)
+            for rows, size in zip(ledger.joints, ledger.sizes, strict=True)
+        ]
+        lines = [
+            np.asarray(table * np.float32(scale))
+            for table, scale in zip(options.lines, self.scales, strict=True)
+        ]
+        model = [
+            rows.matrix * scale for rows, scale in zip(ledger.joints, self.scales, strict=True)
+        ]
+        self.inner = options.own_products(lines)
+        self.normal, self.shared = products_with_model(options, model, lines)
+
+
+class NominalErrors:
+    """All options beside the errors of the nominal numbers, of one relative size.
+
+    Parameters
+    ----------
+    errors
+        Relative size of errors of links, and of drives.
+    """
+
+    def __init__(
+        self, options: Options, white: Whitened, torques: Torques, errors: tuple[float, float]
+    ) -> None:
+        self.options, self.white, self.torques, self.errors = options, white, torques, errors
+        ledger: Ledger = options.ledger
+        sizes = np.hstack([errors[0] * ledger.link_errors, errors[1] * ledger.drive_errors])
+        values, vectors = np.linalg.eigh(sizes.T @ white.normal @ sizes)
+        values = np.maximum(values, 0.0)
+        self.root = (sizes @ vectors) / np.sqrt(1.0 + values)  # M, (b, k)
+        right = np.zeros(ledger.parameters)
+        for rows, model, gap in zip(ledger.joints, white.model, white.gap, strict=True):
+            right[rows.columns] += model.T @ gap
+        self.explained = self.root.T @ right
+        self.level = 0.5 * float(self.explained @ self.explained) - 0.5 * float(
+            np.sum(np.log1p(values))
+        )
+        self.projected = self.root.T @ white.shared  # (k, p)
+        self.moved = self.root @ self.projected  # (b, p): errors beside a unit of each column
+        left = options.products(white.lines, [gap[:, None] for gap in white.gap])[:, 0]
+        score = left - self.projected.T @ self.explained
+        twice = torques.normal @ self.moved - 2.0 * torques.shared
+        self.basis, self.inner, self.score, self.raw = {}, {}, {}, {}
+        for w, which in options.of_width.items():
+            columns = options.columns[w]
+            part = self.projected[:, columns].transpose(1, 2, 0)
+            inner = white.inner[w] - np.matmul(part, part.transpose(0, 2, 1))
+            moved = self.moved[:, columns].transpose(1, 2, 0)
+            change = np.matmul(moved, twice[:, columns].transpose(1, 0, 2))
+            visible = torques.inner[w] + 0.5 * (change + change.transpose(0, 2, 1))
+            number = options.is_number[which]
+            visible[number] = torques.inner[w][number]
+            energy, directions = np.linalg.eigh(visible)
+            whole = np.trace(torques.inner[w], axis1=1, axis2=2)
+            energy = np.maximum(energy, 1e-5 * whole[:, None] / w + 1e-30)
+            basis = directions / np.sqrt(energy * w)[:, None, :]
+            turned = basis.transpose(0, 2, 1)
+            self.basis[w] = basis
+            self.inner[w] = np.matmul(turned, np.matmul(inner, basis))
+            before = np.matmul(turned, np.matmul(white.inner[w], basis))
+            self.raw[w] = _ROUNDING * np.trace(before, axis1=1, axis2=2)
+            self.score[w] = np.matmul(turned, score[columns][:, :, None])[:, :, 0]
+        self._links: dict[tuple[object, ...], _Link] = {}
+
+    def link(self, term: Term) -> "_Link":
+        """Products of a term with everything, made once."""
+        if term.identity not in self._links:
+            self._links[term.identity] = _Link(self, term)
+        return self._links[term.identity]
+
+
+class _Link:
+    """Products of one term with the model and with all options, beside the nominal errors."""
+
+    def __init__(self, nominal: NominalErrors, term: Term) -> None:
+        options, white = nominal.options, nominal.white
+        ledger = options.ledger
+        self.white: dict[int, FloatArray] = {}
+        shared = np.zeros((ledger.parameters, term.width))
+        gap = np.zeros(term.width)
+        right = []
+        for joint, rows in enumerate(ledger.joints):
+            if joint not in term.columns or rows.left_out:
+                right.append(np.zeros((len(rows), term.width)))
+                continue
+            own = white.noise[joint].standardized(term.columns[joint], rows.segments)
+            own = own * (np.abs(white.model[joint]).sum(axis=1) > 0.0)[:, None]
+            self.white[joint] = own
+            right.append(own)
+            shared[rows.columns] += white.model[joint].T @ own
+            gap += own.T @ white.gap[joint]
+        self.projected = nominal.root.T @ shared
+        self.moved = nominal.root @ self.projected
+        self.score = gap - self.projected.T @ nominal.explained
+        self._nominal, self._right = nominal, right
+
+    @cached_property
+    def crossed(self) -> dict[int, FloatArray]:
+        """Products (m_w, w, w') of all options, in coefficients of unit size, with the term."""
+        nominal, options = self._nominal, self._nominal.options
+        crossed = options.products(nominal.white.lines, self._right)
+        crossed -= nominal.projected.T @ self.projected
+        return {
+            w: np.matmul(nominal.basis[w].transpose(0, 2, 1), crossed[columns])
+            for w, columns in options.columns.items()
+        }
+
+    def between(self, other: "_Link") -> FloatArray:
+        """Products (w, w') of two terms beside the nominal errors."""
+        inner = -self.projected.T @ other.projected
+        for joint in self.white.keys() & other.white.keys():
+            inner = inner + self.white[joint].T @ other.white[joint]
+        return np.asarray(inner)
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """A model: the nominal errors and some terms, their coefficients as good as free.
+
+    Attributes
+    ----------
+    nominal : NominalErrors
+    terms : tuple of Term
+    """
+
+    nominal: NominalErrors
+    terms: tuple[Term, ...]
+
+    @cached_property
+    def _links(self) -> list[_Link]:
+        return [self.nominal.link(term) for term in self.terms]
+
+    @cached_property
+    def starts(self) -> list[int]:
+        """First coefficient of each term, and the end of the last."""
+        return [0, *np.cumsum([term.width for term in self.terms]).tolist()]
+
+    @cached_property
+    def _solved(self) -> tuple[FloatArray, FloatArray, float]:
+        """Root (q, q) of the posterior covariance of the terms, its scores (q,), ln det."""
+        q = self.starts[-1]
+        inner, prior = np.zeros((q, q)), np.zeros((q, q))
+        score = np.zeros(q)
+        for k, (one, start, end) in enumerate(
+            zip(self._links, self.starts, self.starts[1:], strict=False)
+        ):
+            score[start:end] = one.score
+            prior[start:end, start:end] = self.terms[k].prior_root
+            for m in range(k + 1):
+                block = one.between(self._links[m])
+                inner[start:end, self.starts[m] : self.starts[m + 1]] = block
+                inner[self.starts[m] : self.starts[m + 1], start:end] = block.T
+        values, vectors = np.linalg.eigh(prior.T @ inner @ prior)
+        values = np.maximum(values, 0.0)
+        root = (prior @ vectors) / np.sqrt(1.0 + values)
+        return root, score, float(np.sum(np.log1p(values)))
+
+    @cached_property
+    def level(self) -> float:
+        """Logarithm of the evidence of the whole model, up to a constant of the noise."""
+        root, score, logdet = self._solved
+        taken = root.T @ score
+        return self.nominal.level + 0.5 * float(taken @ taken) - 0.5 * logdet
+
+    @cached_property
+    def coefficients(self) -> FloatArray:
+        """(q,) of all terms together."""
+        root, score, _ = self._solved
+        return np.asarray(root @ (root.T @ score))
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """(q, q) of these, before dispersion."""
+        root = self._solved[0]
+        return np.asarray(root @ root.T)
+
+    @cached_property
+    def errors(self) -> FloatArray:
+        """(b,) δ: change of the nominal numbers beside the terms."""
+        change = self.nominal.root @ self.nominal.explained
+        for link, start, end in zip(self._links, self.starts, self.starts[1:], strict=False):
+            change = change - link.moved @ self.coefficients[start:end]
+        return np.asarray(change)
+
+    def options_beside(self) -> dict[int, tuple[FloatArray, FloatArray]]:
+        """Products (m_w, w, w) and scores (m_w, w) of the options of each width, unit size."""
+        nominal = self.nominal
+        if not self.terms:
+            return {w: (nominal.inner[w], nominal.score[w]) for w in nominal.inner}
+        root, score, _ = self._solved
+        taken = root.T @ score
+        made = {}
+        for w in nominal.inner:
+            crossed = np.concatenate([link.crossed[w] for link in self._links], axis=2) @ root
+            inner = nominal.inner[w] - np.matmul(crossed, crossed.transpose(0, 2, 1))
+            made[w] = inner, nominal.score[w] - crossed @ taken
+        return made
+
+    def residuals(self, *, white: bool) -> list[FloatArray]:
+        """(r_j,) what the model leaves at each joint, whitened or in N m."""
+        ledger = self.nominal.options.ledger
+        left = []
+        for joint, rows in enumerate(ledger.joints):
+            model = self.nominal.white.model[joint] if white else rows.matrix
+            rest = self.nominal.white.gap[joint] if white else ledger.gap[joint]
+            rest = rest - model @ self.errors[rows.columns]
+            for link, term, start in zip(self._links, self.terms, self.starts, strict=False):
+                table = link.white if white else term.columns
+                if joint in table:
+                    rest = rest - table[joint] @ self.coefficients[start : start + term.width]
+            left.append(rest)
+        return left
+
+    def uncovered(
+        self, moved: FloatArray, columns: dict[int, FloatArray], crossed: FloatArray, *, white: bool
+    ) -> dict[int, FloatArray]:
+        """Columns (r_j, w) of an option less what errors and terms take of them, by joint.
+
+        Parameters
+        ----------
+        moved
+            (b, w) nominal errors beside a unit of each column.
+        columns
+            (r_j, w) by joint.
+        crossed
+            (w, q) products with the terms beside the nominal errors.
+        """
+        root = self._solved[0] if self.terms else np.zeros((0, 0))
+        taken = root @ (root.T @ crossed.T) if self.terms else np.zeros((0, moved.shape[1]))
+        errors = moved
+        for link, start, end in zip(self._links, self.starts, self.starts[1:], strict=False):
+            errors = errors - link.moved @ taken[start:end]
+        made = {}
+        for joint, rows in enumerate(self.nominal.options.ledger.joints):
+            model = self.nominal.white.model[joint] if white else rows.matrix
+            rest = -model @ errors[rows.columns]
+            if joint in columns:
+                rest = rest + columns[joint]
+            for link, term, start in zip(self._links, self.terms, self.starts, strict=False):
+                table = link.white if white else term.columns
+                if joint in table:
+                    rest = rest - table[joint] @ taken[start : start + term.width]
+            made[joint] = rest
+        return made
+
+    def crossed(self, width: int, place: int) -> FloatArray:
+        """Products (w, q) of one option, in coefficients of unit size, with the terms."""
+        if not self.terms:
+            return np.zeros((width, 0))
+        return np.concatenate([link.crossed[width][place] for link in self._links], axis=1)

@@ -1,0 +1,201 @@
+"""What may close the gap: numbers of the model, effects of the catalogue, signals, free curves."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.identifiability.testability import cannot_show
+from idim_iv_ros.diagnosis.parametric.change_regression import change_rows, level_axes, still_joints
+from idim_iv_ros.diagnosis.parametric.errors_beyond_base import CommonShift, TiltedMoments
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC
+from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.effects.parametric_effect import (
+    Change,
+    Estimated,
+    ParameterSpace,
+    ParametricEffect,
+)
+from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
+from idim_iv_ros.types import FloatArray, SingleArray
+
+Key = tuple[str, int | None, int | None]
+_LARGEST = 1e12  # N m of a unit coefficient: no hardware
+
+
+class Kind(Enum):
+    """What a candidate is part of."""
+
+    NUMBER = "number"
+    EFFECT = "effect"
+    SIGNAL = "signal"
+    CURVE = "curve"
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One effect at one place, with all shapes of one width that are tried.
+
+    Attributes
+    ----------
+    kind : Kind
+    effect : StructuralEffect or ParametricEffect
+    place : Place or None
+        None where a number belongs to no joint.
+    shapes : tuple of Shape
+        One for each option; a number has none and one option.
+    changes : tuple of Change
+        Of a number.
+    lines : dict of int to (options × width, r_j) float32
+        Torque of unit coefficients by joint, N m: the columns of one option after those of the
+        option before.
+    width : int
+        Columns of an option.
+    """
+
+    kind: Kind
+    effect: Effect | ParametricEffect
+    place: Place | None
+    shapes: tuple[Shape, ...]
+    changes: tuple[Change, ...]
+    lines: dict[int, SingleArray]
+    width: int
+
+    @property
+    def key(self) -> Key:
+        """Effect and place, whatever the shape."""
+        if self.place is None:
+            return self.effect.name, None, None
+        return self.effect.name, self.place.joint, self.place.other
+
+    @property
+    def options(self) -> int:
+        """How many shapes there are."""
+        return max(len(self.shapes), 1)
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """Joints whose torque it moves."""
+        return tuple(sorted(self.lines))
+
+
+class Catalogue:
+    """Candidates of one session, and what physics allows of them.
+
+    Parameters
+    ----------
+    data, regression
+        The refit on the smooth motion.
+    without
+        Names of effects that are left out.
+    hidden
+        Effects and joints that the recording cannot show.
+    """
+
+    def __init__(
+        self,
+        data: Baseline,
+        regression: Regression,
+        without: Collection[str] = (),
+        hidden: Collection[tuple[str, int]] = (),
+    ) -> None:
+        self.data = data
+        self.covered: OperatingRange = operating_range(data)
+        model = data.prepared.model
+        axes = level_axes(np.asarray(model.robot.pinocchio.gravity.linear))
+        still = still_joints(data)
+        moving = frozenset(range(len(data.joints))) - still
+        bare = moving if data.prepared.armature_missing else frozenset()
+        self.space = ParameterSpace(model, model.given, axes, bare)
+        self._hidden = frozenset(hidden)
+        self.candidates = (
+            *self._effects([e for e in STRUCTURAL if e.name not in without], Kind.EFFECT),
+            *self._effects([CommonShift(), TiltedMoments()], Kind.SIGNAL),
+            *self._effects(NONPARAMETRIC, Kind.CURVE),
+            *([] if data.prepared.why_no_given else self._numbers(regression, without, still)),
+        )
+
+    def _effects(self, effects: Sequence[Effect], kind: Kind) -> list[Candidate]:
+        made = []
+        for effect in effects:
+            for place in effect.places(len(self.data.joints)):
+                hidden = (effect.name, place.joint) in self._hidden
+                if hidden or cannot_show(effect, place.joint, self.covered):
+                    continue
+                for branch in effect.branches(effect.grid(place, self.covered)):
+                    made += self.of_shapes(kind, effect, place, list(branch))
+        return made
+
+    def of_shapes(
+        self, kind: Kind, effect: Effect, place: Place, shapes: Sequence[Shape]
+    ) -> list[Candidate]:
+        """Candidates of these shapes, one for each width; shapes without finite torque are out."""
+        if not shapes:
+            return []
+        rows = rows_of(self.data, effect, place, shapes)
+        widths = [next(iter(table.values())).shape[1] for table in rows]
+        made = []
+        for width in sorted(set(widths)):
+            chosen = [
+                k
+                for k, table in enumerate(rows)
+                if widths[k] == width
+                and all(np.abs(part).max(initial=0.0) < _LARGEST for part in table.values())
+            ]
+            if not chosen:
+                continue
+            lines = {
+                joint: np.concatenate([rows[k][joint].T for k in chosen]).astype(np.float32)
+                for joint in rows[chosen[0]]
+            }
+            kept = tuple(shapes[k] for k in chosen)
+            made.append(Candidate(kind, effect, place, kept, (), lines, width))
+        return made
+
+    def _numbers(
+        self, regression: Regression, without: Collection[str], still: Collection[int]
+    ) -> list[Candidate]:
+        units = change_rows(self.data, regression, self.space)
+        made = []
+        for effect in PARAMETRIC:
+            if effect.name in without:
+                continue
+            for joint in effect.places(self.space):
+                if joint in still or (effect.name, joint) in self._hidden:
+                    continue
+                for variant in effect.variants(self.space, joint):
+                    directions = np.column_stack([change.direction for change in variant])
+                    tables = [(unit @ directions).T.astype(np.float32) for unit in units]
+                    lines = {j: table for j, table in enumerate(tables) if np.any(table)}
+                    if lines:
+                        place = None if joint is None else Place(joint)
+                        changes = tuple(variant)
+                        width = len(changes)
+                        made.append(
+                            Candidate(Kind.NUMBER, effect, place, (), changes, lines, width)
+                        )
+        return made
+
+    def allowed(
+        self, candidate: Candidate, option: int, coefficients: FloatArray, deviations: FloatArray
+    ) -> bool:
+        """Whether physics allows these coefficients (w,)."""
+        effect = candidate.effect
+        if isinstance(effect, ParametricEffect):
+            joint = None if candidate.place is None else candidate.place.joint
+            estimates = [
+                Estimated(change, float(value), float(std))
+                for change, value, std in zip(
+                    candidate.changes, coefficients, deviations, strict=True
+                )
+            ]
+            return effect.admissible(self.space, joint, estimates)
+        shape = candidate.shapes[option]
+        if not effect.admissible(shape, coefficients):
+            return False
+        assert candidate.place is not None
+        return not effect.impossible(shape, coefficients, candidate.place.joint, self.covered)

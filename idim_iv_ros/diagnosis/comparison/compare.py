@@ -1,0 +1,354 @@
+"""The best option beside a model: evidence by blocks of time, size, what physics allows."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.comparison import rules
+from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors, Term
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Key, Kind
+from idim_iv_ros.diagnosis.comparison.evidence import log_bayes_factor, shrunk
+from idim_iv_ros.diagnosis.comparison.options import Options
+from idim_iv_ros.types import FloatArray, IntArray
+
+_LOOKED_AT = 400  # options whose evidence is computed first: those with the highest bound
+_SHAPES_OF_PRIOR = 5  # more shapes than these cost no presence
+
+
+class Prior:
+    """Prior probability of every option: of its effect, its place, its shape."""
+
+    def __init__(self, options: Options) -> None:
+        names: dict[str, list[int]] = {}
+        for number, key in enumerate(options.keys):
+            curve = options.is_curve[np.flatnonzero(options.key == number)[0]]
+            names.setdefault("a free curve" if curve else key[0], []).append(number)
+        weight = np.zeros(len(options.keys))
+        for numbers in names.values():
+            first = options.candidates[options.candidate[options.key == numbers[0]][0]]
+            likely = rules.CURVE if first.kind is Kind.CURVE else first.effect.prior_weight
+            weight[numbers] = likely / len(numbers)
+        weight *= (1.0 - rules.NOTHING) / weight.sum()
+        shapes = np.bincount(options.key, minlength=len(options.keys))
+        self.log = np.log(weight[options.key] / shapes[options.key])
+        self.of_presence = self.log + np.log(np.minimum(shapes[options.key], _SHAPES_OF_PRIOR))
+        self.nothing = float(np.log(rules.NOTHING))
+
+
+class Comparison:
+    """Options beside models of one noise and one size of nominal errors.
+
+    Parameters
+    ----------
+    catalogue
+        Says what physics allows.
+    nominal
+    prior
+    """
+
+    def __init__(self, catalogue: Catalogue, nominal: NominalErrors, prior: Prior) -> None:
+        self.catalogue, self.nominal, self.prior = catalogue, nominal, prior
+        self.options = nominal.options
+        self._cuts = [
+            np.searchsorted(block, np.arange(nominal.options.ledger.block_count))
+            for block in nominal.options.ledger.blocks
+        ]
+        self._best: dict[frozenset[tuple[object, ...]], Term | None] = {}
+
+    def best(self, terms: Sequence[Term]) -> Term | None:
+        """The option that is likeliest beside terms, present and visible; None if none is."""
+        state = frozenset(term.identity for term in terms)
+        if state not in self._best:
+            self._best[state] = self._visible_one(Beside(self.nominal, tuple(terms)))
+        return self._best[state]
+
+    def curve(self, terms: Sequence[Term]) -> Term | None:
+        """The likeliest free curve beside terms; None if nothing is left for one."""
+        return _Ranking(self, Beside(self.nominal, tuple(terms)), curves=True).first(())
+
+    def objective(self, terms: Sequence[Term]) -> float:
+        """Tempered evidence of a whole model less what its terms cost."""
+        level = Beside(self.nominal, tuple(terms)).level / rules.TEMPER
+        return level - sum(self.prior.nothing - term.log_prior + rules.COST for term in terms)
+
+    def _visible_one(self, model: Beside) -> Term | None:
+        ranking = _Ranking(self, model, curves=False)
+        banned: set[Key] = {term.key for term in model.terms}
+        for _ in range(rules.MOST_BANNED):
+            term = ranking.first(banned)
+            if term is None:
+                return None
+            if self._counts(term, model):
+                return term
+            banned.add(term.key)
+        return None
+
+    def _counts(self, term: Term, model: Beside) -> bool:
+        """Whether it is visible at a joint beyond misfit of its own and of the other terms."""
+        others = np.zeros(len(term.whole))
+        for other in model.terms:
+            others = np.maximum(others, np.minimum(other.whole, 1.0))
+        least = np.maximum(rules.MISFIT, rules.VISIBLE_OF_OTHERS * others)
+        return bool(np.any(term.visible > least))
+
+    def dispersion(
+        self,
+        model: Beside,
+        rest: Sequence[FloatArray],
+        white: dict[int, FloatArray],
+        coefficients: FloatArray,
+    ) -> float:
+        """Variance of an option's score over blocks of time, over that of the model; 1 at least.
+
+        Parameters
+        ----------
+        rest
+            (r_j,) whitened residual of the model.
+        white
+            (r_j, w) columns less what the model takes of them, whitened.
+        coefficients
+            (w,)
+        """
+        width = len(coefficients)
+        count = len(self._cuts[0])
+        sums, inner = np.zeros((count, width)), np.zeros((width, width))
+        for joint, table in white.items():
+            if not len(table) or not table.any():
+                continue
+            left = rest[joint] - table @ coefficients
+            starts = self._cuts[joint]
+            totals = np.concatenate(
+                [np.zeros((1, width)), np.cumsum(table * left[:, None], axis=0)]
+            )
+            ends = np.append(starts[1:], len(table))
+            sums += totals[ends] - totals[starts]
+            inner += table.T @ table
+        values, vectors = np.linalg.eigh(inner)
+        seen = values > 1e-5 * max(float(values[-1]), 1e-300)
+        root = vectors[:, seen] / np.sqrt(values[seen])
+        weights = (root.T @ (inner @ coefficients)) ** 2
+        observed = np.diag(root.T @ (sums.T @ sums) @ root) * count / max(count - 1, 1)
+        return max(1.0, float(weights @ observed) / max(float(weights.sum()), 1e-300))
+
+
+class _Ranking:
+    """Options beside one model, in the order of their evidence."""
+
+    def __init__(self, comparison: Comparison, model: Beside, *, curves: bool) -> None:
+        self.comparison, self.model = comparison, model
+        options, prior = comparison.options, comparison.prior
+        self.beside = model.options_beside()
+        bound = np.empty(len(options.candidate))
+        for w, which in options.of_width.items():
+            inner, score = self.beside[w]
+            ridge = comparison.nominal.raw[w][:, None, None] * np.eye(w) + 1e-12 * np.eye(w)
+            solved = np.linalg.solve(inner + ridge, score[:, :, None])[:, :, 0]
+            bound[which] = 0.5 * np.sum(score * solved, axis=1)
+        bound[options.is_curve != curves] = -np.inf
+        self.bound = bound + prior.log
+        places = np.empty(len(options.candidate), dtype=int)
+        for which in options.of_width.values():
+            places[which] = np.arange(len(which))
+        self.place = places
+        self.white = model.residuals(white=True)
+        order = np.argsort(-self.bound)[:_LOOKED_AT]
+        self.order: IntArray = order[self.bound[order] > prior.nothing - 3.0]
+        self._directions = {int(k): self._eigen(int(k)) for k in self.order}
+        self.dispersion = 1.0
+        plain = self._log_bayes(np.zeros(len(self.order)))
+        self.dispersion = self._least_dispersion(plain)
+        self.evidence = self._log_bayes(np.zeros(len(self.order)))
+        self.score = self.evidence + prior.log[self.order]
+        self.capped = self._log_bayes(self._misfit())
+
+    def _eigen(self, option: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Scores z, information λ and directions (w, k) of one option, of unit size."""
+        w = int(self.comparison.options.width[option])
+        place = self.place[option]
+        inner, score = self.beside[w][0][place], self.beside[w][1][place]
+        values, vectors = np.linalg.eigh(inner)
+        seen = values > self.comparison.nominal.raw[w][place]
+        values, vectors = values[seen], vectors[:, seen]
+        return (vectors.T @ score) / np.sqrt(values), values, vectors
+
+    def _log_bayes(self, misfit: FloatArray) -> FloatArray:
+        """Of the options in their order, with the present dispersion: (k,)."""
+        if not len(self.order):
+            return np.zeros(0)
+        most = max(len(self._directions[int(k)][0]) for k in self.order)
+        scores, information = np.zeros((2, len(self.order), max(most, 1)))
+        for row, k in enumerate(self.order):
+            z, values, _ = self._directions[int(k)]
+            scores[row, : len(z)] = z
+            information[row, : len(z)] = values
+        return log_bayes_factor(
+            scores / np.sqrt(self.dispersion), information / self.dispersion, misfit
+        )
+
+    def _misfit(self) -> FloatArray:
+        """τ₀² of each option in the order."""
+        options = self.comparison.options
+        others = np.zeros(len(options.ledger.joints))
+        for term in self.model.terms:
+            if term.candidate.kind is Kind.EFFECT:
+                others += term.visible**2
+        square = rules.MISFIT**2 + rules.MISFIT_OF_OTHERS**2 * others
+        joints = [options.candidates[options.candidate[k]].joints for k in self.order]
+        return np.array([float(np.mean(square[list(where)])) for where in joints])
+
+    def _least_dispersion(self, evidence: FloatArray) -> float:
+        """Least dispersion among the best options of different effects and places."""
+        options, prior = self.comparison.options, self.comparison.prior
+        score = evidence + prior.log[self.order]
+        seen: dict[int, float] = {}
+        for row in np.argsort(-score):
+            k = int(self.order[row])
+            if score[row] < prior.nothing - 3.0 or len(seen) >= rules.RIVALS:
+                break
+            if int(options.key[k]) not in seen:
+                z, values, vectors = self._directions[k]
+                seen[int(options.key[k])] = self.comparison.dispersion(
+                    self.model,
+                    self.white,
+                    self._uncovered(k, white=True),
+                    vectors @ (z / np.sqrt(values)),
+                )
+        return min(seen.values(), default=1.0)
+
+    def _columns(self, option: int, *, white: bool) -> dict[int, FloatArray]:
+        """(r_j, w) columns of an option, of unit size."""
+        comparison, options = self.comparison, self.comparison.options
+        w, place = int(options.width[option]), self.place[option]
+        basis = comparison.nominal.basis[w][place]
+        lines = comparison.nominal.white.lines if white else options.lines
+        columns = options.columns[w][place]
+        candidate = options.candidates[options.candidate[option]]
+        return {
+            joint: lines[joint][options.at[joint][columns]].T.astype(float) @ basis
+            for joint in candidate.joints
+        }
+
+    def _uncovered(self, option: int, *, white: bool) -> dict[int, FloatArray]:
+        comparison, options = self.comparison, self.comparison.options
+        w, place = int(options.width[option]), self.place[option]
+        basis = comparison.nominal.basis[w][place]
+        moved = comparison.nominal.moved[:, options.columns[w][place]] @ basis
+        return self.model.uncovered(
+            moved, self._columns(option, white=white), self.model.crossed(w, place), white=white
+        )
+
+    def first(self, banned: Collection[Key]) -> Term | None:
+        """The best one that is present and that physics allows, of a place that is not banned."""
+        options, prior = self.comparison.options, self.comparison.prior
+        present = self.capped + prior.of_presence[self.order] > prior.nothing
+        score = np.where(present, self.score, -np.inf)
+        kept: list[tuple[int, int]] = []
+        chosen: tuple[int, FloatArray, FloatArray, FloatArray] | None = None
+        for row in np.argsort(-score):
+            k = int(self.order[row])
+            low = score[row] < prior.nothing - 6.0
+            if not np.isfinite(score[row]) or low:
+                break
+            if kept and score[row] < score[kept[0][1]] - rules.NEAR:
+                break
+            if options.keys[options.key[k]] in banned:
+                continue
+            numbers = self._numbers(row)
+            if numbers is None:
+                continue
+            if chosen is None:
+                chosen = (k, *numbers)
+            kept.append((k, int(row)))
+        if chosen is None:
+            return None
+        return self._term(kept, *chosen)
+
+    def _numbers(self, row: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """Coefficients of unit size, coefficients and deviations; None where not allowed."""
+        comparison, options = self.comparison, self.comparison.options
+        k = int(self.order[row])
+        z, values, vectors = self._directions[k]
+        if not len(z):
+            return None
+        w, place = int(options.width[k]), self.place[k]
+        basis = comparison.nominal.basis[w][place]
+        spread = basis @ (vectors / np.sqrt(values))
+        deviations = np.linalg.norm(spread, axis=1) * np.sqrt(self.dispersion)
+        left = shrunk(z / np.sqrt(self.dispersion), values / self.dispersion, 0.0)
+        unit = vectors @ (left * z / np.sqrt(values))
+        coefficients = basis @ unit
+        candidate = options.candidates[options.candidate[k]]
+        shape = int(options.shape[k])
+        if not comparison.catalogue.allowed(candidate, shape, coefficients, deviations):
+            return None
+        return unit, coefficients, deviations
+
+    def _term(
+        self,
+        kept: Sequence[tuple[int, int]],
+        option: int,
+        unit: FloatArray,
+        coefficients: FloatArray,
+        deviations: FloatArray,
+    ) -> Term:
+        comparison, options = self.comparison, self.comparison.options
+        prior = comparison.prior
+        candidate = options.candidates[options.candidate[option]]
+        w, place = int(options.width[option]), self.place[option]
+        basis = comparison.nominal.basis[w][place]
+        row = kept[0][1]
+        sizes = options.ledger.sizes
+        plain = self._columns(option, white=False)
+        whole = np.array(
+            [_rms(plain[j] @ unit) / size if j in plain else 0.0 for j, size in enumerate(sizes)]
+        )
+        uncovered = self._uncovered(option, white=False)
+        visible = np.array([_rms(uncovered[j] @ unit) / size for j, size in enumerate(sizes)])
+        if candidate.kind is not Kind.EFFECT:
+            visible = np.where(_taken(self.model.terms, len(sizes)), visible, whole)
+        score = np.array([self.score[number] for _, number in kept])
+        weights = np.exp(score - score.max())
+        keys: dict[Key, float] = {}
+        for (k, _), weight in zip(kept, weights / weights.sum(), strict=True):
+            key = options.keys[options.key[k]]
+            keys[key] = keys.get(key, 0.0) + float(weight)
+        odds = float(self.capped[row] + prior.of_presence[option] - prior.nothing)
+        shape = int(options.shape[option])
+        inverse = np.linalg.pinv(basis)
+        lines = {joint: table @ inverse for joint, table in plain.items()}
+        return Term(
+            candidate=candidate,
+            option=shape,
+            shape=candidate.shapes[shape] if candidate.shapes else None,
+            columns=lines,
+            coefficients=coefficients,
+            deviations=deviations,
+            basis=basis,
+            size=float(np.linalg.norm(unit) / np.sqrt(w)),
+            log_prior=float(prior.log[option]),
+            evidence=float(self.capped[row]),
+            presence=float(1.0 / (1.0 + np.exp(-np.clip(odds, -500.0, 500.0)))),
+            whole=whole,
+            visible=visible,
+            rivals=tuple(sorted(keys.items(), key=lambda pair: -pair[1])),
+            dispersion=self.dispersion,
+        )
+
+
+def _taken(terms: Sequence[Term], joints: int) -> FloatArray:
+    """Joints (n_joints,) where a structural effect stands."""
+    there = np.zeros(joints, dtype=bool)
+    for term in terms:
+        if term.candidate.kind is Kind.EFFECT and term.candidate.place is not None:
+            there[list(term.candidate.place.joints)] = True
+    return there
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+def renamed(term: Term, rivals: Sequence[tuple[Key, float]]) -> Term:
+    """Return a term with other rivals."""
+    return replace(term, rivals=tuple(rivals))

@@ -1,0 +1,52 @@
+"""Bayes factors of candidates whose coefficients have a physical size.
+
+A coefficient vector in its own eigenbasis has scores z and information λ. Under a size τ its
+variance is τ², and the logarithm of the Bayes factor against a size τ₀ is
+
+Σ ½ [z² (1/a − 1/b) − ln(b/a)],   a = 1 + τ₀² λ,   b = 1 + (τ₀² + τ²) λ,
+
+averaged over what τ may be.
+"""
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.comparison.rules import SIZES
+from idim_iv_ros.types import FloatArray
+
+
+def by_size(scores: FloatArray, information: FloatArray, misfit: FloatArray) -> FloatArray:
+    """Logarithm of the Bayes factor of each size: (k, sizes).
+
+    Parameters
+    ----------
+    scores, information
+        (k, w) z and λ.
+    misfit
+        (k,) τ₀².
+    """
+    small = misfit[:, None]
+    least = 1.0 + small * information
+    made = []
+    for size in SIZES:
+        whole = 1.0 + (small + size**2) * information
+        made.append(
+            np.sum(
+                0.5 * scores**2 * (1.0 / least - 1.0 / whole) - 0.5 * np.log(whole / least), axis=1
+            )
+        )
+    return np.stack(made, axis=1)
+
+
+def log_bayes_factor(scores: FloatArray, information: FloatArray, misfit: FloatArray) -> FloatArray:
+    """The mean over sizes, (k,)."""
+    each_size = by_size(scores, information, misfit)
+    top = each_size.max(axis=1)
+    return np.asarray(top + np.log(np.mean(np.exp(each_size - top[:, None]), axis=1)))
+
+
+def shrunk(scores: FloatArray, information: FloatArray, misfit: float) -> FloatArray:
+    """Share (w,) of each score that its prior leaves, for one candidate."""
+    logs = by_size(scores[None], information[None], np.array([misfit]))[0]
+    weights = np.exp(logs - logs.max())
+    variance = (misfit + float(weights @ SIZES**2) / float(weights.sum())) * information
+    return np.asarray(variance / (1.0 + variance))

@@ -1,0 +1,92 @@
+"""What is chosen without a part of the time, and how well it predicts that part."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors, Term
+from idim_iv_ros.diagnosis.comparison.candidate import Key
+from idim_iv_ros.diagnosis.comparison.compare import Comparison
+from idim_iv_ros.diagnosis.comparison.options import whitened
+from idim_iv_ros.diagnosis.comparison.select import Selection, climb
+from idim_iv_ros.types import BoolArray, FloatArray
+
+FOLDS = 4
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What the search does without each of some parts of the time.
+
+    Attributes
+    ----------
+    keys : for each fold the effects and places that are chosen without it
+    gains : (folds, terms)
+        Logarithm of the predictive density of the part that each term of the selection brings.
+    """
+
+    keys: tuple[frozenset[Key], ...]
+    gains: FloatArray
+
+    def times(self, term: Term) -> int:
+        """In how many folds a term, or a rival of its set, is chosen."""
+        names = {key for key, _ in term.rivals} | {term.key}
+        return sum(bool(names & keys) for keys in self.keys)
+
+
+def chosen_without(selection: Selection, folds: int = FOLDS) -> Chosen:
+    """Search again without each of `folds` parts of the time; they take turns over the session."""
+    comparison = selection.comparison
+    nominal, options = comparison.nominal, comparison.options
+    ledger = options.ledger
+    count = ledger.block_count
+    part = (np.arange(count) * folds) // count if count >= folds else np.arange(count)
+    keys, gains = [], []
+    for fold in range(int(part.max()) + 1):
+        counted: list[BoolArray] = [part[block] != fold for block in ledger.blocks]
+        white = whitened(options, nominal.white.noise, counted)
+        less = Comparison(
+            comparison.catalogue,
+            NominalErrors(options, white, nominal.torques, nominal.errors),
+            comparison.prior,
+        )
+        keys.append(frozenset(term.key for term in climb(less, ())))
+        gains.append(_gains(less, selection, counted))
+    return Chosen(tuple(keys), np.array(gains).reshape(len(keys), len(selection.terms)))
+
+
+def _gains(less: Comparison, selection: Selection, counted: list[BoolArray]) -> FloatArray:
+    """What each term brings in the prediction of the rows that are not counted, (terms,)."""
+    terms = selection.terms
+    white = selection.comparison.nominal.white
+    whole = _loss(less, terms, white.model, white.gap, selection, counted)
+    return np.array(
+        [
+            _loss(less, (*terms[:k], *terms[k + 1 :]), white.model, white.gap, selection, counted)
+            - whole
+            for k in range(len(terms))
+        ]
+    )
+
+
+def _loss(
+    less: Comparison,
+    terms: tuple[Term, ...],
+    model: tuple[FloatArray, ...],
+    gap: tuple[FloatArray, ...],
+    selection: Selection,
+    counted: list[BoolArray],
+) -> float:
+    """Half the energy of the whitened rows that are not counted, predicted from the others."""
+    fitted = Beside(less.nominal, terms)
+    ledger = less.options.ledger
+    noise = selection.comparison.nominal.white.noise
+    energy = 0.0
+    for joint, rows in enumerate(ledger.joints):
+        rest = gap[joint] - model[joint] @ fitted.errors[rows.columns]
+        for term, start in zip(terms, fitted.starts, strict=False):
+            if joint in term.columns:
+                table = noise[joint].standardized(term.columns[joint], rows.segments)
+                rest = rest - table @ fitted.coefficients[start : start + term.width]
+        energy += 0.5 * float(np.sum(rest[~counted[joint]] ** 2))
+    return energy

@@ -1,0 +1,91 @@
+"""Rows of one equation: what the nominal model leaves, and how wrong its numbers may be."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.comparison.nominal_errors import errors_of_drives, errors_of_links
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.estimation.rows import JointRows
+from idim_iv_ros.types import FloatArray, IntArray
+
+BLOCK = 2.5  # s: rows this far apart are taken as independent
+_FREE = 100.0  # torque that a unit of a number without a given value makes, times the joint's
+
+
+@dataclass(frozen=True, eq=False)
+class Ledger:
+    """Rows r = y − X β₀ of all joints, and the physical errors of β₀.
+
+    Attributes
+    ----------
+    joints : tuple of JointRows
+        X of each joint.
+    gap : tuple of (r_j,)
+        What the nominal model leaves, N m (N).
+    sizes : (n_joints,)
+        RMS of the recorded torque, N m (N).
+    link_errors, drive_errors : (b, k)
+        Changes of the b base parameters that are relative errors of one of links, of drives.
+    blocks : tuple of (r_j,) int
+        Stretch of time that each row belongs to, numbered over all recordings.
+    nominal : bool
+        Whether there are given numbers; else every number is free.
+    """
+
+    joints: tuple[JointRows, ...]
+    gap: tuple[FloatArray, ...]
+    sizes: FloatArray
+    link_errors: FloatArray
+    drive_errors: FloatArray
+    blocks: tuple[IntArray, ...]
+    nominal: bool
+
+    @property
+    def parameters(self) -> int:
+        """How many base parameters there are, b."""
+        return len(self.link_errors)
+
+    @property
+    def block_count(self) -> int:
+        """How many stretches of time there are."""
+        return 1 + max(int(block.max()) for block in self.blocks if len(block))
+
+
+def torque_ledger(data: Baseline, regression: Regression) -> Ledger:
+    """Rows of the torque on the smooth motion, with the nominal model's numbers."""
+    given = data.prepared.given
+    joints = regression.joints
+    sizes = np.array(data.torque_sizes)
+    model = data.prepared.model
+    if given is None:
+        values = regression.fit().values
+        links = np.diag(_free_sizes(joints, sizes, regression.parameters))
+        drives = np.zeros((regression.parameters, 0))
+    else:
+        values = given
+        grouping = np.asarray(model.base.grouping)
+        links, drives = grouping @ errors_of_links(model), grouping @ errors_of_drives(model)
+    gap = tuple(np.zeros(len(rows)) if rows.left_out else rows.residual(values) for rows in joints)
+    return Ledger(joints, gap, sizes, links, drives, blocks_of(data), given is not None)
+
+
+def blocks_of(data: Baseline, length: float = BLOCK) -> tuple[IntArray, ...]:
+    """Equal stretches of about `length` seconds of each recording: (r_j,) of each joint."""
+    rows = np.array([len(motion.kept) for motion in data.motions])
+    counts = np.maximum(np.round(rows / data.row_rate / length), 1).astype(np.int64)
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    return tuple(
+        starts[recording] + place * counts[recording] // rows[recording]
+        for recording, place in zip(data.recordings, data.places, strict=True)
+    )
+
+
+def _free_sizes(joints: tuple[JointRows, ...], sizes: FloatArray, parameters: int) -> FloatArray:
+    """Size (b,) of each number whose torque is far larger than the recorded one."""
+    share = np.zeros(parameters)
+    for rows, size in zip(joints, sizes, strict=True):
+        torque = np.sqrt(np.mean(rows.matrix**2, axis=0)) / size
+        share[rows.columns] = np.maximum(share[rows.columns], torque)
+    return np.asarray(_FREE / np.maximum(share, 1e-12))

@@ -1,0 +1,90 @@
+"""Errors that a nominal model may have: of each link's mass, centre and inertia, of each drive.
+
+Every number of a nominal model is off by a little. What is off is physical: a mass moves first
+moments and inertias with it. Scaled by a relative size these errors are random effects beside
+every comparison.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from idim_iv_ros.model import DynamicParameters, InverseModel
+from idim_iv_ros.types import FloatArray
+
+# XX, XY, YY, XZ, YZ, ZZ
+_ROWS, _COLUMNS = np.array([0, 0, 1, 0, 1, 2]), np.array([0, 1, 1, 2, 2, 2])
+
+
+def errors_of_links(model: InverseModel) -> FloatArray:
+    """Changes (n_standard, k) of the given parameters that are errors of size one of the links.
+
+    Of each link its mass, which moves its first moments and inertia too; its centre of mass along
+    each axis, by the usual radius of gyration of the robot's links; and its six central moments
+    and products of inertia, by their size.
+    """
+    given = model.robot.given
+    links = [pin.Inertia.FromDynamicParameters(each) for each in given.inertial]
+    length = _usual_radius(given.inertial)
+    columns: list[tuple[int, FloatArray]] = []
+    for joint, (link, values) in enumerate(zip(links, given.inertial, strict=True)):
+        columns.append((joint, values))
+        columns += [(joint, _shifted(link, length * axis)) for axis in np.eye(3)]
+        moment = 0.5 * float(np.trace(link.inertia))
+        for place, share in zip(range(4, 10), (1.0, 0.5, 1.0, 0.5, 0.5, 1.0), strict=True):
+            columns.append((joint, share * moment * np.eye(10)[place]))
+    layout = model.regressor.layout
+    made = []
+    for joint, own in columns:
+        inertial = np.zeros_like(given.inertial)
+        inertial[joint] = own
+        made.append(layout.vector(replace(_nothing(given), inertial=inertial)))
+    return np.column_stack(made)
+
+
+def errors_of_drives(model: InverseModel) -> FloatArray:
+    """The same of the drives: inertia, friction and offsets, (n_standard, k).
+
+    By their own value, at least by the median of their kind; a joint's offset by its dry friction,
+    and friction of a coupling by what is usual of the joints.
+    """
+    given = model.robot.given
+    coulomb, viscous = _at_least_median(given.coulomb), _at_least_median(given.viscous)
+    coupled = np.ones_like(given.coupling_viscous)
+    sizes = replace(
+        _nothing(given),
+        drive_inertia=_at_least_median(given.drive_inertia),
+        viscous=viscous,
+        coulomb=coulomb,
+        offset=coulomb,
+        coupling_viscous=float(np.median(viscous)) * coupled,
+        coupling_coulomb=float(np.median(coulomb)) * coupled,
+    )
+    return np.diag(model.regressor.layout.vector(sizes))
+
+
+def _nothing(given: DynamicParameters) -> DynamicParameters:
+    plain = given.of_links
+    return replace(plain, inertial=np.zeros_like(plain.inertial))
+
+
+def _usual_radius(inertial: FloatArray) -> float:
+    """Median radius of gyration (m) of links (n, 10) about their joints."""
+    mass, moment = inertial[:, 0], 0.5 * inertial[:, [4, 6, 9]].sum(axis=1)
+    present = (mass > 0.0) & (moment > 0.0)
+    return float(np.median(np.sqrt(moment[present] / mass[present]))) if present.any() else 0.0
+
+
+def _shifted(link: pin.Inertia, shift: FloatArray) -> FloatArray:
+    """Change (10,) of a link's parameters about its joint per small shift (3,) of its centre."""
+    centre, mass = np.asarray(link.lever), float(link.mass)
+    across = np.outer(centre, shift)
+    inertia = mass * (2.0 * float(centre @ shift) * np.eye(3) - across - across.T)
+    return np.concatenate([[0.0], mass * shift, inertia[_ROWS, _COLUMNS]])
+
+
+def _at_least_median(values: FloatArray) -> FloatArray:
+    sizes = np.abs(values)
+    present = sizes[sizes > 0.0]
+    return np.maximum(sizes, np.median(present)) if len(present) else sizes

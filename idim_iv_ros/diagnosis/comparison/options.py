@@ -1,0 +1,168 @@
+"""All options of all candidates side by side, and their products with each other and the model."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Kind
+from idim_iv_ros.diagnosis.comparison.ledger import Ledger
+from idim_iv_ros.signals import AutoregressiveModel
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray, SingleArray
+
+_AT_ONCE = 256
+
+
+class Options:
+    """Numbers of all options, and where their columns are.
+
+    Attributes
+    ----------
+    candidate, shape : (m,) int
+        Of each option: place of its candidate in the list, and of its shape there.
+    first, width : (m,) int
+        Its columns among all of them.
+    of_width : dict of int to (m_w,) int
+        Options of each width.
+    columns : dict of int to (m_w, w) int
+        Their columns.
+    lines : tuple of (p_j, r_j) float32
+        Torque of unit coefficients at each joint, one line a column.
+    at : tuple of (p,) int
+        Line of each column at a joint; −1 where it has none.
+    """
+
+    def __init__(self, ledger: Ledger, candidates: Sequence[Candidate]) -> None:
+        self.ledger, self.candidates = ledger, tuple(candidates)
+        self.candidate: IntArray = np.repeat(
+            np.arange(len(candidates)), [c.options for c in candidates]
+        )
+        self.shape = np.concatenate([np.arange(c.options) for c in candidates]).astype(int)
+        self.width = np.array([candidates[int(c)].width for c in self.candidate])
+        self.first = np.concatenate([[0], np.cumsum(self.width)[:-1]]).astype(int)
+        self.count = int(self.width.sum())
+        self.of_width = {int(w): np.flatnonzero(self.width == w) for w in np.unique(self.width)}
+        self.columns = {
+            w: self.first[which][:, None] + np.arange(w) for w, which in self.of_width.items()
+        }
+        starts = np.concatenate([[0], np.cumsum([c.options * c.width for c in candidates])])
+        lines, at = [], []
+        for joint, rows in enumerate(ledger.joints):
+            there = [k for k, c in enumerate(candidates) if joint in c.lines]
+            place = np.full(self.count, -1)
+            spans = [np.arange(starts[k], starts[k + 1]) for k in there]
+            if spans:
+                place[np.concatenate(spans)] = np.arange(sum(map(len, spans)))
+                table = np.concatenate([candidates[k].lines[joint] for k in there])
+            else:
+                table = np.zeros((0, len(rows)), dtype=np.float32)
+            lines.append(np.zeros_like(table) if rows.left_out else table)
+            at.append(place)
+        self.lines, self.at = tuple(lines), tuple(at)
+        keys = [c.key for c in candidates]
+        self.keys = list(dict.fromkeys(keys))
+        number = {key: k for k, key in enumerate(self.keys)}
+        self.key = np.array([number[keys[int(c)]] for c in self.candidate])
+        self.kinds = np.array([candidates[int(c)].kind.value for c in self.candidate])
+        self.is_curve: BoolArray = self.kinds == Kind.CURVE.value
+        self.is_number: BoolArray = self.kinds == Kind.NUMBER.value
+
+    def own_products(self, lines: Sequence[SingleArray]) -> dict[int, FloatArray]:
+        """Products (m_w, w, w) of the columns of each option, over all joints."""
+        made = {w: np.zeros((len(which), w, w)) for w, which in self.of_width.items()}
+        for place, table in zip(self.at, lines, strict=True):
+            for w, columns in self.columns.items():
+                there = np.flatnonzero(place[columns[:, 0]] >= 0)
+                for start in range(0, len(there), _AT_ONCE):
+                    some = there[start : start + _AT_ONCE]
+                    rows = table[place[columns[some]]]
+                    made[w][some] += np.matmul(rows, rows.transpose(0, 2, 1))
+        return made
+
+    def products(self, lines: Sequence[SingleArray], right: Sequence[FloatArray]) -> FloatArray:
+        """Products (p, q) of all columns with some rows (r_j, q) of each joint."""
+        made = np.zeros((self.count, right[0].shape[1]))
+        for place, table, rows in zip(self.at, lines, right, strict=True):
+            if len(table) and rows.any():
+                there = np.flatnonzero(place >= 0)
+                made[there] += (table @ rows.astype(np.float32))[place[there]]
+        return made
+
+
+@dataclass(frozen=True, eq=False)
+class Whitened:
+    """Rows of model, gap and options with the noise of each joint at unit variance.
+
+    Attributes
+    ----------
+    noise : tuple of AutoregressiveModel
+    model : tuple of (r_j, c_j)
+    gap : tuple of (r_j,)
+    lines : tuple of (p_j, r_j) float32
+    normal : (b, b)
+        XᵀX.
+    shared : (b, p)
+        Xᵀ with all columns.
+    inner : dict of int to (m_w, w, w)
+        Products of the columns of each option.
+    """
+
+    noise: tuple[AutoregressiveModel, ...]
+    model: tuple[FloatArray, ...]
+    gap: tuple[FloatArray, ...]
+    lines: tuple[SingleArray, ...]
+    normal: FloatArray
+    shared: FloatArray
+    inner: dict[int, FloatArray]
+
+
+def whitened(
+    options: Options,
+    noise: Sequence[AutoregressiveModel],
+    counted: Sequence[BoolArray] | None = None,
+) -> Whitened:
+    """Whiten everything; rows (r_j,) that are not `counted` weigh nothing."""
+    ledger = options.ledger
+    model, gap, lines = [], [], []
+    for joint, (rows, left) in enumerate(zip(ledger.joints, ledger.gap, strict=True)):
+        kept = np.ones(len(rows)) if counted is None else counted[joint].astype(float)
+        if rows.left_out:
+            kept = np.zeros(len(rows))
+        both = noise[joint].standardized(np.column_stack([rows.matrix, left]), rows.segments)
+        both *= kept[:, None]
+        table = options.lines[joint]
+        white = np.empty_like(table)
+        for start in range(0, len(table), _AT_ONCE):
+            part = table[start : start + _AT_ONCE].astype(float)
+            white[start : start + _AT_ONCE] = (
+                noise[joint].standardized(part.T, rows.segments).T * kept
+            )
+        model.append(both[:, :-1])
+        gap.append(both[:, -1])
+        lines.append(white)
+    normal, shared = products_with_model(options, model, lines)
+    return Whitened(
+        tuple(noise),
+        tuple(model),
+        tuple(gap),
+        tuple(lines),
+        normal,
+        shared,
+        options.own_products(lines),
+    )
+
+
+def products_with_model(
+    options: Options, model: Sequence[FloatArray], lines: Sequence[SingleArray]
+) -> tuple[FloatArray, FloatArray]:
+    """XᵀX (b, b), and Xᵀ with all columns (b, p)."""
+    b = options.ledger.parameters
+    normal, shared = np.zeros((b, b)), np.zeros((b, options.count))
+    for joint, (rows, table, place) in enumerate(zip(model, lines, options.at, strict=True)):
+        columns: IntArray = options.ledger.joints[joint].columns
+        normal[np.ix_(columns, columns)] += rows.T @ rows
+        if len(table):
+            there = np.flatnonzero(place >= 0)
+            product = (table @ rows.astype(np.float32))[place[there]]
+            shared[np.ix_(columns, there)] += product.T
+    return normal, shared

@@ -1,0 +1,137 @@
+"""Shapes between those that are searched, and the numbers of all terms together."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.comparison import rules
+from idim_iv_ros.diagnosis.comparison.beside import Beside, Term
+from idim_iv_ros.diagnosis.comparison.candidate import Kind
+from idim_iv_ros.diagnosis.comparison.compare import Comparison
+from idim_iv_ros.diagnosis.structural.candidate import rows_of
+from idim_iv_ros.diagnosis.structural.likelihood import Columns
+from idim_iv_ros.effects.effect import Shape, StructuralEffect
+from idim_iv_ros.types import FloatArray
+
+_STEPS = (0.3, 0.15, 0.07)  # relative, of the numbers of a shape
+_MOVES = 4  # at most, of one step
+_BEYOND_GRID = 0.3
+_LEAST_GAIN = 0.1  # of the logarithm of the evidence
+
+
+def refined(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
+    """Terms with the shapes about theirs that are likeliest, all coefficients fitted together."""
+    kept = list(terms)
+    for number, term in enumerate(kept):
+        if term.candidate.kind is Kind.EFFECT:
+            kept[number] = _refined(comparison, kept, number)
+    return together(comparison, kept)
+
+
+def _refined(comparison: Comparison, terms: Sequence[Term], number: int) -> Term:
+    term = terms[number]
+    effect, place = term.candidate.effect, term.candidate.place
+    assert isinstance(effect, StructuralEffect) and place is not None and term.shape is not None
+    highest = _level(comparison, terms, number, term)
+    for step in _STEPS:
+        for _ in range(_MOVES):
+            near = effect.neighbours(term.shape, step, place, comparison.catalogue.covered)
+            best = _best_of(comparison, terms, number, near)
+            if best is None or best[0] < highest + _LEAST_GAIN:
+                break
+            highest, term = best
+    while True:
+        longer = effect.longer(term.shape, place, comparison.catalogue.covered)
+        best = _best_of(comparison, terms, number, [shape for shape, _ in longer])
+        if best is None or best[0] < highest + rules.LEAST_EVIDENCE_OF_TERM:
+            return term
+        highest, term = best
+
+
+def _best_of(
+    comparison: Comparison, terms: Sequence[Term], number: int, shapes: Sequence[Shape]
+) -> tuple[float, Term] | None:
+    """The likeliest of some shapes in the place of a term, and the level of the model with it."""
+    term = terms[number]
+    effect, place = term.candidate.effect, term.candidate.place
+    if not shapes or not isinstance(effect, StructuralEffect) or place is None:
+        return None
+    shapes = [shape for shape in shapes if _within_grid(term, shape)]
+    if not shapes:
+        return None
+    best: tuple[float, Term] | None = None
+    for shape, columns in zip(
+        shapes, rows_of(comparison.catalogue.data, effect, place, shapes), strict=True
+    ):
+        if not all(np.isfinite(table).all() for table in columns.values()):
+            continue
+        width = next(iter(columns.values())).shape[1]
+        other = replace(
+            term,
+            shape=shape,
+            option=-1,
+            columns=dict(columns),
+            basis=_unit_torque(comparison, columns) if width != term.width else term.basis,
+            coefficients=np.zeros(width),
+        )
+        trial = [*terms[:number], other, *terms[number + 1 :]]
+        model = Beside(comparison.nominal, tuple(trial))
+        start = model.starts[number]
+        values = model.coefficients[start : start + width]
+        if not effect.admissible(shape, values):
+            continue
+        if effect.impossible(shape, values, place.joint, comparison.catalogue.covered):
+            continue
+        if best is None or model.level > best[0]:
+            best = model.level, other
+    return best
+
+
+def _within_grid(term: Term, shape: Shape) -> bool:
+    """Whether the numbers of a shape are those of the grid, or little beyond its ends."""
+    grid = [
+        other.numbers
+        for other in term.candidate.shapes
+        if type(other) is type(shape) and len(other.numbers) == len(shape.numbers)
+    ]
+    if not grid:
+        return True
+    low, high = np.min(grid, axis=0), np.max(grid, axis=0)
+    room = _BEYOND_GRID * np.maximum(np.abs(low), np.abs(high))
+    numbers = np.array(shape.numbers)
+    ratio = np.where((low > 0.0) & (numbers > 0.0), low / np.maximum(numbers, 1e-300), 0.0)
+    inside = (numbers <= high + room) & (numbers >= low - room)
+    return bool(np.all(inside & (ratio <= 1.0 + _BEYOND_GRID)))
+
+
+def _unit_torque(comparison: Comparison, columns: Columns) -> FloatArray:
+    """(w, w) coefficients of torques of unit size."""
+    ledger = comparison.options.ledger
+    inner = sum(
+        table.T @ table / (len(table) * ledger.sizes[joint] ** 2)
+        for joint, table in columns.items()
+    )
+    energy, directions = np.linalg.eigh(np.atleast_2d(inner))
+    energy = np.maximum(energy, 1e-5 * float(energy.sum()) / len(energy) + 1e-30)
+    return np.asarray(directions / np.sqrt(energy * len(energy)))
+
+
+def _level(comparison: Comparison, terms: Sequence[Term], number: int, term: Term) -> float:
+    return Beside(comparison.nominal, (*terms[:number], term, *terms[number + 1 :])).level
+
+
+def together(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
+    """Terms with the coefficients, deviations and shares that they have beside one another."""
+    model = Beside(comparison.nominal, tuple(terms))
+    sizes = comparison.options.ledger.sizes
+    made = []
+    for term, start in zip(terms, model.starts, strict=False):
+        part = slice(start, start + term.width)
+        values = model.coefficients[part]
+        spread = np.sqrt(np.diag(model.covariance)[part] * term.dispersion)
+        whole = np.zeros(len(sizes))
+        for joint, table in term.columns.items():
+            whole[joint] = np.sqrt(np.mean((table @ values) ** 2)) / sizes[joint]
+        made.append(replace(term, coefficients=values, deviations=spread, whole=whole))
+    return tuple(made)

@@ -1,0 +1,289 @@
+"""The set of numbers and effects that explains the gap: one climb over one objective.
+
+Grow: test every term again beside the others, then add the best option, until nothing is added or
+a set recurs; the best set seen counts. Then leave each term out and grow again from the rest, and
+from each single one of the rest. The nominal errors have a relative size for links and one for
+drives: the one that makes the whole likelier, each size with a set of its own.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.comparison import rules
+from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors, Term, Torques
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
+from idim_iv_ros.diagnosis.comparison.compare import Comparison, Prior
+from idim_iv_ros.diagnosis.comparison.ledger import Ledger
+from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, whitened
+from idim_iv_ros.diagnosis.comparison.refine import refined
+from idim_iv_ros.diagnosis.structural.likelihood import noise_model
+from idim_iv_ros.signals import AutoregressiveModel
+from idim_iv_ros.types import FloatArray
+
+_ROUNDS = 10  # of adding one term
+_RESTARTS = 3
+_NOISE_VISITS = 3
+_MOST_ERRORS = 4  # sizes of the nominal errors that are climbed with
+_MOST_CURVES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """Terms that explain the gap, and what they were compared by.
+
+    Attributes
+    ----------
+    terms : tuple of Term
+        Numbers and effects.
+    curves : tuple of Term
+        Free curves of what is left.
+    comparison : Comparison
+    """
+
+    terms: tuple[Term, ...]
+    curves: tuple[Term, ...]
+    comparison: Comparison
+
+    @property
+    def model(self) -> Beside:
+        """The nominal errors with the terms and the curves."""
+        return Beside(self.comparison.nominal, (*self.terms, *self.curves))
+
+
+def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
+    """Search for what explains the gap of a ledger."""
+    options = Options(ledger, catalogue.candidates)
+    torques, prior = Torques(options), Prior(options)
+    noise = noise_of(ledger, refit_residuals(ledger))
+    terms: tuple[Term, ...] = ()
+    errors: tuple[float, float] | None = None
+    for visit in range(_NOISE_VISITS):
+        white = whitened(options, noise)
+        if errors is None:
+            comparison, terms = _with_likely_errors(catalogue, options, white, torques, prior)
+            errors = comparison.nominal.errors
+        else:
+            comparison = Comparison(
+                catalogue, NominalErrors(options, white, torques, errors), prior
+            )
+            terms = climb(comparison, terms)
+        terms = refined(comparison, terms)
+        if visit < _NOISE_VISITS - 1:
+            noise = noise_of(ledger, Beside(comparison.nominal, terms).residuals(white=False))
+    curves: list[Term] = []
+    while len(curves) < _MOST_CURVES:
+        curve = comparison.curve([*terms, *curves])
+        if curve is None or curve.presence < 0.5:
+            break
+        curves.append(curve)
+    return Selection(tuple(terms), tuple(curves), comparison)
+
+
+def noise_of(ledger: Ledger, residuals: Sequence[FloatArray]) -> tuple[AutoregressiveModel, ...]:
+    """Autoregressive noise of each joint's residual (r_j,)."""
+    made = []
+    for rows, left in zip(ledger.joints, residuals, strict=True):
+        sigma = rows.assumed_sigma
+        made.append(
+            noise_model(left, rows.segments)
+            if sigma is None
+            else AutoregressiveModel(np.zeros(0), sigma**2)
+        )
+    return tuple(made)
+
+
+def refit_residuals(ledger: Ledger) -> list[FloatArray]:
+    """(r_j,) what new numbers, all of them free, leave of the gap by least squares."""
+    shares = []
+    for rows, gap, size in zip(ledger.joints, ledger.gap, ledger.sizes, strict=True):
+        table = np.zeros((len(rows), ledger.parameters + 1))
+        table[:, rows.columns] = rows.matrix / size
+        table[:, -1] = gap / size
+        shares.append(table)
+    whole = np.asarray(np.linalg.qr(np.vstack(shares), mode="r"))
+    norms = np.linalg.norm(whole[:, :-1], axis=0)
+    norms[norms == 0.0] = 1.0
+    change = np.linalg.lstsq(whole[:, :-1] / norms, whole[:, -1], rcond=1e-9)[0] / norms
+    return [
+        gap - rows.matrix @ change[rows.columns]
+        for rows, gap in zip(ledger.joints, ledger.gap, strict=True)
+    ]
+
+
+def _with_likely_errors(
+    catalogue: Catalogue, options: Options, white: Whitened, torques: Torques, prior: Prior
+) -> tuple[Comparison, tuple[Term, ...]]:
+    """Climb from small and from likely nominal errors, and again where others are likelier."""
+    comparisons: dict[tuple[float, float], Comparison] = {}
+
+    def comparison(errors: tuple[float, float]) -> Comparison:
+        if errors not in comparisons:
+            nominal = NominalErrors(options, white, torques, errors)
+            comparisons[errors] = Comparison(catalogue, nominal, prior)
+        return comparisons[errors]
+
+    if not options.ledger.nominal:
+        only = comparison((1.0, 1.0))
+        return only, climb(only, ())
+    least = (rules.RELATIVE_ERRORS[1], rules.RELATIVE_ERRORS[1])
+    starts = [least, likeliest_errors(options.ledger, white, ())]
+    best: tuple[float, Comparison, tuple[Term, ...]] | None = None
+    tried: set[tuple[float, float]] = set()
+    while starts:
+        errors = starts.pop(0)
+        if errors in tried:
+            continue
+        tried.add(errors)
+        this = comparison(errors)
+        terms = climb(this, ())
+        value = this.objective(terms) + log_prior_of_errors(errors) / rules.TEMPER
+        better = likeliest_errors(
+            options.ledger, white, [_white_columns(white, options, t) for t in terms], terms
+        )
+        if len(tried) < _MOST_ERRORS:
+            starts.append(better)
+        if best is None or value > best[0]:
+            best = value, this, terms
+    assert best is not None
+    return best[1], best[2]
+
+
+def log_prior_of_errors(errors: tuple[float, float]) -> float:
+    """Logarithm of what is usual of nominal models."""
+    logs = np.log(np.array(errors) / rules.RELATIVE_ERRORS[0])
+    apart = float(logs[0] - logs[1]) / rules.ALIKE
+    return -rules.ERROR_COST * float(logs.max()) - 0.5 * apart**2
+
+
+def _white_columns(white: Whitened, options: Options, term: Term) -> dict[int, FloatArray]:
+    return {
+        joint: white.noise[joint].standardized(table, options.ledger.joints[joint].segments)
+        for joint, table in term.columns.items()
+    }
+
+
+def likeliest_errors(
+    ledger: Ledger,
+    white: Whitened,
+    columns: Sequence[dict[int, FloatArray]],
+    terms: Sequence[Term] = (),
+) -> tuple[float, float]:
+    """Relative errors of links and drives under which rows and terms are likeliest."""
+    b, q = ledger.parameters, sum(term.width for term in terms)
+    normal, right = np.zeros((b + q, b + q)), np.zeros(b + q)
+    for joint, rows in enumerate(ledger.joints):
+        table = np.zeros((len(rows), b + q))
+        table[:, rows.columns] = white.model[joint]
+        start = b
+        for term, part in zip(terms, columns, strict=True):
+            if joint in part:
+                table[:, start : start + term.width] = part[joint]
+            start += term.width
+        normal += table.T @ table
+        right += table.T @ white.gap[joint]
+    free = np.zeros((b + q, q))
+    start = 0
+    for term in terms:
+        stop = start + term.width
+        free[b + start : b + stop, start:stop] = term.prior_root
+        start = stop
+    best, highest = (rules.USUAL_ERROR, rules.USUAL_ERROR), -np.inf
+    for link in rules.RELATIVE_ERRORS:
+        for drive in rules.RELATIVE_ERRORS:
+            sizes = np.hstack([link * ledger.link_errors, drive * ledger.drive_errors])
+            sizes = np.hstack([np.vstack([sizes, np.zeros((q, sizes.shape[1]))]), free])
+            inner = sizes.T @ normal @ sizes + np.eye(sizes.shape[1])
+            root = np.linalg.cholesky(inner)
+            taken = np.linalg.solve(root, sizes.T @ right)
+            value = 0.5 * float(taken @ taken) - float(np.sum(np.log(np.diag(root))))
+            value = value + log_prior_of_errors((link, drive))
+            if value > highest:
+                best, highest = (link, drive), value
+    return best
+
+
+def climb(comparison: Comparison, start: Sequence[Term]) -> tuple[Term, ...]:
+    """The set of the highest objective that growing and restarting reach."""
+    value, terms = _grown(comparison, tuple(start))
+    tried: set[frozenset[tuple[object, ...]]] = set()
+    for _ in range(_RESTARTS):
+        better = _restarted(comparison, value, terms, tried)
+        if better is None:
+            break
+        value, terms = better
+    return terms
+
+
+def _restarted(
+    comparison: Comparison,
+    value: float,
+    terms: tuple[Term, ...],
+    tried: set[frozenset[tuple[object, ...]]],
+) -> tuple[float, tuple[Term, ...]] | None:
+    """A better set that grows without one of the terms; fewer terms may be as good."""
+    if len(terms) < 2:
+        return None
+    for term in sorted(terms, key=lambda term: float(term.visible.max())):
+        rest = tuple(other for other in terms if other is not term)
+        starts = [rest, *((other,) for other in rest if len(rest) > 1)]
+        for start in starts:
+            state = frozenset(other.identity for other in start)
+            if state in tried:
+                continue
+            tried.add(state)
+            new, others = _grown(comparison, start)
+            fewer = len(others) < len(terms)
+            if new > value or (fewer and new > value - _tolerance(comparison, terms, others)):
+                return new, others
+    return None
+
+
+def _grown(comparison: Comparison, start: tuple[Term, ...]) -> tuple[float, tuple[Term, ...]]:
+    """The best set on the way from a start: every term tested again, one added, and so on."""
+    terms = start
+    best = comparison.objective(terms), terms
+    seen: set[frozenset[tuple[object, ...]]] = set()
+    for _ in range(_ROUNDS):
+        for term in terms if len(terms) > 1 else ():
+            if not any(term is other for other in terms):
+                continue
+            number = next(k for k, other in enumerate(terms) if other is term)
+            others = (*terms[:number], *terms[number + 1 :])
+            again = comparison.best(others)
+            if again is not None and again.key == term.key:
+                continue
+            terms = others if again is None else (*others[:number], again, *others[number:])
+            best = _better(comparison, best, terms)
+        state = frozenset(term.identity for term in terms)
+        if state in seen or len(terms) >= rules.MOST_EFFECTS:
+            break
+        seen.add(state)
+        more = comparison.best(terms)
+        if more is None:
+            break
+        terms = (*terms, more)
+        best = _better(comparison, best, terms)
+    return best
+
+
+def _better(
+    comparison: Comparison, best: tuple[float, tuple[Term, ...]], terms: tuple[Term, ...]
+) -> tuple[float, tuple[Term, ...]]:
+    value = comparison.objective(terms)
+    return (value, terms) if value > best[0] else best
+
+
+def _tolerance(comparison: Comparison, terms: tuple[Term, ...], others: tuple[Term, ...]) -> float:
+    """Evidence that misfit may make at the joints of the terms that stay."""
+    kept = {term.identity for term in others}
+    gone = {j for t in terms if t.identity not in kept for j in t.candidate.joints}
+    stay = {j for t in others for j in t.candidate.joints}
+    model = Beside(comparison.nominal, terms)
+    left = model.residuals(white=True)
+    explained = 0.0
+    for joint in gone & stay:
+        gap = comparison.nominal.white.gap[joint]
+        explained += 0.5 * max(float(gap @ gap - left[joint] @ left[joint]), 0.0)
+    return rules.TOLERANCE * explained / rules.TEMPER

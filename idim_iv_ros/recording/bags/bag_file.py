@@ -1,0 +1,55 @@
+"""One file of a bag, whatever its format: what is read of it, and what is lost."""
+
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from idim_iv_ros.recording.bags.cdr import MessageBatch
+from idim_iv_ros.recording.bags.definitions import SchemaText
+
+
+@dataclass
+class BagFile(ABC):
+    """One file of a bag.
+
+    Attributes
+    ----------
+    path : Path
+        Of the file, or its name for messages where it is not on this machine.
+    topics : dict
+        Type of each topic that was met so far.
+    definitions : dict
+        Definition of each type that was met so far, where the file holds it.
+    truncated : bool
+        Whether the file ended before its end, known once it was read.
+    damaged : int
+        Stretches that could not be read, and messages that are none; they are left out.
+    missing : Counter
+        Messages of each wanted topic that are known to be lost.
+    counted : bool
+        Whether `missing` is all that is lost; otherwise there is more, and nothing says how much.
+    """
+
+    path: Path
+    topics: dict[str, str] = field(default_factory=dict)
+    definitions: dict[str, SchemaText] = field(default_factory=dict)
+    truncated: bool = False
+    damaged: int = 0
+    missing: Counter[str] = field(default_factory=Counter)
+    counted: bool = True
+
+    @abstractmethod
+    def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
+        """Raw messages of the wanted topics, each batch in the order of arrival.
+
+        Raises
+        ------
+        DataError
+            Not a file of this format.
+        """
+
+    def summarised_topics(self) -> dict[str, str]:
+        """Type of each topic by a summary in the file; empty where the file has none."""
+        return {}
