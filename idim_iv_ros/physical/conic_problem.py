@@ -82,6 +82,8 @@ class ConicProblem:
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_threads = 1
+        # The large matrix of a link taken apart into cliques stalls: four of 200 recordings.
+        settings.chordal_decomposition_enable = False
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
         matrix, right, cones = rows.build(clarabel)
         solver = clarabel.DefaultSolver(quadratic, linear, matrix, right, cones, settings)
