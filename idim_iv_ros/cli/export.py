@@ -36,6 +36,14 @@ def export_command(
             help="Leave out a named cause, for example payload; may be given again.",
         ),
     ] = None,
+    remainder: Annotated[
+        bool,
+        typer.Option(
+            "--remainder",
+            help="Spread what no cause explains over links and joints, as far as the recording "
+            "asks for it.",
+        ),
+    ] = False,
     force: Force = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -60,6 +68,7 @@ def export_command(
         force=force,
         refit=refit,
         without=without or (),
+        remainder=remainder,
     )
     output.document(
         {

@@ -46,9 +46,10 @@ def changes_text(
         *(
             _row(each, answer.robot.joints, file)
             for each in answer.parameters
-            if answer.refit or each.source == "recording"
+            if answer.refit or each.source != "nominal model"
         ),
         "",
+        *_remainder(answer),
         *_without_element(answer, file),
         *_effect_lines(answer, effects),
         *("## Control law", "", f"{law.words}.", ""),
@@ -72,14 +73,16 @@ def _of_refit(answer: Answer) -> list[str]:
 
 def _of_causes(answer: Answer) -> list[str]:
     """The causes, and what they leave of the torque gap."""
-    lines = ["The nominal model with the causes that the diagnosis names, and nothing else:", ""]
+    rest = "what no cause explains" if answer.remainder else "nothing else"
+    lines = [f"The nominal model with the causes that the diagnosis names, and {rest}:", ""]
     lines += [f"- {each}" for each in answer.in_parameters]
     lines += [f"- {each.effect} at {each.joint or 'all joints'}" for each in answer.effects]
     lines += [f"- left out: {each}" for each in answer.left_out]
     if answer.errors:
         lines += [
             "",
-            "What errors of parameters that no cause names make of the torque (`--refit` has it):",
+            "What errors of parameters that no cause names make of the torque"
+            + (":" if answer.remainder else " (`--remainder` spreads it, `--refit` has it):"),
             "",
             "| joint | rms | share of the torque |",
             "|---|---|---|",
@@ -88,6 +91,34 @@ def _of_causes(answer: Answer) -> list[str]:
         f"| {each.joint} | {each.remaining:.3g} | {100.0 * each.share_of_torque:.2g} % |"
         for each in answer.errors
     ]
+
+
+def _remainder(answer: Answer) -> list[str]:
+    """How far the recording asks for other links and drives than the causes make."""
+    if answer.remainder is None:
+        return []
+    masses = [each for each in answer.parameters if each.name.rstrip("0123456789") == "M"]
+    sizes = zip(
+        answer.robot.joints, masses, answer.remainder.links, answer.remainder.drives, strict=True
+    )
+    return [
+        "## What no cause explains",
+        "",
+        "Spread by a prior about the nominal numbers, whose size for each link and each joint has "
+        "maximum evidence; none: they stay. Where an error is among these is a guess.",
+        "",
+        "| joint | mass given | new | size of the prior, link | drive and friction |",
+        "|---|---|---|---|---|",
+        *(
+            f"| {joint} | {mass.given:.4g} | {mass.value:.4g} | {_size(link)} | {_size(drive)} |"
+            for joint, mass, link, drive in sizes
+        ),
+        "",
+    ]
+
+
+def _size(size: float) -> str:
+    return f"{100.0 * size:.1f} %" if size else "none"
 
 
 def _without_element(answer: Answer, file: str) -> list[str]:

@@ -43,6 +43,7 @@ def export(
     force: bool = False,
     refit: bool = False,
     without: Collection[str] = (),
+    remainder: bool = False,
 ) -> Exported:
     """Write a result as URDF, MJCF, effects, actuators of Isaac Lab and a table of changes.
 
@@ -66,6 +67,8 @@ def export(
         Write the physical parameters of a diagnosis, too, which hold what it does not name.
     without
         Causes that are left out: names of effects, or ``effect@joint``.
+    remainder
+        Spread what no cause explains over links and joints as far as the recording asks for it.
 
     Returns
     -------
@@ -86,7 +89,15 @@ def export(
         )
     text = read_urdf_file(source)
     content = source.read_bytes()
-    answer = read_answer(path, configuration, text, str(source), refit=refit, without=without)
+    answer = read_answer(
+        path,
+        configuration,
+        text,
+        str(source),
+        refit=refit,
+        without=without,
+        remainder=remainder,
+    )
     urdf = read_urdf_text(text, str(source))
     kept = description_key(source) == "mjcf"
     made = _files(source, out, answer, kept=kept)
