@@ -44,6 +44,14 @@ def export_command(
             "asks for it.",
         ),
     ] = False,
+    randomize: Annotated[
+        bool,
+        typer.Option(
+            "--randomize",
+            help="The same, and ranges for domain randomisation: sample(model, rng) for MuJoCo, "
+            "EventCfg for Isaac Lab.",
+        ),
+    ] = False,
     force: Force = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -69,6 +77,7 @@ def export_command(
         refit=refit,
         without=without or (),
         remainder=remainder,
+        randomize=randomize,
     )
     output.document(
         {

@@ -12,7 +12,7 @@ names, and the bodies of loads, are left to the estimate.
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ from idim_iv_ros.types import FloatArray, IntArray
 USUAL_ERROR = 0.1
 _FREE = 1.0  # relative size of what is left to the estimate
 _LEAST = 1e-3  # a size below it is none
+_LEAST_OF_UNSHOWN = 0.01  # what a nominal number that no motion shows is off by, at least
 _CONVERGED = 1e-4
 _MOST_STEPS = 300
 
@@ -44,12 +45,37 @@ class Remainder:
         XX … M of each.
     links, drives : (n_joints,)
         Relative sizes w that the estimate asks for; zero where the nominal numbers stay.
+    uncertainty : Uncertainty
     """
 
     standard: FloatArray
     loads: tuple[FloatArray, ...]
     links: FloatArray
     drives: FloatArray
+    uncertainty: "Uncertainty"
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """What the estimate leaves open of links, loads and drives.
+
+    One relative size for all links and one for all drives, of maximum evidence and at least 1 %:
+    links of one nominal model are about as good, also those that no motion shows.
+
+    Attributes
+    ----------
+    coordinates : Coordinates
+        Links and loads of the maximum as references.
+    root : (q, q)
+        Lower triangular; root @ root.T is the covariance of x of these coordinates.
+    link, drive : float
+        The relative sizes.
+    """
+
+    coordinates: Coordinates
+    root: FloatArray
+    link: float
+    drive: float
 
 
 @dataclass(frozen=True)
@@ -140,17 +166,53 @@ def spread_remainder(
     x[standing] = np.maximum(x[standing], 0.0)  # but for the solver's tolerance
     change = x - start
     change[10 * joints : bodies] = 0.0  # loads are bodies of their own
+    most_likely = standard + coordinates.to_standard @ change
+    found = tuple(
+        np.asarray(link.to_parameters @ triangle)
+        for link, triangle in zip(
+            coordinates.links[joints:], x[10 * joints : bodies].reshape(-1, 10), strict=True
+        )
+    )
+    at_most_likely = Coordinates.of(
+        robot,
+        base,
+        most_likely,
+        [(joint, body) for (joint, _), body in zip(loads, found, strict=True)],
+    )
     return Remainder(
-        standard=standard + coordinates.to_standard @ change,
-        loads=tuple(
-            link.to_parameters @ triangle
-            for link, triangle in zip(
-                coordinates.links[joints:], x[10 * joints : bodies].reshape(-1, 10), strict=True
-            )
-        ),
+        standard=most_likely,
+        loads=found,
         links=sizes[:joints],
         drives=sizes[joints:],
+        uncertainty=_uncertainty(matrix, missing, prior, joints, coordinates, at_most_likely),
     )
+
+
+def _uncertainty(
+    matrix: FloatArray,
+    missing: FloatArray,
+    prior: _Prior,
+    joints: int,
+    before: Coordinates,
+    after: Coordinates,
+) -> Uncertainty:
+    """Of the posterior; `before`, `after`: coordinates of the prior and of its maximum."""
+    alike = replace(prior, groups=prior.groups // joints)
+    sizes = np.maximum(_sizes(matrix, missing, alike, 2), _LEAST_OF_UNSHOWN)
+    deviations = np.sqrt(alike.variances(sizes))
+    _, shown, directions = np.linalg.svd(matrix * deviations)
+    left = np.ones(len(deviations))
+    left[: len(shown)] = 1.0 / np.sqrt(1.0 + shown**2)
+    root = deviations[:, None] * directions.T * left
+    for number, (old, new) in enumerate(zip(before.links, after.links, strict=True)):
+        rows = slice(10 * number, 10 * number + 10)
+        root[rows] = np.linalg.solve(new.to_parameters, old.to_parameters @ root[rows])
+    return Uncertainty(after, lower_root(root), float(sizes[0]), float(sizes[1]))
+
+
+def lower_root(root: FloatArray) -> FloatArray:
+    """(r, r) lower triangular, of the same covariance as (r, q)."""
+    return np.asarray(np.transpose(np.linalg.qr(root.T, mode="r")))
 
 
 def _prior(

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from idim_iv_ros.physical import StandardValue
 from idim_iv_ros.simulator_files.answer import Answer
 from idim_iv_ros.simulator_files.law import DriveLaw
+from idim_iv_ros.simulator_files.randomization import Randomization
 from idim_iv_ros.simulators.effects_file import PlantedEffect
 
 _SOURCES = {
@@ -22,6 +23,7 @@ def changes_text(
     files: Sequence[str],
     notes: Sequence[str],
     *,
+    randomization: Randomization | None = None,
     file: str = "URDF",
 ) -> str:
     """Return the page: causes or refit, parameters, effects, the law, notes.
@@ -50,6 +52,7 @@ def changes_text(
         ),
         "",
         *_remainder(answer),
+        *(randomization.table() if randomization is not None else ()),
         *_without_element(answer, file),
         *_effect_lines(answer, effects),
         *("## Control law", "", f"{law.words}.", ""),
