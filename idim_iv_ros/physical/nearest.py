@@ -43,7 +43,7 @@ TIE_BREAKER = 1e-3
 LEAST_OF_NOMINAL = 1e-3
 ALPHA = 0.01
 _ACTIVE = 1.5  # a bound holds a link back within this factor of it
-_AT_ZERO = 1e-3  # of its σ: what is nearer to zero is there, but for the solver's tolerance
+AT_ZERO = 1e-3  # of its σ: what is nearer to zero is there, but for the solver's tolerance
 _INDEPENDENT = 1e-9
 
 TO_INSTALL = "clarabel is not installed: pip install 'idim-iv-ros[physical]'"
@@ -105,11 +105,11 @@ def nearest_physical(
         )
         x = problem.solve()
         drives = x[10 * len(coordinates.links) :]
-        drives[bounded & (drives < _AT_ZERO * own_std)] = 0.0
+        drives[bounded & (drives < AT_ZERO * own_std)] = 0.0
         return x
 
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    own_std = _smallest_std(base, coordinates.drives, std)
+    own_std = smallest_std(base, coordinates.drives, std)
     x = solve(values)
     standard = coordinates.to_standard @ x
     consistent = base.grouping @ standard
@@ -293,7 +293,7 @@ def _sources(base: BaseParameters, shown: IntArray) -> list[Source]:
     return found
 
 
-def _smallest_std(base: BaseParameters, drives: IntArray, std: FloatArray) -> FloatArray:
+def smallest_std(base: BaseParameters, drives: IntArray, std: FloatArray) -> FloatArray:
     """σ of the best known sum that each of drives and friction is part of: (k,)."""
     parts = base.grouping[:, drives] != 0.0
     shown = np.where(parts & (std > 0.0)[:, None], std[:, None], np.inf).min(axis=0)

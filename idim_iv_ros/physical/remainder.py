@@ -21,7 +21,7 @@ from idim_iv_ros.model import BaseParameters, RobotModel
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
 from idim_iv_ros.physical.conic_problem import TRIANGLE, ConicProblem
 from idim_iv_ros.physical.coordinates import Coordinates, root_of_information
-from idim_iv_ros.physical.nearest import LEAST_OF_NOMINAL
+from idim_iv_ros.physical.nearest import AT_ZERO, LEAST_OF_NOMINAL, smallest_std
 from idim_iv_ros.types import FloatArray, IntArray
 
 # What the numbers of a nominal link are usually off by, and the most that evidence may ask for.
@@ -162,8 +162,10 @@ def spread_remainder(
     )
     x = start.copy()
     x[moved] = problem.solve()
-    standing = bodies + np.flatnonzero(drives)[bounded]
-    x[standing] = np.maximum(x[standing], 0.0)  # but for the solver's tolerance
+    std = smallest_std(base, coordinates.drives, np.sqrt(np.diag(covariance)))
+    for place in np.flatnonzero(drives)[bounded]:
+        if x[bodies + place] < AT_ZERO * std[place]:
+            x[bodies + place] = 0.0
     change = x - start
     change[10 * joints : bodies] = 0.0  # loads are bodies of their own
     most_likely = standard + coordinates.to_standard @ change

@@ -6,6 +6,7 @@ from idim_iv_ros.physical import StandardValue
 from idim_iv_ros.simulator_files.answer import Answer
 from idim_iv_ros.simulator_files.law import DriveLaw
 from idim_iv_ros.simulator_files.randomization import Randomization
+from idim_iv_ros.simulator_files.xml_edits import number_text
 from idim_iv_ros.simulators.effects_file import PlantedEffect
 
 _SOURCES = {
@@ -136,9 +137,9 @@ def _without_element(answer: Answer, file: str) -> list[str]:
     }
     lines = []
     if file == "URDF":
-        lines += [f"  armature: [{', '.join(map(repr, numbers['Ia']))}]   # kg m²"]
+        lines += [f"  armature: [{', '.join(map(number_text, numbers['Ia']))}]   # kg m²"]
     if any(numbers["off"]):
-        lines += [f"  torque_offset: [{', '.join(map(repr, numbers['off']))}]   # N m"]
+        lines += [f"  torque_offset: [{', '.join(map(number_text, numbers['off']))}]   # N m"]
     if not lines:
         return []
     said = (

@@ -21,7 +21,7 @@ from idim_iv_ros.simulators.effects_file import PlantedEffect
 from idim_iv_ros.types import FloatArray
 
 ISAAC_LAB = "isaac_lab.py"
-_READ_BACK = 1e-9  # of the largest parameter of its kind
+_READ_BACK = 1e-6  # of the largest parameter of its kind: digits of a file
 
 
 @dataclass(frozen=True)
