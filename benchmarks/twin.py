@@ -41,7 +41,7 @@ FIT, HELD_OUT = (1, 2, 3), (11, 12)
 ENCODER, STEP, TORQUE = 1e-5, 1e-4, 0.05  # rad, rad, N m
 USUAL, FAST = (0.35, 1.6, 8.0), (0.45, 2.5, 12.0)  # of the range, rad/s, rad/s²
 PEER = {"nominal": ("14.43", "2.60"), "true": ("0.0273", "0.0255"), "refit": ("0.027", "11.73"),
-        "causes": ("0.030", "0.099")}  # fmt: skip
+        "causes": ("–", "–"), "spread": ("0.030", "0.099")}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -180,6 +180,8 @@ def rows(path: Path, gap: GapResult, folder: Path, configuration: Configuration)
         return export(result, configuration, folder / name, **options).mjcf  # type: ignore[arg-type]
 
     whole, bare = exported("whole"), exported("bare", without=names)
+    spread = exported("spread", remainder=True)
+    spread_bare = exported("spread_bare", remainder=True, without=names)
     dense = exported("refit", refit=True)
     # What a user can do with a dense refit: give the last link its nominal values again.
     edited = twin(dense)
@@ -192,12 +194,14 @@ def rows(path: Path, gap: GapResult, folder: Path, configuration: Configuration)
         "true": tuple(truth(path, each, reference=False) for each in (PAYLOAD, None, OTHER)),
         "refit": (twin(dense), edited, None),
         "causes": (twin(whole), twin(bare), twin(bare, OTHER)),
+        "spread": (twin(spread), twin(spread_bare), twin(spread_bare, OTHER)),
     }
     words = {
         "nominal": "nominal model",
         "true": "true parameters: another integrator and step",
         "refit": "all parameters (`--refit`), last link set back",
-        "causes": "**nominal model and named causes**",
+        "causes": "nominal model and named causes",
+        "spread": "**nominal model, named causes, what remains** (`--remainder`)",
     }
     references = [truth(path, each) for each in (PAYLOAD, None, OTHER)]
     lines = []

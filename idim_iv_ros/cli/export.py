@@ -36,6 +36,22 @@ def export_command(
             help="Leave out a named cause, for example payload; may be given again.",
         ),
     ] = None,
+    remainder: Annotated[
+        bool,
+        typer.Option(
+            "--remainder",
+            help="Spread what no cause explains over links and joints, as far as the recording "
+            "asks for it.",
+        ),
+    ] = False,
+    randomize: Annotated[
+        bool,
+        typer.Option(
+            "--randomize",
+            help="The same, and ranges for domain randomisation: sample(model, rng) for MuJoCo, "
+            "EventCfg for Isaac Lab.",
+        ),
+    ] = False,
     force: Force = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -60,6 +76,8 @@ def export_command(
         force=force,
         refit=refit,
         without=without or (),
+        remainder=remainder,
+        randomize=randomize,
     )
     output.document(
         {

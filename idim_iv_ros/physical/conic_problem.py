@@ -1,6 +1,6 @@
 """The semidefinite problem behind the nearest physical parameters, for the solver clarabel.
 
-    min ‖A x − a‖² + λ Σ_i (tr J̃_i − log det J̃_i) + λ Σ_k ((d_k − d_k⁰) / s_k)²
+    min ‖A x − a‖² + Σ_i λ_i (tr J̃_i − log det J̃_i) + Σ_k ((d_k − d_k⁰) / s_k)²
     subject to J̃_i ≽ ε 1, d_k ≥ 0 where physics says so.
 
 x holds the lower triangles of all J̃ (pseudo-inertias over the nominal ones), then the parameters d
@@ -44,8 +44,8 @@ class ConicProblem:
         d⁰ and s; a scale of infinity leaves a parameter to the data.
     bounded : (k,) bool
         Which of d are not negative.
-    tie_breaker : float
-        λ.
+    weights : (n,)
+        λ of each link.
     least : float
         ε.
     """
@@ -56,7 +56,7 @@ class ConicProblem:
     nominal: FloatArray
     scale: FloatArray
     bounded: NDArray[np.bool_]
-    tie_breaker: float
+    weights: FloatArray
     least: float
 
     def solve(self) -> FloatArray:
@@ -82,6 +82,8 @@ class ConicProblem:
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_threads = 1
+        # The large matrix of a link taken apart into cliques stalls: four of 200 recordings.
+        settings.chordal_decomposition_enable = False
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
         matrix, right, cones = rows.build(clarabel)
         solver = clarabel.DefaultSolver(quadratic, linear, matrix, right, cones, settings)
@@ -100,15 +102,15 @@ class ConicProblem:
         diagonal, linear = np.zeros(self._variables), np.zeros(self._variables)
         diagonal[known : known + shown] = 2.0
         start = _SIZE * self.links
-        weight = 2.0 * self.tie_breaker / self.scale**2
+        weight = 2.0 / self.scale**2
         diagonal[start:known] = weight
         linear[start:known] = -weight * self.nominal
-        for link in range(self.links):
+        for link, divergence in enumerate(self.weights):
             for place, (row, column) in enumerate(TRIANGLE):
                 if row == column:
-                    linear[_SIZE * link + place] = self.tie_breaker
+                    linear[_SIZE * link + place] = divergence
             logarithms = known + shown + link * (_SIZE + 4) + _SIZE
-            linear[logarithms : logarithms + 4] = -self.tie_breaker
+            linear[logarithms : logarithms + 4] = -divergence
         return sparse.diags(diagonal, format="csc"), linear
 
     def _link(self, rows: "_Rows", link: int) -> None:

@@ -13,7 +13,6 @@ recording decides what it shows, and the divergence from the nominal model the r
 
 import time
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +20,8 @@ from scipy.special import chdtrc
 
 from idim_iv_ros.model import BaseParameters, RobotModel
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
-from idim_iv_ros.model.parameters import INERTIAL
 from idim_iv_ros.physical.conic_problem import TRIANGLE, ConicProblem
+from idim_iv_ros.physical.coordinates import Coordinates, root_of_information
 from idim_iv_ros.physical.pseudo_inertia import ReferenceLink
 from idim_iv_ros.physical.result import (
     BaseChange,
@@ -35,37 +34,19 @@ from idim_iv_ros.physical.torque_error import Judge
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.types import FloatArray, IntArray
 
-# λ: a nominal link of twice or half the size costs about 0.1, where a difference of one standard
-# deviation costs 1: what the recording shows to 10 % moves by less than a hundredth of its σ.
+# λ: a difference of one standard deviation costs 1. A load of a hundred times the moments of a thin
+# flange has a divergence of thousands, so that λ must be far smaller than a nominal link of twice
+# the size would need: else the divergence outweighs the recording, and a rigid arm is called
+# impossible. Below 1e-4 the solver begins to fail.
 # ε: what a link has at least of its nominal pseudo-inertia in every direction.
-TIE_BREAKER = 0.1
+TIE_BREAKER = 1e-3
 LEAST_OF_NOMINAL = 1e-3
 ALPHA = 0.01
 _ACTIVE = 1.5  # a bound holds a link back within this factor of it
-_AT_ZERO = 1e-3  # of its σ: what is nearer to zero is there, but for the solver's tolerance
+AT_ZERO = 1e-3  # of its σ: what is nearer to zero is there, but for the solver's tolerance
 _INDEPENDENT = 1e-9
-_LEAST_VARIANCE = 1e-12  # of a correlation matrix
 
 TO_INSTALL = "clarabel is not installed: pip install 'idim-iv-ros[physical]'"
-
-
-@dataclass(frozen=True)
-class _Coordinates:
-    """Standard parameters π = T x + fixed, x the triangles of all J̃, then drives and friction."""
-
-    links: tuple[ReferenceLink, ...]
-    places: tuple[IntArray, ...]
-    drives: IntArray
-    to_standard: FloatArray
-
-    @property
-    def nominal(self) -> FloatArray:
-        """X of the nominal links; drives at zero."""
-        x = np.zeros(self.to_standard.shape[1])
-        for link in range(len(self.links)):
-            for place, (row, column) in enumerate(TRIANGLE):
-                x[10 * link + place] = float(row == column)
-        return x
 
 
 def nearest_physical(
@@ -101,9 +82,9 @@ def nearest_physical(
         clarabel is not installed.
     """
     begin = time.perf_counter()
-    coordinates = _coordinates(robot, base)
     given = base.layout.vector(robot.given)
-    shown, root = _root(covariance)
+    coordinates = Coordinates.of(robot, base, given)
+    shown, root = root_of_information(covariance)
     group = base.grouping @ coordinates.to_standard
     nominal = given[coordinates.drives]
     kinds = np.array([base.layout.parameters[k].kind for k in coordinates.drives])
@@ -117,18 +98,18 @@ def nearest_physical(
             right=root @ estimate[shown],
             links=len(coordinates.links),
             nominal=nominal,
-            scale=scale,
+            scale=scale / np.sqrt(TIE_BREAKER),
             bounded=bounded,
-            tie_breaker=TIE_BREAKER,
+            weights=np.full(len(coordinates.links), TIE_BREAKER),
             least=LEAST_OF_NOMINAL,
         )
         x = problem.solve()
         drives = x[10 * len(coordinates.links) :]
-        drives[bounded & (drives < _AT_ZERO * own_std)] = 0.0
+        drives[bounded & (drives < AT_ZERO * own_std)] = 0.0
         return x
 
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    own_std = _smallest_std(base, coordinates.drives, std)
+    own_std = smallest_std(base, coordinates.drives, std)
     x = solve(values)
     standard = coordinates.to_standard @ x
     consistent = base.grouping @ standard
@@ -178,6 +159,7 @@ def nearest_physical(
         ),
         active=active,
         shared=tuple(name for name in base.layout.names if name in shared),
+        covariance=covariance,
         torque_error=error,
         seconds=time.perf_counter() - begin,
     )
@@ -211,44 +193,10 @@ def nearest_body(
         nominal=none,
         scale=none,
         bounded=none.astype(bool),
-        tie_breaker=TIE_BREAKER,
+        weights=np.array([TIE_BREAKER]),
         least=LEAST_OF_NOMINAL,
     )
     return np.asarray(link.to_parameters @ problem.solve())
-
-
-def _coordinates(robot: RobotModel, base: BaseParameters) -> _Coordinates:
-    layout, joints = base.layout, len(robot.joints)
-    names = {name: k for k, name in enumerate(layout.names)}
-    given = layout.vector(robot.given)
-    places = tuple(
-        np.array([names[f"{kind}{joint + 1}"] for kind in INERTIAL]) for joint in range(joints)
-    )
-    masses = robot.given.inertial[:, 0]
-    mass = float(np.mean(masses[masses > 0.0])) if np.any(masses > 0.0) else 1.0
-    distances = [
-        float(np.linalg.norm(each.translation)) for each in robot.pinocchio.jointPlacements[1:]
-    ]
-    length = max(float(np.mean(distances)), 0.05)
-    links = tuple(ReferenceLink.of(given[place], mass, length) for place in places)
-    inertial = set(np.concatenate(places).tolist())
-    drives = np.array([k for k in range(len(names)) if k not in inertial], dtype=np.int64)
-    matrix = np.zeros((len(names), 10 * joints + len(drives)))
-    for joint, (place, link) in enumerate(zip(places, links, strict=True)):
-        matrix[place, 10 * joint : 10 * joint + 10] = link.to_parameters
-    matrix[drives, 10 * joints + np.arange(len(drives))] = 1.0
-    return _Coordinates(links, places, drives, matrix)
-
-
-def _root(covariance: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Which parameters are shown, and R with RᵀR the inverse of their covariance."""
-    variance = np.diag(covariance)
-    shown = np.flatnonzero(variance > 0.0)
-    std = np.sqrt(variance[shown])
-    correlation = covariance[np.ix_(shown, shown)] / np.outer(std, std)
-    sizes, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
-    sizes = np.maximum(sizes, _LEAST_VARIANCE * sizes[-1])
-    return shown, (vectors / np.sqrt(sizes)).T / std
 
 
 def _scales(
@@ -273,13 +221,13 @@ def _scales(
 def _links(
     robot: RobotModel,
     base: BaseParameters,
-    coordinates: _Coordinates,
+    coordinates: Coordinates,
     group: FloatArray,
     values: FloatArray,
     x: FloatArray,
 ) -> tuple[LinkInertia, ...]:
     """Eigenvalues of each link before and after."""
-    start = coordinates.nominal
+    start = coordinates.reference
     # Drives and friction keep their place: only what links have in common with them is split.
     start[10 * len(coordinates.links) :] = base.layout.vector(robot.given)[coordinates.drives]
     change, *_ = np.linalg.lstsq(group, values - group @ start, rcond=None)
@@ -303,7 +251,7 @@ def _links(
 
 
 def _standard_deviations(
-    coordinates: _Coordinates,
+    coordinates: Coordinates,
     matrix: FloatArray,
     x: FloatArray,
     bounded: NDArray[np.bool_],
@@ -345,7 +293,7 @@ def _sources(base: BaseParameters, shown: IntArray) -> list[Source]:
     return found
 
 
-def _smallest_std(base: BaseParameters, drives: IntArray, std: FloatArray) -> FloatArray:
+def smallest_std(base: BaseParameters, drives: IntArray, std: FloatArray) -> FloatArray:
     """σ of the best known sum that each of drives and friction is part of: (k,)."""
     parts = base.grouping[:, drives] != 0.0
     shown = np.where(parts & (std > 0.0)[:, None], std[:, None], np.inf).min(axis=0)
@@ -354,7 +302,7 @@ def _smallest_std(base: BaseParameters, drives: IntArray, std: FloatArray) -> Fl
 
 def _at_zero(
     base: BaseParameters,
-    coordinates: _Coordinates,
+    coordinates: Coordinates,
     standard: FloatArray,
     bounded: NDArray[np.bool_],
 ) -> tuple[str, ...]:

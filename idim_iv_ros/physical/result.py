@@ -1,9 +1,9 @@
 """What `physical` of result.json and gap.json holds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
-from idim_iv_ros.documents import Number
+from idim_iv_ros.documents import Matrix, Number
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 
 # Where the value of a standard parameter comes from: the recording shows it alone; the recording
@@ -115,6 +115,9 @@ class PhysicalParameters:
     torque_error : TorqueError or None
     seconds : float
         What it took.
+    covariance : (b, b) or None
+        Of the estimates in `base`, in their order and the products of their units; rows of zeros
+        are not shown by the recording. None in documents of before.
     """
 
     test: HypothesisTest
@@ -126,6 +129,7 @@ class PhysicalParameters:
     shared: tuple[str, ...] = ()
     torque_error: TorqueError | None
     seconds: Number
+    covariance: Matrix | None = field(default=None, compare=False)
 
     @property
     def values(self) -> dict[str, float]:

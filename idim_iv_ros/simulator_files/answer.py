@@ -23,6 +23,7 @@ from idim_iv_ros.model.base_parameters import NON_NEGATIVE
 from idim_iv_ros.model.parameters import INERTIAL
 from idim_iv_ros.model.urdf_reader import LARGEST
 from idim_iv_ros.physical import PhysicalParameters, StandardValue
+from idim_iv_ros.physical.remainder import USUAL_ERROR, Remainder
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulation.effects import joint_effects
 from idim_iv_ros.simulator_files.named import (
@@ -31,6 +32,7 @@ from idim_iv_ros.simulator_files.named import (
     kept_causes,
     mended_model,
     numbers_in_words,
+    with_remainder,
 )
 from idim_iv_ros.simulators.effects_file import PlantedEffect
 from idim_iv_ros.types import FloatArray
@@ -68,6 +70,8 @@ class Answer:
         Names of causes that were not wanted.
     errors : tuple of ParameterError
         What of the torque gap the causes leave at each joint.
+    remainder : Remainder or None
+        What no cause explains, where `parameters` hold it.
     notes : tuple of str
         What a reader of the files must know.
     """
@@ -85,6 +89,7 @@ class Answer:
     in_parameters: tuple[str, ...]
     left_out: tuple[str, ...]
     errors: tuple[ParameterError, ...]
+    remainder: Remainder | None
     notes: tuple[str, ...]
 
     @cached_property
@@ -105,6 +110,7 @@ def read_answer(
     *,
     refit: bool = False,
     without: Collection[str] = (),
+    remainder: bool = False,
 ) -> Answer:
     """Read a result.json or gap.json and make sure that it is of this robot.
 
@@ -143,12 +149,19 @@ def read_answer(
             + ("one dense refit" if refit else "an identification")
             + " has no causes that could be left out"
         )
+    if remainder and (refit or gap is None):
+        raise UsageError(
+            f"{path}: --remainder: "
+            + ("one dense refit" if refit else "an identification")
+            + " names no causes, so that nothing remains beside them"
+        )
     causes = [] if gap is None else list(gap.causes)
     _require_known(path, causes)
     kept, others = kept_causes(causes, without, str(path))
     effects, notes = _effects(path, kept, joints)
     errors: tuple[ParameterError, ...] = ()
     parameters, loads = physical.parameters, tuple[Load, ...]()
+    spread: Remainder | None = None
     gravity = np.array(model.robot.pinocchio.gravity.linear)
     if not refit and gap is not None:
         if gap.nominal is not None:
@@ -156,7 +169,11 @@ def read_answer(
                 f"{path}: its causes are changes of {gap.nominal.file}, which is no {source}: "
                 "export with --refit, or diagnose with the URDF that an export of that file wrote"
             )
-        mended = mended_model(model, kept, others, physical, str(path))
+        if remainder:
+            mended, spread = with_remainder(model, kept, others, physical, str(path))
+            notes += _far_links(mended.parameters, model.robot.joints)
+        else:
+            mended = mended_model(model, kept, others, physical, str(path))
         parameters, loads, gravity = mended.parameters, mended.loads, mended.gravity
         effects, errors = (*effects, *mended.effects), gap.parameter_errors
         if not np.array_equal(gravity, model.robot.pinocchio.gravity.linear):
@@ -182,7 +199,21 @@ def read_answer(
         ),
         left_out=tuple(map(cause_name, others)),
         errors=errors,
+        remainder=spread,
         notes=notes,
+    )
+
+
+def _far_links(parameters: Sequence[StandardValue], joints: Sequence[str]) -> tuple[str, ...]:
+    """Links whose mass is farther from the nominal one than nominal links usually are."""
+    masses = [each for each in parameters if each.name.rstrip("0123456789") == "M"]
+    return tuple(
+        f"the link of {joint} weighs {each.value:.3g} kg, {each.given:.3g} in the nominal model: "
+        f"more than three times the usual error of {100.0 * USUAL_ERROR:.0f} %, so that an effect "
+        "that was not found may be in it"
+        for joint, each in zip(joints, masses, strict=True)
+        if each.source == "recording and nominal model"
+        and abs(each.value - each.given) > 3.0 * USUAL_ERROR * each.given
     )
 
 

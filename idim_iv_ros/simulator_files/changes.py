@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from idim_iv_ros.physical import StandardValue
 from idim_iv_ros.simulator_files.answer import Answer
 from idim_iv_ros.simulator_files.law import DriveLaw
+from idim_iv_ros.simulator_files.randomization import Randomization
+from idim_iv_ros.simulator_files.xml_edits import number_text
 from idim_iv_ros.simulators.effects_file import PlantedEffect
 
 _SOURCES = {
@@ -22,6 +24,7 @@ def changes_text(
     files: Sequence[str],
     notes: Sequence[str],
     *,
+    randomization: Randomization | None = None,
     file: str = "URDF",
 ) -> str:
     """Return the page: causes or refit, parameters, effects, the law, notes.
@@ -46,9 +49,11 @@ def changes_text(
         *(
             _row(each, answer.robot.joints, file)
             for each in answer.parameters
-            if answer.refit or each.source == "recording"
+            if answer.refit or each.source != "nominal model"
         ),
         "",
+        *_remainder(answer),
+        *(randomization.table() if randomization is not None else ()),
         *_without_element(answer, file),
         *_effect_lines(answer, effects),
         *("## Control law", "", f"{law.words}.", ""),
@@ -72,14 +77,16 @@ def _of_refit(answer: Answer) -> list[str]:
 
 def _of_causes(answer: Answer) -> list[str]:
     """The causes, and what they leave of the torque gap."""
-    lines = ["The nominal model with the causes that the diagnosis names, and nothing else:", ""]
+    rest = "what no cause explains" if answer.remainder else "nothing else"
+    lines = [f"The nominal model with the causes that the diagnosis names, and {rest}:", ""]
     lines += [f"- {each}" for each in answer.in_parameters]
     lines += [f"- {each.effect} at {each.joint or 'all joints'}" for each in answer.effects]
     lines += [f"- left out: {each}" for each in answer.left_out]
     if answer.errors:
         lines += [
             "",
-            "What errors of parameters that no cause names make of the torque (`--refit` has it):",
+            "What errors of parameters that no cause names make of the torque"
+            + (":" if answer.remainder else " (`--remainder` spreads it, `--refit` has it):"),
             "",
             "| joint | rms | share of the torque |",
             "|---|---|---|",
@@ -88,6 +95,34 @@ def _of_causes(answer: Answer) -> list[str]:
         f"| {each.joint} | {each.remaining:.3g} | {100.0 * each.share_of_torque:.2g} % |"
         for each in answer.errors
     ]
+
+
+def _remainder(answer: Answer) -> list[str]:
+    """How far the recording asks for other links and drives than the causes make."""
+    if answer.remainder is None:
+        return []
+    masses = [each for each in answer.parameters if each.name.rstrip("0123456789") == "M"]
+    sizes = zip(
+        answer.robot.joints, masses, answer.remainder.links, answer.remainder.drives, strict=True
+    )
+    return [
+        "## What no cause explains",
+        "",
+        "Spread by a prior about the nominal numbers, whose size for each link and each joint has "
+        "maximum evidence; none: they stay. Where an error is among these is a guess.",
+        "",
+        "| joint | mass given | new | size of the prior, link | drive and friction |",
+        "|---|---|---|---|---|",
+        *(
+            f"| {joint} | {mass.given:.4g} | {mass.value:.4g} | {_size(link)} | {_size(drive)} |"
+            for joint, mass, link, drive in sizes
+        ),
+        "",
+    ]
+
+
+def _size(size: float) -> str:
+    return f"{100.0 * size:.1f} %" if size else "none"
 
 
 def _without_element(answer: Answer, file: str) -> list[str]:
@@ -102,9 +137,9 @@ def _without_element(answer: Answer, file: str) -> list[str]:
     }
     lines = []
     if file == "URDF":
-        lines += [f"  armature: [{', '.join(map(repr, numbers['Ia']))}]   # kg m²"]
+        lines += [f"  armature: [{', '.join(map(number_text, numbers['Ia']))}]   # kg m²"]
     if any(numbers["off"]):
-        lines += [f"  torque_offset: [{', '.join(map(repr, numbers['off']))}]   # N m"]
+        lines += [f"  torque_offset: [{', '.join(map(number_text, numbers['off']))}]   # N m"]
     if not lines:
         return []
     said = (

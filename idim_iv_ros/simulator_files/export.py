@@ -27,6 +27,7 @@ from idim_iv_ros.simulator_files.law import DriveLaw, drive_law
 from idim_iv_ros.simulator_files.links import LinkBody, body_of_joint, link_bodies
 from idim_iv_ros.simulator_files.mjcf import JointValues, mjcf_text
 from idim_iv_ros.simulator_files.mjcf_effects import Coupled, native_effects
+from idim_iv_ros.simulator_files.randomization import EVENTS, RANDOMIZE
 from idim_iv_ros.simulator_files.shared_friction import below_zero
 from idim_iv_ros.simulator_files.urdf_text import with_values
 from idim_iv_ros.simulators.effects_file import EffectsFile, PlantedEffect
@@ -43,6 +44,8 @@ def export(
     force: bool = False,
     refit: bool = False,
     without: Collection[str] = (),
+    remainder: bool = False,
+    randomize: bool = False,
 ) -> Exported:
     """Write a result as URDF, MJCF, effects, actuators of Isaac Lab and a table of changes.
 
@@ -66,6 +69,10 @@ def export(
         Write the physical parameters of a diagnosis, too, which hold what it does not name.
     without
         Causes that are left out: names of effects, or ``effect@joint``.
+    remainder
+        Spread what no cause explains over links and joints as far as the recording asks for it.
+    randomize
+        The same, and files that draw other robots which the recording cannot tell from this one.
 
     Returns
     -------
@@ -86,10 +93,18 @@ def export(
         )
     text = read_urdf_file(source)
     content = source.read_bytes()
-    answer = read_answer(path, configuration, text, str(source), refit=refit, without=without)
+    answer = read_answer(
+        path,
+        configuration,
+        text,
+        str(source),
+        refit=refit,
+        without=without,
+        remainder=remainder or randomize,
+    )
     urdf = read_urdf_text(text, str(source))
     kept = description_key(source) == "mjcf"
-    made = _files(source, out, answer, kept=kept)
+    made = _files(source, out, answer, kept=kept, randomize=randomize)
     _require_other_files(made, source, path, configuration, force)
     robot = answer.robot
     bodies = {name: body_of_joint(answer.values, joint) for joint, name in enumerate(robot.joints)}
@@ -108,11 +123,19 @@ def export(
         if offset
     )
     planted = (*answer.effects, *negative, *constant)
-    what = Findings(answer, source, content, urdf, bodies, links, drives, law, planted, notes, kept)
+    what = Findings(
+        answer, source, content, urdf, bodies, links, drives, law, planted, notes, kept, randomize
+    )
     if kept:
         texts, effects, notes = kept_mjcf(made, what, configuration)
     else:
         texts, effects, notes = _from_urdf(made, what, configuration)
+    if what.randomization is not None:
+        code = (
+            what.randomization.mujoco_text(made.mjcf.name, what.origin),
+            what.randomization.isaac_lab_text(what.origin),
+        )
+        texts |= {file: text.encode() for file, text in zip(made.ranges, code, strict=True)}
     _write(texts, out)
     missing = tuple(
         f"{each.effect} at {each.joint}" if each.joint else each.effect
@@ -122,13 +145,14 @@ def export(
     return replace(made, not_native=missing, notes=(*answer.notes, *notes))
 
 
-def _files(source: Path, out: Path, answer: Answer, *, kept: bool) -> Exported:
+def _files(source: Path, out: Path, answer: Answer, *, kept: bool, randomize: bool) -> Exported:
     return Exported(
         urdf=None if kept else out / f"{source.stem}.urdf",
         mjcf=out / f"{source.stem}.xml",
         effects=out / EFFECTS,
         isaac_lab=None if kept else out / ISAAC_LAB,
         changes=out / CHANGES,
+        ranges=(out / RANDOMIZE, out / EVENTS) if randomize else (),
         not_native=(),
         notes=(),
         bags=answer.bags,
@@ -160,7 +184,9 @@ def _from_urdf(made: Exported, what: Findings, configuration: Configuration) -> 
         made.isaac_lab: isaac_lab_text(
             robot, made.urdf.name, drives, law, effects, what.origin
         ).encode(),
-        made.changes: changes_text(answer, effects, law, names, notes).encode(),
+        made.changes: changes_text(
+            answer, effects, law, names, notes, randomization=what.randomization
+        ).encode(),
     }
     return texts, effects, notes
 

@@ -16,11 +16,12 @@ from idim_iv_ros.simulator_files.law import DriveLaw
 from idim_iv_ros.simulator_files.links import LinkBody
 from idim_iv_ros.simulator_files.mjcf import JointValues
 from idim_iv_ros.simulator_files.named import Load
+from idim_iv_ros.simulator_files.randomization import Randomization
 from idim_iv_ros.simulators.effects_file import PlantedEffect
 from idim_iv_ros.types import FloatArray
 
 ISAAC_LAB = "isaac_lab.py"
-_READ_BACK = 1e-9  # of the largest parameter of its kind
+_READ_BACK = 1e-6  # of the largest parameter of its kind: digits of a file
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,8 @@ class Exported:
     ----------
     urdf, mjcf, effects, isaac_lab, changes : Path
         Where the nominal model is an MJCF, `urdf` and `isaac_lab` are None.
+    ranges : tuple of Path
+        What draws other robots, for MuJoCo and for Isaac Lab; empty where that was not asked for.
     not_native : tuple of str
         Effects that MuJoCo has no element for.
     notes : tuple of str
@@ -43,6 +46,7 @@ class Exported:
     effects: Path
     isaac_lab: Path | None
     changes: Path
+    ranges: tuple[Path, ...]
     not_native: tuple[str, ...]
     notes: tuple[str, ...]
     bags: tuple[str, ...]
@@ -50,7 +54,7 @@ class Exported:
     @property
     def files(self) -> tuple[Path, ...]:
         """All of them."""
-        files = (self.urdf, self.mjcf, self.effects, self.isaac_lab, self.changes)
+        files = (self.urdf, self.mjcf, self.effects, self.isaac_lab, self.changes, *self.ranges)
         return tuple(file for file in files if file is not None)
 
 
@@ -69,6 +73,7 @@ class Findings:
     planted: tuple[PlantedEffect, ...]
     notes: tuple[str, ...]
     kept: bool  # the nominal model is an MJCF, which stays
+    randomized: bool
 
     @property
     def origin(self) -> str:
@@ -87,6 +92,15 @@ class Findings:
             taken.add(name)
             found[name] = (self.urdf.joints[load.joint].child, load)
         return found
+
+    @property
+    def randomization(self) -> Randomization | None:
+        """What may vary; None where that was not asked for."""
+        if not self.randomized or self.answer.remainder is None:
+            return None
+        links = {name: self.urdf.joints[name].child for name in self.answer.robot.joints}
+        loads = {load.name: name for name, (_, load) in self.mounted.items()}
+        return Randomization.of(self.answer, self.answer.remainder, links, loads)
 
 
 Texts = tuple[dict[Path, bytes], tuple[PlantedEffect, ...], tuple[str, ...]]

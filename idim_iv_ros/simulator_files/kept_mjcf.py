@@ -49,6 +49,8 @@ def kept_mjcf(made: Exported, what: Findings, configuration: Configuration) -> T
     texts = {
         made.mjcf: written,
         made.effects: EffectsFile(effects=effects).to_json().encode(),
-        made.changes: changes_text(answer, effects, what.law, names, notes, file="MJCF").encode(),
+        made.changes: changes_text(
+            answer, effects, what.law, names, notes, randomization=what.randomization, file="MJCF"
+        ).encode(),
     }
     return texts, effects, notes

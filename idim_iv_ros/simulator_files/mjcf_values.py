@@ -20,7 +20,7 @@ from idim_iv_ros.model.mjcf_ties import native_elements
 from idim_iv_ros.model.urdf import Urdf
 from idim_iv_ros.simulator_files.links import LinkBody
 from idim_iv_ros.simulator_files.mjcf import JointValues, inertial_of
-from idim_iv_ros.simulator_files.mjcf_elements import Body, elements_of
+from idim_iv_ros.simulator_files.mjcf_elements import Body, elements_of, with_included
 from idim_iv_ros.simulator_files.named import Load
 from idim_iv_ros.simulator_files.xml_edits import (
     Edits,
@@ -66,10 +66,13 @@ def with_mjcf_values(
     Raises
     ------
     UsageError
-        The file is of several files, makes bodies by itself, or has settings that change
+        The file takes bodies from an asset or makes them by itself, or has settings that change
         inertials; a joint or body whose values have no place of their own.
     """
+    content, included = with_included(content, path)
     bodies, notes = elements_of(content, str(path))
+    if included:
+        notes += (f"what the MJCF includes ({', '.join(included)}) is written out in it",)
     mujoco, spec, model = compiled_mjcf(path)
     _require_own_inertials(mujoco, spec, model, str(path))
     file = _File(mujoco, model, bodies, Edits(content), str(path))

@@ -12,7 +12,7 @@ of this friction that no other named cause accounts for belongs to the effect.
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +24,7 @@ from idim_iv_ros.model.parameters import INERTIAL
 from idim_iv_ros.physical import PhysicalParameters, StandardValue
 from idim_iv_ros.physical.nearest import TO_INSTALL, nearest_body
 from idim_iv_ros.physical.pseudo_inertia import ReferenceLink
+from idim_iv_ros.physical.remainder import Remainder, spread_remainder
 from idim_iv_ros.simulator_files.links import LinkBody, is_possible
 from idim_iv_ros.simulators.effects_file import PlantedEffect
 from idim_iv_ros.types import FloatArray
@@ -38,6 +39,10 @@ _KINDS = {
     **{f"inertia_{axes}": axes.upper() for axes in ("xx", "xy", "xz", "yy", "yz", "zz")},
 }
 _WATER = 1000.0  # kg/m³
+_NO_BODY = (
+    "torque_gain",
+    "gravity_direction",
+)  # torque that bodies and friction would take for theirs
 
 
 @dataclass(frozen=True)
@@ -188,6 +193,66 @@ def mended_model(
         tuple(effects),
         gravity,
     )
+
+
+def with_remainder(
+    model: InverseModel,
+    causes: Sequence[Cause],
+    left_out: Sequence[Cause],
+    physical: PhysicalParameters,
+    source: str,
+) -> tuple[Mended, Remainder]:
+    """Return the same with what no cause explains, spread as far as the recording asks for it.
+
+    It is found beside all causes, so that it stays where one is left out. Parameters as for
+    `mended_model`.
+    """
+    kept = mended_model(model, causes, left_out, physical, source)
+    for cause in (*causes, *left_out):
+        if cause.effect in _NO_BODY:
+            raise UsageError(
+                f"{source}: beside {cause_name(cause)}, which is no number of a body or a joint, "
+                "what remains cannot be spread: leave out --remainder"
+            )
+    if physical.covariance is None:
+        raise UsageError(
+            f"{source}: holds no covariance of its estimate; run `idim-iv diagnose` again"
+        )
+    whole = mended_model(model, [*causes, *left_out], [], physical, source)
+    joints = model.robot.joints
+    try:
+        found = spread_remainder(
+            model.robot,
+            model.base,
+            np.array([each.estimate for each in physical.base]),
+            physical.covariance,
+            np.array([each.value for each in whole.parameters]),
+            [(joints.index(each.joint), each.parameters) for each in whole.loads],
+            {each.name for each in whole.parameters if each.source == "recording"},
+            physical.shared,
+        )
+    except ImportError as error:
+        raise UsageError(TO_INSTALL) from error
+    except DataError as error:
+        raise UsageError(f"{source}: what remains cannot be spread ({error})") from error
+    parameters = tuple(
+        each
+        if each.value != other.value or value == each.value
+        else replace(each, value=value, std=None, source="recording and nominal model")
+        for each, other, value in zip(
+            kept.parameters, whole.parameters, map(float, found.standard), strict=True
+        )
+    )
+    # The loads of causes that are kept are the first.
+    loads = tuple(
+        replace(
+            load,
+            parameters=body,
+            words=f"{load.words}; with what no cause explains {body[-1]:.4g} kg",
+        )
+        for load, body in zip(kept.loads, found.loads, strict=False)
+    )
+    return replace(kept, parameters=parameters, loads=loads), found
 
 
 def _number(cause: Cause, joints: Sequence[str]) -> int:

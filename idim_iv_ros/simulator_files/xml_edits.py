@@ -1,5 +1,6 @@
 """Splice values into the bytes of an XML file: all else stays as it is, to the last blank."""
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -113,6 +114,10 @@ class Edits:
         before = self.content[line:place]
         return before if before.isspace() or not before else b"  "
 
+    def replace(self, start: int, stop: int, text: bytes) -> None:
+        """Put something in the place of a span."""
+        self._edits.append((start, stop, text))
+
     def insert(self, place: int, text: bytes) -> None:
         """Put something between."""
         self._edits.append((place, place, text))
@@ -130,14 +135,15 @@ def _same(before: list[float], text: str) -> bool:
 
 
 def number_text(value: float) -> str:
-    """As many digits as are beyond the rounding of sums."""
-    return f"{float(value) + 0.0:.13g}"
+    """With more digits than any interval has a use for, and no rounding of sums."""
+    return f"{float(value) + 0.0:.8g}"
 
 
 def numbers_text(values: FloatArray) -> str:
-    """Several of one kind; what is rounding beside the largest is zero."""
-    least = 1e-13 * float(np.abs(values).max())
-    return " ".join(number_text(value if abs(value) > least else 0.0) for value in values)
+    """Several of one kind, with the digits that the largest has."""
+    largest = float(np.abs(values).max())
+    digits = 7 - math.floor(math.log10(largest)) if largest > 0.0 else 0
+    return " ".join(number_text(round(float(value), digits)) for value in values)
 
 
 def comment_text(text: str) -> str:

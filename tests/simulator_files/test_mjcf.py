@@ -41,14 +41,14 @@ def test_inverse_dynamics_in_mujoco_are_the_regressor_times_the_parameters(tmp_p
         data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
         mujoco.mj_inverse(model, data)
         expected = arm.model.regressor(q[None], dq[None], ddq[None])[0] @ standard
-        np.testing.assert_allclose(data.qfrc_inverse, expected, rtol=0.0, atol=1e-8)
+        np.testing.assert_allclose(data.qfrc_inverse, expected, rtol=0.0, atol=1e-5)
 
 
 def test_friction_and_constant_torques_are_those_of_the_result(tmp_path: Path) -> None:
     arm = case(tmp_path, "arm7")
     model = compiled(arm, tmp_path / "out")
     friction = [arm.standard[f"Fc{joint}"] for joint in range(1, 8)]
-    np.testing.assert_allclose(model.dof_frictionloss, friction, rtol=1e-12)
+    np.testing.assert_allclose(model.dof_frictionloss, friction, rtol=1e-7)
     offset = {f"joint_{joint}": arm.standard[f"off{joint}"] for joint in range(1, 8)}
     effects = json.loads((tmp_path / "out" / "effects.json").read_text())["effects"]
     assert {each["joint"]: each["parameters"]["offset"] for each in effects} == offset
@@ -85,7 +85,7 @@ def test_drag_with_a_whole_power_is_the_joints_damping(tmp_path: Path, power: fl
     linear = arm.standard["Fv1"]
     for speed in (0.5, -1.5):
         drag = 0.8 * abs(speed) ** power * np.sign(speed)
-        assert passive(model, 0.0, speed) == pytest.approx(-linear * speed - drag, rel=1e-12)
+        assert passive(model, 0.0, speed) == pytest.approx(-linear * speed - drag, rel=1e-7)
 
 
 def test_a_spring_over_the_whole_range_is_native_and_one_that_ends_inside_is_not(
@@ -114,7 +114,7 @@ def test_friction_between_two_joints_is_a_tendon(tmp_path: Path) -> None:
     mujoco.mj_forward(model, data)
     common = 0.3 * (0.6 + 0.2)
     expected = [arm.standard["Fv1"] * 0.6 + common, arm.standard["Fv2"] * -0.2 - common]
-    np.testing.assert_allclose(-data.qfrc_passive, expected, rtol=1e-12)
+    np.testing.assert_allclose(-data.qfrc_passive, expected, rtol=1e-7)
     assert model.tendon_frictionloss[0] == 0.4
 
 
@@ -206,4 +206,4 @@ def test_coupled_drives_of_a_wrist_are_a_tendon(tmp_path: Path) -> None:
     data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
     mujoco.mj_inverse(model, data)
     expected = arm.model.regressor(q[None], dq[None], ddq[None])[0] @ standard
-    np.testing.assert_allclose(data.qfrc_inverse, expected, rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(data.qfrc_inverse, expected, rtol=0.0, atol=1e-5)

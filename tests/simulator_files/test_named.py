@@ -113,6 +113,27 @@ def test_without_all_causes_it_is_the_file_that_was_given(arm: Case, tmp_path: P
     assert "left out: payload@joint_7" in made.changes.read_text(encoding="utf-8")
 
 
+def test_what_remains_stays_where_a_cause_is_left_out(arm: Case, tmp_path: Path) -> None:
+    """Estimates are 10 % off the nominal model: links take it, and keep it without the payload."""
+    named = arm.export(tmp_path / "named", refit=False)
+    whole = arm.export(tmp_path / "a", refit=False, remainder=True)
+    bare = arm.export(tmp_path / "b", refit=False, remainder=True, without=["payload"])
+    models = [mujoco.MjModel.from_xml_path(str(each.mjcf)) for each in (named, whole, bare)]
+    links = slice(0, models[2].nbody)
+    np.testing.assert_array_equal(models[1].body_mass[links], models[2].body_mass)
+    np.testing.assert_array_equal(models[1].dof_frictionloss, models[2].dof_frictionloss)
+    assert arm.gap.physical is not None
+    estimate = {each.name: each for each in arm.gap.physical.base}
+    names = [name for name in estimate if name[:2] in ("Fv", "Fc") and name[2] != "4"]
+    for model, most in zip(models, (8.0, 1.0), strict=False):
+        found = {
+            **{f"Fv{joint + 1}": value for joint, value in enumerate(model.dof_damping.ravel())},
+            **{f"Fc{joint + 1}": value for joint, value in enumerate(model.dof_frictionloss)},
+        }
+        missed = [(found[name] - estimate[name].estimate) / estimate[name].std for name in names]
+        assert np.sqrt(np.mean(np.square(missed))) < most
+
+
 def test_a_users_mjcf_gets_a_body_and_nothing_else(tmp_path: Path) -> None:
     """Wherever its joint's anchor is: the body is placed at the anchor."""
     text, joints, _ = ARMS["panda"]
@@ -172,7 +193,7 @@ def test_friction_beside_an_effect_of_friction_goes_with_it(tmp_path: Path) -> N
     ):
         made = arm.export(tmp_path / f"out{len(without)}{without}", refit=False, without=without)
         model = mujoco.MjModel.from_xml_path(str(made.mjcf))
-        assert model.dof_frictionloss[1] == pytest.approx(expected, rel=1e-9)
+        assert model.dof_frictionloss[1] == pytest.approx(expected, rel=1e-7)
 
 
 def test_gravity_that_is_turned_is_in_a_model_made_from_a_urdf(tmp_path: Path) -> None:
@@ -190,6 +211,7 @@ def test_gravity_that_is_turned_is_in_a_model_made_from_a_urdf(tmp_path: Path) -
         ({"without": ["tilt"]}, r"no cause tilt .*: payload@joint_7, friction_level@joint_4"),
         ({"without": ["payload@joint_6"]}, "no cause payload@joint_6"),
         ({"without": ["payload"], "refit": True}, "one dense refit has no causes"),
+        ({"remainder": True, "refit": True}, "one dense refit names no causes"),
     ],
 )
 def test_unknown_causes_are_refused_in_one_line(

@@ -49,7 +49,7 @@ def test_inverse_dynamics_in_pinocchio_are_the_regressor_times_the_parameters(
     drives = of_kind["Ia"] * ddq + of_kind["Fv"] * dq + of_kind["Fc"] * np.sign(dq)
     found = [pin.rnea(model, data, *row) for row in zip(q, dq, ddq, strict=True)]
     np.testing.assert_allclose(
-        np.array(found) + drives + of_kind["off"], expected, rtol=0.0, atol=1e-8
+        np.array(found) + drives + of_kind["off"], expected, rtol=0.0, atol=1e-5
     )
 
 
@@ -57,7 +57,7 @@ def test_damping_and_friction_are_those_of_the_result(decorated: Case, tmp_path:
     text = decorated.export(tmp_path / "out").urdf.read_text(encoding="utf-8")
     model = pin.buildModelFromXML(text)
     expected = [decorated.standard["Fv1"], decorated.standard["Fv2"]]
-    np.testing.assert_allclose(model.damping, expected, rtol=1e-12)
+    np.testing.assert_allclose(model.damping, expected, rtol=1e-7)
 
 
 def test_a_diff_shows_values_and_nothing_else(decorated: Case, tmp_path: Path) -> None:
@@ -119,8 +119,8 @@ def test_a_link_without_inertial_that_leaves_nothing_changes_with_what_it_carrie
     assert ('name="fore"/>' in text) == any("changed together" in note for note in made.notes)
     model = pin.buildModelFromXML(text)
     found = model.inertias[2].toDynamicParameters()
-    assert found[0] == pytest.approx(decorated.standard["M2"], rel=1e-12)
-    assert found[6] == pytest.approx(decorated.standard["YY2"], rel=1e-9)
+    assert found[0] == pytest.approx(decorated.standard["M2"], rel=1e-7)
+    assert found[6] == pytest.approx(decorated.standard["YY2"], rel=1e-6)
     for inertia in list(model.inertias)[1:]:
         assert np.linalg.eigvalsh(inertia.toPseudoInertia().toMatrix())[0] > 0.0
 
@@ -149,7 +149,7 @@ def test_a_load_that_is_heavier_than_the_joint_carries_changes_with_the_link(
     made = arm.with_gap(physical=changed).export(tmp_path / "out")
     assert any("upper and what is fixed behind it (camera)" in note for note in made.notes)
     model = pin.buildModelFromUrdf(str(made.urdf))
-    assert model.inertias[1].mass == pytest.approx(0.3 * arm.standard["M1"], rel=1e-9)
+    assert model.inertias[1].mass == pytest.approx(0.3 * arm.standard["M1"], rel=1e-7)
     read = read_urdf_text(made.urdf.read_text(encoding="utf-8"), "exported")
     for name in ("upper", "camera"):
         inertial = read.links[name]

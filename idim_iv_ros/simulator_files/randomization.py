@@ -1,0 +1,331 @@
+"""Ranges for domain randomisation: what a recording leaves open of an exported model.
+
+The posterior of links, loads and drives beside the causes. What the recording shows well hardly
+varies; sums that it shows alone stay while their parts vary; what no motion shows is as uncertain
+as the nominal numbers prove to be elsewhere.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from idim_iv_ros.model.parameters import INERTIAL
+from idim_iv_ros.physical.nearest import LEAST_OF_NOMINAL
+from idim_iv_ros.physical.remainder import Remainder, lower_root
+from idim_iv_ros.simulator_files.answer import Answer
+from idim_iv_ros.types import FloatArray
+
+RANDOMIZE, EVENTS = "randomize.py", "isaac_lab_events.py"
+_NORMAL = 1.96
+_FIELDS = {"Ia": "dof_armature", "Fv": "dof_damping", "Fc": "dof_frictionloss"}
+_SAMPLER = '''
+def sample(model, rng):
+    """Return a copy of the exported model with numbers that the recording cannot tell apart.
+
+    `model`: an mjModel of the exported file; `rng`: a numpy.random.Generator. Masses, centres and
+    moments of what each joint carries and of payloads change together and stay those of bodies.
+    """
+    drawn, data = copy.copy(model), mujoco.MjData(model)
+    data.qpos[:] = model.qpos0
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    change, roots = _draw(rng)
+    apart = {model.body(name).id for kind, name, _ in BODIES if kind == "payload"}
+    for (kind, name, factor), root in zip(BODIES, roots):
+        if kind == "payload":
+            body = model.body(name).id
+            parts, origin = [body], data.xpos[body]
+        else:
+            joint = model.joint(name).id
+            body, origin = model.jnt_bodyid[joint], data.xanchor[joint]
+            welded = range(body, model.nbody)
+            parts = [b for b in welded if model.body_weldid[b] == body and b not in apart]
+        turn = data.xmat[body].reshape(3, 3)
+        mapping = factor @ root @ np.linalg.inv(factor)
+        for part in parts:
+            if model.body_mass[part] > 0.0:
+                _map(model, drawn, data, part, mapping, turn, origin)
+    for (field, name), number in zip(JOINTS, change[10 * len(BODIES) :]):
+        place = model.jnt_dofadr[model.joint(name).id]
+        values = getattr(drawn, field).reshape(model.nv, -1)
+        values[place, 0] = max(values[place, 0] + number, 0.0)
+    mujoco.mj_setConst(drawn, data)
+    return drawn
+
+
+def _draw(rng):
+    """Return changes, and the roots of all 1 + S; again, and smaller, where one is no body's."""
+    for attempt in itertools.count():
+        change = 0.98**attempt * ROOT @ rng.standard_normal(len(ROOT))
+        pseudo = np.zeros((len(BODIES), 4, 4))
+        pseudo[:, *np.tril_indices(4)] = change[: 10 * len(BODIES)].reshape(-1, 10)
+        pseudo += np.tril(pseudo, -1).swapaxes(1, 2) + np.eye(4)
+        values, axes = np.linalg.eigh(pseudo)
+        if values.min() > LEAST:
+            return change, (axes * np.sqrt(values)[:, None]) @ axes.swapaxes(1, 2)
+
+
+def _map(model, drawn, data, part, mapping, turn, origin):
+    """Map the pseudo-inertia of one body, in the frame of its joint."""
+    mass, moments = model.body_mass[part], model.body_inertia[part]
+    axes = turn.T @ data.ximat[part].reshape(3, 3)
+    centre = turn.T @ (data.xipos[part] - origin)
+    pseudo = np.zeros((4, 4))
+    pseudo[:3, :3] = axes * (0.5 * moments.sum() - moments) @ axes.T
+    pseudo += mass * np.outer([*centre, 1.0], [*centre, 1.0])
+    pseudo = mapping @ pseudo @ mapping.T
+    mass, centre = pseudo[3, 3], pseudo[:3, 3] / pseudo[3, 3]
+    second, axes = np.linalg.eigh(pseudo[:3, :3] - mass * np.outer(centre, centre))
+    axes[:, 0] *= np.sign(np.linalg.det(axes))
+    own = data.xmat[part].reshape(3, 3)
+    drawn.body_mass[part], drawn.body_inertia[part] = mass, second.sum() - second
+    drawn.body_ipos[part] = own.T @ (turn @ centre + origin - data.xpos[part])
+    mujoco.mju_mat2Quat(drawn.body_iquat[part], (own.T @ turn @ axes).ravel())
+'''
+
+
+@dataclass(frozen=True)
+class BodyRange:
+    """Of what one joint carries, or a payload: standard deviations of mass (kg), centre (m)."""
+
+    name: str
+    link: str
+    payload: bool
+    mass: float
+    mass_std: float
+    centre: FloatArray
+    centre_std: FloatArray
+
+
+@dataclass(frozen=True)
+class JointRange:
+    """A number of a joint, its standard deviation, and the field of MuJoCo that holds it."""
+
+    joint: str
+    field: str
+    value: float
+    std: float
+
+
+@dataclass(frozen=True)
+class Randomization:
+    """What may vary, and how together.
+
+    Attributes
+    ----------
+    bodies : tuple of BodyRange
+    joints : tuple of JointRange
+    factors : tuple of (4, 4)
+        F of each body: J = F (1 + S) Fᵀ with S = 0 for the exported one.
+    root : (r, r)
+        Lower triangular; of the triangles of all S, then of the joints.
+    link, drive : float
+        Relative sizes of what no motion shows.
+    """
+
+    bodies: tuple[BodyRange, ...]
+    joints: tuple[JointRange, ...]
+    factors: tuple[FloatArray, ...]
+    root: FloatArray
+    link: float
+    drive: float
+
+    @classmethod
+    def of(
+        cls, answer: Answer, remainder: Remainder, links: dict[str, str], loads: dict[str, str]
+    ) -> "Randomization":
+        """Take what is exported.
+
+        Parameters
+        ----------
+        answer
+        remainder
+        links
+            The link of each joint.
+        loads
+            The link of each payload that is exported, by its name in the answer.
+        """
+        uncertainty, robot = remainder.uncertainty, answer.robot
+        coordinates, joints = uncertainty.coordinates, len(robot.joints)
+        kept = joints + len(answer.loads)
+        bodies, rows = [], list(range(10 * kept))
+        for number in range(kept):
+            root = uncertainty.root[10 * number : 10 * number + 10]
+            own = number < joints
+            if own:
+                name = robot.joints[number]
+                values = np.array([answer.values[f"{kind}{number + 1}"] for kind in INERTIAL])
+            else:
+                load = answer.loads[number - joints]
+                name, values = load.name, load.parameters
+            spread = coordinates.links[number].to_parameters @ root
+            mass, centre = float(values[9]), values[6:9] / values[9]
+            shift = (spread[6:9] - np.outer(centre, spread[9])) / mass
+            bodies.append(
+                BodyRange(
+                    name,
+                    links[name] if own else loads[name],
+                    not own,
+                    mass,
+                    float(np.linalg.norm(spread[9])),
+                    centre,
+                    np.linalg.norm(shift, axis=1),
+                )
+            )
+        ranges = []
+        for place, name in enumerate(answer.parameters[k].name for k in coordinates.drives):
+            kind = name.rstrip("0123456789")
+            if kind in _FIELDS:
+                row = 10 * len(coordinates.links) + place
+                rows.append(row)
+                std = float(np.linalg.norm(uncertainty.root[row]))
+                joint = robot.joints[int(name[len(kind) :]) - 1]
+                ranges.append(JointRange(joint, _FIELDS[kind], answer.values[name], std))
+        return cls(
+            tuple(bodies),
+            tuple(ranges),
+            tuple(link.factor for link in coordinates.links[:kept]),
+            lower_root(uncertainty.root[rows]),
+            uncertainty.link,
+            uncertainty.drive,
+        )
+
+    def mujoco_text(self, model: str, origin: str) -> str:
+        """Return `sample(model, rng)` as a file; `model`: name of the exported MJCF."""
+        bodies = []
+        for body, factor in zip(self.bodies, self.factors, strict=True):
+            kind, name = ("payload", body.link) if body.payload else ("joint", body.name)
+            numbers = ", ".join(
+                f"[{', '.join(f'{value:.9g}' for value in row)}]" for row in factor.tolist()
+            )
+            bodies.append(f'    ("{kind}", "{name}", np.array([{numbers}])),')
+        rows = [
+            f"    [{', '.join(f'{value:.6g}' for value in row[: number + 1])}],"
+            for number, row in enumerate(self.root)
+        ]
+        return "\n".join(
+            [
+                f'"""Other robots like {model} by `sample(model, rng)`; from {origin}."""',
+                "",
+                "import copy",
+                "import itertools",
+                "",
+                "import mujoco",
+                "import numpy as np",
+                "",
+                "# What a joint carries, or a payload, and F of its pseudo-inertia F (1 + S) F.T;",
+                "# in the file S = 0.",
+                "BODIES = [",
+                *bodies,
+                "]",
+                "JOINTS = [",
+                *(f'    ("{each.field}", "{each.joint}"),' for each in self.joints),
+                "]",
+                f"LEAST = {LEAST_OF_NOMINAL:g}  # eigenvalue of 1 + S",
+                "# Root of the covariance of the triangles of all S, and then of the joints.",
+                "_ROWS = [",
+                *rows,
+                "]",
+                "ROOT = np.array([row + [0.0] * (len(_ROWS) - len(row)) for row in _ROWS])",
+                "",
+                _SAMPLER,
+            ]
+        )
+
+    def isaac_lab_text(self, origin: str) -> str:
+        """Return terms of an `EventCfg` with independent ranges of 95 %."""
+        lines = [
+            f'"""Ranges for domain randomisation in Isaac Lab, from {origin}.',
+            "",
+            "Written from the functions of Isaac Lab 2.3 and 3.0, and not run there. Ranges are",
+            "95 % intervals by themselves: what varies together does so in randomize.py alone.",
+            "Viscous friction is scaled by the range of the dry friction. A payload is a body of",
+            "its own with `merge_fixed_joints=False` of UrdfFileCfg.",
+            '"""',
+            "",
+            "import isaaclab.envs.mdp as mdp",
+            "from isaaclab.managers import EventTermCfg, SceneEntityCfg",
+            "from isaaclab.utils import configclass",
+            "",
+            "",
+            "@configclass",
+            "class EventCfg:",
+        ]
+        for number, body in enumerate(self.bodies):
+            half = _NORMAL * body.mass_std / body.mass
+            shift = ", ".join(
+                f'"{axis}": ({-_NORMAL * std:.3g}, {_NORMAL * std:.3g})'
+                for axis, std in zip("xyz", body.centre_std, strict=True)
+            )
+            asset = f'SceneEntityCfg("robot", body_names=["{body.link}"])'
+            scale = f"({max(1.0 - half, 0.01):.4g}, {1.0 + half:.4g})"
+            lines += _term(
+                f"mass_{number + 1}",
+                "randomize_rigid_body_mass",
+                asset,
+                mass_distribution_params=scale,
+                operation='"scale"',
+            )
+            lines += _term(
+                f"centre_{number + 1}", "randomize_rigid_body_com", asset, com_range=f"{{{shift}}}"
+            )
+        for name in dict.fromkeys(each.joint for each in self.joints):
+            ranges = {}
+            for each in self.joints:
+                if each.joint == name and each.field != "dof_damping" and each.value > 0.0:
+                    half = _NORMAL * each.std / each.value
+                    key = "armature" if each.field == "dof_armature" else "friction"
+                    ranges[f"{key}_distribution_params"] = (
+                        f"({max(1.0 - half, 0.0):.4g}, {1.0 + half:.4g})"
+                    )
+            if ranges:
+                asset = f'SceneEntityCfg("robot", joint_names=["{name}"])'
+                number = [body.name for body in self.bodies].index(name) + 1
+                lines += _term(
+                    f"joint_{number}",
+                    "randomize_joint_parameters",
+                    asset,
+                    **ranges,
+                    operation='"scale"',
+                )
+        return "\n".join(lines) + "\n"
+
+    def table(self) -> list[str]:
+        """Lines for changes.md."""
+        lines = [
+            "## Ranges",
+            "",
+            "95 % intervals of what each joint carries, and of its drive. What no motion shows is "
+            f"taken to be off by {100.0 * self.link:.1f} % (links) and {100.0 * self.drive:.1f} % "
+            "(drives and friction): as nominal numbers prove to be elsewhere, at least 1 %. "
+            f"Many vary only together: {RANDOMIZE} draws them so, {EVENTS} each by itself.",
+            "",
+            "| | mass, kg | centre, mm | armature | damping | friction |",
+            "|---|---|---|---|---|---|",
+        ]
+        for body in self.bodies:
+            numbers = {
+                each.field: f"{each.value:.4g} ± {_NORMAL * each.std:.2g}"
+                for each in self.joints
+                if each.joint == body.name and not body.payload
+            }
+            shift = ", ".join(f"{1e3 * _NORMAL * std:.2g}" for std in body.centre_std)
+            lines.append(
+                f"| {body.name} | {body.mass:.4g} ± {_NORMAL * body.mass_std:.2g} | ± {shift} | "
+                + " | ".join(numbers.get(field, "–") for field in _FIELDS.values())
+                + " |"
+            )
+        return [*lines, ""]
+
+
+def _term(name: str, function: str, asset: str, **parameters: str) -> list[str]:
+    return [
+        f"    {name} = EventTermCfg(",
+        f"        func=mdp.{function},",
+        '        mode="startup",',
+        "        params={",
+        f'            "asset_cfg": {asset},',
+        *(f'            "{key}": {value},' for key, value in parameters.items()),
+        "        },",
+        "    )",
+    ]

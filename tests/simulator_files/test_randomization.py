@@ -1,0 +1,117 @@
+"""Ranges for domain randomisation: what varies is what the recording leaves open."""
+
+import ast
+import runpy
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER
+from idim_iv_ros.physical import nearest_physical
+from tests.simulator_files.cases import Case, case
+from tests.simulator_files.test_named import BODY, friction, payload, torque
+
+DRAWS = 60
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Case:
+    """A recording of the nominal model with its causes, each number to 2 %."""
+    causes = [payload("joint_7"), friction("joint_4")]
+    arm = case(tmp_path_factory.mktemp("arm"), "arm7", causes)
+    layout, base = arm.model.regressor.layout, arm.model.base
+    standard = layout.vector(arm.model.robot.given)
+    standard[[layout.names.index(f"{kind}7") for kind in INERTIAL]] += BODY[list(REGRESSOR_ORDER)]
+    standard[layout.names.index("Fv4")] += 0.34
+    standard[layout.names.index("Fc4")] += 1.66
+    values = base.grouping @ standard
+    covariance = np.diag((0.02 * np.abs(values) + 1e-4) ** 2)
+    return arm.with_gap(physical=nearest_physical(arm.model.robot, base, values, covariance))
+
+
+@pytest.fixture(scope="module")
+def drawn(
+    arm: Case, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[mujoco.MjModel, list[mujoco.MjModel]]:
+    made = arm.export(tmp_path_factory.mktemp("out") / "out", refit=False, randomize=True)
+    model = mujoco.MjModel.from_xml_path(str(made.mjcf))
+    sample = runpy.run_path(str(made.ranges[0]))["sample"]
+    random = np.random.default_rng(0)
+    return model, [sample(model, random) for _ in range(DRAWS)]
+
+
+def test_draws_are_bodies_about_the_exported_ones(
+    arm: Case, drawn: tuple[mujoco.MjModel, list[mujoco.MjModel]]
+) -> None:
+    model, draws = drawn
+    masses = np.array([each.body_mass for each in draws])
+    present = model.body_mass > 0.0
+    spread = masses.std(axis=0)[present] / model.body_mass[present]
+    assert np.all(spread > 0.004) and np.all(spread < 0.3)
+    off = np.abs(masses.mean(axis=0) - model.body_mass)[present]
+    assert np.all(off < 4.0 * masses.std(axis=0)[present] / np.sqrt(DRAWS))
+    for each in draws:
+        moments = np.sort(each.body_inertia[present], axis=1)
+        assert np.all(moments[:, 0] > 0.0)
+        assert np.all(moments[:, 2] <= moments[:, :2].sum(axis=1) * (1.0 + 1e-9))
+
+
+def test_what_the_recording_shows_hardly_varies(
+    drawn: tuple[mujoco.MjModel, list[mujoco.MjModel]],
+) -> None:
+    """Torques stay within 2 %, the covariance's, though parts of them vary by more."""
+    _, draws = drawn
+    random = np.random.default_rng(1)
+    states = random.uniform(-1.5, 1.5, (20, 3, 7))
+    together = np.array([[torque(each, *state) for state in states] for each in draws])
+    assert together.std(axis=0).mean() < 0.02 * np.sqrt(np.mean(together**2))
+
+
+def test_a_draw_is_of_its_seed_and_leaves_the_model(arm: Case, tmp_path: Path) -> None:
+    made = arm.export(tmp_path / "out", refit=False, randomize=True, without=["payload"])
+    model = mujoco.MjModel.from_xml_path(str(made.mjcf))
+    before = model.body_mass.copy()
+    sample = runpy.run_path(str(made.ranges[0]))["sample"]
+    first, again, other = (sample(model, np.random.default_rng(seed)) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first.body_mass, again.body_mass)
+    assert np.all(first.dof_damping >= 0.0) and np.any(first.dof_damping != other.dof_damping)
+    np.testing.assert_array_equal(model.body_mass, before)
+    assert '("payload"' not in made.ranges[0].read_text(encoding="utf-8")
+
+
+def test_terms_of_isaac_lab_hold_ranges_about_what_is_exported(arm: Case, tmp_path: Path) -> None:
+    made = arm.export(tmp_path / "out", refit=False, randomize=True)
+    (events,) = (
+        node
+        for node in ast.parse(made.ranges[1].read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef)
+    )
+    terms: dict[str, dict[str, Any]] = {}
+    for term in events.body:
+        assert isinstance(term, ast.Assign) and isinstance(term.value, ast.Call)
+        assert isinstance(term.targets[0], ast.Name)
+        given = {word.arg: word.value for word in term.value.keywords}["params"]
+        assert isinstance(given, ast.Dict)
+        terms[term.targets[0].id] = {
+            ast.literal_eval(key): ast.literal_eval(value)
+            for key, value in zip(given.keys, given.values, strict=True)
+            if key is not None and not isinstance(value, ast.Call)
+        }
+    assert len(terms) == 8 + 8 + 7
+    for name, parameters in terms.items():
+        for key, value in parameters.items():
+            if key.endswith("params"):
+                assert value[0] < 1.0 < value[1], name
+            elif key == "com_range":
+                assert all(low < 0.0 < high for low, high in value.values()), name
+    table = made.changes.read_text(encoding="utf-8")
+    assert table.count("\n| joint_") >= 7 and "## Ranges" in table
+
+
+def test_one_refit_has_no_ranges(arm: Case, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="names no causes"):
+        arm.export(tmp_path / "out", randomize=True)
