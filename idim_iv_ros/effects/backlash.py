@@ -53,7 +53,6 @@ class Backlash(StructuralEffect[BacklashShape]):
     order = 80
     family = "load"
     confounders = ("elasticity", "presliding")
-    of_high_derivatives = True
     free_shape = False
     excitation = "slow motion through postures where the load changes its sign"
     segments = ("range_sweep", "creep", "reversals")
@@ -93,10 +92,6 @@ class Backlash(StructuralEffect[BacklashShape]):
             replace(shape, damping=damping / (1.0 + 2.0 * step)),
         ]
         return [each for each in near if each.wide]
-
-    def free_numbers(self, shape: BacklashShape) -> int:
-        """Gap, flanks and their damping."""
-        return 3
 
     def columns(
         self, motion: RobotMotion, place: Place, shape: BacklashShape

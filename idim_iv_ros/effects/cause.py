@@ -100,7 +100,6 @@ class Cause(ABC):
     order: ClassVar[int]
     # What it may be mistaken for, and what no recording separates from it.
     confounders: ClassVar[tuple[str, ...]] = ()
-    same_as: ClassVar[tuple[str, ...]] = ()
     # What to record so that it shows: in words, and as kinds of segment of the designed motion
     # (`excitation.segments`); where no segment shows it, `beyond_motion` says what does.
     excitation: ClassVar[str]

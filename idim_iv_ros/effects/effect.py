@@ -150,11 +150,6 @@ class StructuralEffect(Cause, Generic[S]):
 
     kind = "structural"
     family: ClassVar[Family]
-    # Whether its law has a constant part, which is no torque offset then.
-    with_constant: ClassVar[bool] = False
-    # Whether its torque is made of high derivatives: noise of the encoders is then in both sides,
-    # and the diagnosis asks for more support.
-    of_high_derivatives: ClassVar[bool] = False
     # Whether the shape may vary beside the coefficients; not where one is its change.
     free_shape: ClassVar[bool] = True
     # Where its size sits: in the coefficients, in one coefficient that scales a shape (which holds
@@ -197,10 +192,6 @@ class StructuralEffect(Cause, Generic[S]):
         """Whether physics allows these coefficients: by default the first is not negative."""
         return bool(coefficients[0] >= 0.0)
 
-    def free_numbers(self, shape: S) -> int:
-        """How many numbers of the shape the search may choose: all by default."""
-        return len(shape.numbers)
-
     def neighbours(self, shape: S, step: float, place: Place, covered: OperatingRange) -> list[S]:
         """Shapes near one: each number larger and smaller by the factor 1 + step."""
         return [
@@ -208,13 +199,6 @@ class StructuralEffect(Cause, Generic[S]):
             for name, given in vars(shape).items()
             for value in _varied(given, 1.0 + step)
         ]
-
-    def settled(self, shape: S, coefficients: FloatArray) -> S:
-        """Shape with about the same torque for coefficients that physics allows; itself by default.
-
-        Asked where the search ends at coefficients that it does not allow.
-        """
-        return shape
 
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
         """Why a joint's motion cannot show it whatever its size; empty where it may.

@@ -57,10 +57,6 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
         """Once, or once and twice a turn."""
         return [DiscShape(False), DiscShape(True)]
 
-    def free_numbers(self, shape: DiscShape) -> int:
-        """None: both shapes are on the grid."""
-        return 0
-
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
         """It needs a good part of a turn."""
         span, length = covered.span(joint), covered.length(joint)

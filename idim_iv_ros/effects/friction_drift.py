@@ -85,10 +85,6 @@ class FrictionDrift(StructuralEffect[DriftShape]):
             *(DriftShape(float(time), True) for time in recording if several),
         ]
 
-    def free_numbers(self, shape: DriftShape) -> int:
-        """The time constant."""
-        return 1
-
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
         """It needs a session that warms the joint up."""
         if covered.duration >= _LEAST_SESSION:

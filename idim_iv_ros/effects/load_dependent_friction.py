@@ -97,10 +97,6 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
         near = (shape.exponent * (1.0 + step), shape.exponent / (1.0 + step))
         return [replace(shape, exponent=min(max(e, 0.6), 1.6)) for e in near]
 
-    def free_numbers(self, shape: LoadShape) -> int:
-        """The exponent: the scale goes with the coefficients."""
-        return 1
-
     def columns(self, motion: RobotMotion, place: Place, shape: LoadShape) -> dict[int, FloatArray]:
         """Friction of coefficients of one, by direction of the power flow where it has two."""
         v = motion.velocity[:, place.joint]

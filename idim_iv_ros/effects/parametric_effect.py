@@ -45,11 +45,6 @@ class Estimated:
         return self.std is not None
 
     @property
-    def clearly_negative(self) -> bool:
-        """Whether noise cannot explain that it lies below zero."""
-        return self.above(0.0) is False
-
-    @property
     def certainty(self) -> float:
         """Distance from zero in standard deviations; 0 where it is not determined."""
         return abs(self.value) / self.std if self.std else 0.0
@@ -176,10 +171,6 @@ class ParametricEffect(Cause):
     ) -> bool:
         """Whether physics allows the estimate: by default anything."""
         return True
-
-    def telling(self, found: Sequence[Estimated]) -> list[Estimated]:
-        """Estimates of which one must differ from zero for the effect to be there; all of them."""
-        return list(found)
 
     def parameters(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]

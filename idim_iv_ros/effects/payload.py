@@ -62,10 +62,6 @@ class Payload(ParametricEffect):
         ]
         return [each for each in (point, body) if each]
 
-    def telling(self, found: Sequence[Estimated]) -> list[Estimated]:
-        """Mass and first moments: moments of inertia alone are no mass that hangs on the arm."""
-        return [each for each in found if each.change.name in _NAMES.values()]
-
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
     ) -> bool:

@@ -98,10 +98,6 @@ class PositionDependentFriction(StructuralEffect[Waves | TightSpot]):
         low, high = float(covered.low[place.joint]), float(covered.high[place.joint])
         return [each for each in moved if low - each.width < each.centre < high + each.width]
 
-    def free_numbers(self, shape: Waves | TightSpot) -> int:
-        """Wave numbers; centre, width and that it is a spot."""
-        return 3 if isinstance(shape, TightSpot) else len(shape.wave_numbers)
-
     def longer(
         self, shape: Waves | TightSpot, place: Place, covered: OperatingRange
     ) -> list[tuple[Waves | TightSpot, Waves | TightSpot]]:

@@ -64,7 +64,6 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
     order = 130
     family = "position"
     confounders = ("position_ripple", "asymmetric_friction")
-    with_constant = True
     excitation = "the whole range of the joint, slowly"
     segments = ("range_sweep",)
     typical = ShareOf("peak", 0.1)
@@ -94,10 +93,6 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
             for width in _WIDTHS
         ]
         return [CubicShape(low, high), *bent]
-
-    def free_numbers(self, shape: CubicShape | BentShape) -> int:
-        """Centre and width of the bent ones."""
-        return 2 if isinstance(shape, BentShape) else 0
 
     def neighbours(
         self, shape: CubicShape | BentShape, step: float, place: Place, covered: OperatingRange

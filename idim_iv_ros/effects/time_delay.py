@@ -33,7 +33,6 @@ class TimeDelay(StructuralEffect[DelayShape]):
     order = 100
     family = "frequency"
     confounders = ("elasticity", "nonlinear_viscous")
-    of_high_derivatives = True
     excitation = "energy above 2 Hz and sharp reversals"
     segments = ("multisine",)
     size_in = "scale"
@@ -43,10 +42,6 @@ class TimeDelay(StructuralEffect[DelayShape]):
     def grid(self, place: Place, covered: OperatingRange) -> list[DelayShape]:
         """From 0.3 to 12 ms."""
         return [DelayShape(delay) for delay in _DELAYS]
-
-    def free_numbers(self, shape: DelayShape) -> int:
-        """None: for short delays only their product with the coefficient counts."""
-        return 0
 
     def neighbours(
         self, shape: DelayShape, step: float, place: Place, covered: OperatingRange
@@ -71,11 +66,6 @@ class TimeDelay(StructuralEffect[DelayShape]):
     def admissible(self, shape: DelayShape, coefficients: FloatArray) -> bool:
         """The whole torque is late, not a part of it (the shape bends with longer delays)."""
         return bool(0.4 < coefficients[0] < 2.5)
-
-    def settled(self, shape: DelayShape, coefficients: FloatArray) -> DelayShape:
-        """The delay that both make; its whole torque is then late."""
-        delay = float(shape.delay * coefficients[0])
-        return DelayShape(delay) if _DELAYS[0] <= delay <= _DELAYS[-1] else shape
 
     def plausible(
         self, shape: DelayShape, coefficients: FloatArray, torque: float, scale: JointScale

@@ -10,8 +10,6 @@ class TorqueOffset(ParametricEffect):
     name = "torque_offset"
     order = 35
     confounders = ("payload", "gravity_direction")
-    # Dry friction of Fc + d one way and Fc - d the other is Fc, and a constant torque d.
-    same_as = ("asymmetric_friction",)
     excitation = "the whole range of the joint, slowly, in both directions"
     segments = ("range_sweep",)
     specs = (ParameterSpec("offset", "N m", "constant torque beyond the nominal model's"),)

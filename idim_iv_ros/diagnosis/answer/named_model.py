@@ -105,8 +105,6 @@ def _added(regression: Regression, before: Fit, term: Term) -> tuple[Candidate, 
         {joint: fit.residuals[joint] for joint in place.joints},
         gain=larger.gain_of_last(fit),
         explained=1.0 - float(np.mean(left)),
-        numbers=term.width + effect.free_numbers(term.shape),
-        tried=term.candidate.options,
     )
     return candidate, larger, fit
 

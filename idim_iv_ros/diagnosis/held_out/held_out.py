@@ -122,34 +122,6 @@ class HeldOut:
         positive = int(np.sum(after[present] < before[present]))
         return float(1.0 - after.sum() / before.sum()), positive, int(present.sum())
 
-    def helped(self, effect: int) -> tuple[float, bool]:
-        """Part of what an effect does that lies in folds which it helps; if without its best, too.
-
-        What it does in a fold is the energy of the change of the whitened prediction. Where that
-        is less than noise, a fold helps or not by chance, and says nothing: an effect may act in
-        some folds only. What only the best fold supports rests on one stretch of time.
-        """
-        before, after, change = self._of_effect(effect)
-        gains = before - after
-        share = float(change[gains > 0.0].sum() / max(float(change.sum()), 1e-300))
-        others = np.arange(len(gains)) != np.argmax(gains)
-        beyond_noise = float(change[others].sum()) >= settings.NORMAL_95**2
-        return share, beyond_noise and bool(gains[others].sum() > 0.0)
-
-    def surely_helped(self, effect: int) -> bool:
-        """Whether what an effect takes of the whitened residual is no chance, over blocks of time.
-
-        95 % of the resampled sessions, one limit of the interval. The whitened residual, not the
-        torque gap itself: slow noise makes most of that, and it is no part of the effect.
-        """
-        blocks = max(int(block.max()) for block in self.blocks) + 1
-        gains = np.zeros(blocks)
-        for j in self.own_joints[effect]:
-            used = self.folds[j] != GUARD_FOLD
-            one, two = (self.whitened[stage][j][used] for stage in (effect, effect + 1))
-            gains += np.bincount(self.blocks[j][used], weights=one**2 - two**2, minlength=blocks)
-        return interval(resampled(gains[:, None])[:, 0])[0] > 0.0
-
     def _of_effect(self, effect: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Energies of each fold, over an effect's joints: without it, with it, of the change."""
         joints = self.own_joints[effect]

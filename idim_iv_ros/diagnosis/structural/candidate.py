@@ -115,10 +115,6 @@ class Candidate:
         Of the logarithm of the likelihood, with the noise models of a fit that has it.
     explained : float
         Share of the torque gap's energy at its joints that it takes away, not whitened.
-    numbers : int
-        Coefficients and shape: what the candidate may choose.
-    tried : int
-        Shapes on its grid.
     """
 
     effect: Effect
@@ -129,8 +125,6 @@ class Candidate:
     residuals: Columns
     gain: float
     explained: float
-    numbers: int
-    tried: int
 
     @property
     def width(self) -> int:
@@ -146,28 +140,3 @@ class Candidate:
         after = float(np.mean(self.residuals[joint] ** 2))
         share = min(max(self.explained, 0.0), 1.0 - 1e-9)
         return float(np.sqrt(after * share / (1.0 - share))) / sizes[joint]
-
-    @property
-    def rows(self) -> int:
-        """Rows of the joints of its place."""
-        return sum(len(rest) for rest in self.residuals.values())
-
-    @property
-    def cost(self) -> float:
-        """Of its numbers and of the search: what chance would gain, and more (Schwarz)."""
-        return 0.5 * self.numbers * float(np.log(max(self.rows, 2))) + float(np.log(self.tried))
-
-    @property
-    def support(self) -> float:
-        """Gain less the cost."""
-        return self.gain - self.cost
-
-    @property
-    def own_joints(self) -> tuple[int, ...]:
-        """The joint of the effect, or both of a coupling."""
-        return self.place.joints
-
-    @property
-    def key(self) -> tuple[str, int, int | None]:
-        """Effect and place."""
-        return self.effect.name, self.place.joint, self.place.other

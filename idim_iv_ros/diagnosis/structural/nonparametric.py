@@ -37,10 +37,6 @@ class Nonparametric(Effect):
     excitation = ""
     words: str
 
-    def free_numbers(self, shape: Shape) -> int:
-        """None: knots are fixed."""
-        return 0
-
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
         """Any."""
         return True
@@ -118,10 +114,6 @@ class Stop(Nonparametric):
         move = 0.05 * step * covered.span(place.joint)
         return [replace(shape, position=shape.position + sign * move) for sign in (1.0, -1.0)]
 
-    def free_numbers(self, shape: Shape) -> int:
-        """Side and position."""
-        return 2
-
     def columns(self, motion: RobotMotion, place: Place, shape: StopShape) -> dict[int, FloatArray]:
         """Spring and damper beyond the position."""
         side, start = shape.side, shape.position
@@ -137,7 +129,6 @@ class Lags(Nonparametric):
     name = "dynamics of the torque"
     family = "frequency"
     words = "follows the torque's rate of change"
-    of_high_derivatives = True
 
     def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
         """Return the only one."""
