@@ -170,8 +170,10 @@ def distance(
     return 1000.0 * float(np.sqrt(np.mean(squares)))
 
 
-def rows(path: Path, gap: GapResult, folder: Path, configuration: Configuration) -> list[str]:
-    """Lines of the table: models by edits."""
+def rows(
+    path: Path, gap: GapResult, folder: Path, configuration: Configuration, noise: float
+) -> list[str]:
+    """Lines of the table: models by edits; the peer's figures are those of its noise."""
     nominal = twin(path)
     names = [each.effect for each in gap.causes if each.effect == "payload"]
     result = folder / "gap.json"
@@ -211,7 +213,8 @@ def rows(path: Path, gap: GapResult, folder: Path, configuration: Configuration)
             for reference, model in zip(references, found, strict=True)
         ]
         figures.append(f"{distance(references[0], found[0], nominal, FAST):.3g}")
-        lines.append(f"| {words[name]} | {' | '.join(PEER[name])} | {' | '.join(figures)} |")
+        published = PEER[name] if noise == 1.0 else ("–", "–")
+        lines.append(f"| {words[name]} | {' | '.join(published)} | {' | '.join(figures)} |")
     return lines
 
 
@@ -244,7 +247,7 @@ def main() -> None:
             "",
             "| | peer: loaded | peer: payload off | loaded | payload off | another tool | faster |",
             "|---|---:|---:|---:|---:|---:|---:|",
-            *rows(arguments.robot, gap, folder, configuration),
+            *rows(arguments.robot, gap, folder, configuration, noise),
             "",
             f"Diagnosis in {seconds:.0f} s. It names:",
             "",

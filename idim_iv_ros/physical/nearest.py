@@ -13,11 +13,13 @@ recording decides what it shows, and the divergence from the nominal model the r
 
 import time
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from idim_iv_ros.errors import DataError
 from idim_iv_ros.model import BaseParameters, RobotModel
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
 from idim_iv_ros.physical.conic_problem import TRIANGLE, ConicProblem
@@ -40,6 +42,7 @@ from idim_iv_ros.types import FloatArray, IntArray
 # impossible. Below 1e-4 the solver begins to fail.
 # ε: what a link has at least of its nominal pseudo-inertia in every direction.
 TIE_BREAKER = 1e-3
+_LARGEST_TIE_BREAKER = 0.1
 LEAST_OF_NOMINAL = 1e-3
 ALPHA = 0.01
 _ACTIVE = 1.5  # a bound holds a link back within this factor of it
@@ -98,12 +101,12 @@ def nearest_physical(
             right=root @ estimate[shown],
             links=len(coordinates.links),
             nominal=nominal,
-            scale=scale / np.sqrt(TIE_BREAKER),
+            scale=scale,
             bounded=bounded,
-            weights=np.full(len(coordinates.links), TIE_BREAKER),
+            weights=np.ones(len(coordinates.links)),
             least=LEAST_OF_NOMINAL,
         )
-        x = problem.solve()
+        x = _solved(problem, TIE_BREAKER)
         drives = x[10 * len(coordinates.links) :]
         drives[bounded & (drives < AT_ZERO * own_std)] = 0.0
         return x
@@ -163,6 +166,21 @@ def nearest_physical(
         torque_error=error,
         seconds=time.perf_counter() - begin,
     )
+
+
+def _solved(problem: ConicProblem, tie_breaker: float) -> FloatArray:
+    """Solve a problem of weight one with λ; a larger one where λ is below the solver's digits."""
+    weighted = replace(
+        problem,
+        scale=problem.scale / np.sqrt(tie_breaker),
+        weights=tie_breaker * problem.weights,
+    )
+    try:
+        return weighted.solve()
+    except DataError:  # a recording almost without noise
+        if tie_breaker > _LARGEST_TIE_BREAKER / 2.0:
+            raise
+        return _solved(problem, 10.0 * tie_breaker)
 
 
 def nearest_body(

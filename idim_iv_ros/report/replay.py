@@ -84,6 +84,12 @@ def headline(result: ReplayResult) -> str:
     best = min(ratios, key=lambda joint: ratios[joint])
     if worst == best:
         return f"{last.name.capitalize()}, {best} is {_times(ratios[best])}."
+    if first.tool is not None and last.tool is not None:
+        return (
+            f"The end of the simulated arm is {1e3 * last.tool.rms:.3g} mm from the robot's "
+            f"{last.name}, {1e3 * first.tool.rms:.3g} mm nominal; its motion is "
+            f"{_times(ratios[best])} at {best}, and {_times(ratios[worst])} at {worst}."
+        )
     return (
         f"{last.name.capitalize()}, the simulated motion is "
         f"{_times(ratios[best])} at {best}, and {_times(ratios[worst])} at {worst}."
@@ -107,6 +113,9 @@ def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:
             if found is not None:
                 cells.append(error_words(found[joint], scale, unit))
         rows.append([*cells, f"{number(scale * noise[joint])} {unit}"])
+    if kind == "tracking":
+        tools = [stage.tool for stage in result.stages if stage.tool is not None]
+        rows.append(["end of the arm", *(error_words(each, 1e3, "mm") for each in tools), "–"])
     return rows
 
 

@@ -214,9 +214,16 @@ def with_remainder(
                 f"{source}: beside {cause_name(cause)}, which is no number of a body or a joint, "
                 "what remains cannot be spread: leave out --remainder"
             )
-    if physical.covariance is None:
+    size = len(model.base.names)
+    if (
+        physical.covariance is None
+        or physical.covariance.shape != (size, size)
+        or not np.all(np.isfinite(physical.covariance))
+        or [each.name for each in physical.base] != list(model.base.names)
+    ):
         raise UsageError(
-            f"{source}: holds no covariance of its estimate; run `idim-iv diagnose` again"
+            f"{source}: physical.covariance is not that of the {size} base parameters of this "
+            "robot; run `idim-iv diagnose` again"
         )
     whole = mended_model(model, [*causes, *left_out], [], physical, source)
     joints = model.robot.joints

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
@@ -243,8 +244,11 @@ def _result(
                 ("torque", found.torques, smooth, noise[1]),
             ):
                 errors[kind] = _errors(robot.joints, motions, simulated, recorded, level)
+        tool = None if found.note else _tool(robot, motions, found.positions, measured)
         stages.append(
-            ReplayStage(stage.name, stage.words, errors["tracking"], errors["torque"], found.note)
+            ReplayStage(
+                stage.name, stage.words, errors["tracking"], errors["torque"], tool, found.note
+            )
         )
     seconds = sum((m.span.stop - m.span.start) / m.signals.rate for m in motions)
     positions = {"recorded": measured[0]}
@@ -270,6 +274,32 @@ def _result(
         positions=positions,
         rate=motions[0].signals.rate,
     )
+
+
+def _tool(
+    robot: RobotModel,
+    motions: Sequence[Motion],
+    simulated: Sequence[FloatArray],
+    recorded: Sequence[FloatArray],
+) -> ReplayError:
+    """Distance of the centres of the last link."""
+    tree = robot.pinocchio
+    data, last = tree.createData(), tree.njoints - 1
+    centre = np.array(tree.inertias[last].lever)
+
+    def places(positions: FloatArray) -> FloatArray:
+        found = np.empty((len(positions), 3))
+        for row, position in enumerate(positions):
+            pin.forwardKinematics(tree, data, position)
+            found[row] = data.oMi[last].act(centre)
+        return found
+
+    apart = [
+        np.linalg.norm(places(one) - places(other), axis=1, keepdims=True)
+        for one, other in zip(simulated, recorded, strict=True)
+    ]
+    none = [np.zeros_like(each) for each in apart]
+    return _errors(("tool",), motions, apart, none, np.zeros(1))["tool"]
 
 
 def _noise(

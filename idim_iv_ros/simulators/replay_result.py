@@ -45,6 +45,8 @@ class ReplayStage:
         What it is made of, in words.
     tracking, torque : dict
         By joint; None where it was not simulated to the end.
+    tool : ReplayError or None
+        Distance of the centres of the last link, m.
     note : str
         Why not, or what is missing in it; empty otherwise.
     """
@@ -53,6 +55,7 @@ class ReplayStage:
     model: str
     tracking: dict[str, ReplayError] | None
     torque: dict[str, ReplayError] | None
+    tool: ReplayError | None = None
     note: str = ""
 
 
