@@ -10,7 +10,7 @@ from idim_iv_ros.diagnosis.comparison import rules
 from idim_iv_ros.diagnosis.comparison.beside import Beside, Term
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.folds import Chosen, chosen_without
-from idim_iv_ros.diagnosis.comparison.probability import features, probability
+from idim_iv_ros.diagnosis.comparison.probability import features, of_set, probability
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import Selection
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut, held_out
@@ -34,11 +34,13 @@ class JudgedTerm:
     features : (f,)
         See `comparison.probability`.
     probability : float
-        That it is a cause.
+        That it is a cause by its first name; that its set holds one decides.
     chosen : str
         Without how many of the folds the search chooses it: ``4 of 4``.
     reason : str
         Why it is no cause; empty where it is one.
+    outside : bool
+        Whether its torque is there, and it is something else.
     """
 
     term: Term
@@ -46,6 +48,7 @@ class JudgedTerm:
     probability: float
     chosen: str
     reason: str
+    outside: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,12 +87,12 @@ def explained(data: Baseline, regression: Regression, selection: Selection) -> E
     """Judge every term of a selection and predict held-out rows with those that are causes."""
     judged = judged_terms(data, regression, selection)
     causes = _without_doubtful(selection, [each for each in judged if not each.reason])
+    judged = [*causes, *(each for each in judged if each.reason)]
+    causes = [each for each in causes if not each.reason]
     effects = [each for each in causes if each.term.candidate.kind is Kind.EFFECT]
     doubtful = [each for each in judged if each.reason]
     outside = [
-        each.term
-        for each in doubtful
-        if each.term.candidate.kind is Kind.EFFECT and each.reason == INADEQUATE
+        each.term for each in doubtful if each.term.candidate.kind is Kind.EFFECT and each.outside
     ]
     others = [term for term in selection.terms if term.candidate.kind in (Kind.NUMBER, Kind.SIGNAL)]
     model = named_model(
@@ -122,7 +125,14 @@ def _without_doubtful(selection: Selection, causes: Sequence[JudgedTerm]) -> lis
     """Give causes the numbers that they have where what is doubtful is left out."""
     signals = [term for term in selection.terms if term.candidate.kind is Kind.SIGNAL]
     terms = together(selection.comparison, [*(each.term for each in causes), *signals])
-    return [replace(each, term=term) for each, term in zip(causes, terms, strict=False)]
+    catalogue = selection.comparison.catalogue
+    made = []
+    for each, term in zip(causes, terms, strict=False):
+        reason = catalogue.why_impossible(
+            term.candidate, term.shape, term.coefficients, term.deviations
+        )
+        made.append(replace(each, term=term, reason=reason, outside=bool(reason)))
+    return made
 
 
 def judged_terms(data: Baseline, regression: Regression, selection: Selection) -> list[JudgedTerm]:
@@ -147,7 +157,8 @@ def judged_terms(data: Baseline, regression: Regression, selection: Selection) -
                 values,
                 odds,
                 f"{chosen.times(term)} of {len(chosen.keys)}",
-                _why_not(term, odds, float(remaining[joint]), chosen),
+                (reason := _why_not(term, of_set(values), float(remaining[joint]), chosen)),
+                reason == INADEQUATE,
             )
         )
     return sorted(made, key=lambda each: -float(each.term.visible.max()))
@@ -178,7 +189,7 @@ def _why_not(term: Term, odds: float, remaining: float, chosen: Chosen) -> str:
         return INADEQUATE
     if odds < rules.LEAST_PROBABILITY:
         return (
-            f"its probability is {100.0 * odds:.0f} %; the search without a part of the time "
+            f"its probability is {100.0 * odds:.0f} %, and the search without a part of the time "
             f"chooses it in {chosen.times(term)} of {len(chosen.keys)} cases"
         )
     return ""

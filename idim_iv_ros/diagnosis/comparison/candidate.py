@@ -231,18 +231,29 @@ class Catalogue:
         self, candidate: Candidate, option: int, coefficients: FloatArray, deviations: FloatArray
     ) -> bool:
         """Whether physics allows these coefficients (w,)."""
-        effect = candidate.effect
+        shape = candidate.shapes[option] if candidate.shapes else None
+        return not self.why_impossible(candidate, shape, coefficients, deviations)
+
+    def why_impossible(
+        self,
+        candidate: Candidate,
+        shape: Shape | None,
+        coefficients: FloatArray,
+        deviations: FloatArray,
+    ) -> str:
+        """Why no arm has these coefficients (w,); empty where one may have."""
+        effect, place = candidate.effect, candidate.place
         if isinstance(effect, ParametricEffect):
-            joint = None if candidate.place is None else candidate.place.joint
+            joint = None if place is None else place.joint
             estimates = [
                 Estimated(change, float(value), float(std))
                 for change, value, std in zip(
                     candidate.changes, coefficients, deviations, strict=True
                 )
             ]
-            return effect.admissible(self.space, joint, estimates)
-        shape = candidate.shapes[option]
+            fits = effect.admissible(self.space, joint, estimates)
+            return "" if fits else "its numbers are those of no arm"
+        assert place is not None and shape is not None
         if not effect.admissible(shape, coefficients):
-            return False
-        assert candidate.place is not None
-        return not effect.impossible(shape, coefficients, candidate.place.joint, self.covered)
+            return "its numbers have a sign or size that physics excludes"
+        return effect.impossible(shape, coefficients, place.joint, self.covered)

@@ -98,3 +98,10 @@ def probability(values: Sequence[float] | FloatArray) -> float:
     weights = table()
     odds = weights.intercept + float(np.dot(weights.weights, values))
     return float(np.clip(1.0 / (1.0 + np.exp(-odds)), *LIMITS))
+
+
+def of_set(values: FloatArray) -> float:
+    """Probability that one of the set of a term is a cause: as if it had all of the weight."""
+    whole = values.copy()
+    whole[FEATURES.index("its weight in its set")] = 1.0
+    return probability(whole)
