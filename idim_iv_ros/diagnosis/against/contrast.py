@@ -21,6 +21,7 @@ from idim_iv_ros.diagnosis.against.law import (
     LawDifference,
     ShiftDifference,
     law_differences,
+    less,
     shift_difference,
 )
 from idim_iv_ros.diagnosis.against.sets import TwoSets, two_sets
@@ -258,7 +259,7 @@ class _Assembly:
         change: Literal["appeared", "vanished", "changed"] = "appeared" if other else "vanished"
         if (one and other) or any(t.key[:3] == terms[0].key[:3] for t in self._changes.common):
             change = "changed"
-        changed = _difference(other, one) if one and other else other or one
+        changed = less(other, one) if one and other else other or one
         torques, others = self._made(terms), self._others(terms)
         return self._cause(
             name,
@@ -330,7 +331,8 @@ class _Assembly:
         """RMS in the second set of three models, and of the whole one in the reference.
 
         The three: that of the reference, with the causes beside it, and with numbers of the second
-        set's own, in each part of the time as the other parts have them.
+        set's own, in each part of the time as the other parts have them. What is left in the
+        reference is that of white noise at the second set's rate.
         """
         model = self._changes.selection.model
         after, inside = model.residuals(white=False), self._sets.inside
@@ -341,6 +343,7 @@ class _Assembly:
                 if self._is_doubtful(term):
                     after[joint] += torque
         own = self._with_own_numbers(after)
+        slower = max(1.0, self._rate(0) / self._rate(1))  # fewer samples in a row: more noise
         made, of_reference = [], []
         for joint, (name, size) in enumerate(zip(self._data.joints, self._sizes, strict=True)):
             first, second, least = (
@@ -350,8 +353,12 @@ class _Assembly:
             share = float(np.sqrt(max(first**2 - least**2, 0.0))) / size
             unexplained = float(np.sqrt(second**2 - least**2))
             made.append(JointContrast(name, first, second, least, share, unexplained))
-            of_reference.append(_rms(after[joint][~inside[joint]]))
+            of_reference.append(float(np.sqrt(slower)) * _rms(after[joint][~inside[joint]]))
         return made, of_reference
+
+    def _rate(self, number: int) -> float:
+        """Hz at which one of the sets was recorded."""
+        return min(motion.signals.rate for motion in self._sets.sets[number].prepared.motions)
 
     def _with_own_numbers(self, residuals: Sequence[FloatArray]) -> list[FloatArray]:
         """(r_j,) what numbers of the second set leave of parts that they are not fitted to."""
@@ -383,17 +390,3 @@ class _Assembly:
 
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
-
-
-def _difference(
-    against: dict[str, EffectParameter], reference: dict[str, EffectParameter]
-) -> dict[str, EffectParameter]:
-    """Number by number, of those that both have."""
-    made = {}
-    for name, each in against.items():
-        other = reference.get(name)
-        if other is not None:
-            determined = each.std is not None and other.std is not None
-            std = float(np.hypot(each.std or 0.0, other.std or 0.0)) if determined else None
-            made[name] = EffectParameter(each.value - other.value, std, each.unit)
-    return made
