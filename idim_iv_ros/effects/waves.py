@@ -64,21 +64,32 @@ def wave_grid(place: Place, covered: OperatingRange, periods: float) -> list[Wav
 
 
 def one_wave_more(shape: Waves, grid: list[Waves]) -> list[tuple[Waves, Waves]]:
-    """Return a shape with each wave of a grid beside its own, and that wave alone."""
-    if len(shape.wave_numbers) >= _MOST_WAVES:
+    """Return a shape with another wave of a grid, and that wave alone.
+
+    Waves nearer to each other than the resolution are a beat, whose amplitudes may be anything.
+    """
+    if len(shape.wave_numbers) >= _MOST_WAVES or len(grid) < 2:
         return []
-    return [(Waves(shape.wave_numbers + term.wave_numbers), term) for term in grid]
+    resolution = _FINEST * (grid[1].wave_numbers[0] - grid[0].wave_numbers[0])
+    longer = [(Waves(shape.wave_numbers + term.wave_numbers), term) for term in grid]
+    return [pair for pair in longer if _apart(pair[0], resolution)]
+
+
+def _apart(shape: Waves, resolution: float) -> bool:
+    """Whether all wave numbers differ by the resolution, 1/rad (1/m), at least."""
+    return bool(np.all(np.diff(sorted(shape.wave_numbers)) >= resolution))
 
 
 def near_waves(shape: Waves, step: float, span: float) -> list[Waves]:
     """Each wave number a little higher and lower, by a share of the resolution 2π / span."""
     move = step * 2.0 * np.pi / span
-    own = shape.wave_numbers
-    return [
-        Waves((*own[:k], max(own[k] + sign * move, 1e-3), *own[k + 1 :]))
-        for k in range(len(own))
+    numbers = shape.wave_numbers
+    near = [
+        Waves((*numbers[:k], max(numbers[k] + sign * move, 1e-3), *numbers[k + 1 :]))
+        for k in range(len(numbers))
         for sign in (1.0, -1.0)
     ]
+    return [each for each in near if _apart(each, 2.0 * np.pi / span)]
 
 
 def wave_columns(position: FloatArray, shapes: Sequence[Waves]) -> list[FloatArray]:

@@ -233,7 +233,7 @@ def judge_all(
         [each.joint for each in joints if each.verdict == kind]
         for kind in ("misspecified", "inconclusive", "autocorrelated")
     )
-    largest = sorted(joints, key=lambda joint: -joint.rejected_percent)
+    largest = sorted(joints, key=_beyond_noise_first)
     small = _small(largest)
     if wrong:
         wrong = [each.joint for each in largest if each.verdict == "misspecified"]
@@ -241,6 +241,13 @@ def judge_all(
             f"The model is wrong at {_names(wrong)}: a physical effect is missing there, or the "
             "control law is another; the reason is given with each joint."
         )
+        worst = largest[0]
+        if worst.joint not in wrong and (worst.torque_percent or 0.0) >= SMALL_TORQUE_PERCENT:
+            sentence += (
+                f" The residual beyond the noise is largest at {worst.joint} "
+                f"({worst.torque_percent:.2g} % of its torque): what is missing there moves other "
+                "joints, too, so look there first."
+            )
         if inconclusive:
             sentence += f" The tests are inconclusive at {_names(inconclusive)}."
         return OverallVerdict("misspecified", sentence + small)
@@ -268,6 +275,11 @@ def judge_all(
         )
     rest = "" if small else " The estimates and their standard deviations hold."
     return OverallVerdict("valid", f"{head} The residuals are white.{rest}{small}")
+
+
+def _beyond_noise_first(joint: JointVerdict) -> tuple[float, float]:
+    """Order of the joints: residual beyond the noise, then the largest rejected deviation."""
+    return -(joint.torque_percent or 0.0), -joint.rejected_percent
 
 
 def _shared(joints: Sequence[JointVerdict], instruments: HypothesisTest | None) -> bool:

@@ -8,7 +8,7 @@ from idim_iv_ros.diagnosis import settings
 
 def test_settings_are_halved_and_doubled_and_large_shares_by_their_distance_from_one() -> None:
     assert [float(each) for each in sensitivity.variants("LEAST_SUPPORT")] == [4.0, 16.0]
-    assert sensitivity.variants("HELD_OUT_LEAST_FOLDS") == pytest.approx([0.875, 0.5])
+    assert sensitivity.variants("MEASURED_BELOW") == pytest.approx([0.8, 0.2])
 
 
 def test_a_setting_is_changed_for_a_while_and_what_came_before_it_is_kept() -> None:
@@ -17,14 +17,13 @@ def test_a_setting_is_changed_for_a_while_and_what_came_before_it_is_kept() -> N
         assert 2.0 * before == settings.LEAST_SUPPORT
     assert settings.LEAST_SUPPORT is before
     assert sensitivity.first_step("MEASURED_BELOW") == "refit"
-    assert sensitivity.first_step("LEAST_OF_LARGEST") == "attribution"
-    assert sensitivity.first_step("HELD_OUT_LEAST_GAIN") == "conclusion"
+    assert sensitivity.first_step("WORDS_OF_SUMMARY") == "conclusion"
 
 
 def test_the_page_lists_first_what_changes_most() -> None:
     plain = {"verdict": "none", "causes": []}
     found = {"verdict": "structural", "causes": ["stribeck[joint_1]"]}
-    known = {"": plain, "MOST_EFFECTS=2": plain, "LEAST_SUPPORT=4": found}
+    known = {"": plain, "MOST_CAUSES_IN_SUMMARY=2": plain, "LEAST_SUPPORT=4": found}
     rows = sensitivity.what_changes({"0123456789ab": known})[2:]
     assert "| `LEAST_SUPPORT` | 8 | 4 | 1 | 1 | 1 | 1 | 0123: structural" in rows[0]
-    assert rows[1].startswith("| `MOST_EFFECTS` | 4 | 2 | 1 | 0 | 0 | 0 |")
+    assert rows[1].startswith("| `MOST_CAUSES_IN_SUMMARY` | 4 | 2 | 1 | 0 | 0 | 0 |")

@@ -19,5 +19,5 @@ def test_a_setting_is_a_number_and_keeps_what_it_says_at_another_value() -> None
     tried = settings.LEAST_SUPPORT.times(0.5)
     assert tried == 0.5 * settings.LEAST_SUPPORT
     assert (tried.unit, tried.origin) == (settings.LEAST_SUPPORT.unit, settings.CHOSEN)
-    assert isinstance(settings.MOST_EFFECTS.times(2.0), int)
-    assert settings.MOST_EFFECTS.times(0.01) == 1
+    assert isinstance(settings.WORDS_OF_SUMMARY.times(2.0), int)
+    assert settings.MOST_CAUSES_IN_SUMMARY.times(0.01) == 1

@@ -18,13 +18,13 @@ def test_effects_that_cannot_be_simulated_do_not_end_the_simulation(
 
     def found(name: str) -> Any:
         effect = SimpleNamespace(name=name)
-        return SimpleNamespace(candidate=SimpleNamespace(effect=effect, place=None))
+        return SimpleNamespace(effect=effect, place=None)
 
     monkeypatch.setattr(module, "simulated_tracking", simulated)
     monkeypatch.setattr(module, "effect_parameters", lambda *_: {})
     monkeypatch.setattr(module, "simulated_effects", lambda _, each: [name for name, *_ in each])
     model: Any = SimpleNamespace(
-        found=(found("elasticity"), found("time_delay")), fits=[SimpleNamespace(values=None)] * 3
+        effects=(found("elasticity"), found("time_delay")), fits=[SimpleNamespace(values=None)] * 3
     )
     data: Any = None
     refit, stiff, late = module.tracked_stages(data, model, None)

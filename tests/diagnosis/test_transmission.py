@@ -182,7 +182,7 @@ def test_a_measured_shaft_is_one_cause_with_the_measured_stiffness(diagnosed):
     assert cause.parameters["stiffness"] == found.stiffness
     assert cause.evidence.held_out_gain > 0.9
     assert "no elasticity" in cause.sentence
-    assert cause.sentence[1:] in result.summary
+    assert "elasticity at" in result.summary.lower()
     assert len(result.twists[0].load) == found.rows
 
 

@@ -258,7 +258,7 @@ def opposite(tmp_path_factory: pytest.TempPathFactory):
 def test_diagnosis_names_nothing_of_an_effort_with_the_wrong_sign(opposite) -> None:
     """Neither masses nor a control law of negative gains, at either joint: nothing is wrong."""
     assert opposite.causes == ()
-    assert opposite.summary.startswith("joint_2 is left out")
+    assert "joint_2 is left out" in opposite.summary.lower()
     assert {each.joint for each in opposite.parameter_errors} == {"joint_1"}
     assert "joint_2" in {each.joint for each in opposite.not_testable}
 
@@ -271,6 +271,6 @@ def test_diagnosis_goes_on_with_the_joints_that_have_enough_rows(tmp_path: Path)
     hidden[:9200, JOINT] = np.nan
     write_bag(path, [replace(states, effort=hidden), reference])
     result = diagnose([path], in_band(ARM, 8.0, 20.0))
-    assert result.summary.startswith("joint_2 is left out")
+    assert "joint_2 is left out" in result.summary.lower()
     assert {each.joint for each in result.causes} <= {"joint_1", None}
     assert [each.joint for each in result.parameter_errors] == ["joint_1"]

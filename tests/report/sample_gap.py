@@ -258,8 +258,8 @@ def _causes(
             611.2, 0.005, 0.47, "6 of 6", "6 of 6", "largest support in 199 simulated recordings"
         ),
         indistinguishable_from=(
-            Indistinguishable("presliding", names[1], 0.97),
-            Indistinguishable("time_delay", names[1], 0.955),
+            Indistinguishable("presliding", names[1], 0.3),
+            Indistinguishable("time_delay", names[1], 0.1),
         ),
         torque_gap=_gap(0.62, 0.225, level),
         simulation_gap=moved,

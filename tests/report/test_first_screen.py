@@ -24,7 +24,6 @@ from idim_iv_ros.report.advice import (
 )
 from idim_iv_ros.report.picture import picture_svg, require_picture, write_picture
 from idim_iv_ros.report.section import Report
-from idim_iv_ros.statistics import HypothesisTest
 from tests.report.sample_gap import CASES, Case, sample_gap, with_first_joint_named
 from tests.report.sample_result import sample_result
 from tests.report.test_html import CASES as KINDS
@@ -76,7 +75,6 @@ def test_recordings_that_differ_in_something_named_come_before_any_cause(named: 
     apart = RecordingAgreement(
         bag="odd.mcap",
         agrees=False,
-        test=HypothesisTest("one set holds", "all", 20.0, 13, 4000, 1e-20),
         joint="joint_2",
         share_of_torque=0.12,
         differences=(level,) if named else (),

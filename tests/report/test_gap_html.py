@@ -86,7 +86,7 @@ def test_a_cause_shows_its_numbers_and_what_it_is_mistaken_for() -> None:
     text = _page(sample_gap(2, "structural")).text
     for words in (
         *("Stribeck at joint_2", "1.62±", "0.121±", "0.620", "0.225", "6 of 6", "47"),
-        *("presliding at joint_2", "correlation 0.970", "18.020±"),
+        *("presliding at joint_2", "weight 30", "18.020±"),
     ):
         assert words in text.replace("\N{NARROW NO-BREAK SPACE}", "").replace(" ±", "±"), words
     assert "segments creep and reversals of idim-iv excite --for diagnosis" in text

@@ -46,13 +46,13 @@ def test_message_holds_what_gap_json_holds(results: Path) -> None:
         ("amplitude", 0.8, "N m"),
         ("speed", 0.06, "rad/s"),
     ]
-    assert (stribeck.statistic, stribeck.p_value, stribeck.held_out_gain) == (412.5, 1e-30, 0.31)
+    assert (stribeck.statistic, stribeck.probability, stribeck.held_out_gain) == (412.5, 0.93, 0.31)
     assert (stribeck.folds_positive, stribeck.chosen_in_folds) == ("6 of 6", "5 of 6")
     assert payload.chosen_in_folds == ""  # written before searches were repeated
     assert stribeck.sentence == "joint_2 sticks: 0.8 N m below 0.06 rad/s."
-    assert [(r.effect, r.joint, r.correlation) for r in stribeck.indistinguishable_from] == [
-        ("presliding", "joint_2", 0.97),
-        ("payload", "", 0.96),
+    assert [(r.effect, r.joint, r.weight) for r in stribeck.indistinguishable_from] == [
+        ("presliding", "joint_2", 0.3),
+        ("payload", "", 0.1),
     ]
     torque, simulation = stribeck.torque_gap, stribeck.simulation_gap
     assert (torque.before, torque.after, torque.noise_floor) == (0.62, 0.41, 0.4)
@@ -178,7 +178,7 @@ def test_what_messages_have_no_field_for_is_left_to_gap_json(tmp_path: Path) -> 
     message = gap_message(result, Time(), [], "diagnosis")
     assert [each.effect for each in message.causes] == [each.effect for each in result.causes]
     assert [each.sentence for each in message.hints] == [each.sentence for each in result.hints]
-    assert all(isnan(each.p_value) for each in message.causes)
+    assert all(isnan(each.probability) for each in message.causes)
 
 
 def test_an_identification_is_a_message_with_remarks_and_what_whitening_moves() -> None:

@@ -141,3 +141,15 @@ def test_a_rejection_that_only_all_rows_see_is_not_lost(white):
     overall = judge_all([judge_joint(VALID, white)], rejected(0.4))
     assert overall.verdict == "misspecified"
     assert "No joint alone" in overall.sentence
+
+
+def test_the_joint_with_the_largest_residual_beyond_the_noise_is_named_first(white):
+    """An effect at joint 2 may reject the instruments of others, and not its own."""
+    accused = replace(judge_joint(rejected(3.0), white), joint="joint_3", torque_percent=1.2)
+    quiet = replace(judge_joint(VALID, white), joint="joint_2", torque_percent=8.0)
+    sentence = judge_all([accused, quiet]).sentence
+    assert "largest at joint_2 (8 % of its torque)" in sentence
+    worse = replace(judge_joint(rejected(2.0), white), joint="joint_5", torque_percent=9.0)
+    sentence = judge_all([accused, quiet, worse]).sentence
+    assert sentence.index("joint_5") < sentence.index("joint_3")
+    assert "largest at" not in sentence

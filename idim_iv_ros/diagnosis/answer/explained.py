@@ -1,6 +1,7 @@
 """Which terms of a selection are causes, which are hints, and what both predict."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from idim_iv_ros.diagnosis.comparison.beside import Beside, Term
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.folds import Chosen, chosen_without
 from idim_iv_ros.diagnosis.comparison.probability import features, probability
+from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import Selection
 from idim_iv_ros.diagnosis.held_out.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.identifiability.testability import floor_noise_models
@@ -81,7 +83,7 @@ class Explained:
 def explained(data: Baseline, regression: Regression, selection: Selection) -> Explained:
     """Judge every term of a selection and predict held-out rows with those that are causes."""
     judged = judged_terms(data, regression, selection)
-    causes = [each for each in judged if not each.reason]
+    causes = _without_doubtful(selection, [each for each in judged if not each.reason])
     effects = [each for each in causes if each.term.candidate.kind is Kind.EFFECT]
     doubtful = [each for each in judged if each.reason]
     outside = [
@@ -114,6 +116,13 @@ def explained(data: Baseline, regression: Regression, selection: Selection) -> E
         tested=tested,
         floors=tuple(floors),
     )
+
+
+def _without_doubtful(selection: Selection, causes: Sequence[JudgedTerm]) -> list[JudgedTerm]:
+    """Give causes the numbers that they have where what is doubtful is left out."""
+    signals = [term for term in selection.terms if term.candidate.kind is Kind.SIGNAL]
+    terms = together(selection.comparison, [*(each.term for each in causes), *signals])
+    return [replace(each, term=term) for each, term in zip(causes, terms, strict=False)]
 
 
 def judged_terms(data: Baseline, regression: Regression, selection: Selection) -> list[JudgedTerm]:

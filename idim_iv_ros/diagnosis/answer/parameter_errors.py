@@ -52,9 +52,9 @@ def number_errors(found: Explained) -> NumberErrors:
     ledger = found.selection.comparison.options.ledger
     space = found.selection.comparison.catalogue.space
     gap = [left.copy() for left in ledger.gap]
-    for term in (*found.selection.terms, *found.selection.curves):
-        if term.candidate.kind is not Kind.NUMBER:
-            _take(gap, term)
+    signals = [term for term in found.selection.terms if term.candidate.kind is Kind.SIGNAL]
+    for term in (*(each.term for each in found.effects), *signals, *found.selection.curves):
+        _take(gap, term)
     refit = refit_residuals(ledger, gap)
     left = list(found.numbers)
     ordered, stages = [], [_rms(gap)]

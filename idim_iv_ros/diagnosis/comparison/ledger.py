@@ -72,7 +72,8 @@ def torque_ledger(data: Baseline, regression: Regression, *, free: bool = False)
     else:
         values = given
         grouping = np.asarray(model.base.grouping)
-        links, drives = grouping @ errors_of_links(model), grouping @ errors_of_drives(model)
+        refit = model.dynamic_parameters(data.estimate.linear.values)
+        links, drives = grouping @ errors_of_links(model), grouping @ errors_of_drives(model, refit)
     gap = tuple(np.zeros(len(rows)) if rows.left_out else rows.residual(values) for rows in joints)
     return Ledger(joints, gap, sizes, links, drives, blocks_of(data), given is not None)
 

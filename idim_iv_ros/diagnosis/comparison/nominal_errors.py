@@ -43,14 +43,21 @@ def errors_of_links(model: InverseModel) -> FloatArray:
     return np.column_stack(made)
 
 
-def errors_of_drives(model: InverseModel) -> FloatArray:
-    """The same of the drives: inertia, friction and offsets, (n_standard, k).
+def errors_of_drives(model: InverseModel, refit: DynamicParameters | None = None) -> FloatArray:
+    """Changes (n_standard, k) that are errors of size one of drive inertia, friction and offsets.
 
     By their own value, at least by the median of their kind; a joint's offset by its dry friction,
     and friction of a coupling by what is usual of the joints.
+
+    Parameters
+    ----------
+    refit
+        Says how large friction is where the nominal model has none at all.
     """
     given = model.robot.given
-    coulomb, viscous = _at_least_median(given.coulomb), _at_least_median(given.viscous)
+    friction = refit if refit is not None and not np.any(given.coulomb) else given
+    slow = refit if refit is not None and not np.any(given.viscous) else given
+    coulomb, viscous = _at_least_median(friction.coulomb), _at_least_median(slow.viscous)
     coupled = np.ones_like(given.coupling_viscous)
     sizes = replace(
         _nothing(given),

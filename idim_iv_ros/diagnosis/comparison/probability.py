@@ -15,12 +15,12 @@ from idim_iv_ros.types import FloatArray
 
 FEATURES = (
     "logarithm of what the objective loses without it",
-    "chosen without every part of the time",
+    "share of the parts of the time without which it is chosen",
     "least gain in the prediction of a part of the time, logarithm with its sign",
     "logarithm of its visible share of the torque over what remains beyond the noise",
     "its weight in its set",
     "an effect that misfit of the motion imitates",
-    "logarithm of the number of terms",
+    "logarithm of its place among the terms by visible share",
 )
 _MOST_LOSS = 6.0
 _SMALL = 1e-3  # share of the torque
@@ -75,16 +75,20 @@ def features(
     visible = float(term.visible.max())
     beyond = float(remaining[int(np.argmax(term.visible))])
     least = float(np.min(chosen.gains[:, number]))
-    counted = sum(each.candidate.kind in (Kind.NUMBER, Kind.EFFECT) for each in terms)
+    before = sum(
+        float(each.visible.max()) > visible
+        for each in terms
+        if each.candidate.kind in (Kind.NUMBER, Kind.EFFECT)
+    )
     return np.array(
         [
             min(np.log1p(max(loss, 0.0)), _MOST_LOSS),
-            float(chosen.times(term) == len(chosen.keys)),
+            chosen.times(term) / len(chosen.keys),
             np.sign(least) * np.log1p(abs(least)),
             np.clip(np.log((visible + 0.1 * _SMALL) / (beyond + _SMALL)), -1.0, 2.0),
             dict(term.rivals).get(term.key, 0.0),
             float(term.candidate.effect.like_misfit),
-            np.log(max(counted, 1)),
+            np.log(1 + before),
         ]
     )
 
