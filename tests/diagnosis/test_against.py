@@ -14,6 +14,7 @@ import pinocchio as pin
 import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2
+from idim_iv_ros.diagnosis.against import contrast as module
 from idim_iv_ros.diagnosis.against.contrast import contrasted
 from idim_iv_ros.diagnosis.result import ContrastResult
 from idim_iv_ros.effects.registry import STRUCTURAL
@@ -92,6 +93,12 @@ def contrast(reference: Sequence[Recording], against: Sequence[Recording]) -> Co
     return contrasted(reference, against, arm(1).configuration, LEFT_OUT)
 
 
+def stiffer(more: float) -> DynamicParameters:
+    """The true arm with more Coulomb friction at its first joint, N m."""
+    truth = arm(1).truth
+    return replace(truth, coulomb=truth.coulomb + np.array([more, 0.0]))
+
+
 def test_nothing_changed_is_no_difference_whatever_the_nominal_model_and_the_rate() -> None:
     found = contrast([run("a", 1)], [run("b", 2, every=2)])
     assert not found.differs
@@ -151,3 +158,43 @@ def test_two_loads_mounted_differently_come_out_as_two() -> None:
         assert estimate.std is not None
         assert abs(estimate.value - mass) < 3.0 * estimate.std
     assert any("do not agree" in note for note in found.notes)
+
+
+def test_friction_that_rose_in_all_recordings_of_a_set_is_one_change_of_the_set() -> None:
+    """Also where each part of the time that is left out could be one recording."""
+    second = [run("b1", 3, truth=stiffer(2.0)), run("b2", 4, truth=stiffer(2.0))]
+    found = contrast([run("a1", 1), run("a2", 2)], second)
+    (cause,) = found.causes
+    assert (cause.effect, cause.joint) == ("friction_level", "joint_1")
+    assert cause.bags == ("b1", "b2")
+    assert cause.evidence.chosen_in_folds == "4 of 4"
+    level = cause.parameters["change_of_coulomb"]
+    assert level.std is not None
+    assert abs(level.value - 2.0) < 3.0 * level.std
+
+
+def test_a_change_that_is_not_confirmed_is_still_a_difference(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Numbers of the second set's own, held out, say so; what comes closest is named as such."""
+    search = module.changes_between
+    monkeypatch.setattr(
+        module, "changes_between", lambda *given: replace(search(*given), confirmed=())
+    )
+    found = contrast([run("a", 1)], [run("b", 2, truth=stiffer(2.0))])
+    assert found.differs and found.causes == ()
+    joint = found.joints[0]
+    assert joint.before == joint.after > 2.0 * joint.own
+    assert joint.unexplained == pytest.approx(2.0, rel=0.1)
+    assert "Closest comes friction level at joint_1" in found.sentence
+
+
+def test_more_noise_is_no_difference_and_is_said() -> None:
+    noisy = run("b", 2)
+    random = np.random.default_rng(1)
+    size = 0.04 * np.sqrt(np.mean(noisy.effort.values**2, axis=0))
+    values = noisy.effort.values + size * random.standard_normal(noisy.effort.values.shape)
+    noisy = replace(noisy, effort=replace(noisy.effort, values=values))
+    found = contrast([run("a", 1)], [noisy])
+    assert not found.differs
+    assert "more is left of b than of the reference" in found.sentence

@@ -89,6 +89,18 @@ def test_two_loads_mounted_differently_are_two(data: Baseline) -> None:
     assert abs(mass.value - (masses[second.recording] - masses[left])) < 3.0 * mass.std
 
 
+def test_the_same_load_in_two_of_five_recordings_is_found_in_both() -> None:
+    arm = arm2(seconds=8.0)
+    five = baseline([recorded(arm, seed) for seed in (1, 2, 3, 4, 5)], arm.configuration)
+    found = judged(five, 0, {number: loaded(five, number, 0.5) for number in (3, 4)})
+    assert [difference.recording for difference in found] == [3, 4]
+    for difference in found:
+        (cause,) = difference.causes
+        mass = cause.parameters["mass"]
+        assert cause.effect == "payload" and mass.std is not None
+        assert abs(mass.value - 0.5) < 3.0 * mass.std
+
+
 def test_another_friction_is_a_friction(data: Baseline) -> None:
     motion = data.motions[1]
     friction = [2.0 * np.sign(motion.velocity[:, 0]), np.zeros(len(motion.time))]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.against.changes import changes_between, number_changes
+from idim_iv_ros.diagnosis.against.changes import changes_between, number_changes, rms_of
 from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter
@@ -75,20 +75,7 @@ def agreement(
     changes = changes_between(data, regression, (), scopes, {*without, *structural}, beside)
     found: dict[int, list[tuple[float, FloatArray, ChangeOfNumbers]]] = {}
     for each in number_changes(changes):
-        torque = np.zeros(len(data.joints))
-        for joint in range(len(data.joints)):
-            inside = np.isin(data.recordings[joint], list(each.recordings))
-            acting = sum(
-                (
-                    term.columns[joint] @ term.coefficients
-                    for term in each.terms
-                    if joint in term.columns
-                ),
-                np.zeros(len(inside)),
-            )
-            if inside.any():
-                torque[joint] = float(np.sqrt(np.mean(acting[inside] ** 2)))
-        shares = torque / np.array(data.torque_sizes)
+        shares = rms_of(data, each.terms, each.recordings) / np.array(data.torque_sizes)
         change = ChangeOfNumbers(each.effect.name, each.joint, each.parameters(changes))
         for number in each.recordings:
             found.setdefault(number, []).append((float(shares.max()), shares, change))

@@ -8,15 +8,15 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison import rules
 from idim_iv_ros.diagnosis.comparison.beside import Term
-from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind, Scope
-from idim_iv_ros.diagnosis.comparison.folds import chosen_without
-from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Key, Kind, Scope
+from idim_iv_ros.diagnosis.comparison.folds import FOLDS, chosen_without
+from idim_iv_ros.diagnosis.comparison.ledger import Ledger, torque_ledger
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.effects.parametric_effect import Estimated, ParametricEffect
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Changes:
     confirmed : tuple of Term
         Scoped ones that matter, and that the search chooses without parts of the time, too.
     chosen : dict of int to str
-        By the identity of a term: without how many parts of the time it is chosen.
+        By the identity of a scoped term: without how many parts of the time it is chosen.
     """
 
     selection: Selection
@@ -71,21 +71,56 @@ def changes_between(
         for joint, rows in term.columns.items():
             gap[joint] = gap[joint] - rows @ term.coefficients
     selection = select(catalogue, replace(ledger, gap=tuple(gap)))
-    scoped = [term for term in selection.terms if term.candidate.scope is not None]
     confirmed, said = [], {}
-    if scoped:
-        chosen = chosen_without(selection)
+    if any(term.candidate.scope is not None for term in selection.terms):
+        chosen = chosen_without(selection, quarters(data, ledger))
         for number, term in enumerate(selection.terms):
-            times = chosen.times(term)
+            if term.candidate.scope is None:
+                continue
+            times = sum(_has(keys, term) for keys in chosen.keys)
             said[id(term)] = f"{times} of {len(chosen.keys)}"
             matters = float(term.whole.max()) >= settings.CONTRAST_LEAST_EFFECT
             predicts = float(chosen.gains[:, number].sum()) > 0.0
-            again = times >= len(chosen.keys) - 1
-            if term in scoped and matters and predicts and again:
+            if matters and predicts and times >= len(chosen.keys) - 1:
                 confirmed.append(term)
     curves = [term for term in selection.curves if term.candidate.scope is not None]
     confirmed += [term for term in curves if term.presence >= rules.PRESENCE]
     return Changes(selection, tuple(confirmed), said)
+
+
+def quarters(data: Baseline, ledger: Ledger) -> IntArray:
+    """Part (blocks,) of each block of time: one quarter of every recording, in its order.
+
+    Without a whole recording its set is another one, and a change of the set and one of the
+    recordings that are left are the same.
+    """
+    recording = np.zeros(ledger.block_count, dtype=np.int64)
+    for blocks, recordings in zip(ledger.blocks, data.recordings, strict=True):
+        recording[blocks] = recordings
+    blocks_of = np.bincount(recording)[recording]
+    place = np.arange(len(recording)) - np.searchsorted(recording, recording)
+    turn = np.where(blocks_of < FOLDS, recording, 0)  # short ones take turns
+    return np.asarray((place * FOLDS // np.maximum(blocks_of, FOLDS) + turn) % FOLDS)
+
+
+def _has(keys: Collection[Key], term: Term) -> bool:
+    """Whether a set has a term or a rival of it, for some of its recordings at least."""
+    names = {key[:3] for key, _ in term.rivals} | {term.key[:3]}
+    own = term.candidate.scope or frozenset()
+    return any(key[:3] in names and own & (key[3] or frozenset()) for key in keys)
+
+
+def rms_of(data: Baseline, terms: Sequence[Term], recordings: Scope) -> FloatArray:
+    """RMS (n_joints,) of the torque of terms in some recordings, N m (N)."""
+    made = np.zeros(len(data.joints))
+    for joint, numbers in enumerate(data.recordings):
+        inside = np.isin(numbers, list(recordings))
+        torque = np.zeros(int(inside.sum()))
+        for term in terms:
+            if joint in term.columns:
+                torque += term.columns[joint][inside] @ term.coefficients
+        made[joint] = np.sqrt(np.mean(torque**2)) if len(torque) else 0.0
+    return made
 
 
 @dataclass(frozen=True, eq=False)

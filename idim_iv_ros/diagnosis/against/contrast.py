@@ -1,6 +1,7 @@
 """What changed between two sets of recordings: the whole of `diagnose --against`."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -13,16 +14,19 @@ from idim_iv_ros.diagnosis.against.changes import (
     NumberChange,
     changes_between,
     number_changes,
+    quarters,
+    rms_of,
 )
 from idim_iv_ros.diagnosis.against.law import (
     LawDifference,
     ShiftDifference,
     law_differences,
+    less,
     shift_difference,
 )
 from idim_iv_ros.diagnosis.against.sets import TwoSets, two_sets
 from idim_iv_ros.diagnosis.comparison.beside import Term
-from idim_iv_ros.diagnosis.comparison.candidate import Kind
+from idim_iv_ros.diagnosis.comparison.candidate import Kind, Scope
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.result import (
     NOT_CALIBRATED,
@@ -77,7 +81,7 @@ def contrasted(
 
 
 class _Assembly:
-    """The result from what the steps yield."""
+    """The result from what the steps found."""
 
     def __init__(
         self,
@@ -96,37 +100,47 @@ class _Assembly:
 
     def result(self, disagreeing: Sequence[int], why_no_law: str) -> ContrastResult:
         """Build it; `disagreeing`: recordings of the reference that differ from its others."""
-        confirmed = self._changes.confirmed
+        data, terms = self._data, self._changes.selection.terms
         numbers = number_changes(self._changes)
-        groups = {each.recordings for each in numbers}
+        groups = {change.recordings for change in numbers}
         causes = [
             *self._structural_causes(),
-            *(self._parametric_cause(each, several=len(groups) > 1) for each in numbers),
-            *(self._law_cause(each) for each in self._law),
+            *(self._parametric_cause(change, several=len(groups) > 1) for change in numbers),
+            *(self._law_cause(difference) for difference in self._law),
             *self._delay(),
         ]
         causes.sort(
             key=lambda cause: -max((each.share_of_torque for each in cause.torques), default=0.0)
         )
-        joints = self._joints()
         unattributed = tuple(
-            words.unattributed(self._data, term, self._scope(term), self._made([term])[0])
-            for term in confirmed
+            words.unattributed(data, term, self._scope(term), self._made([term])[0])
+            for term in self._changes.confirmed
             if term.candidate.kind is Kind.CURVE
         )
-        differs = bool(causes or unattributed)
+        joints, of_reference = self._joints()
         unexplained = [
-            each
-            for joint, each in enumerate(joints)
-            if differs and each.unexplained >= settings.CONTRAST_LEAST_SHARE * self._sizes[joint]
+            joint
+            for joint, size in zip(joints, self._sizes, strict=True)
+            if joint.unexplained >= settings.CONTRAST_LEAST_SHARE * size
         ]
+        noisier = {
+            joint.joint: level
+            for joint, level, size in zip(joints, of_reference, self._sizes, strict=True)
+            if joint.after**2 - level**2 >= (settings.CONTRAST_LEAST_SHARE * size) ** 2
+        }
+        differs = bool(causes or unattributed or unexplained)
         first = len(self._sets.sets[0].motions)
         reference, against = tuple(self._bags[:first]), tuple(self._bags[first:])
-        alone = [[self._bags[k] for k in sorted(group)] for group in groups]
+        if differs:
+            doubtful = [term for term in terms if self._is_doubtful(term)]
+            closest = [(term, self._changes.chosen[id(term)]) for term in doubtful]
+            sentence = words.changes(data, against, causes, unattributed, unexplained, closest)
+        else:
+            sentence = words.no_difference(data, against, joints, noisier)
         notes = [
             words.shift(self._shift),
-            *words.softened(self._sets.softened, self._data.joints),
-            words.groups(sorted(alone)),
+            *words.softened(self._sets.softened, data.joints),
+            words.groups(sorted([self._bags[k] for k in sorted(group)] for group in groups)),
             words.reference_disagrees([self._bags[number] for number in disagreeing]),
             why_no_law,
         ]
@@ -134,14 +148,12 @@ class _Assembly:
             reference=reference,
             against=against,
             differs=differs,
-            sentence=words.summary(
-                self._data, against, causes, unattributed, unexplained, joints, differs=differs
-            ),
+            sentence=sentence,
             joints=tuple(joints),
             causes=tuple(causes),
             unattributed=unattributed,
             common=tuple(
-                words.common(self._data, term)
+                words.common(data, term)
                 for term in self._changes.common
                 if term.candidate.kind in (Kind.EFFECT, Kind.CURVE)
             ),
@@ -154,27 +166,75 @@ class _Assembly:
         assert term.candidate.scope is not None
         return "against" if term.candidate.scope <= self._sets.second else "reference"
 
-    def _evidence(self, terms: Sequence[Term]) -> Evidence:
-        chosen = [self._changes.chosen.get(id(term), "") for term in terms]
-        return Evidence(
-            statistic=sum(max(2.0 * term.evidence, 0.0) for term in terms),
-            p_value=None,
-            held_out_gain=None,
-            folds_positive="",
-            chosen_in_folds=min(chosen),
-            p_value_from=NOT_CALIBRATED,
+    def _is_doubtful(self, term: Term) -> bool:
+        """Whether a term of some recordings was selected and not confirmed."""
+        return term.candidate.scope is not None and not any(
+            term is other for other in self._changes.confirmed
+        )
+
+    def _cause(
+        self,
+        effect: str,
+        joint: int | None,
+        numbers: Sequence[Mapping[str, EffectParameter]],
+        evidence: Sequence[Term] | float,
+        torques: Sequence[JointTorque],
+        sentence: str,
+        change: Literal["appeared", "vanished", "changed"] = "changed",
+        *,
+        other_joint: str | None = None,
+        parametric: bool = False,
+        recordings: Scope | None = None,
+    ) -> ContrastCause:
+        """One cause.
+
+        Parameters
+        ----------
+        numbers
+            Of the change and, where they are known, of the reference and of the second set.
+        evidence
+            Terms of the search, or a Wald statistic.
+        recordings
+            Of the second set; None: all.
+        """
+        terms = [] if isinstance(evidence, float) else evidence
+        changed, reference, against = [*(dict(each) for each in numbers), {}, {}][:3]
+        return ContrastCause(
+            effect=effect,
+            kind="parametric" if parametric else "structural",
+            joint=None if joint is None else self._data.joints[joint],
+            other_joint=other_joint,
+            change=change,
+            bags=tuple(self._bags[k] for k in sorted(recordings or self._sets.second)),
+            parameters=changed,
+            reference=reference,
+            against=against,
+            evidence=Evidence(
+                evidence
+                if isinstance(evidence, float)
+                else sum(max(2.0 * term.evidence, 0.0) for term in terms),
+                None,
+                None,
+                "",
+                chosen_in_folds=min((self._changes.chosen[id(term)] for term in terms), default=""),
+                p_value_from=NOT_CALIBRATED,
+            ),
+            indistinguishable_from=self._others(terms),
+            torques=tuple(torques),
+            sentence=sentence,
         )
 
     def _others(self, terms: Sequence[Term]) -> tuple[Indistinguishable, ...]:
         joints = self._data.joints
-        found = {}
-        for term in terms:
-            for key, weight in term.rivals:
-                if key[:3] != term.key[:3] and weight >= settings.LEAST_WEIGHT_OF_RIVAL:
-                    found[key[:2]] = weight
+        weights = {
+            key[:2]: weight
+            for term in terms
+            for key, weight in term.rivals
+            if key[:3] != term.key[:3] and weight >= settings.LEAST_WEIGHT_OF_RIVAL
+        }
         return tuple(
             Indistinguishable(effect, None if joint is None else joints[joint], weight)
-            for (effect, joint), weight in found.items()
+            for (effect, joint), weight in weights.items()
         )
 
     def _structural_causes(self) -> list[ContrastCause]:
@@ -195,92 +255,66 @@ class _Assembly:
             assert not isinstance(effect, ParametricEffect)
             found = effect.parameters(term.shape, term.coefficients, term.deviations)
             numbers[self._scope(term)] = data.in_units_at(place.joint, found)
-        shared = any(term.key[:3] == terms[0].key[:3] for term in self._changes.common)
-        both = bool(numbers["reference"]) and bool(numbers["against"])
-        change = "changed" if shared or both else ("appeared" if numbers["against"] else "vanished")
-        parameters = numbers["against"] or numbers["reference"]
-        if both:
-            parameters = _difference(numbers["against"], numbers["reference"])
+        one, other = numbers["reference"], numbers["against"]
+        change: Literal["appeared", "vanished", "changed"] = "appeared" if other else "vanished"
+        if (one and other) or any(t.key[:3] == terms[0].key[:3] for t in self._changes.common):
+            change = "changed"
+        changed = less(other, one) if one and other else other or one
         torques, others = self._made(terms), self._others(terms)
-        return ContrastCause(
-            effect=name,
-            kind="structural",
-            joint=data.joints[place.joint],
+        return self._cause(
+            name,
+            place.joint,
+            (changed, one, other),
+            terms,
+            torques,
+            words.structural(data, name, place, change, numbers, torques, others),
+            change,
             other_joint=None if place.other is None else data.joints[place.other],
-            change=change,  # type: ignore[arg-type]
-            bags=tuple(self._bags[number] for number in sorted(self._sets.second)),
-            parameters=parameters,
-            reference=numbers["reference"],
-            against=numbers["against"],
-            evidence=self._evidence(terms),
-            indistinguishable_from=others,
-            torques=torques,
-            sentence=words.structural(data, name, place, change, numbers, torques, others),
         )
 
-    def _made(self, terms: Sequence[Term]) -> tuple[JointTorque, ...]:
-        """RMS of their torque over the rows on which they act, where it matters."""
-        data = self._data
-        place = terms[0].candidate.place
-        joint = None if place is None else place.joint
-        made = []
-        for number, (name, size) in enumerate(zip(data.joints, self._sizes, strict=True)):
-            torque = np.zeros(len(data.recordings[number]))
-            inside = np.zeros(len(torque), dtype=bool)
-            for term in terms:
-                inside |= np.isin(data.recordings[number], list(term.candidate.scope or ()))
-                if number in term.columns:
-                    torque += term.columns[number] @ term.coefficients
-            rms = float(np.sqrt(np.mean(torque[inside] ** 2))) if inside.any() else 0.0
-            if number == joint or rms >= settings.CONTRAST_LEAST_SHARE * size:
-                made.append((number != joint, JointTorque(name, rms, rms / size)))
-        made.sort(key=lambda each: (each[0], -each[1].share_of_torque))
-        return tuple(torque for _, torque in made)
+    def _made(self, terms: Sequence[Term], recordings: Scope | None = None) -> list[JointTorque]:
+        """RMS of their torque in the recordings where they act, at joints where it matters."""
+        data, place = self._data, terms[0].candidate.place
+        inside = recordings or frozenset().union(*(t.candidate.scope or () for t in terms))
+        own = None if place is None else data.joints[place.joint]
+        made = [
+            JointTorque(name, float(rms), float(rms) / size)
+            for name, rms, size in zip(
+                data.joints, rms_of(data, terms, inside), self._sizes, strict=True
+            )
+            if name == own or rms >= settings.CONTRAST_LEAST_SHARE * size
+        ]
+        return sorted(made, key=lambda each: (each.joint != own, -each.share_of_torque))
 
     def _parametric_cause(self, change: NumberChange, *, several: bool) -> ContrastCause:
-        data = self._data
-        bags = tuple(self._bags[number] for number in sorted(change.recordings))
+        data, name, joint = self._data, change.effect.name, change.joint
         parameters = change.parameters(self._changes)
-        if change.joint is not None:
-            parameters = data.in_units_at(change.joint, parameters)
-        torques, others = self._made(change.terms), self._others(change.terms)
-        return ContrastCause(
-            effect=change.effect.name,
-            kind="parametric",
-            joint=None if change.joint is None else data.joints[change.joint],
-            change="changed",
-            bags=bags,
-            parameters=parameters,
-            evidence=self._evidence(change.terms),
-            indistinguishable_from=others,
-            torques=torques,
-            sentence=words.parametric(
-                data, change.effect, change.joint, parameters, torques, others,
-                bags if several else (),
-            ),
-        )  # fmt: skip
+        if joint is not None:
+            parameters = data.in_units_at(joint, parameters)
+        torques = self._made(change.terms, change.recordings)
+        bags = [self._bags[k] for k in sorted(change.recordings)] if several else ()
+        others = self._others(change.terms)
+        return self._cause(
+            name,
+            joint,
+            (parameters,),
+            change.terms,
+            torques,
+            words.parametric(data, change.effect, joint, parameters, torques, others, bags),
+            parametric=True,
+            recordings=change.recordings,
+        )
 
     def _law_cause(self, difference: LawDifference) -> ContrastCause:
-        joint, data = self._data.joints[difference.joint], self._data
+        joint, rms = difference.joint, difference.torque
         numbers = [
-            data.in_units_at(difference.joint, each)
+            self._data.in_units_at(joint, each)
             for each in (difference.change, difference.reference, difference.against)
         ]
-        torque = JointTorque(
-            joint, difference.torque, difference.torque / self._sizes[difference.joint]
-        )
-        return ContrastCause(
-            effect=ControllerMismatch.name,
-            kind="structural",
-            joint=joint,
-            change="changed",
-            bags=tuple(self._bags[number] for number in sorted(self._sets.second)),
-            parameters=numbers[0],
-            reference=numbers[1],
-            against=numbers[2],
-            evidence=Evidence(difference.statistic, None, None, "", p_value_from=NOT_CALIBRATED),
-            torques=(torque,),
-            sentence=words.law(joint, numbers[1], numbers[2], torque),
+        torque = JointTorque(self._data.joints[joint], rms, rms / self._sizes[joint])
+        sentence = words.law(torque, numbers[1], numbers[2])
+        return self._cause(
+            ControllerMismatch.name, joint, numbers, difference.statistic, [torque], sentence
         )
 
     def _delay(self) -> list[ContrastCause]:
@@ -288,79 +322,71 @@ class _Assembly:
             return []
         change = self._shift.change
         assert change.std is not None
+        shifts = (change, self._shift.reference, self._shift.against)
         statistic = (change.value / change.std) ** 2
-        return [
-            ContrastCause(
-                effect=TimeDelay.name,
-                kind="structural",
-                joint=None,
-                change="changed",
-                bags=tuple(self._bags[number] for number in sorted(self._sets.second)),
-                parameters={"delay": change},
-                reference={"delay": self._shift.reference},
-                against={"delay": self._shift.against},
-                evidence=Evidence(statistic, None, None, "", p_value_from=NOT_CALIBRATED),
-                sentence=words.delay(self._shift),
-            )
-        ]
+        numbers = [{"delay": each} for each in shifts]
+        return [self._cause(TimeDelay.name, None, numbers, statistic, (), words.delay(self._shift))]
 
-    def _joints(self) -> list[JointContrast]:
-        """RMS in the second set: of the reference's model, with the causes, with its own."""
+    def _joints(self) -> tuple[list[JointContrast], list[float]]:
+        """RMS in the second set of three models, and of the whole one in the reference.
+
+        The three: that of the reference, with the causes beside it, and with numbers of the second
+        set's own, in each part of the time as the other parts have them. What is left in the
+        reference is that of white noise at the second set's rate.
+        """
         model = self._changes.selection.model
-        ledger = model.nominal.options.ledger
-        left = model.residuals(white=False)
-        of_reference = [rest.copy() for rest in left]
-        for term in (*self._changes.selection.terms, *self._changes.selection.curves):
-            if term.candidate.scope is None:
-                continue
+        after, inside = model.residuals(white=False), self._sets.inside
+        before = [rest.copy() for rest in after]
+        for term in model.terms:
             for joint, torque in self._moved(term).items():
-                of_reference[joint] = of_reference[joint] + torque
-        inside = self._sets.inside
-        own = refit_residuals(
-            ledger, [rest * rows for rest, rows in zip(left, inside, strict=True)], inside
-        )
-        made = []
-        for joint, name in enumerate(self._data.joints):
+                before[joint] += torque
+                if self._is_doubtful(term):
+                    after[joint] += torque
+        own = self._with_own_numbers(after)
+        slower = max(1.0, self._rate(0) / self._rate(1))  # fewer samples in a row: more noise
+        made, of_reference = [], []
+        for joint, (name, size) in enumerate(zip(self._data.joints, self._sizes, strict=True)):
             first, second, least = (
-                float(np.sqrt(np.mean(rest[joint][inside[joint]] ** 2)))
-                for rest in (of_reference, left, own)
+                _rms(rest[joint][inside[joint]]) for rest in (before, after, own)
             )
             least = min(least, second)
-            made.append(
-                JointContrast(
-                    name,
-                    first,
-                    second,
-                    least,
-                    float(np.sqrt(max(first**2 - least**2, 0.0))) / self._sizes[joint],
-                    float(np.sqrt(max(second**2 - least**2, 0.0))),
-                )
-            )
+            share = float(np.sqrt(max(first**2 - least**2, 0.0))) / size
+            unexplained = float(np.sqrt(second**2 - least**2))
+            made.append(JointContrast(name, first, second, least, share, unexplained))
+            of_reference.append(float(np.sqrt(slower)) * _rms(after[joint][~inside[joint]]))
+        return made, of_reference
+
+    def _rate(self, number: int) -> float:
+        """Hz at which one of the sets was recorded."""
+        return min(motion.signals.rate for motion in self._sets.sets[number].prepared.motions)
+
+    def _with_own_numbers(self, residuals: Sequence[FloatArray]) -> list[FloatArray]:
+        """(r_j,) what numbers of the second set leave of parts that they are not fitted to."""
+        ledger = self._changes.selection.comparison.options.ledger
+        part = quarters(self._data, ledger)
+        made = [rest.copy() for rest in residuals]
+        for number in np.unique(part):
+            out = [part[blocks] == number for blocks in ledger.blocks]
+            fitted = [rows & ~gone for rows, gone in zip(self._sets.inside, out, strict=True)]
+            left = refit_residuals(ledger, residuals, fitted)
+            for joint, gone in enumerate(out):
+                made[joint][gone] = left[joint][gone]
         return made
 
     def _moved(self, term: Term) -> dict[int, FloatArray]:
         """What the second set's torque (r_j,) has beyond the reference's model by a term."""
+        if term.candidate.scope is None:
+            return {}
         if self._scope(term) == "against":
             return {j: rows @ term.coefficients for j, rows in term.columns.items()}
-        if term.candidate.kind is Kind.NUMBER or term.shape is None:
+        if term.shape is None:
             return {}
-        everywhere = self._changes.selection.comparison.catalogue.everywhere(
-            term.candidate, term.shape
-        )
+        catalogue = self._changes.selection.comparison.catalogue
+        everywhere = catalogue.everywhere(term.candidate, term.shape)
         return {
             j: -(rows @ term.coefficients) * self._sets.inside[j] for j, rows in everywhere.items()
         }
 
 
-def _difference(
-    against: dict[str, EffectParameter], reference: dict[str, EffectParameter]
-) -> dict[str, EffectParameter]:
-    """Number by number, of those that both have."""
-    made = {}
-    for name, each in against.items():
-        other = reference.get(name)
-        if other is not None:
-            determined = each.std is not None and other.std is not None
-            std = float(np.hypot(each.std or 0.0, other.std or 0.0)) if determined else None
-            made[name] = EffectParameter(each.value - other.value, std, each.unit)
-    return made
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

@@ -1,6 +1,6 @@
 """Changes of the control law and of the effort's shift between two sets of recordings."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,14 +41,22 @@ class LawDifference:
     @property
     def change(self) -> dict[str, EffectParameter]:
         """Second set less reference."""
-        return {
-            name: EffectParameter(
-                each.value - self.reference[name].value,
-                float(np.hypot(each.std or 0.0, self.reference[name].std or 0.0)),
-                each.unit,
-            )
-            for name, each in self.against.items()
-        }
+        return less(self.against, self.reference)
+
+
+def less(
+    against: Mapping[str, EffectParameter], reference: Mapping[str, EffectParameter]
+) -> dict[str, EffectParameter]:
+    """Second set less reference, of the numbers that both have; no deviation unless both have."""
+    made = {}
+    for name, other in against.items():
+        if name not in reference:
+            continue
+        one, std = reference[name], None
+        if one.std is not None and other.std is not None:
+            std = float(np.hypot(one.std, other.std))
+        made[name] = EffectParameter(other.value - one.value, std, other.unit)
+    return made
 
 
 def law_differences(
@@ -132,10 +140,7 @@ class ShiftDifference:
     @property
     def change(self) -> EffectParameter:
         """Second set less reference; its deviation is None where one is not known."""
-        one, other = self.reference, self.against
-        known = one.std is not None and other.std is not None
-        std = float(np.hypot(one.std or 0.0, other.std or 0.0)) if known else None
-        return EffectParameter(other.value - one.value, std, "s")
+        return less({"delay": self.against}, {"delay": self.reference})["delay"]
 
 
 def shift_difference(sets: TwoSets) -> ShiftDifference:

@@ -23,46 +23,72 @@ from idim_iv_ros.effects.parametric_effect import ParametricEffect
 _WHERE = {"reference": "in the reference recordings only", "against": "in the second set only"}
 
 
-def summary(
+def no_difference(
+    data: Baseline,
+    against: Sequence[str],
+    joints: Sequence[JointContrast],
+    noisier: Mapping[str, float],
+) -> str:
+    """That the sets do not differ, and where more is left of the second one.
+
+    Parameters
+    ----------
+    noisier
+        What is left in the reference, rms, at joints where that is less than in the second set.
+    """
+    named = ", ".join(against)
+    worst = max(joints, key=lambda joint: joint.after)
+    left = _torque(data, worst.after, worst.joint)
+    text = (
+        f"No difference: parts of {named} are predicted as well by the numbers of all recordings "
+        f"as by numbers of their own, fitted to the other parts ({left} rms at {worst.joint} are "
+        "left either way)."
+    )
+    more = ", ".join(
+        f"at {joint.joint} {_torque(data, joint.after, joint.joint)} rms against "
+        f"{_torque(data, noisier[joint.joint], joint.joint)}"
+        for joint in joints
+        if joint.joint in noisier
+    )
+    if more:
+        text += (
+            f" But more is left of {named} than of the reference, {more}: noise, or an effect that "
+            "is not in the catalogue."
+        )
+    return text
+
+
+def changes(
     data: Baseline,
     against: Sequence[str],
     causes: Sequence[ContrastCause],
     unattributed: Sequence[str],
     unexplained: Sequence[JointContrast],
-    joints: Sequence[JointContrast],
-    *,
-    differs: bool,
+    closest: Sequence[tuple[Term, str]],
 ) -> str:
-    """The answer: whether the sets differ, in what, and what is not explained."""
-    named = ", ".join(against)
-    if not differs:
-        worst = max(joints, key=lambda each: each.own)
-        unit = data.unit_at(data.joints.index(worst.joint), "N m")
-        return (
-            f"No difference: one model holds for the reference recordings and for {named}. A model "
-            f"of their own predicts {named} no better than chance allows ({worst.own:.3g} {unit} "
-            f"rms at {worst.joint} are left either way)."
-        )
-    parts = [f"What changed from the reference recordings to {named}:"]
-    parts += [f"{capitalised(cause.sentence)}." for cause in causes]
-    parts += [f"{capitalised(each)}." for each in unattributed]
-    left = ", ".join(_left(data, each) for each in unexplained)
+    """In what the sets differ, and what is not explained.
+
+    Parameters
+    ----------
+    closest
+        Changes that were not confirmed, and in how many parts of the time they are chosen.
+    """
+    parts = [f"What changed from the reference recordings to {', '.join(against)}:"]
+    parts += [f"{capitalised(text)}." for text in (*(c.sentence for c in causes), *unattributed)]
+    left = ", ".join(
+        f"at {joint.joint} by {_torque(data, joint.unexplained, joint.joint)}"
+        for joint in unexplained
+    )
     if left:
         nothing = "nothing else" if causes or unattributed else "nothing"
         parts.append(f"The recordings differ {left}; {nothing} in the catalogue explains it.")
-    elif not causes and not unattributed:
-        worst = max(joints, key=lambda each: each.share_of_torque)
+    if left and closest:
+        listed = ", ".join(f"{common(data, term)} (in {times})" for term, times in closest)
         parts.append(
-            f"The recordings differ at {worst.joint} by "
-            f"{100.0 * worst.share_of_torque:.2g} % of its torque; nothing in the catalogue "
-            "explains it."
+            f"Closest comes {listed}, which is not chosen again whenever a part of the time is "
+            "left out."
         )
     return " ".join(parts)
-
-
-def _left(data: Baseline, each: JointContrast) -> str:
-    unit = data.unit_at(data.joints.index(each.joint), "N m")
-    return f"at {each.joint} by {each.unexplained:.3g} {unit}"
 
 
 def structural(
@@ -111,10 +137,9 @@ def parametric(
 
 
 def law(
-    joint: str,
-    reference: dict[str, EffectParameter],
-    against: dict[str, EffectParameter],
     torque: JointTorque,
+    reference: Mapping[str, EffectParameter],
+    against: Mapping[str, EffectParameter],
 ) -> str:
     """Gains and feedforward that changed."""
     changed = ", ".join(
@@ -122,7 +147,7 @@ def law(
         for name, each in against.items()
     )
     return (
-        f"control law of {joint} changed: {changed} "
+        f"control law of {torque.joint} changed: {changed} "
         f"({100.0 * torque.share_of_torque:.2g} % of its torque)"
     )
 
@@ -188,21 +213,20 @@ def unattributed(data: Baseline, term: Term, scope: str, torque: JointTorque) ->
     """A difference outside the catalogue."""
     effect = term.candidate.effect
     assert isinstance(effect, Nonparametric)
-    unit = data.unit_at(data.joints.index(torque.joint), "N m")
+    rms = _torque(data, torque.rms, torque.joint)
     return (
-        f"the recordings differ at {torque.joint} by {torque.rms:.3g} {unit}, a torque that "
+        f"the recordings differ at {torque.joint} by {rms}, a torque that "
         f"{effect.words}, {_WHERE[scope]}; nothing in the catalogue explains it"
     )
 
 
 def common(data: Baseline, term: Term) -> str:
-    """An effect that both sets share."""
+    """An effect and its joint, as one that both sets share."""
     effect, place = term.candidate.effect, term.candidate.place
-    assert place is not None
-    joint = data.joints[place.joint]
+    where = "" if place is None else f" at {data.joints[place.joint]}"
     if isinstance(effect, Nonparametric):
-        return f"a torque at {joint} that {effect.words}"
-    return f"{spaced(effect.name)} at {joint}"
+        return f"a torque{where} that {effect.words}"
+    return f"{spaced(effect.name)}{where}"
 
 
 def spaced(name: str) -> str:
@@ -210,9 +234,13 @@ def spaced(name: str) -> str:
     return name.replace("_", " ")
 
 
+def _torque(data: Baseline, value: float, joint: str) -> str:
+    return f"{value:.3g} {data.unit_at(data.joints.index(joint), 'N m')}"
+
+
 def _torques(data: Baseline, torques: Sequence[JointTorque]) -> str:
     listed = ", ".join(
-        f"{each.rms:.3g} {data.unit_at(data.joints.index(each.joint), 'N m')} at {each.joint} "
+        f"{_torque(data, each.rms, each.joint)} at {each.joint} "
         f"({100.0 * each.share_of_torque:.2g} % of its torque)"
         for each in torques
     )

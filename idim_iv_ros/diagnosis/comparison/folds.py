@@ -9,7 +9,7 @@ from idim_iv_ros.diagnosis.comparison.candidate import Key
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.options import whitened
 from idim_iv_ros.diagnosis.comparison.select import Selection, climb
-from idim_iv_ros.types import BoolArray, FloatArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 FOLDS = 4
 
@@ -34,13 +34,20 @@ class Chosen:
         return sum(bool(names & keys) for keys in self.keys)
 
 
-def chosen_without(selection: Selection, folds: int = FOLDS) -> Chosen:
-    """Search again without each of `folds` parts of the time; they take turns over the session."""
+def chosen_without(selection: Selection, part: IntArray | None = None) -> Chosen:
+    """Search again without each of some parts of the time.
+
+    Parameters
+    ----------
+    part
+        (blocks,) part that each block of time belongs to; None: equal stretches of the session.
+    """
     comparison = selection.comparison
     nominal, options = comparison.nominal, comparison.options
     ledger = options.ledger
-    count = ledger.block_count
-    part = (np.arange(count) * folds) // count if count >= folds else np.arange(count)
+    if part is None:
+        count = ledger.block_count
+        part = np.arange(count) * FOLDS // max(count, FOLDS)
     keys, gains = [], []
     for fold in range(int(part.max()) + 1):
         counted: list[BoolArray] = [part[block] != fold for block in ledger.blocks]

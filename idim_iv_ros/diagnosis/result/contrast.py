@@ -29,7 +29,7 @@ class JointContrast:
     after : float
         With the causes that are listed.
     own : float
-        With parameters and effects of its own.
+        With numbers of its own besides, in each quarter of a recording as the others have them.
     share_of_torque : float
         Root of before² − own², as a share of the joint's torque (rms): by how much the sets differ.
     unexplained : float
