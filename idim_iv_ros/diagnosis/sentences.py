@@ -89,10 +89,11 @@ def disagreement(differing: Sequence[RecordingAgreement]) -> str:
     """Which recordings the parameters of the others do not fit, and what differs; else empty."""
     if not differing:
         return ""
-    each = "; ".join(_difference(recording) for recording in differing)
+    first = max(differing, key=lambda recording: recording.share_of_torque)
+    more = f" and {_count(len(differing) - 1, 'more recording')}" if len(differing) > 1 else ""
     return (
-        f"one set of parameters does not hold for all recordings: {each}. All other numbers are "
-        "means over the recordings: diagnose those that agree by themselves"
+        f"one set of parameters does not hold for all recordings: {_difference(first)}{more}; all "
+        "other numbers are means"
     )
 
 
@@ -101,10 +102,10 @@ def _difference(recording: RecordingAgreement) -> str:
     text = f"{recording.bag} differs by {share:.2g} % of the torque at {recording.joint}"
     causes = ", ".join(
         f"{_spaced(one.effect)}{f' of {one.joint}' if one.joint else ''} "
-        f"({_numbers(one.effect, one.parameters, settings.MOST_NUMBERS_IN_SENTENCE)})"
+        f"({_numbers(one.effect, one.parameters, 1)})"
         for one in recording.differences
     )
-    return f"{text}, with the others as nominal model: {causes}"
+    return f"{text} ({causes})"
 
 
 def parametric_cause(
