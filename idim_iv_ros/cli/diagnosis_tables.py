@@ -109,7 +109,7 @@ def _print_causes(console: Console, result: GapResult) -> None:
         "effect, joint",
         "parameters (± 95 %)",
         "torque gap, shrinkage",
-        "folds",
+        "probable",
         "indistinguishable from",
     ]
     rows = []
@@ -120,7 +120,7 @@ def _print_causes(console: Console, result: GapResult) -> None:
                 f"{effect_words(cause.effect)}\n{', '.join(joints) or 'all joints'}",
                 "\n".join(_shown(cause.parameters)),
                 "\n".join(unbroken(line) for line in _gaps(result, cause)),
-                unbroken(cause.evidence.chosen_in_folds) or "–",
+                "–" if cause.probability is None else f"{100.0 * cause.probability:.0f} %",
                 _names(cause.indistinguishable_from, cause.joint),
             )
         )

@@ -161,7 +161,7 @@ def _evidence(cause: Cause) -> list[tuple[str, str]]:
         gain = percent(100.0 * evidence.held_out_gain)
         facts.append(("Residual energy that it removes on held-out blocks", gain))
     if evidence.chosen_in_folds:
-        facts.append(("Chosen again without a fold", f"{evidence.chosen_in_folds} folds"))
+        facts.append(("Chosen again without a part of the time", evidence.chosen_in_folds))
     if evidence.folds_positive:
         facts.append(("Held-out blocks on which it helps", evidence.folds_positive))
     return facts
