@@ -73,7 +73,7 @@ NYQUIST_MARGIN = Setting(1.3, "",
     "distance of the proposed cut-off of the positions from half of the sampling rate", NUMERICAL)
 HIGHEST_CUTOFF = Setting(0.4, "sampling rate",
     "cut-off of the positions that is proposed at most", NUMERICAL)
-ACCELERATION_NOISE = Setting(0.5, "standard deviation of the torque's noise",
+ACCELERATION_NOISE = Setting(2.0, "standard deviation of the torque's noise",
     "what noise of the acceleration may add in the band that is proposed", CHOSEN)
 NOISE_SEGMENT = Setting(2.0, "s",
     "segments of the spectrum from which the noise of the sensors is read", NUMERICAL)
@@ -116,7 +116,8 @@ SHIFT_DEVIATIONS = Setting(3.0, "standard deviations",
 EARLIEST_SHIFT = Setting(-1.0, "control periods",
     "shift down to which a single joint tells that of the recording", PHYSICS)
 LATEST_SHIFT = Setting(2.0, "control periods",
-    "the same upwards: half a period of hold and one of computing", PHYSICS)
+    "the same upwards: half a period of hold, one of computing, and half of one until a cycle "
+    "takes the command; more is a delay of all joints", PHYSICS)
 SHIFT_STEPS = Count(2, "",
     "fits of the shift, which enters the regression to first order only", NUMERICAL)
 SHIFT_SPLINE = Count(5, "", "order of the interpolation that shifts the effort", NUMERICAL)

@@ -19,8 +19,6 @@ from idim_iv_ros.effects.effect import (
 from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
-_LEAST_SESSION = 20.0  # s
-
 
 @dataclass(frozen=True)
 class DriftShape(Shape):
@@ -84,12 +82,6 @@ class FrictionDrift(StructuralEffect[DriftShape]):
             *(DriftShape(float(time), False) for time in session),
             *(DriftShape(float(time), True) for time in recording if several),
         ]
-
-    def cannot_show(self, joint: int, covered: OperatingRange) -> str:
-        """It needs a session that warms the joint up."""
-        if covered.duration >= _LEAST_SESSION:
-            return ""
-        return f"the session lasts {covered.duration:.2g} s: no warm-up shows in that"
 
     def columns(
         self, motion: RobotMotion, place: Place, shape: DriftShape

@@ -70,7 +70,7 @@ class Comparison:
     def objective(self, terms: Sequence[Term]) -> float:
         """Tempered evidence of a whole model less what its terms cost."""
         level = Beside(self.nominal, tuple(terms)).level / rules.TEMPER
-        return level - sum(self.prior.nothing - term.log_prior + rules.COST for term in terms)
+        return level - sum(self.prior.nothing - term.log_prior for term in terms)
 
     def _visible_one(self, model: Beside) -> Term | None:
         ranking = _Ranking(self, model, curves=False)

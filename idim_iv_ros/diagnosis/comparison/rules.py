@@ -23,12 +23,10 @@ ADEQUATE = 0.5
 # Prior odds: nothing, a half; the rest equal for effects, then for places, then for shapes.
 NOTHING = 0.5
 CURVE = 0.2  # a free curve against an effect
-# Whole models are compared by a quarter of their evidence: rows are less independent than they
-# seem; and an effect costs this beyond its prior.
+# Whole models are compared by a part of their evidence: rows are less independent than they seem.
 TEMPER = 1.5
-COST = 3.0
 # What errors of all numbers cost for each e-fold of their size beyond the least one.
-ERROR_COST = 3.0
+ERROR_COST = 5.0
 # Links and drives of one nominal model are about as good: spread of the logarithm of their ratio,
 # where links are worse and where drives are. Friction and drive inertia are hardest to come by.
 LINKS_WORSE = 0.3

@@ -27,9 +27,6 @@ from idim_iv_ros.effects.time_delay import TimeDelay
 from idim_iv_ros.simulation import control_period
 from idim_iv_ros.types import BoolArray, FloatArray
 
-# Control periods by which a command acts late: half of one while it is held, one of computing.
-_OF_CONTROL = 1.5
-
 
 @dataclass(frozen=True)
 class EffortShift:
@@ -63,7 +60,7 @@ class EffortShift:
         if self.std is None or shared < 2 or 2 * shared <= len(self.agreeing):
             return False
         unsure = settings.SHIFT_AGREEMENT * self.period + settings.SHIFT_DEVIATIONS * self.std
-        return self.shift - self.configured - unsure > _OF_CONTROL * self.period
+        return self.shift - self.configured - unsure > settings.LATEST_SHIFT * self.period
 
     def cause(
         self, data: Baseline, before: Sequence[float], after: Sequence[float], support: float
