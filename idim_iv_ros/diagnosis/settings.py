@@ -210,9 +210,6 @@ LEAST_ROOM = Setting(1e-3, "gap",
 # Significance.
 NORMAL_95 = Setting(1.96, "standard deviations",
     "half-width of a 95 % interval: a number beyond differs from zero", CONVENTION)
-SIGNIFICANCE_LEVEL = Setting(0.05, "",
-    "level of the test of all numbers of a cause: Wald's, of an effect a likelihood ratio",
-    CONVENTION)
 
 # Parametric causes.
 PARAMETRIC_LEAST_TORQUE = Setting(0.005, "torque of the joint (rms)",

@@ -56,7 +56,7 @@ def test_another_gain_is_found_at_its_joint_with_its_size(
     gains[joint] *= factor
     (finding,) = found(arm, 1, **{name: gains})
     assert finding.joint == arm.configuration.robot.joints[joint]
-    assert finding.p_value < 1e-6
+    assert finding.statistic > 30.0
     assert finding.after < finding.before
     assert set(finding.parameters) == {name}
     assert finding.parameters[name].value == pytest.approx(gains[joint], rel=0.03)

@@ -7,7 +7,6 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.check import ControllerFinding, LawCheck, check_law
-from idim_iv_ros.diagnosis.controller.significance import together
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter
 from idim_iv_ros.effects.torque_gain import TorqueGain
@@ -65,8 +64,7 @@ def _factor(data: Baseline, found: ControllerFinding, gain: EffectParameter) -> 
     if kp is None or gain.std is None or kp.value * configured <= 0.0:
         return None
     factor = configured / kp.value
-    p_value = together(np.array([factor - gain.value]), np.array([[gain.std**2]]))
-    return factor if p_value > settings.SIGNIFICANCE_LEVEL else None
+    return factor if abs(factor - gain.value) < settings.NORMAL_95 * gain.std else None
 
 
 def _with_gains(data: Baseline, factors: Mapping[int, float]) -> Baseline:

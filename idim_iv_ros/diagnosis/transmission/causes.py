@@ -4,11 +4,17 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap, Transmission
+from idim_iv_ros.diagnosis.result import (
+    NOT_CALIBRATED,
+    Cause,
+    EffectParameter,
+    Evidence,
+    Gap,
+    Transmission,
+)
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.transmission import words
 from idim_iv_ros.diagnosis.transmission.fit import LOAD, SIDE, held_out
@@ -113,7 +119,6 @@ def _cause(data: Baseline, regression: Regression, each: Measured, name: str) ->
     term = SIDE if name == Backlash.name else LOAD
     gain, helped, folds = held_out(fit, term)
     statistic = 2.0 * (fit.gains[term] + 0.5 * float(np.log(len(fit.rows.load))))
-    tried = len(fit.gains) * len(data.joints)
     parameters, stiffness = {}, found.stiffness
     if name == Backlash.name:
         assert found.backlash is not None
@@ -135,9 +140,10 @@ def _cause(data: Baseline, regression: Regression, each: Measured, name: str) ->
         parameters=parameters,
         evidence=Evidence(
             statistic=statistic,
-            p_value=min(1.0, tried * float(chi2.sf(max(statistic, 0.0), 1))),
+            p_value=None,
             held_out_gain=gain,
             folds_positive=f"{helped} of {folds}",
+            p_value_from=NOT_CALIBRATED,
         ),
         indistinguishable_from=(),
         torque_gap=gap,

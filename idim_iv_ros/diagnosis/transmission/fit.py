@@ -41,8 +41,6 @@ class TwistFit:
         Logarithm of the likelihood ratio of each, less Schwarz's penalty.
     twist : (r,) rad
         With both channels at the same instants, less constants and position.
-    modelled : (r,) rad
-        What the accepted terms but the position make of it.
     residual : (r,) rad
     regression, fit
         Of the accepted terms.
@@ -56,7 +54,6 @@ class TwistFit:
     stds: dict[str, float]
     gains: dict[str, float]
     twist: FloatArray
-    modelled: FloatArray
     residual: FloatArray
     regression: Regression
     fit: Fit = field(repr=False)
@@ -87,7 +84,6 @@ def fit_twist(rows: TwistRows) -> TwistFit:
             continue
         coefficients[term] = float(found.coefficients[place])
         stds[term] = float(np.sqrt(max(found.coefficient_covariance[place, place], 0.0)))
-    modelled = _part(terms, columns, fit, [term for term in terms if term != POSITION])
     shift = float(fit.values[0])
     return TwistFit(
         rows=rows,
@@ -97,8 +93,7 @@ def fit_twist(rows: TwistRows) -> TwistFit:
         coefficients=coefficients,
         stds=stds,
         gains=gains,
-        twist=modelled + fit.residuals[0],
-        modelled=modelled,
+        twist=_without_position(terms, columns, fit) + fit.residuals[0],
         residual=fit.residuals[0],
         regression=regression,
         fit=fit,
@@ -186,11 +181,14 @@ def _place(terms: Sequence[str], columns: Mapping[str, FloatArray], term: str) -
     return sum(columns[other].shape[1] for other in before)
 
 
-def _part(
-    terms: Sequence[str], columns: Mapping[str, FloatArray], fit: Fit, of: Sequence[str]
+def _without_position(
+    terms: Sequence[str], columns: Mapping[str, FloatArray], fit: Fit
 ) -> FloatArray:
+    """What the accepted terms but the position make of the twist, (r,) rad."""
     part = np.zeros(len(columns[LOAD]))
-    for term in of:
+    for term in terms:
+        if term == POSITION:
+            continue
         first = _place(terms, columns, term)
         width = columns[term].shape[1]
         part += columns[term] @ fit.coefficients[first : first + width]
