@@ -40,7 +40,6 @@ _SHOWN = (
     "assembly.py",
     "identifiability/detectability.py",
     "localisation/residual_split.py",
-    "localisation/where.py",
     "tracking.py",
 )
 _REFIT = ("refit/", "structural/likelihood.py")

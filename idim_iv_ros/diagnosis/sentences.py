@@ -24,6 +24,8 @@ from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.types import FloatArray
 
+MOST_EVENTS = 5  # that are listed
+
 
 def structural_cause(
     data: Baseline,
@@ -192,7 +194,7 @@ def beyond_the_law(
         f"beyond the control law ({100.0 * beyond / max(command, 1e-300):.0f} % of the command)"
     )
     if events:
-        most = settings.LAW_MOST_EVENTS
+        most = MOST_EVENTS
         names = [recording.path.name for recording in data.prepared.recordings]
         unit = data.unit_at(joint, "N m")
         shown = [
@@ -274,7 +276,7 @@ def events(
         f"{largest[1]:.1f} s after its start"
     )
     if len(every) > 1:
-        shown = sorted(every[: settings.LAW_MOST_EVENTS])
+        shown = sorted(every[:MOST_EVENTS])
         times = ", ".join(f"{time:.1f} s of {bags[recording]}" for recording, time in shown)
         text += f"; {len(every)} pulses, the strongest at {times}"
     return text

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bags.simulated_arms import arm2
-from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis import sentences
 from idim_iv_ros.diagnosis.answer.explained import explained
 from idim_iv_ros.diagnosis.answer.structural_causes import structural_causes
 from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors
@@ -148,7 +148,7 @@ def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:
     assert rest is not None
     assert (rest.joint, rest.family) == ("joint_1", "event")
     listed = [float(each) for each in re.findall(r"([0-9.]+) s of simulated", rest.where)]
-    assert len(listed) == settings.LAW_MOST_EVENTS
+    assert len(listed) == sentences.MOST_EVENTS
     assert max(np.abs(np.array(PULSES) - each).min() for each in listed) < 0.3
     quiet = world(data, 4)
     assert unexplained(data, explained(data, quiet, selected(data, quiet)).model) is None

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison import rules
 from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Key, Kind, Scope
@@ -79,7 +78,7 @@ def changes_between(
                 continue
             times = sum(_has(keys, term) for keys in chosen.keys)
             said[id(term)] = f"{times} of {len(chosen.keys)}"
-            matters = float(term.whole.max()) >= settings.CONTRAST_LEAST_EFFECT
+            matters = float(term.whole.max()) >= rules.LEAST_SHARE
             predicts = float(chosen.gains[:, number].sum()) > 0.0
             if matters and predicts and times >= len(chosen.keys) - 1:
                 confirmed.append(term)

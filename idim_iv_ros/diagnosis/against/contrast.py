@@ -121,12 +121,12 @@ class _Assembly:
         unexplained = [
             joint
             for joint, size in zip(joints, self._sizes, strict=True)
-            if joint.unexplained >= settings.CONTRAST_LEAST_SHARE * size
+            if joint.unexplained >= settings.LEAST_NONPARAMETRIC * size
         ]
         noisier = {
             joint.joint: level
             for joint, level, size in zip(joints, of_reference, self._sizes, strict=True)
-            if joint.after**2 - level**2 >= (settings.CONTRAST_LEAST_SHARE * size) ** 2
+            if joint.after**2 - level**2 >= (settings.LEAST_NONPARAMETRIC * size) ** 2
         }
         differs = bool(causes or unattributed or unexplained)
         first = len(self._sets.sets[0].motions)
@@ -282,7 +282,7 @@ class _Assembly:
             for name, rms, size in zip(
                 data.joints, rms_of(data, terms, inside), self._sizes, strict=True
             )
-            if name == own or rms >= settings.CONTRAST_LEAST_SHARE * size
+            if name == own or rms >= settings.LEAST_NONPARAMETRIC * size
         ]
         return sorted(made, key=lambda each: (each.joint != own, -each.share_of_torque))
 

@@ -114,7 +114,7 @@ def _difference(
         deviation = max(float(np.hypot(first, second)), 1e-300)
         own = (other - one) * against.rows.groups[name]
         large = float(np.std(own)) >= settings.LAW_LEAST_DIFFERENCE * against.rows.size
-        if abs(other - one) >= settings.CONTRAST_LAW_DEVIATIONS * deviation and large:
+        if abs(other - one) >= settings.CLEAR_DEVIATIONS * deviation and large:
             changed.append(name)
             torque = torque + own
             largest = max(largest, ((other - one) / deviation) ** 2)
@@ -152,6 +152,6 @@ def shift_difference(sets: TwoSets) -> ShiftDifference:
     late = (
         change.std is not None
         and abs(change.value) >= settings.CONTRAST_LEAST_DELAY * period
-        and abs(change.value) >= settings.SHIFT_DEVIATIONS * change.std
+        and abs(change.value) >= settings.CLEAR_DEVIATIONS * change.std
     )
     return ShiftDifference(one, other, late)

@@ -201,7 +201,7 @@ def _finding(
     changes = change.changes
     lag, deviation = changes.pop(LAG)
     # No law acts before it has measured: a lag below zero is one of the stamps.
-    if lag - settings.LAG_DEVIATIONS * deviation > longest:
+    if lag - settings.CLEAR_DEVIATIONS * deviation > longest:
         short = replace(rows, rest=rows.rest + longest * rows.rate)
         if _holds_lag(rows, short, change):
             changes[LAG] = (lag, deviation)

@@ -132,7 +132,7 @@ def command_regression(
         start += int(kept.sum())
         energy += np.sum(table[kept][:, 4:] ** 2, axis=0)
         noise_energy += np.sum(_noise(motion, law, joint, speed)[kept] ** 2, axis=0)
-    if start < settings.LAW_LEAST_ROWS:
+    if start < settings.LEAST_ROWS:
         return None
     table = np.concatenate(tables)
     which = np.concatenate(constants)

@@ -167,7 +167,7 @@ def _with_late_speed(
         return rows
     names = (*groups, name)
     lag, deviation = rows.changes(with_late.fit(names, with_lag=True), names)[name]
-    if not earliest < lag < longest + settings.LAG_DEVIATIONS * deviation:
+    if not earliest < lag < longest + settings.CLEAR_DEVIATIONS * deviation:
         return rows
     return replace(rows, rest=rows.rest - lag * late)
 
@@ -186,7 +186,7 @@ def _with_reference_on_time(
     if little or name not in change.groups:
         return None
     value, deviation = change.changes[name]
-    if not 0.0 < -value < period * kp + settings.LAG_DEVIATIONS * deviation:
+    if not 0.0 < -value < period * kp + settings.CLEAR_DEVIATIONS * deviation:
         return None
     return replace(rows, rest=rows.rest - value * rows.groups[name])
 

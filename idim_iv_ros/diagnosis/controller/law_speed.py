@@ -21,6 +21,8 @@ from idim_iv_ros.signals.motion import all_around
 from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import FloatArray
 
+_LIMITED = 0.98  # of the torque limit, from which on a command is limited
+
 # Share of the newest difference in a first-order filter: from a hardly filtered speed to one that
 # is twenty samples late.
 FACTORS = (1.0, 0.8, 0.65, 0.5, 0.4, 0.3, 0.2, 0.15, 0.1, 0.05)
@@ -179,7 +181,7 @@ def _shares(
         times.append(motion.time[kept])
         constants.append(np.full(len(rows), number))
     table = np.concatenate(tables)
-    if len(table) < settings.LAW_LEAST_ROWS:
+    if len(table) < settings.LEAST_ROWS:
         return None
     which = np.concatenate(constants)
     known = [2, 3, 5] if feedforward else [2, 3]
@@ -218,7 +220,7 @@ def limited(
 def comparable_rows(motion: Motion, law: ControlLaw, joint: int) -> NDArray[np.bool_]:
     """Decimated samples (m,) at which a command is measured and not at the torque limit."""
     signals = motion.signals
-    limit = settings.LIMITED_COMMAND * float(law.torque_limit[joint])
+    limit = _LIMITED * float(law.torque_limit[joint])
     bad = ~signals.valid[:, joint] | (np.abs(signals.torque[:, joint]) >= limit)
     return _apart(bad[motion.span], motion)
 

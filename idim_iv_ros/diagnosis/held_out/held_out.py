@@ -16,6 +16,8 @@ from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor, st
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray, IntArray
 
+# Weight of the held-out rows in the fit that predicts them: what only they show stays finite.
+_FOLD_LEAK = 1e-3
 GUARD_FOLD = -1
 
 
@@ -225,7 +227,7 @@ def folds_of(data: Baseline, repeats: Sequence[Repeat]) -> tuple[tuple[IntArray,
             f"each of {number.max() + 1} recordings is predicted from the others",
         )
     seconds = sum(len(motion.kept) for motion in data.motions) / data.row_rate
-    blocks = int(np.clip(seconds / settings.LEAST_FOLD, settings.FEWEST_FOLDS, settings.MOST_FOLDS))
+    blocks = int(np.clip(seconds / settings.TIME_BLOCK, settings.FEWEST_FOLDS, settings.MOST_FOLDS))
     return (
         _blocks_of(data, blocks),
         f"each of {blocks} blocks of {seconds / blocks:.2g} s is predicted from the others",
@@ -235,13 +237,13 @@ def folds_of(data: Baseline, repeats: Sequence[Repeat]) -> tuple[tuple[IntArray,
 def interleaved_folds(data: Baseline) -> tuple[tuple[IntArray, ...], str]:
     """Fold of every row of every joint where folds take turns, and how they were made, in words."""
     seconds = sum(len(motion.kept) for motion in data.motions) / data.row_rate
-    blocks = max(int(seconds / settings.INTERLEAVED_FOLD), settings.INTERLEAVED_TURNS)
+    blocks = max(int(seconds / settings.INTERLEAVED_FOLD), settings.FEWEST_FOLDS)
     folds = tuple(
-        np.where(fold == GUARD_FOLD, GUARD_FOLD, fold % settings.INTERLEAVED_TURNS)
+        np.where(fold == GUARD_FOLD, GUARD_FOLD, fold % settings.FEWEST_FOLDS)
         for fold in _blocks_of(data, blocks)
     )
     return folds, (
-        f"every {settings.INTERLEAVED_TURNS}th block of {seconds / blocks:.2g} s is predicted from "
+        f"every {settings.FEWEST_FOLDS}th block of {seconds / blocks:.2g} s is predicted from "
         "the others, as what changes with time cannot be predicted from another part of the session"
     )
 
@@ -309,7 +311,7 @@ def _solutions(
         reduced = [r_factor(rows) for rows in inside]
         factors.append(stacked_r_factor(reduced, places, extended.total + 1))
     solutions: list[list[FloatArray]] = [[] for _ in ends]
-    leak = np.sqrt(settings.FOLD_LEAK)
+    leak = np.sqrt(_FOLD_LEAK)
     for number, own in enumerate(factors):
         others = [factor for other, factor in enumerate(factors) if other != number]
         factor = r_factor(np.vstack([*others, leak * own]))

@@ -5,6 +5,8 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.types import FloatArray, IntArray
 
+_FEWEST_BLOCKS = 8  # in a short session: they are shorter then
+_RESAMPLES = 1000  # of the bootstrap
 _SEED = 20240
 
 
@@ -28,7 +30,7 @@ def time_blocks(
     inside = [recordings == recording for recording in np.unique(recordings)]
     lengths = [int(np.ptp(places[rows])) + 1 for rows in inside]
     whole = sum(lengths) / row_rate
-    seconds = min(settings.TIME_BLOCK, whole / settings.FEWEST_TIME_BLOCKS)
+    seconds = min(settings.TIME_BLOCK, whole / _FEWEST_BLOCKS)
     usual = (length or max(settings.LEAST_TIME_BLOCK, seconds)) * row_rate
     first = 0
     for rows, total in zip(inside, lengths, strict=True):
@@ -53,7 +55,7 @@ def resampled(sums: FloatArray) -> FloatArray:
     """
     count = len(sums)
     draws = np.random.default_rng(_SEED).multinomial(
-        count, np.full(count, 1.0 / count), size=settings.RESAMPLES
+        count, np.full(count, 1.0 / count), size=_RESAMPLES
     )
     return np.asarray(np.tensordot(draws.astype(float), sums, axes=1))
 

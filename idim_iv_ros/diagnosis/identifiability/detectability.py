@@ -15,6 +15,9 @@ from idim_iv_ros.diagnosis.structural.scan import Scan
 from idim_iv_ros.effects.effect import Effect, JointScale, Place, Shape
 from idim_iv_ros.types import FloatArray
 
+_MOST_SCALED = 1.5  # times that a shaft or a delay is scaled up to be seen
+_NONCENTRALITY = 20.0  # chi-square at which an effect is seen
+_LEAST_SHARE = 0.01  # of the whitened residual, the same
 _TINY = 1e-12
 
 
@@ -89,7 +92,7 @@ def detectability(
         the model does not absorb, over all shapes.
     """
     remainder = _remainder(scan, effects, scale.joint)
-    needed = max(settings.NONCENTRALITY, settings.LEAST_SHARE_OF_EFFECT * rows)
+    needed = max(_NONCENTRALITY, _LEAST_SHARE * rows)
     measures = [
         _measure(effect, parts, remainder, needed, scale)
         for effect, parts in zip(effects, remainder.parts, strict=True)
@@ -173,7 +176,7 @@ def _measure(
         size = np.sqrt(needed / np.maximum(rest, _TINY))
         size[(share < 1.0 - settings.ABSORBED) | (largest <= 0.0)] = np.inf
         if effect.size_in == "scale":
-            size[size > settings.MOST_SCALED] = np.inf
+            size[size > _MOST_SCALED] = np.inf
         k = int(np.argmin(size * np.maximum(largest, _TINY)))
         if not np.isfinite(size[k]):
             continue

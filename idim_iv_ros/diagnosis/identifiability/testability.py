@@ -19,6 +19,8 @@ from idim_iv_ros.diagnosis.structural.scan import Scan
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place
 from idim_iv_ros.signals import AutoregressiveModel
 
+_LARGEST_TORQUE = 1e6  # N m, from which on a shape's transmission has run away
+_ASSUMED_DRY_FRICTION = 0.05  # largest torques of a joint that shows none: sizes are judged by it
 _TORQUE = "an effort that is the torque of this joint, in enough rows"
 
 
@@ -145,9 +147,7 @@ def _shaped(
     usable = [
         (shape, columns)
         for shape, columns in zip(shapes, rows_of(data, effect, place, shapes), strict=True)
-        if all(
-            np.max(np.abs(rows), initial=0.0) < settings.LARGEST_TORQUE for rows in columns.values()
-        )
+        if all(np.max(np.abs(rows), initial=0.0) < _LARGEST_TORQUE for rows in columns.values())
     ]
     if not usable:
         return None
@@ -175,6 +175,6 @@ def _dry_friction(data: Baseline, covered: OperatingRange) -> list[float]:
     return [
         float(level)
         if level > settings.LEAST_DRY_FRICTION * peak
-        else settings.ASSUMED_DRY_FRICTION * float(peak)
+        else _ASSUMED_DRY_FRICTION * float(peak)
         for level, peak in zip(levels, covered.torque, strict=True)
     ]

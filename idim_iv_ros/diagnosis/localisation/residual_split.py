@@ -9,6 +9,8 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.types import FloatArray, IntArray
 
+_LEAST_PIECE = 16  # rows of a piece of a residual's spectrum
+
 
 def since_reversal(position: FloatArray, velocity: FloatArray, slowest: float) -> FloatArray:
     """Path since the last reversal (since the start, before the first): (s,) rad (m).
@@ -204,15 +206,15 @@ def bands(
     edge
         Share of the rows' Nyquist frequency that the decimation passes.
     """
-    length = int(settings.SPECTRUM_SEGMENT * row_rate)
-    if length < settings.SPECTRUM_LEAST_ROWS:
+    length = int(settings.LEAST_TIME_BLOCK * row_rate)
+    if length < _LEAST_PIECE:
         return None
     pieces = [
         residual[start : start + length]
         for run in runs
         for start in range(run.start, run.stop - length + 1, length)
     ]
-    if len(pieces) < settings.SPECTRUM_LEAST_PIECES:
+    if not pieces:
         return None
     window = np.hanning(length)
     power = np.abs(np.fft.rfft(np.array(pieces) * window, axis=1)) ** 2

@@ -21,6 +21,14 @@ from idim_iv_ros.diagnosis.result import JointGap, Regime
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.types import FloatArray
 
+_LEAST_OCCUPANCY = 0.005  # of the samples, of a regime
+_LEAST_BLOCKS = 5  # of time behind a regime's interval
+_LEAST_LIFT = 1.3  # energy share over occupancy from which on a regime is said
+_LEAST_ENERGY = 0.2  # of the gap, the same
+_NOMINAL_FINDINGS = 3  # at most, about the nominal model
+_REFIT_FINDINGS = 2  # at most, about the refit
+_REFIT_STRUCTURE = 1.2  # energies of the noise floor from which on the refit's residual is said
+
 
 def joint_gaps(
     joints: Sequence[str],
@@ -75,7 +83,7 @@ def lifts(parts: Split) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 def regimes_of(joint: str, parts: Split, unit: str) -> list[Regime]:
     """Bins of one axis whose lift differs from 1; `unit` is that of its edges."""
-    if len(parts.bins) < settings.REGIME_LEAST_BLOCKS:
+    if len(parts.bins) < _LEAST_BLOCKS:
         return []
     energy, occupancy, lift, limits = lifts(parts)
     return [
@@ -91,7 +99,7 @@ def regimes_of(joint: str, parts: Split, unit: str) -> list[Regime]:
             ci95=(float(limits[k, 0]), float(limits[k, 1])),
         )
         for k in range(len(lift))
-        if occupancy[k] >= settings.LEAST_OCCUPANCY and (limits[k, 0] > 1.0 or limits[k, 1] < 1.0)
+        if occupancy[k] >= _LEAST_OCCUPANCY and (limits[k, 0] > 1.0 or limits[k, 1] < 1.0)
     ]
 
 
@@ -111,10 +119,7 @@ def joined(regimes: Sequence[Regime]) -> Regime | None:
             )  # fmt: skip
         else:
             current = regime
-        if (
-            current.lift < settings.FINDING_LEAST_LIFT
-            or current.energy_share < settings.FINDING_LEAST_ENERGY
-        ):
+        if current.lift < _LEAST_LIFT or current.energy_share < _LEAST_ENERGY:
             continue
         gain = current.energy_share - current.occupancy
         if best is None or gain > best.energy_share - best.occupancy:
@@ -189,20 +194,17 @@ def where(
     axes = [axes_of(motion_at_rows(data, joint), starts) for joint in range(len(data.joints))]
     regimes, found = _regimes(data, regression, shown, axes, gaps, after_refit=False)
     found = [each for each in found if each.regime.joint not in left_out]
-    findings = found[: settings.NOMINAL_FINDINGS]
+    findings = found[:_NOMINAL_FINDINGS]
     if nominal is not None:
         _, found = _regimes(data, regression, refit.residuals, axes, gaps, after_refit=True)
         structured = {
             name
             for name, residual, floor in zip(data.joints, refit.residuals, floors, strict=True)
             if name not in left_out
-            and (
-                floor.sigma is None
-                or np.mean(residual**2) > settings.REFIT_STRUCTURE * floor.sigma**2
-            )
+            and (floor.sigma is None or np.mean(residual**2) > _REFIT_STRUCTURE * floor.sigma**2)
         }
         found = [each for each in found if each.regime.joint in structured]
-        findings += found[: settings.REFIT_FINDINGS]
+        findings += found[:_REFIT_FINDINGS]
     return Localisation(gaps, regimes, tuple(findings))
 
 

@@ -18,6 +18,13 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.types import FloatArray
 
+# rad of phase a rad: of the motor behind a gear, up to six poles behind one of 100.
+_LEAST_WAVES, _MOST_WAVES = 50.0, 600.0
+_WAVES_TRIED = 6  # likely waves of each joint
+_WAVE_STEPS = 7  # wave numbers that are tried near each
+_SIDE_LOBES = 15.0  # resolutions to the next likely wave: slow motion covers a part of the range
+_MOST_RIPPLES = 2  # of a joint's gain that are taken out
+
 
 @dataclass(frozen=True)
 class GainRipple:
@@ -64,7 +71,7 @@ def without_gain_ripples(
     if not measured_as_current(data.prepared.configuration):
         return data, regression, ()
     found: list[GainRipple] = []
-    for _ in range(settings.MOST_GAIN_RIPPLES):
+    for _ in range(_MOST_RIPPLES):
         fit = regression.fit()
         more = [wave for joint in range(len(data.joints)) for wave in _wave(data, fit, joint)]
         if not more:
@@ -153,7 +160,7 @@ class _Score:
     @property
     def tried(self) -> float:
         """Independent waves among which the best was chosen, at all joints."""
-        return len(self.data.joints) * max(1.0, settings.MOST_WAVES / self.resolution)
+        return len(self.data.joints) * max(1.0, _MOST_WAVES / self.resolution)
 
     def columns(self, wave_number: float, gain: bool) -> FloatArray:
         """Sine and cosine at the rows, (r, 2): times the torque, or in N m (N)."""
@@ -182,7 +189,7 @@ class _Score:
 
     def refined(self, wave_number: float, gain: bool) -> tuple[float, float]:
         """Largest statistic near a wave number, and where."""
-        near = wave_number + self.resolution * np.linspace(-0.75, 0.75, settings.WAVE_STEPS)
+        near = wave_number + self.resolution * np.linspace(-0.75, 0.75, _WAVE_STEPS)
         scores = [(self.statistic(float(k), gain), float(k)) for k in near]
         best = max(scores)[1]
         step = 0.5 * float(near[1] - near[0])
@@ -215,7 +222,7 @@ class _Score:
         The residual, times the torque for a ripple of the gain, is summed over bins of the
         position; what the filters take of each wave is left to `statistic`.
         """
-        width = np.pi / (4.0 * settings.MOST_WAVES)
+        width = np.pi / (4.0 * _MOST_WAVES)
         bins = int(self.range / width) + 1
         sums = np.zeros(bins)
         done = 0
@@ -233,13 +240,13 @@ class _Score:
         size = 4 * bins
         spectrum = np.abs(np.fft.rfft(sums, size)) ** 2
         waves = 2.0 * np.pi * np.arange(len(spectrum)) / (size * width)
-        spectrum[(waves < settings.LEAST_WAVES) | (waves > settings.MOST_WAVES)] = 0.0
+        spectrum[(waves < _LEAST_WAVES) | (waves > _MOST_WAVES)] = 0.0
         if beside is not None:
-            spectrum[np.abs(waves - beside) < settings.SIDE_LOBES * self.resolution] = 0.0
+            spectrum[np.abs(waves - beside) < _SIDE_LOBES * self.resolution] = 0.0
         chosen: list[float] = []
         for place in np.argsort(spectrum)[::-1]:
             k = float(waves[place])
-            if spectrum[place] <= 0.0 or len(chosen) == settings.WAVES_TRIED:
+            if spectrum[place] <= 0.0 or len(chosen) == _WAVES_TRIED:
                 break
             if all(abs(k - other) > self.resolution for other in chosen):
                 chosen.append(k)

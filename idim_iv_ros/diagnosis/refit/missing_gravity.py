@@ -19,6 +19,11 @@ from idim_iv_ros.diagnosis.result import (
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.types import FloatArray
 
+_STANDARD_GRAVITY = 9.81  # m/s², that is put in
+_LEAST_GRAVITY = 4.0  # m/s², with the given masses, or it is something else
+_MOST_GRAVITY = 25.0  # m/s², the same
+_LEAST_SHARE = 0.2  # of the energy of one joint's residual, that gravity takes
+
 
 @dataclass(frozen=True)
 class MissingGravity:
@@ -39,7 +44,7 @@ class MissingGravity:
 
     def corrected(self, configuration: Configuration) -> Configuration:
         """Return the configuration with gravity of the usual size in the found direction."""
-        vector = settings.STANDARD_GRAVITY * self.acceleration / np.linalg.norm(self.acceleration)
+        vector = _STANDARD_GRAVITY * self.acceleration / np.linalg.norm(self.acceleration)
         robot = configuration.robot.model_copy(update={"gravity": vector.tolist()})
         return configuration.model_copy(update={"robot": robot})
 
@@ -86,12 +91,9 @@ def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | 
         1.0 - float(after @ after) / max(float(before @ before), 1e-300)
         for before, after in zip(plain.residuals, heavy.residuals, strict=True)
     )
-    if (
-        0.5 * wald - 1.5 * np.log(rows) < settings.LEAST_SUPPORT
-        or less < settings.GRAVITY_LEAST_SHARE
-    ):
+    if 0.5 * wald - 1.5 * np.log(rows) < settings.LEAST_SUPPORT or less < _LEAST_SHARE:
         return None
-    if not settings.LEAST_GRAVITY <= size <= settings.MOST_GRAVITY:
+    if not _LEAST_GRAVITY <= size <= _MOST_GRAVITY:
         return None
     return MissingGravity(
         acceleration=heavy.coefficients,

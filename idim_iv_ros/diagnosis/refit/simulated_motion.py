@@ -16,6 +16,8 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.signals import ParallelDecimation, zero_phase_butterworth
 from idim_iv_ros.types import FloatArray
 
+_JOINING_ORDER = 2  # of the filter that joins measured and simulated motion
+_ROWS_PER_COEFFICIENT = 15  # with fewer, only the motion of the joint alone is fitted
 _DERIVATIVES = 3  # of the simulated motion: as it is, and its first and second derivative
 
 States = Sequence[FloatArray]
@@ -27,7 +29,7 @@ def above(signal: FloatArray, rate: float, cutoff: float) -> FloatArray:
         signal,
         rate=rate,
         cutoff=settings.MEASURED_BELOW * cutoff,
-        order=settings.JOINING_ORDER,
+        order=_JOINING_ORDER,
     )
 
 
@@ -83,7 +85,7 @@ def _derivatives(states: States, rate: float) -> list[FloatArray]:
 def _coefficients(rows: FloatArray, targets: FloatArray) -> FloatArray:
     """Coefficients (n_joints, n_joints, derivatives) of each joint's difference."""
     count, joints, derivatives = rows.shape
-    every = count >= settings.ROWS_PER_MOTION_COEFFICIENT * joints * derivatives
+    every = count >= _ROWS_PER_COEFFICIENT * joints * derivatives
     made = np.zeros((joints, joints, derivatives))
     for joint in range(joints):
         used = np.arange(joints) if every else np.array([joint])

@@ -28,6 +28,8 @@ from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, mass_matrix
 from idim_iv_ros.simulation.replay import replay
 from idim_iv_ros.types import FloatArray
 
+_SLOPE_STEP = 1e-5  # rad or m
+
 
 def simulated_slips(
     prepared: PreparedRegression, estimate: IdimIvEstimate
@@ -138,11 +140,11 @@ class SmoothMotion:
         """(s, n_joints) N m/rad: change of the links' torques as a joint's position moves."""
         if joint not in self._slopes:
             position = self.position.copy()
-            position[:, joint] += settings.SLOPE_STEP
+            position[:, joint] += _SLOPE_STEP
             moved = inverse_dynamics(
                 self.robot, self.links, position, self.velocity, self.acceleration
             )
-            self._slopes[joint] = (moved - self.load) / settings.SLOPE_STEP
+            self._slopes[joint] = (moved - self.load) / _SLOPE_STEP
         return self._slopes[joint]
 
     @cached_property

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.structural.likelihood import Columns, width_of
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.types import FloatArray
 
+_SPREAD_SHAPES = 4  # of a grid, by which an effect is judged from the motion alone
+_PRISMATIC_LEVER = 0.1  # m: what counts as a radian of a prismatic joint
 _AT_ONCE = 32  # shapes: their columns together stay small
 
 
@@ -31,7 +32,7 @@ def operating_range(data: Baseline) -> OperatingRange:
         duration=float(max(m.time[-1] for m in motions)),
         longest=float(max(m.elapsed[-1] for m in motions)),
         row_rate=data.row_rate,
-        lever=np.array([1.0 if kind == "revolute" else settings.PRISMATIC_LEVER for kind in kinds]),
+        lever=np.array([1.0 if kind == "revolute" else _PRISMATIC_LEVER for kind in kinds]),
         sticking=data.sticking,
         left_out=data.left_out,
     )
@@ -44,9 +45,7 @@ def spread_shapes(effect: Effect, place: Place, covered: OperatingRange) -> list
         return []
     return [
         grid[k]
-        for k in np.unique(
-            np.linspace(0, len(grid) - 1, settings.SPREAD_SHAPES).round().astype(int)
-        )
+        for k in np.unique(np.linspace(0, len(grid) - 1, _SPREAD_SHAPES).round().astype(int))
     ]
 
 

@@ -12,13 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, with_parameters
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.diagnosis.structural.candidate import Candidate, operating_range, rows_of
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.types import FloatArray
+
+_SHAPE_STEP = 0.01  # of the number of a shape
+_COEFFICIENT_STEP = 1e-4  # of the coefficient
 
 
 def parameters_of(
@@ -102,7 +104,7 @@ def _with_free_shape(
 def _near(effect: Effect, shape: Shape, place: Place, covered: OperatingRange) -> list[Shape]:
     """One neighbour for each number, or numbers that move together, of the shape."""
     kept: dict[tuple[int, ...], Shape] = {}
-    for near in effect.neighbours(shape, settings.SHAPE_STEP, place, covered):
+    for near in effect.neighbours(shape, _SHAPE_STEP, place, covered):
         pairs = zip(near.numbers, shape.numbers, strict=True)
         moved = tuple(k for k, (a, b) in enumerate(pairs) if a != b)
         if moved:
@@ -126,7 +128,7 @@ def _slopes(
     here = values(shape, coefficients)
     slopes = []
     for k, size in enumerate(np.maximum(np.abs(coefficients), held)):
-        step = settings.COEFFICIENT_STEP * max(float(size), 1e-12)
+        step = _COEFFICIENT_STEP * max(float(size), 1e-12)
         changed = coefficients.copy()
         changed[k] += step
         slopes.append((values(shape, changed) - here) / step)

@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.effects.cause import EffectParameter, Family
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
+
+_STOP_RANGE = 0.4  # of the joint's range, from either end, in which a contact is looked for
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ class Stop(Nonparametric):
             float(covered.low[place.joint]),
             float(covered.high[place.joint]),
         )
-        length = settings.STOP_RANGE * (high - low)
+        length = _STOP_RANGE * (high - low)
         if high <= low:
             return []
         upper = np.linspace(high - length, high - 0.02 * length, 25)

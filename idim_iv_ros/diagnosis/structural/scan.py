@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression, width_of
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, stacked_r_factor
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
+_LEAST_INDEPENDENT = 1e-4  # of a column's energy, that the model leaves
 _LARGEST_ENERGY = 1e100
 _LEAST_ENERGY = 1e-30  # of a whitened column that is not nothing
 # Energy of a direction of a candidate's unit columns, beside the model and the other directions.
@@ -112,7 +112,7 @@ class Scan:
         for rows in white.values():
             left += _own_products(rows, width)
         remaining = np.einsum("mii->mi", left)
-        least = np.maximum(settings.LEAST_INDEPENDENT * energy, _LEAST_ENERGY).reshape(-1, width)
+        least = np.maximum(_LEAST_INDEPENDENT * energy, _LEAST_ENERGY).reshape(-1, width)
         usable = usual.reshape(-1, width) & (remaining > least)
         scale = np.where(usable, 1.0 / np.sqrt(np.where(usable, remaining, 1.0)), 0.0)
         values, vectors = np.linalg.eigh(left * scale[:, :, None] * scale[:, None, :])

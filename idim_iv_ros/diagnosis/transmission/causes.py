@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import (
     NOT_CALIBRATED,
@@ -23,6 +22,8 @@ from idim_iv_ros.diagnosis.transmission.torque import less, link_inertia, twist_
 from idim_iv_ros.effects.backlash import Backlash
 from idim_iv_ros.effects.elasticity import Elasticity
 
+# Hz, of the link against its motor: a shaft is rigid above what the catalogue looks for.
+_STIFF_RESONANCE = 100.0
 _EFFECTS = (Elasticity.name, Backlash.name)
 # Play counts as play, and not as part of a shaft, from this share of the shaft's largest bending:
 # as `effects.backlash`.
@@ -91,7 +92,7 @@ def _effect(data: Baseline, each: Measured) -> str | None:
             bending = float(np.max(np.abs(fit.rows.load))) / found.stiffness.value
         if found.backlash.value > _WIDE * bending:
             return Backlash.name
-    if found.stiffness is None or _resonance(data, each) > settings.STIFF_RESONANCE:
+    if found.stiffness is None or _resonance(data, each) > _STIFF_RESONANCE:
         return None
     return Elasticity.name
 

@@ -20,6 +20,10 @@ from idim_iv_ros.diagnosis.transmission.twist import TwistRows
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.types import BoolArray, FloatArray
 
+_OFFSET_STEPS = 3  # fits of the time offset, which enters to first order only
+_POSITION_TERMS = 4  # cosines of an encoder's error: slower than that of a gear
+_LEAST_SIDE = 0.05  # of the rows on either side of zero load, to look for play
+
 LOAD, SIDE, DIRECTION, POSITION, RATE = "load", "side", "direction", "position", "load rate"
 
 
@@ -67,7 +71,7 @@ def fit_twist(rows: TwistRows) -> TwistFit:
     """Align the two channels and find what their difference follows."""
     columns = term_columns(rows)
     offset = 0.0
-    for _ in range(settings.TWIST_OFFSET_STEPS):
+    for _ in range(_OFFSET_STEPS):
         base = _base(rows, offset)
         fit = base.with_columns({0: columns[LOAD]}).fit()
         offset += float(fit.values[0])
@@ -104,11 +108,11 @@ def term_columns(rows: TwistRows) -> dict[str, FloatArray]:
     """Columns (r, k) of every term that need not be there."""
     columns = {LOAD: rows.load[:, None], DIRECTION: rows.direction[:, None]}
     sides = [float(np.mean(rows.side * sign > 0.0)) for sign in (-1.0, 1.0)]
-    if min(sides) >= settings.LEAST_SIDE:
+    if min(sides) >= _LEAST_SIDE:
         columns[SIDE] = rows.side[:, None]
     span = max(float(np.ptp(rows.position)), 1e-12)
     turn = np.pi * (rows.position - rows.position.min()) / span
-    orders = np.arange(1, int(settings.TWIST_POSITION_TERMS) + 1)
+    orders = np.arange(1, _POSITION_TERMS + 1)
     columns[POSITION] = np.cos(turn[:, None] * orders)
     columns[RATE] = rows.load_rate[:, None]
     return columns
@@ -215,7 +219,7 @@ def held_out(found: TwistFit, term: str) -> tuple[float | None, int, int]:
     extended = found.regression.extended[0]
     table = noise.whiten(np.column_stack([extended.matrix, extended.torque]), rows.segments)
     without = np.delete(table, np.r_[own], axis=1)
-    count = int(settings.TWIST_FOLDS)
+    count = int(settings.MOST_FOLDS)
     block = np.zeros(len(table), dtype=np.int64)
     for number in np.unique(rows.recording):
         places = np.flatnonzero(rows.recording == number)

@@ -22,10 +22,17 @@ from idim_iv_ros.diagnosis.transmission.fit import (
     with_term,
 )
 from idim_iv_ros.diagnosis.transmission.torque import less, twist_torques
-from idim_iv_ros.diagnosis.transmission.twist import TwistRows, has_encoder, twist_rows
+from idim_iv_ros.diagnosis.transmission.twist import (
+    LINK_MOTION_STEPS,
+    TwistRows,
+    has_encoder,
+    twist_rows,
+)
 from idim_iv_ros.identification.link_encoders import link_encoders
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.types import FloatArray
+
+_LEAST_VARIATION = 0.01  # of the largest load: a smaller deviation shows no stiffness
 
 UnitAt = Callable[[str], str]
 
@@ -79,9 +86,9 @@ def _measured(data: Baseline, regression: Regression, joint: int) -> Measured:
     if reason:
         return Measured(joint, Transmission(joint=data.joints[joint], reason=reason))
     fit = fit_twist(rows)
-    for _ in range(settings.LINK_MOTION_STEPS):
+    for _ in range(LINK_MOTION_STEPS):
         compliance = fit.coefficients[LOAD]
-        if not fit.accepted(LOAD) or compliance <= settings.TWIST_DEVIATIONS * fit.stds[LOAD]:
+        if not fit.accepted(LOAD) or compliance <= settings.CLEAR_DEVIATIONS * fit.stds[LOAD]:
             break
         fit = fit_twist(_with_link_motion(data, regression, joint, fit))
         if fit.accepted(SIDE):
@@ -111,7 +118,7 @@ def _with_link_motion(
 
 def _unusable(data: Baseline, rows: TwistRows, joint: int) -> str:
     """Say why nothing can be measured; empty where something can."""
-    if len(rows.load) < settings.LEAST_TWIST_ROWS:
+    if len(rows.load) < settings.LEAST_ROWS:
         return (
             f"only {len(rows.load)} rows of the encoder behind the gear count: record for longer, "
             "with this joint moving"
@@ -134,7 +141,7 @@ def transmission(fit: TwistFit, joint: str, unit_at: UnitAt = str) -> Transmissi
     rows, terms = fit.rows, fit.terms
     compliance, std, test = _compliance(fit)
     elastic = compliance * rows.load
-    sure = compliance > settings.TWIST_DEVIATIONS * std
+    sure = compliance > settings.CLEAR_DEVIATIONS * std
     large = float(np.ptp(elastic)) > rows.resolution
     stiffness = damping = None
     if fit.accepted(LOAD) and sure and large:
@@ -176,7 +183,7 @@ def _undecided(fit: TwistFit, *, sure: bool, large: bool, measured: bool) -> str
             "it cannot be determined"
         )
     largest = max(float(np.abs(rows.load).max()), 1e-300)
-    if float(np.std(rows.load)) <= settings.LEAST_LOAD_VARIATION * largest:
+    if float(np.std(rows.load)) <= _LEAST_VARIATION * largest:
         return "the load hardly varies: it cannot be determined"
     if fit.accepted(LOAD) and not sure:
         return "what the encoders' errors and the load's leave open is as large as the twist"
@@ -186,7 +193,7 @@ def _undecided(fit: TwistFit, *, sure: bool, large: bool, measured: bool) -> str
 def _could_be_seen(fit: TwistFit) -> bool:
     """Whether a twist of one step of the encoders would have been significant."""
     step = fit.rows.resolution / max(float(np.ptp(fit.rows.load)), 1e-300)
-    return step > settings.TWIST_DEVIATIONS * fit.stds[LOAD]
+    return step > settings.CLEAR_DEVIATIONS * fit.stds[LOAD]
 
 
 def _compliance(fit: TwistFit) -> tuple[float, float, HypothesisTest]:
@@ -267,7 +274,7 @@ def _damping(fit: TwistFit, stiffness: EffectParameter, unit_at: UnitAt) -> Effe
         fit.stds[RATE] / fit.coefficients[RATE], 2.0 * stiffness.std / stiffness.value
     )
     std = float(abs(value) * relative)
-    if value <= settings.TWIST_DEVIATIONS * std:
+    if value <= settings.CLEAR_DEVIATIONS * std:
         return None
     return EffectParameter(value, std, unit_at("N m s/rad"))
 
@@ -277,7 +284,7 @@ def _twice(fit: TwistFit, term: str, unit_at: UnitAt) -> EffectParameter | None:
     if not fit.accepted(term):
         return None
     value, std = 2.0 * fit.coefficients[term], 2.0 * fit.stds[term]
-    if value <= settings.TWIST_DEVIATIONS * std:
+    if value <= settings.CLEAR_DEVIATIONS * std:
         return None
     return EffectParameter(value, std, unit_at("rad"))
 

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression
 from idim_iv_ros.effects.two_masses import transmitted
+
+_LIGHT_DAMPING = 0.03  # times critical, of a shaft where none shows
 
 
 def link_inertia(data: Baseline, joint: int) -> float:
@@ -30,7 +31,7 @@ def twist_torques(
     """
     if damping is None:
         critical = 2.0 * float(np.sqrt(stiffness * link_inertia(data, joint)))
-        damping = float(settings.LIGHT_DAMPING) * critical
+        damping = _LIGHT_DAMPING * critical
     parts = [transmitted(motion, joint, stiffness, damping, gap) for motion in data.motions]
     pairs = list(zip(data.motions, parts, strict=True))
     return {

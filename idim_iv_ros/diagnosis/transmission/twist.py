@@ -12,13 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.baseline import SHIFT_SPLINE, Baseline
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.signals.motion import all_around
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
+LINK_MOTION_STEPS = 3  # times that the load is computed again at the link's motion
+_STEP_TOLERANCE = 0.01  # steps: up to here an encoder's values lie on a grid
+_ON_ONE_SIDE = 0.98  # decimated sign of the load from which a link in play lies on one side
+_SIDE_MARGIN = 2  # rows beside a change of side: the link flies there
 # Base parameters that are none of the links.
 _NOT_OF_LINKS = ("Fv", "Fc", "off", "Ia")
 
@@ -45,7 +48,7 @@ class LinkChannel:
         assert signals.link_position is not None
         link = signals.link_position[:, self.joint]
         later = scipy.ndimage.shift(
-            link, -offset * signals.rate, order=settings.SHIFT_SPLINE, mode="nearest"
+            link, -offset * signals.rate, order=SHIFT_SPLINE, mode="nearest"
         )
         twist = (signals.position[:, self.joint] - later)[span]
         return np.asarray(self.motion.decimation.whole(twist)[self.counting])
@@ -105,10 +108,10 @@ class TwistRows:
 
         In play it flies from one side to the other, which a step of the load's sign does not say.
         """
-        near = np.abs(self.side) < settings.ON_ONE_SIDE
+        near = np.abs(self.side) < _ON_ONE_SIDE
         chosen = np.ones(len(near), dtype=bool)
         for segment in self.segments:
-            spread = np.convolve(near[segment], np.ones(2 * settings.SIDE_MARGIN + 1), mode="same")
+            spread = np.convolve(near[segment], np.ones(2 * _SIDE_MARGIN + 1), mode="same")
             chosen[segment] = spread[: segment.stop - segment.start] < 0.5
         return replace(
             self,
@@ -165,7 +168,7 @@ def twist_rows(
         channels.append(LinkChannel(motion, joint, counting))
         taken.append(measured[kept])
         load = smooth.load[:, joint]
-        for _ in range(settings.LINK_MOTION_STEPS if compliance > 0.0 else 0):
+        for _ in range(LINK_MOTION_STEPS if compliance > 0.0 else 0):
             behind = smooth.moved(joint, -compliance * load, links=True)
             load = smooth.load[:, joint] + behind[:, joint]
         series = (
@@ -253,6 +256,6 @@ def _resolution(data: Baseline, joint: int) -> float:
             if len(apart) == 0:
                 continue
             ratios = apart / apart.min()
-            if float(np.abs(ratios - np.round(ratios)).max()) < settings.STEP_TOLERANCE:
+            if float(np.abs(ratios - np.round(ratios)).max()) < _STEP_TOLERANCE:
                 steps.append(float(apart.min()))
     return max(steps)
