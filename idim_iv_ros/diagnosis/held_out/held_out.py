@@ -119,23 +119,18 @@ class HeldOut:
 
         Beside the effects before it, over the joints whose torque it moves.
         """
-        before, after, _ = self._of_effect(effect)
+        joints = self.own_joints[effect]
+        count = 1 + max(int(self.folds[j].max()) for j in joints)
+        sums = np.zeros((2, count))
+        for j in joints:
+            used = self.folds[j] != GUARD_FOLD
+            for k in range(2):
+                rest = self.whitened[effect + k][j][used]
+                sums[k] += np.bincount(self.folds[j][used], weights=rest**2, minlength=count)
+        before, after = sums
         present = before > 0.0
         positive = int(np.sum(after[present] < before[present]))
         return float(1.0 - after.sum() / before.sum()), positive, int(present.sum())
-
-    def _of_effect(self, effect: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Energies of each fold, over an effect's joints: without it, with it, of the change."""
-        joints = self.own_joints[effect]
-        stages = self.whitened[effect], self.whitened[effect + 1]
-        count = 1 + max(int(self.folds[j].max()) for j in joints)
-        sums = np.zeros((3, count))
-        for j in joints:
-            used = self.folds[j] != GUARD_FOLD
-            one, two = (stage[j][used] for stage in stages)
-            for k, rows in enumerate((one, two, one - two)):
-                sums[k] += np.bincount(self.folds[j][used], weights=rows**2, minlength=count)
-        return sums[0], sums[1], sums[2]
 
 
 def shrinkage(before: FloatArray, after: FloatArray, floor: float | None) -> FloatArray:

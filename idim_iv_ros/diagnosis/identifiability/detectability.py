@@ -8,11 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.structural.likelihood import Columns
-from idim_iv_ros.diagnosis.structural.scan import Scan
+from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression, width_of
 from idim_iv_ros.effects.effect import Effect, JointScale, Place, Shape
+from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, stacked_r_factor
+from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
 _MOST_SCALED = 1.5  # times that a shaft or a delay is scaled up to be seen
@@ -52,6 +54,37 @@ class Detectability:
     plausible: bool
 
 
+class Absorption:
+    """What the parameters of a model leave of columns, whitened by the noise of the joints.
+
+    Whitened columns W are projected on the orthonormal columns M R⁻¹ of the model: what is left has
+    the products WᵀW − PᵀP with P = R⁻ᵀMᵀW.
+    """
+
+    def __init__(self, regression: Regression, noise_models: Sequence[AutoregressiveModel]) -> None:
+        self._joints, self._noise_models = regression.extended, noise_models
+        pairs = list(zip(self._joints, noise_models, strict=True))
+        self._model = [noise.standardized(rows.matrix, rows.segments) for rows, noise in pairs]
+        factors = [rows.standardized_r_factor(noise)[:, :-1] for rows, noise in pairs]
+        self._total = regression.total
+        factor = stacked_r_factor(factors, [rows.columns for rows in self._joints], self._total)
+        self._basis = independent_basis(factor, tolerance=NOT_SHOWN)
+
+    def left(self, columns: Columns) -> tuple[FloatArray, FloatArray]:
+        """Energy (k,) of the columns, and the products (k, k) of what is left of them."""
+        width = width_of(columns)
+        inner, products = np.zeros((self._total, width)), np.zeros((width, width))
+        for joint, rows in columns.items():
+            own = self._joints[joint]
+            white = self._noise_models[joint].standardized(rows, own.segments)
+            inner[own.columns] += self._model[joint].T @ white
+            products += white.T @ white
+        projected = scipy.linalg.solve_triangular(
+            self._basis.upper, inner[self._basis.kept], trans="T"
+        )
+        return np.diag(products).copy(), products - projected.T @ projected
+
+
 @dataclass(frozen=True)
 class _Remainder:
     """Columns of all effects at one joint, side by side, less what the model absorbs.
@@ -74,14 +107,14 @@ class _Remainder:
 
 
 def detectability(
-    scan: Scan, effects: Sequence[ShapedEffect], rows: int, scale: JointScale
+    absorption: Absorption, effects: Sequence[ShapedEffect], rows: int, scale: JointScale
 ) -> tuple[list[Detectability], FloatArray]:
     """Say what the motion shows of all effects at one joint.
 
     Parameters
     ----------
-    scan
-        Of the refit; its noise models count.
+    absorption
+        By the refit.
     rows
         Of the joint.
 
@@ -91,7 +124,7 @@ def detectability(
         One for each effect, and their correlations (n, n): largest canonical correlation of what
         the model does not absorb, over all shapes.
     """
-    remainder = _remainder(scan, effects, scale.joint)
+    remainder = _remainder(absorption, effects, scale.joint)
     needed = max(_NONCENTRALITY, _LEAST_SHARE * rows)
     measures = [
         _measure(effect, parts, remainder, needed, scale)
@@ -100,7 +133,7 @@ def detectability(
     return measures, _correlations(remainder)
 
 
-def _remainder(scan: Scan, effects: Sequence[ShapedEffect], joint: int) -> _Remainder:
+def _remainder(absorption: Absorption, effects: Sequence[ShapedEffect], joint: int) -> _Remainder:
     blocks = [columns for effect in effects for columns in effect.columns]
     widths = [next(iter(columns.values())).shape[1] for columns in blocks]
     touched = sorted({j for columns in blocks for j in columns})
@@ -114,9 +147,8 @@ def _remainder(scan: Scan, effects: Sequence[ShapedEffect], joint: int) -> _Rema
         )
         for j in touched
     }
-    white = scan.whiten(stacked)
-    energy = np.maximum(scan.energy(white), _TINY)
-    left = scan.normal(white, white)
+    energy, left = absorption.left(stacked)
+    energy = np.maximum(energy, _TINY)
     own = stacked.get(joint)
     largest = np.zeros(len(energy)) if own is None else np.abs(own).max(axis=0)
     ends = np.cumsum(widths)

@@ -7,6 +7,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.identifiability.detectability import (
+    Absorption,
     Detectability,
     ShapedEffect,
     detectability,
@@ -15,7 +16,6 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Confusability, NotTestable
 from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of, spread_shapes
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
-from idim_iv_ros.diagnosis.structural.scan import Scan
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place
 from idim_iv_ros.signals import AutoregressiveModel
 
@@ -79,7 +79,7 @@ def shown_by_motion(
         Noise of each joint, known beforehand or bounded from below (`floor_noise_models`).
     """
     covered = operating_range(data)
-    scan = Scan(regression, noise_models)
+    absorption = Absorption(regression, noise_models)
     rows = [len(joint.torque) for joint in regression.joints]
     friction = _dry_friction(data, covered)
     tables, refused = [], []
@@ -99,7 +99,7 @@ def shown_by_motion(
         if not candidates:
             continue
         scale = JointScale(covered, joint, friction[joint])
-        measured, correlation = detectability(scan, candidates, rows[joint], scale)
+        measured, correlation = detectability(absorption, candidates, rows[joint], scale)
         for candidate, measure in zip(candidates, measured, strict=True):
             refusal = _refusal(candidate, measure, name)
             if refusal is not None:
