@@ -16,8 +16,7 @@ from idim_iv_ros.diagnosis.assembly import Diagnosis, assembled
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.select import select
-from idim_iv_ros.diagnosis.controller.check import check_law, controller_causes
-from idim_iv_ros.diagnosis.controller.one_gain import beside_gains
+from idim_iv_ros.diagnosis.controller.check import beside_gains, check_law, controller_causes
 from idim_iv_ros.diagnosis.identifiability.testability import shown_by_motion
 from idim_iv_ros.diagnosis.localisation.where import where
 from idim_iv_ros.diagnosis.nominal import read_nominal_model, with_nominal

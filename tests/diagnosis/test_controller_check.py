@@ -11,13 +11,13 @@ import pytest
 from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.controller.check import (
     ControllerFinding,
+    beside_gains,
     check_law,
     why_not_checked,
 )
 from idim_iv_ros.diagnosis.controller.command_regression import command_regression
 from idim_iv_ros.diagnosis.controller.law_change import acceptable
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed
-from idim_iv_ros.diagnosis.controller.one_gain import beside_gains
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.simulation import control_law, simulate_closed_loop

@@ -7,14 +7,12 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.against.sets import TwoSets
-from idim_iv_ros.diagnosis.controller.check import why_not_checked
-from idim_iv_ros.diagnosis.controller.command_regression import command_regression, rms
-from idim_iv_ros.diagnosis.controller.law_change import LawChange, law_change
-from idim_iv_ros.diagnosis.controller.law_speed import law_speed
-from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.controller.check import shown_law, why_not_checked
+from idim_iv_ros.diagnosis.controller.command_regression import rms
+from idim_iv_ros.diagnosis.controller.law_change import LawChange
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.controller_mismatch import GROUPS, ControllerMismatch
-from idim_iv_ros.simulation import ControlLaw, control_law
+from idim_iv_ros.simulation import ControlLaw
 
 
 @dataclass(frozen=True)
@@ -72,27 +70,12 @@ def law_differences(
         reason = why_not_checked(each)
         if reason:
             return (), f"the control laws of the sets were not compared: {reason} ({name})"
-    law = control_law(sets.data.prepared.configuration.controller, len(sets.data.joints))
-    shown = [_laws(each, law) for each in sets.sets]
+    one, other = (shown_law(each) for each in sets.sets)
     found = [
-        _difference(law, joint, shown[0][joint], shown[1][joint])
-        for joint in range(len(sets.data.joints))
-        if joint in shown[0] and joint in shown[1]
+        _difference(one.law, joint, one.joints[joint][1], other.joints[joint][1])
+        for joint in sorted(set(one.joints) & set(other.joints))
     ]
     return tuple(each for each in found if each is not None), ""
-
-
-def _laws(data: Baseline, law: ControlLaw) -> dict[int, LawChange]:
-    """What the commands of one set say of the law of each joint."""
-    slowest = min(motion.signals.rate for motion in data.prepared.motions)
-    period = data.prepared.configuration.controller.period or 1.0 / slowest
-    speed = law_speed(data.prepared.motions, law)
-    found = {}
-    for joint in range(len(data.joints)):
-        rows = command_regression(data.prepared.motions, law, joint, speed)
-        if rows is not None:
-            found[joint] = law_change(rows, law, joint, period)
-    return found
 
 
 def _difference(

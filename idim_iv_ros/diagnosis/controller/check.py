@@ -1,6 +1,6 @@
 """Whether the recorded commands are those of the configured control law."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +31,7 @@ from idim_iv_ros.diagnosis.result import (
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.effects.controller_mismatch import LAG, ControllerMismatch
 from idim_iv_ros.effects.encoder_eccentricity import EncoderEccentricity
+from idim_iv_ros.effects.torque_gain import TorqueGain
 from idim_iv_ros.simulation import ControlLaw, control_law, control_period
 
 
@@ -40,7 +41,6 @@ class ControllerFinding:
 
     Attributes
     ----------
-    effect : ControllerMismatch
     joint : str
     parameters : dict of str to EffectParameter
         What the robot uses instead, of the groups that differ.
@@ -50,7 +50,6 @@ class ControllerFinding:
         RMS of recorded less computed command, N m (N), low-passed as the regression.
     """
 
-    effect: ControllerMismatch
     joint: str
     parameters: dict[str, EffectParameter]
     statistic: float
@@ -103,28 +102,120 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
     """
     if ControllerMismatch.name in without or why_not_checked(data):
         return LawCheck()
-    configuration = data.prepared.configuration
-    law = control_law(configuration.controller, len(data.joints))
-    rates = [motion.signals.rate for motion in data.prepared.motions]
-    period = control_period(configuration.controller, rates)
-    speed = law_speed(data.prepared.motions, law)
-    compared, every = {}, {}
-    wrong = {each.joint for each in data.prepared.joint_findings if each.level == "unusable"}
-    for joint in sorted(set(range(len(data.joints))) - wrong):
-        rows = command_regression(data.prepared.motions, law, joint, speed)
-        if rows is not None:
-            compared[joint] = law_change(rows, law, joint, period)
-            every[joint] = rows
-    longest = _longest_lag(list(compared.values()), period, shift)
-    found = [_finding(data, law, joint, change, longest) for joint, change in compared.items()]
+    shown = shown_law(data)
+    longest = _longest_lag([change for _, change in shown.joints.values()], shown.period, shift)
+    found = [
+        _finding(data, shown.law, joint, change, longest)
+        for joint, (_, change) in shown.joints.items()
+    ]
     beyond = [
-        _beyond_the_law(data, joint, change, every[joint]) for joint, change in compared.items()
+        _beyond_the_law(data, joint, change, rows) for joint, (rows, change) in shown.joints.items()
     ]
     return LawCheck(
         findings=tuple(finding for finding in found if finding is not None),
-        speed=speed,
+        speed=shown.speed,
         beyond=tuple(sentence for sentence in beyond if sentence),
     )
+
+
+@dataclass(frozen=True)
+class ShownLaw:
+    """What the commands say of the configured law.
+
+    Attributes
+    ----------
+    law : ControlLaw
+        As configured.
+    speed : LawSpeed
+    period : float
+        Of the control, s.
+    joints : dict of int to (CommandRegression, LawChange)
+        All rows, and the smallest change that explains them, of joints that have enough.
+    """
+
+    law: ControlLaw
+    speed: LawSpeed
+    period: float
+    joints: dict[int, tuple[CommandRegression, LawChange]]
+
+
+def shown_law(data: Baseline) -> ShownLaw:
+    """Compare the commands of every usable joint with the configured law."""
+    section, motions = data.prepared.configuration.controller, data.prepared.motions
+    law = control_law(section, len(data.joints))
+    period = control_period(section, [motion.signals.rate for motion in motions])
+    speed = law_speed(motions, law)
+    joints = {}
+    wrong = {each.joint for each in data.prepared.joint_findings if each.level == "unusable"}
+    for joint in sorted(set(range(len(data.joints))) - wrong):
+        rows = command_regression(motions, law, joint, speed)
+        if rows is not None:
+            joints[joint] = rows, law_change(rows, law, joint, period)
+    return ShownLaw(law, speed, period, joints)
+
+
+def beside_gains(
+    data: Baseline,
+    law: LawCheck,
+    causes: Sequence[Cause],
+    without: Collection[str] = (),
+    *,
+    shift: float = 0.0,
+) -> LawCheck:
+    """Check the law again with the efforts that it commands, where their gain is a cause.
+
+    A gain of the drive alone changes no command. One of what is recorded changes all of them by
+    the inverse of the gain: only then, and where the law holds with it, are both one cause.
+
+    Parameters
+    ----------
+    law
+        Of the efforts as recorded.
+    causes
+        With the gains that were found in the torque.
+    without, shift
+        As `check_law`.
+    """
+    gains = {
+        cause.joint: cause.parameters["factor"]
+        for cause in causes
+        if cause.effect == TorqueGain.name and cause.joint is not None
+    }
+    factors = {}
+    for found in law.findings:
+        if found.joint in gains:
+            factor = _factor(data, found, gains[found.joint])
+            if factor is not None:
+                factors[data.joints.index(found.joint)] = factor
+    if not factors:
+        return law
+    again = check_law(_with_gains(data, factors), without, shift=shift)
+    left = {found.joint for found in again.findings}
+    same = {joint: each for joint, each in factors.items() if data.joints[joint] not in left}
+    if same == factors:
+        return again
+    return check_law(_with_gains(data, same), without, shift=shift) if same else law
+
+
+def _factor(data: Baseline, found: ControllerFinding, gain: EffectParameter) -> float | None:
+    """From recorded to commanded effort, by the position gain; None where `gain` is another."""
+    law = control_law(data.prepared.configuration.controller, len(data.joints))
+    configured = float(law.kp[data.joints.index(found.joint)])
+    kp = found.parameters.get("kp")
+    if kp is None or gain.std is None or kp.value * configured <= 0.0:
+        return None
+    factor = configured / kp.value
+    return factor if abs(factor - gain.value) < settings.NORMAL_95 * gain.std else None
+
+
+def _with_gains(data: Baseline, factors: Mapping[int, float]) -> Baseline:
+    """Return the recordings with other efforts; the rows of the regression stay."""
+    scale = np.array([factors.get(joint, 1.0) for joint in range(len(data.joints))])
+    motions = tuple(
+        replace(motion, signals=replace(motion.signals, torque=motion.signals.torque * scale))
+        for motion in data.prepared.motions
+    )
+    return replace(data, prepared=replace(data.prepared, motions=motions))
 
 
 def controller_causes(data: Baseline, law: LawCheck, effects: Sequence[Candidate]) -> list[Cause]:
@@ -146,7 +237,7 @@ def _cause(data: Baseline, joint: int, found: ControllerFinding) -> Cause:
     parameters = data.in_units_at(joint, found.parameters)
     gap = Gap(found.before, found.after, None, 1.0 - found.after / found.before, None)
     return Cause(
-        effect=found.effect.name,
+        effect=ControllerMismatch.name,
         kind="structural",
         joint=found.joint,
         other_joint=None,
@@ -155,7 +246,7 @@ def _cause(data: Baseline, joint: int, found: ControllerFinding) -> Cause:
         indistinguishable_from=(),
         torque_gap=gap,
         simulation_gap=None,
-        sentence=sentences.controller_cause(data, joint, gap, found.effect.name, parameters),
+        sentence=sentences.controller_cause(data, joint, gap, ControllerMismatch.name, parameters),
     )
 
 
@@ -212,7 +303,6 @@ def _finding(
         return None
     before, after = rms(base), rms(fit)
     return ControllerFinding(
-        effect=ControllerMismatch(),
         joint=data.joints[joint],
         parameters=ControllerMismatch().parameters(law, joint, changes),
         statistic=2.0 * float(fit.log_likelihood - base.log_likelihood),

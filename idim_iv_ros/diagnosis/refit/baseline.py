@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.controller.simulated_speed import with_law_speed
+from idim_iv_ros.diagnosis.controller.law_speed import with_law_speed
 from idim_iv_ros.diagnosis.refit.processing import (
     may_count,
     reason_for_margin,

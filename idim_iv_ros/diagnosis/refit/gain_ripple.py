@@ -94,22 +94,6 @@ def measured_as_current(configuration: Configuration) -> bool:
     return signals.effort_scale is not None or signals.effort_unit != "N m"
 
 
-def gain_is_as_likely(data: Baseline, fit: Fit, joint: int, wave_number: float) -> bool:
-    """Whether a ripple of the gain near a wave number explains as much as one of the torque.
-
-    Where gravity holds a torque on one side the two are nearly one shape: a ripple of the torque is
-    then no more than a guess.
-
-    Parameters
-    ----------
-    fit
-        Without the ripple: its residual holds it.
-    """
-    score = _Score(data, fit, joint)
-    gain, torque = (score.refined(wave_number, of_gain)[0] for of_gain in (True, False))
-    return gain >= torque - settings.GAIN_RIPPLE_SUPPORT
-
-
 def _wave(data: Baseline, fit: Fit, joint: int) -> Iterator[tuple[GainRipple, FloatArray]]:
     """Yield the likeliest ripple of one joint's gain with its torque at the rows, if there is one.
 

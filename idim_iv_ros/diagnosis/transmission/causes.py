@@ -17,8 +17,7 @@ from idim_iv_ros.diagnosis.result import (
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.transmission import words
 from idim_iv_ros.diagnosis.transmission.fit import LOAD, SIDE, held_out
-from idim_iv_ros.diagnosis.transmission.measure import Measured
-from idim_iv_ros.diagnosis.transmission.torque import less, link_inertia, twist_torques
+from idim_iv_ros.diagnosis.transmission.measure import Measured, less, link_inertia, twist_torques
 from idim_iv_ros.effects.backlash import Backlash
 from idim_iv_ros.effects.elasticity import Elasticity
 

@@ -1,7 +1,7 @@
 """Stiffness, damping, play and time offset of every transmission with an encoder behind it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -9,7 +9,7 @@ from scipy import stats
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter, Transmission, TransmissionSeries
-from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression
 from idim_iv_ros.diagnosis.transmission.fit import (
     DIRECTION,
     LOAD,
@@ -21,18 +21,19 @@ from idim_iv_ros.diagnosis.transmission.fit import (
     term_columns,
     with_term,
 )
-from idim_iv_ros.diagnosis.transmission.torque import less, twist_torques
 from idim_iv_ros.diagnosis.transmission.twist import (
     LINK_MOTION_STEPS,
     TwistRows,
     has_encoder,
     twist_rows,
 )
+from idim_iv_ros.effects.two_masses import transmitted
 from idim_iv_ros.identification.link_encoders import link_encoders
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.types import FloatArray
 
 _LEAST_VARIATION = 0.01  # of the largest load: a smaller deviation shows no stiffness
+_LIGHT_DAMPING = 0.03  # times critical, of a shaft where none shows
 
 UnitAt = Callable[[str], str]
 
@@ -294,3 +295,41 @@ def _most_backlash(fit: TwistFit) -> float | None:
     if SIDE not in fit.coefficients:
         return None
     return 2.0 * (max(fit.coefficients[SIDE], 0.0) + settings.NORMAL_95 * fit.stds[SIDE])
+
+
+def link_inertia(data: Baseline, joint: int) -> float:
+    """Inertia of what is behind a joint, about it: median over the motion, kg m²."""
+    inertia = np.concatenate([motion.inertia[:, joint, joint] for motion in data.motions])
+    return max(float(np.median(inertia)), 1e-12)
+
+
+def twist_torques(
+    data: Baseline, joint: int, stiffness: float, damping: float | None, gap: float
+) -> Columns:
+    """Change of all torques against a rigid transmission, (r, 1) by joint.
+
+    Parameters
+    ----------
+    stiffness, gap
+        N m/rad, rad.
+    damping
+        N m s/rad; None: light, where none was measured.
+    """
+    if damping is None:
+        critical = 2.0 * float(np.sqrt(stiffness * link_inertia(data, joint)))
+        damping = _LIGHT_DAMPING * critical
+    parts = [transmitted(motion, joint, stiffness, damping, gap) for motion in data.motions]
+    pairs = list(zip(data.motions, parts, strict=True))
+    return {
+        other: data.counting(other, [motion.rows(part[other]) for motion, part in pairs])
+        for other in parts[0]
+    }
+
+
+def less(regression: Regression, columns: Columns) -> Regression:
+    """Return the same rows with a known torque (r, 1) taken off."""
+    joints = tuple(
+        replace(rows, torque=rows.torque - columns[joint][:, 0]) if joint in columns else rows
+        for joint, rows in enumerate(regression.joints)
+    )
+    return Regression(joints, regression.parameters)
