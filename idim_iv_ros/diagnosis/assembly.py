@@ -8,7 +8,6 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.against.agreement import RecordingDifference
 from idim_iv_ros.diagnosis.answer.explained import Explained
 from idim_iv_ros.diagnosis.answer.named_model import NamedModel
 from idim_iv_ros.diagnosis.answer.parameter_errors import (
@@ -24,12 +23,11 @@ from idim_iv_ros.diagnosis.localisation.unexplained import (
     unexplained_residual,
 )
 from idim_iv_ros.diagnosis.localisation.where import Localisation
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
+from idim_iv_ros.diagnosis.refit.baseline import nominal_residuals
 from idim_iv_ros.diagnosis.refit.refit import Refit
 from idim_iv_ros.diagnosis.result import (
     Cause,
     Confusability,
-    Difference,
     EffectParameter,
     GapResult,
     GapSeries,
@@ -74,7 +72,8 @@ class Diagnosis:
     hints : tuple of Hint
         What the search selected and what is no cause.
     law : LawCheck
-    agreement : tuple of RecordingDifference
+    recordings : tuple of RecordingAgreement
+        One for each of several.
     where : Localisation
     confusability : tuple of Confusability
     not_testable : tuple of NotTestable
@@ -92,7 +91,7 @@ class Diagnosis:
     causes: Sequence[Cause]
     hints: tuple[Hint, ...]
     law: LawCheck
-    agreement: tuple[RecordingDifference, ...]
+    recordings: tuple[RecordingAgreement, ...]
     where: Localisation
     confusability: tuple[Confusability, ...]
     not_testable: tuple[NotTestable, ...]
@@ -118,8 +117,7 @@ def assembled(found: Diagnosis) -> GapResult:
     verdict = verdict_of(
         causes, outside, parameters=bool(not_named), unexplained=bool(residual) or nothing_shown
     )
-    recordings = _recordings(data, found.agreement)
-    differing = [each for each in recordings if not each.agrees]
+    differing = [each for each in found.recordings if not each.agrees]
     gaps = [gap for gap in found.where.joint_gaps if data.joints.index(gap.joint) not in left_out]
     summary = [
         sentences.disagreement(differing),
@@ -170,39 +168,10 @@ def assembled(found: Diagnosis) -> GapResult:
         kinematics=kinematics_digest(data.prepared.model.robot),
         parameter_errors=errors,
         signal_chain=refit.shift.part_of_result(data.joints, speed),
-        recordings=recordings,
+        recordings=found.recordings,
         transmissions=tuple(each.result for each in found.transmissions),
         twists=tuple(each.series for each in found.transmissions if each.series is not None),
     )
-
-
-def _recordings(
-    data: Baseline, differences: Sequence[RecordingDifference]
-) -> tuple[RecordingAgreement, ...]:
-    """One entry for each recording of several."""
-    apart = {each.recording: each for each in differences}
-    made = []
-    parts = data.prepared.session.parts
-    for number, part in enumerate(parts if len(parts) > 1 else ()):
-        difference = apart.get(number)
-        joint = 0 if difference is None else int(np.argmax(difference.shares))
-        made.append(
-            RecordingAgreement(
-                bag=part.bag,
-                agrees=difference is None,
-                joint=data.joints[joint],
-                share_of_torque=0.0 if difference is None else float(difference.shares[joint]),
-                differences=tuple(
-                    Difference(
-                        each.effect,
-                        None if each.joint is None else data.joints[each.joint],
-                        each.parameters,
-                    )
-                    for each in (() if difference is None else difference.causes)
-                ),
-            )
-        )
-    return tuple(made)
 
 
 def _with_weightless(refit: Refit, stages: tuple[Stage, ...]) -> tuple[Stage, ...]:

@@ -173,7 +173,7 @@ def concluded(
         transmissions=measured,
         excluded=shafts.notes,
         law=law,
-        agreement=agreed,
+        recordings=agreed,
         where=where(data, regression, fit, found.floors),
         confusability=shown,
         not_testable=(*not_testable, *refit.not_testable),

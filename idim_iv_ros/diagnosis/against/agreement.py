@@ -6,45 +6,16 @@ effects that all of them have.
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from idim_iv_ros.diagnosis.against.changes import changes_between, number_changes, rms_of
 from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import EffectParameter
+from idim_iv_ros.diagnosis.result import Difference, RecordingAgreement
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.types import FloatArray
-
-
-@dataclass(frozen=True)
-class ChangeOfNumbers:
-    """One thing in which a recording differs: effect, joint or None, and its numbers."""
-
-    effect: str
-    joint: int | None
-    parameters: dict[str, EffectParameter]
-
-
-@dataclass(frozen=True)
-class RecordingDifference:
-    """One recording that the numbers of the others do not fit.
-
-    Attributes
-    ----------
-    recording : int
-        From 0, in the order of the session.
-    shares : (n_joints,)
-        Torque that the difference makes in it, as a share of the joint's torque.
-    causes : tuple of ChangeOfNumbers
-        The largest first.
-    """
-
-    recording: int
-    shares: FloatArray
-    causes: tuple[ChangeOfNumbers, ...]
 
 
 def agreement(
@@ -52,8 +23,8 @@ def agreement(
     regression: Regression,
     beside: Sequence[Term] = (),
     without: Collection[str] = (),
-) -> tuple[RecordingDifference, ...]:
-    """Let numbers differ in every recording; empty where none does.
+) -> tuple[RecordingAgreement, ...]:
+    """Let numbers differ in every recording; one entry for each of several, empty of one.
 
     Of two recordings that differ the second is named: nothing says which of them is right.
 
@@ -73,15 +44,30 @@ def agreement(
     scopes = [frozenset({number}) for number in range(first, count)]
     structural = {effect.name for effect in STRUCTURAL}
     changes = changes_between(data, regression, (), scopes, {*without, *structural}, beside)
-    found: dict[int, list[tuple[float, FloatArray, ChangeOfNumbers]]] = {}
+    differences: dict[int, list[tuple[FloatArray, Difference]]] = {}
     for each in number_changes(changes):
         shares = rms_of(data, each.terms, each.recordings) / np.array(data.torque_sizes)
-        change = ChangeOfNumbers(each.effect.name, each.joint, each.parameters(changes))
+        joint = None if each.joint is None else data.joints[each.joint]
+        difference = Difference(each.effect.name, joint, each.parameters(changes))
         for number in each.recordings:
-            found.setdefault(number, []).append((float(shares.max()), shares, change))
-    made = []
-    for number, causes in sorted(found.items()):
-        causes.sort(key=lambda cause: -cause[0])
-        whole = np.sqrt(sum(shares**2 for _, shares, _ in causes))
-        made.append(RecordingDifference(number, whole, tuple(change for *_, change in causes)))
-    return tuple(made)
+            differences.setdefault(number, []).append((shares, difference))
+    return tuple(
+        _entry(data, part.bag, differences.get(number, ()))
+        for number, part in enumerate(data.prepared.session.parts)
+    )
+
+
+def _entry(
+    data: Baseline, bag: str, differences: Sequence[tuple[FloatArray, Difference]]
+) -> RecordingAgreement:
+    """One recording with its differences and their shares of the torque (n_joints,)."""
+    ordered = sorted(differences, key=lambda each: -float(each[0].max()))
+    squares = sum((shares**2 for shares, _ in ordered), np.zeros(len(data.joints)))
+    joint = int(np.argmax(squares))
+    return RecordingAgreement(
+        bag=bag,
+        agrees=not ordered,
+        joint=data.joints[joint],
+        share_of_torque=float(np.sqrt(squares[joint])),
+        differences=tuple(difference for _, difference in ordered),
+    )

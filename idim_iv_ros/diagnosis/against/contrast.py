@@ -77,7 +77,7 @@ def contrasted(
     apart = agreement(sets.sets[0], sets.regression_of_reference, (), without)
     law, why_no_law = law_differences(sets, without)
     assembly = _Assembly(sets, changes, law, shift_difference(sets))
-    return assembly.result([each.recording for each in apart], why_no_law)
+    return assembly.result([each.bag for each in apart if not each.agrees], why_no_law)
 
 
 class _Assembly:
@@ -98,7 +98,7 @@ class _Assembly:
         ]
         self._sizes = [max(float(np.sqrt(np.mean(torque**2))), 1e-300) for torque in second]
 
-    def result(self, disagreeing: Sequence[int], why_no_law: str) -> ContrastResult:
+    def result(self, disagreeing: Sequence[str], why_no_law: str) -> ContrastResult:
         """Build it; `disagreeing`: recordings of the reference that differ from its others."""
         data, terms = self._data, self._changes.selection.terms
         numbers = number_changes(self._changes)
@@ -141,7 +141,7 @@ class _Assembly:
             words.shift(self._shift),
             *words.softened(self._sets.softened, data.joints),
             words.groups(sorted([self._bags[k] for k in sorted(group)] for group in groups)),
-            words.reference_disagrees([self._bags[number] for number in disagreeing]),
+            words.reference_disagrees(disagreeing),
             why_no_law,
         ]
         return ContrastResult(
