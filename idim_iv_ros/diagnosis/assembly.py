@@ -22,7 +22,7 @@ from idim_iv_ros.diagnosis.localisation.unexplained import (
     unexplained,
     unexplained_residual,
 )
-from idim_iv_ros.diagnosis.localisation.where import Localisation
+from idim_iv_ros.diagnosis.localisation.where import Finding
 from idim_iv_ros.diagnosis.refit.baseline import nominal_residuals
 from idim_iv_ros.diagnosis.refit.refit import Refit
 from idim_iv_ros.diagnosis.result import (
@@ -74,7 +74,9 @@ class Diagnosis:
     law : LawCheck
     recordings : tuple of RecordingAgreement
         One for each of several.
-    where : Localisation
+    where : Where
+    findings : tuple of Finding
+        Regimes in which much of the gap lies.
     confusability : tuple of Confusability
     not_testable : tuple of NotTestable
     transmissions : tuple of Measured
@@ -92,7 +94,8 @@ class Diagnosis:
     hints: tuple[Hint, ...]
     law: LawCheck
     recordings: tuple[RecordingAgreement, ...]
-    where: Localisation
+    where: Where
+    findings: tuple[Finding, ...]
     confusability: tuple[Confusability, ...]
     not_testable: tuple[NotTestable, ...]
     transmissions: tuple[Measured, ...] = ()
@@ -118,7 +121,7 @@ def assembled(found: Diagnosis) -> GapResult:
         causes, outside, parameters=bool(not_named), unexplained=bool(residual) or nothing_shown
     )
     differing = [each for each in found.recordings if not each.agrees]
-    gaps = [gap for gap in found.where.joint_gaps if data.joints.index(gap.joint) not in left_out]
+    gaps = [gap for gap in found.where.joints if data.joints.index(gap.joint) not in left_out]
     summary = [
         sentences.disagreement(differing),
         sentences.largest_gap(gaps, "refit" if data.prepared.given is None else "nominal model"),
@@ -152,8 +155,8 @@ def assembled(found: Diagnosis) -> GapResult:
         causes=tuple(causes),
         hints=found.hints,
         unexplained=outside,
-        where=Where(found.where.joint_gaps, found.where.regimes),
-        findings=tuple(sentences.finding(each, session) for each in found.where.findings),
+        where=found.where,
+        findings=tuple(sentences.finding(each, session) for each in found.findings),
         not_testable=tuple(
             each for each in found.not_testable if (each.effect, each.joint) not in named
         ),

@@ -161,6 +161,7 @@ def concluded(
     shown, not_testable = shown_by_motion(data, regression, effects, found.noise(fit))
 
     watch.stage("where", 0.95)
+    gaps, findings = where(data, regression, fit, found.floors)
     return Diagnosis(
         configuration=configuration,
         without=without,
@@ -174,7 +175,8 @@ def concluded(
         excluded=shafts.notes,
         law=law,
         recordings=agreed,
-        where=where(data, regression, fit, found.floors),
+        where=gaps,
+        findings=findings,
         confusability=shown,
         not_testable=(*not_testable, *refit.not_testable),
     )

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.against.law import ShiftDifference
 from idim_iv_ros.diagnosis.comparison.beside import Term
-from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction
 from idim_iv_ros.diagnosis.result import (
@@ -15,7 +14,7 @@ from idim_iv_ros.diagnosis.result import (
     JointContrast,
     JointTorque,
 )
-from idim_iv_ros.diagnosis.sentences import capitalised
+from idim_iv_ros.diagnosis.sentences import capitalised, listed_numbers, spaced, with_interval
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
 from idim_iv_ros.effects.effect import Place
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
@@ -105,7 +104,7 @@ def structural(
     if place.other is not None:
         where += f" and {data.joints[place.other]}"
     effect = spaced(name)
-    one, other = (_numbers(name, numbers[each]) for each in ("reference", "against"))
+    one, other = (listed_numbers(name, numbers[each]) for each in ("reference", "against"))
     if change == "changed" and one and other:
         what = f"{effect} at {where} changed: {one} in the reference, {other} in the second set"
     elif change == "changed":
@@ -129,7 +128,7 @@ def parametric(
     place = "" if joint is None else f" of {data.joints[joint]}{effect.which(joint)}"
     text = (
         f"{spaced(effect.name)}{place} changed, second set less reference: "
-        f"{_numbers(effect.name, parameters)}"
+        f"{listed_numbers(effect.name, parameters)}"
     )
     if bags:
         text = f"{', '.join(bags)}: {text}"
@@ -143,7 +142,7 @@ def law(
 ) -> str:
     """Gains and feedforward that changed."""
     changed = ", ".join(
-        f"{spaced(name)} from {_value(reference[name])} to {_value(each)}"
+        f"{spaced(name)} from {with_interval(reference[name])} to {with_interval(each)}"
         for name, each in against.items()
     )
     return (
@@ -229,11 +228,6 @@ def common(data: Baseline, term: Term) -> str:
     return f"{spaced(effect.name)}{where}"
 
 
-def spaced(name: str) -> str:
-    """Return a name of the catalogue in words."""
-    return name.replace("_", " ")
-
-
 def _torque(data: Baseline, value: float, joint: str) -> str:
     return f"{value:.3g} {data.unit_at(data.joints.index(joint), 'N m')}"
 
@@ -252,17 +246,3 @@ def _indistinguishable(others: Sequence[Indistinguishable]) -> str:
         spaced(each.effect) + (f" of {each.joint}" if each.joint else "") for each in others
     )
     return listed and f"; on these recordings it is indistinguishable from {listed}"
-
-
-def _numbers(effect: str, parameters: Mapping[str, EffectParameter]) -> str:
-    shown = surest(dict(parameters), settings.MOST_NUMBERS_IN_SENTENCE)
-    return ", ".join(
-        f"{parameter_words(effect, name)} {_value(each)}" for name, each in shown.items()
-    )
-
-
-def _value(parameter: EffectParameter) -> str:
-    text = f"{parameter.value:.3g}"
-    if parameter.std is not None:
-        text += f" ± {settings.NORMAL_95 * parameter.std:.2g}"
-    return f"{text} {parameter.unit}".rstrip()

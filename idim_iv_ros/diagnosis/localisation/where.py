@@ -17,7 +17,7 @@ from idim_iv_ros.diagnosis.localisation.residual_split import (
 )
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
-from idim_iv_ros.diagnosis.result import JointGap, Regime
+from idim_iv_ros.diagnosis.result import JointGap, Regime, Where
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.types import FloatArray
 
@@ -160,31 +160,14 @@ class Finding:
     excess: float
 
 
-@dataclass(frozen=True)
-class Localisation:
-    """Where the gap lies.
-
-    Attributes
-    ----------
-    joint_gaps : tuple of JointGap
-    regimes : tuple of Regime
-        Of the nominal model's gap (of the refit's where no model is given); largest lift first.
-    findings : tuple of Finding
-        The largest first; those of the residual of the refit last.
-    """
-
-    joint_gaps: tuple[JointGap, ...]
-    regimes: tuple[Regime, ...]
-    findings: tuple[Finding, ...]
-
-
 def where(
     data: Baseline, regression: Regression, refit: Fit, floors: Sequence[NoiseFloor]
-) -> Localisation:
-    """Find where the gap lies.
+) -> tuple[Where, tuple[Finding, ...]]:
+    """Find where the gap lies, and in which regimes much of it, the largest first.
 
-    The nominal model's gap is what the user sees: its shares and regimes are reported. The residual
-    of the refit shows missing effects: findings about it follow where it is above the noise.
+    The nominal model's gap is what the user sees: its shares and regimes are reported, those of the
+    refit where no model is given. The residual of the refit shows missing effects: findings about
+    it follow where it is above the noise.
     """
     nominal = nominal_residuals(data, regression)
     shown = refit.residuals if nominal is None else nominal
@@ -205,7 +188,7 @@ def where(
         }
         found = [each for each in found if each.regime.joint in structured]
         findings += found[:_REFIT_FINDINGS]
-    return Localisation(gaps, regimes, tuple(findings))
+    return Where(gaps, regimes), tuple(findings)
 
 
 def _regimes(

@@ -1,17 +1,12 @@
 """What was measured of a transmission, in sentences."""
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Transmission
+from idim_iv_ros.diagnosis.result import Cause, Transmission
+from idim_iv_ros.diagnosis.sentences import with_interval
 
 _BEHIND = "measured by the encoder behind the gear"
-
-
-def number(parameter: EffectParameter, scale: float = 1.0, unit: str = "") -> str:
-    """Return a number with its 95 % interval, in another unit if that is given."""
-    text = f"{scale * parameter.value:.3g}"
-    if parameter.std is not None:
-        text += f" ± {settings.NORMAL_95 * scale * parameter.std:.2g}"
-    return f"{text} {unit or parameter.unit}"
+# A shaft this stiff (N m/rad) is only the limit of arithmetic: encoders without noise.
+_RIGID = 1e12
 
 
 def described(found: Transmission) -> str:
@@ -19,25 +14,26 @@ def described(found: Transmission) -> str:
     where = f"gear of {found.joint}"
     if found.time_offset is None:
         return f"{where}: {found.reason}"
-    small = _small(found.unit)
+    small = f"m{found.unit}"
     if found.stiffness is not None:
-        text = f"{where}: stiffness {number(found.stiffness)}"
+        text = f"{where}: stiffness {with_interval(found.stiffness)}"
         if found.damping is not None:
-            text += f", damping {number(found.damping)}"
+            text += f", damping {with_interval(found.damping)}"
     else:
         text = f"{where}: no stiffness is measured, {found.reason}"
         if found.stiffness_at_least is not None and found.stiffness_at_least < _RIGID:
-            text += f" (95 %: at least {found.stiffness_at_least:.2g} {_per(found.unit)})"
+            unit = "N m/rad" if found.unit == "rad" else "N/m"
+            text += f" (95 %: at least {found.stiffness_at_least:.2g} {unit})"
     if found.backlash is not None:
-        text += f"; play {number(found.backlash, 1e3, small)}"
+        text += f"; play {with_interval(found.backlash, 1e3, small)}"
     elif found.backlash_at_most is not None:
         text += f"; no play is seen, at most {1e3 * found.backlash_at_most:.2g} {small} (95 %)"
     else:
         text += "; play cannot be determined, the load hardly changes its side"
     if found.lost_motion is not None:
         text += (
-            f"; {number(found.lost_motion, 1e3, small)} follow the direction of motion (play that "
-            "friction keeps on one side, or friction behind the gear)"
+            f"; {with_interval(found.lost_motion, 1e3, small)} follow the direction of motion "
+            "(play that friction keeps on one side, or friction behind the gear)"
         )
     if found.position_error:
         text += "; an error of an encoder over the position was taken out"
@@ -59,8 +55,8 @@ def elasticity(found: Transmission) -> str:
     rms = 1e3 * found.twist_rms * found.elastic_share**0.5
     return (
         f"elasticity at {found.joint}, {_BEHIND}: stiffness "
-        f"{number(found.stiffness)}; under the load the gear twists by {rms:.2g} "
-        f"{_small(found.unit)} rms, {100.0 * found.elastic_share:.0f} % of what motor and link "
+        f"{with_interval(found.stiffness)}; under the load the gear twists by {rms:.2g} "
+        f"m{found.unit} rms, {100.0 * found.elastic_share:.0f} % of what motor and link "
         f"differ by ({offset_words(found)})"
     )
 
@@ -68,12 +64,10 @@ def elasticity(found: Transmission) -> str:
 def backlash(found: Transmission) -> str:
     """Where a gear has play, measured by the encoder behind it."""
     assert found.backlash is not None
-    text = (
-        f"backlash at {found.joint}, {_BEHIND}: gap "
-        f"{number(found.backlash, 1e3, _small(found.unit))}"
-    )
+    gap = with_interval(found.backlash, 1e3, f"m{found.unit}")
+    text = f"backlash at {found.joint}, {_BEHIND}: gap {gap}"
     if found.stiffness is not None:
-        text += f", stiffness beyond it {number(found.stiffness)}"
+        text += f", stiffness beyond it {with_interval(found.stiffness)}"
     return f"{text} ({offset_words(found)})"
 
 
@@ -88,16 +82,3 @@ def refuted(found: Transmission, effect: str) -> str:
         f"on the torque alone an {effect} at {found.joint} would help; the encoder behind the gear "
         f"excludes one of that size ({described(found)})"
     )
-
-
-# A shaft this stiff (N m/rad) is only the limit of arithmetic: encoders without noise.
-_RIGID = 1e12
-
-
-def _small(unit: str) -> str:
-    """A thousandth of the unit of a position."""
-    return f"m{unit}"
-
-
-def _per(unit: str) -> str:
-    return "N m/rad" if unit == "rad" else "N/m"
