@@ -29,7 +29,6 @@ from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.comparison.candidate import Kind, Scope
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.result import (
-    NOT_CALIBRATED,
     ContrastCause,
     ContrastResult,
     EffectParameter,
@@ -213,11 +212,7 @@ class _Assembly:
                 evidence
                 if isinstance(evidence, float)
                 else sum(max(2.0 * term.evidence, 0.0) for term in terms),
-                None,
-                None,
-                "",
                 chosen_in_folds=min((self._changes.chosen[id(term)] for term in terms), default=""),
-                p_value_from=NOT_CALIBRATED,
             ),
             indistinguishable_from=self._others(terms),
             torques=tuple(torques),

@@ -22,7 +22,6 @@ from idim_iv_ros.diagnosis.controller.law_event import events_in
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, law_speed
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import (
-    NOT_CALIBRATED,
     Cause,
     EffectParameter,
     Evidence,
@@ -242,7 +241,7 @@ def _cause(data: Baseline, joint: int, found: ControllerFinding) -> Cause:
         joint=found.joint,
         other_joint=None,
         parameters=parameters,
-        evidence=Evidence(found.statistic, None, None, "", p_value_from=NOT_CALIBRATED),
+        evidence=Evidence(found.statistic),
         indistinguishable_from=(),
         torque_gap=gap,
         simulation_gap=None,

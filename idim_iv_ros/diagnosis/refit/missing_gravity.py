@@ -10,7 +10,6 @@ from idim_iv_ros.diagnosis.held_out.held_out import HeldOut
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.gravity_rows import unit_gravity_rows
 from idim_iv_ros.diagnosis.result import (
-    NOT_CALIBRATED,
     Cause,
     EffectParameter,
     Evidence,
@@ -66,7 +65,7 @@ class MissingGravity:
             joint=None,
             other_joint=None,
             parameters=parameters,
-            evidence=Evidence(self.statistic, None, None, "", p_value_from=NOT_CALIBRATED),
+            evidence=Evidence(self.statistic),
             indistinguishable_from=(),
             torque_gap=Gap(before, after, None, 1.0 - after / before, None),
             simulation_gap=None,

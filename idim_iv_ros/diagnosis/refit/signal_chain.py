@@ -15,7 +15,6 @@ import numpy as np
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, later
 from idim_iv_ros.diagnosis.result import (
-    NOT_CALIBRATED,
     Cause,
     EffectParameter,
     Evidence,
@@ -93,9 +92,7 @@ class EffortShift:
             joint=None,
             other_joint=None,
             parameters={"delay": delay},
-            evidence=Evidence(
-                (delay.value / self.std) ** 2, None, None, "", p_value_from=NOT_CALIBRATED
-            ),
+            evidence=Evidence((delay.value / self.std) ** 2),
             indistinguishable_from=(),
             torque_gap=Gap(one, two, None, 1.0 - two / one, None),
             joint_gaps=tuple(sorted(changes, key=lambda each: -each.share_of_torque)),

@@ -37,11 +37,11 @@ class Evidence:
     """
 
     statistic: Number
-    p_value: float | None
-    held_out_gain: float | None
-    folds_positive: str
+    p_value: float | None = None
+    held_out_gain: float | None = None
+    folds_positive: str = ""
     chosen_in_folds: str = ""
-    p_value_from: str = ""
+    p_value_from: str = NOT_CALIBRATED
 
 
 @dataclass(frozen=True)

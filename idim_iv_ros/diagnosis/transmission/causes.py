@@ -7,7 +7,6 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import (
-    NOT_CALIBRATED,
     Cause,
     EffectParameter,
     Evidence,
@@ -140,10 +139,8 @@ def _cause(data: Baseline, regression: Regression, each: Measured, name: str) ->
         parameters=parameters,
         evidence=Evidence(
             statistic=statistic,
-            p_value=None,
             held_out_gain=gain,
             folds_positive=f"{helped} of {folds}",
-            p_value_from=NOT_CALIBRATED,
         ),
         indistinguishable_from=(),
         torque_gap=gap,
