@@ -80,7 +80,7 @@ class Diagnosis:
     confusability : tuple of Confusability
     not_testable : tuple of NotTestable
     transmissions : tuple of Measured
-    excluded : tuple of str
+    excluded : sequence of str
         What encoders behind the gears exclude.
     """
 
@@ -98,8 +98,8 @@ class Diagnosis:
     findings: tuple[Finding, ...]
     confusability: tuple[Confusability, ...]
     not_testable: tuple[NotTestable, ...]
-    transmissions: tuple[Measured, ...] = ()
-    excluded: tuple[str, ...] = ()
+    transmissions: tuple[Measured, ...]
+    excluded: Sequence[str]
 
 
 def assembled(found: Diagnosis) -> GapResult:

@@ -156,7 +156,7 @@ def concluded(
         *refit.delays,
     ]
     measured = measured_transmissions(data, regression)
-    shafts = with_transmissions(data, regression, measured, causes, without)
+    causes, excluded = with_transmissions(data, regression, measured, causes, without)
     fit = model.fits[0]
     shown, not_testable = shown_by_motion(data, regression, effects, found.noise(fit))
 
@@ -169,10 +169,10 @@ def concluded(
         explained=found,
         errors=errors,
         tracked=tracked,
-        causes=shafts.causes,
+        causes=causes,
         hints=hints_of(data, found),
         transmissions=measured,
-        excluded=shafts.notes,
+        excluded=excluded,
         law=law,
         recordings=agreed,
         where=gaps,

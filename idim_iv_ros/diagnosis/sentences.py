@@ -62,7 +62,7 @@ def structural_cause(
     )
     if gap.noise_floor is not None:
         text += f" (noise {gap.noise_floor:.3g} {unit})"
-    text += _or_else(others)
+    text += or_else(others)
     if gain <= 0.0:
         text += "; it does not help on held-out data, so do not rely on it"
     return text
@@ -130,7 +130,7 @@ def parametric_cause(
     smaller = [_change(data, each) for each in changed if each.share_of_torque > 0.0]
     if smaller:
         text += f"; correcting it reduces the torque gap {', '.join(smaller)}"
-    return text + _or_else(others)
+    return text + or_else(others)
 
 
 def controller_cause(
@@ -402,7 +402,7 @@ def capitalised(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _or_else(others: Sequence[Indistinguishable]) -> str:
+def or_else(others: Sequence[Indistinguishable]) -> str:
     """What a cause may be as well, with the weight of each in the set."""
     listed = ", ".join(
         f"{spaced(each.effect)}{f' of {each.joint}' if each.joint else ''} "

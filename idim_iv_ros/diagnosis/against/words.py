@@ -14,7 +14,13 @@ from idim_iv_ros.diagnosis.result import (
     JointContrast,
     JointTorque,
 )
-from idim_iv_ros.diagnosis.sentences import capitalised, listed_numbers, spaced, with_interval
+from idim_iv_ros.diagnosis.sentences import (
+    capitalised,
+    listed_numbers,
+    or_else,
+    spaced,
+    with_interval,
+)
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
 from idim_iv_ros.effects.effect import Place
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
@@ -112,7 +118,7 @@ def structural(
         what = f"{effect} at {where} changed: more of it in the {more} ({one or other})"
     else:
         what = f"{effect} at {where} {_WHERE['reference' if one else 'against']}: {one or other}"
-    return f"{what}{_torques(data, torques)}{_indistinguishable(others)}"
+    return f"{what}{_torques(data, torques)}{or_else(others)}"
 
 
 def parametric(
@@ -132,7 +138,7 @@ def parametric(
     )
     if bags:
         text = f"{', '.join(bags)}: {text}"
-    return f"{text}{_torques(data, torques)}{_indistinguishable(others)}"
+    return f"{text}{_torques(data, torques)}{or_else(others)}"
 
 
 def law(
@@ -239,10 +245,3 @@ def _torques(data: Baseline, torques: Sequence[JointTorque]) -> str:
         for each in torques
     )
     return listed and f"; that is {listed}"
-
-
-def _indistinguishable(others: Sequence[Indistinguishable]) -> str:
-    listed = ", ".join(
-        spaced(each.effect) + (f" of {each.joint}" if each.joint else "") for each in others
-    )
-    return listed and f"; on these recordings it is indistinguishable from {listed}"

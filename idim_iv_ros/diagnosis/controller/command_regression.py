@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, comparable_rows, limited
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
+from idim_iv_ros.estimation.observation import segments_of
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControlLaw
@@ -64,11 +64,6 @@ class CommandRegression:
 
     def only(self, kept: NDArray[np.bool_]) -> "CommandRegression":
         """Leave out the rows that are not `kept` (r,)."""
-        runs, start = [], 0
-        for run in self.runs:
-            for first, last in _stretches(kept[run]):
-                runs.append(slice(start + first, start + last))
-            start += int(kept[run].sum())
         constants = self.constants[kept]
         return replace(
             self,
@@ -77,7 +72,7 @@ class CommandRegression:
             rate=self.rate[kept],
             acceleration=self.acceleration[kept],
             groups={name: torque[kept] for name, torque in self.groups.items()},
-            runs=tuple(runs),
+            runs=segments_of([kept[run] for run in self.runs]),
             recording=self.recording[kept],
             time=self.time[kept],
         )
@@ -112,7 +107,7 @@ def command_regression(
 ) -> CommandRegression | None:
     """Evaluate the law on the measured motion; None where too few rows are left."""
     effect = ControllerMismatch()
-    tables, constants, runs, times, start = [], [], [], [], 0
+    tables, constants, stretches, times = [], [], [], []
     noise_energy, energy = np.zeros(len(GROUPS)), np.zeros(len(GROUPS))
     for number, motion in enumerate(motions):
         signals = motion.signals
@@ -127,14 +122,12 @@ def command_regression(
         tables.append(table[kept])
         constants.append(np.full(int(kept.sum()), number))
         times.append(motion.time[kept])
-        for first, last in _stretches(kept):
-            runs.append(slice(start + first, start + last))
-        start += int(kept.sum())
+        stretches.append(kept)
         energy += np.sum(table[kept][:, 4:] ** 2, axis=0)
         noise_energy += np.sum(_noise(motion, law, joint, speed)[kept] ** 2, axis=0)
-    if start < settings.LEAST_ROWS:
-        return None
     table = np.concatenate(tables)
+    if len(table) < settings.LEAST_ROWS:
+        return None
     which = np.concatenate(constants)
     used = np.unique(which)
     return CommandRegression(
@@ -145,21 +138,11 @@ def command_regression(
         size=float(np.sqrt(np.mean(table[:, 3] ** 2))),
         groups={name: table[:, 4 + k] for k, name in enumerate(GROUPS)},
         noise=dict(zip(GROUPS, noise_energy / np.maximum(energy, 1e-300), strict=True)),
-        runs=tuple(runs),
+        runs=segments_of(stretches),
         recording=which,
         time=np.concatenate(times),
         step=1.0 / min(motion.signals.rate for motion in motions),
     )
-
-
-def _stretches(kept: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Stretches of rows without a gap, counted among those that are kept."""
-    places = np.flatnonzero(kept)
-    if len(places) == 0:
-        return []
-    cuts = np.flatnonzero(np.diff(places) > 1) + 1
-    edges = [0, *cuts.tolist(), len(places)]
-    return list(pairwise(edges))
 
 
 def _noise(motion: Motion, law: ControlLaw, joint: int, speed: LawSpeed) -> FloatArray:

@@ -1,7 +1,7 @@
 """Measured shafts and play as causes, one with what the torque alone says of them."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,21 +28,13 @@ _EFFECTS = (Elasticity.name, Backlash.name)
 _WIDE = 0.3
 
 
-@dataclass(frozen=True)
-class TransmissionCauses:
-    """All causes, with the measured ones, and what the encoders exclude."""
-
-    causes: list[Cause]
-    notes: tuple[str, ...] = ()
-
-
 def with_transmissions(
     data: Baseline,
     regression: Regression,
     measured: Sequence[Measured],
     causes: Sequence[Cause],
     without: Collection[str] = (),
-) -> TransmissionCauses:
+) -> tuple[list[Cause], list[str]]:
     """Put measured shafts and play in place of those that the torque alone suggests.
 
     Where both name one, it is one cause, with the measured numbers and the torque gap of the other.
@@ -76,7 +68,7 @@ def with_transmissions(
             if _excluded(each.result, cause):
                 kept.remove(cause)
                 notes.append(words.refuted(each.result, cause.effect))
-    return TransmissionCauses(kept, tuple(notes))
+    return kept, notes
 
 
 def _effect(data: Baseline, each: Measured) -> str | None:
