@@ -20,10 +20,8 @@ class Evidence:
     statistic : float
         Twice the logarithm of the likelihood ratio, of whitened residuals, with and without
         (structural); Wald statistic of the change of the parameters (parametric).
-    p_value : float or None
-        Of the choice among all candidates: how often the best of them does as well on recordings
-        that are simulated from the model without the effect and its own noise. None where that
-        was not done.
+    p_value : None
+        None of a cause is calibrated.
     held_out_gain : float or None
         Share of the energy of the whitened residual that the effect removes, on blocks not used to
         fit; None where there are no such blocks.
@@ -33,7 +31,7 @@ class Evidence:
         Without how many of the folds a search names it again: ``5 of 5``; empty of causes that
         no search selects.
     p_value_from : str
-        What the p-value was calibrated on and the least that it can be, or why there is none.
+        Why there is none.
     """
 
     statistic: Number
