@@ -167,21 +167,13 @@ LEAST_ROWS = Count(50, "rows",
     "parameters' number, a noise floor is computed", NUMERICAL)
 LAW_LEAST_DIFFERENCE = Setting(0.005, "command (rms)",
     "difference from which on commands are not those of the law", CHOSEN)
-LAW_LEAST_SHARE = Setting(0.05, "energy that the law leaves",
-    "what a change of the law must take, at least", CHOSEN)
-LAW_BLOCKS = Count(20, "blocks of time",
-    "parts into which the rows of the commands are split, to see that a change of the law lasts",
-    CHOSEN)
-LAW_BLOCKS_LEFT_OUT = Count(2, "blocks of time",
-    "parts without which a change of the law must still be supported: those that speak for it most",
-    CHOSEN)
+LAW_LEAST_SUPPORT = Setting(20.0, "ln likelihood",
+    "evidence of a change of the law, at least: what it explains else is the recording's", CHOSEN)
 LONGEST_LAG = Setting(2.0, "control periods",
     "time from the law to the torque up to which a command is only sampled and held: half a period "
     "of hold and one of computing, and a little", PHYSICS)
 LAG_DIFFERENCE = Setting(0.5, "control periods",
     "lag beyond that of half of the joints from which on it is the law's", CHOSEN)
-LAW_NOISE_MARGIN = Setting(3.0, "change that noise of the encoder makes",
-    "change of a gain, at least", CHOSEN)
 LAW_SPEED_GAIN = Setting(0.2, "commands' residual (rms)",
     "what another speed than the plain one must take, at least, to be the law's", CHOSEN)
 MUCH_BEYOND_LAW = Setting(0.05, "command (rms)",

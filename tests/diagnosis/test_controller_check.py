@@ -15,8 +15,7 @@ from idim_iv_ros.diagnosis.controller.check import (
     check_law,
     why_not_checked,
 )
-from idim_iv_ros.diagnosis.controller.command_regression import command_regression
-from idim_iv_ros.diagnosis.controller.law_change import acceptable
+from idim_iv_ros.diagnosis.controller.command_rows import command_rows
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.result import EffectParameter
@@ -120,10 +119,14 @@ def test_one_shock_in_the_commands_is_no_other_law(arm: SimulatedArm) -> None:
     torque[middle, 0] -= kp * knock + 0.7 * kd * np.gradient(knock, 1.0 / signals.rate)
     shocked = replace(motion, signals=replace(signals, position=position, torque=torque))
     data = replace(data, prepared=replace(data.prepared, motions=(shocked,)))
-    rows = command_regression([shocked], law, 0, LawSpeed())
+    rows = command_rows([shocked], law, 0, LawSpeed(), 1.0 / signals.rate)
     assert rows is not None
-    plain, other = (rows.fit(names, with_lag=True) for names in ((), ("kd",)))
-    assert acceptable(rows, plain, other)  # all rows together are for another gain
+    columns = np.column_stack([rows.constants, rows.errors[:, 0]])
+    plain, other = (
+        rows.rest - table @ np.linalg.lstsq(table, rows.rest)[0]
+        for table in (columns, np.column_stack([columns, rows.groups["kd"]]))
+    )
+    assert np.sum(other**2) < 0.9 * np.sum(plain**2)  # all rows together are for another gain
     assert check_law(data).findings == ()
 
 

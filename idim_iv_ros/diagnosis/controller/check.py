@@ -6,18 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.controller.command_regression import (
-    CommandRegression,
-    command_regression,
-    rms,
+from idim_iv_ros.diagnosis.controller.command_rows import (
+    CommandRows,
+    command_rows,
 )
-from idim_iv_ros.diagnosis.controller.law_change import (
-    LawChange,
-    acceptable,
-    law_change,
-    supported,
-    without_best,
-)
+from idim_iv_ros.diagnosis.controller.law_change import LawChange, law_change
 from idim_iv_ros.diagnosis.controller.law_event import events_in
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, law_speed
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
@@ -42,9 +35,9 @@ class ControllerFinding:
     ----------
     joint : str
     parameters : dict of str to EffectParameter
-        What the robot uses instead, of the groups that differ.
+        What the robot uses instead, of what differs.
     statistic : float
-        Twice the logarithm of the likelihood ratio.
+        Twice the logarithm of the Bayes factor.
     before, after : float
         RMS of recorded less computed command, N m (N), low-passed as the regression.
     """
@@ -102,7 +95,8 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
     if ControllerMismatch.name in without or why_not_checked(data):
         return LawCheck()
     shown = shown_law(data)
-    longest = _longest_lag([change for _, change in shown.joints.values()], shown.period, shift)
+    changes = [change for _, change in shown.joints.values()]
+    longest = _longest_lag(changes, shown.period, shift)
     found = [
         _finding(data, shown.law, joint, change, longest)
         for joint, (_, change) in shown.joints.items()
@@ -128,14 +122,14 @@ class ShownLaw:
     speed : LawSpeed
     period : float
         Of the control, s.
-    joints : dict of int to (CommandRegression, LawChange)
+    joints : dict of int to (CommandRows, LawChange)
         All rows, and the smallest change that explains them, of joints that have enough.
     """
 
     law: ControlLaw
     speed: LawSpeed
     period: float
-    joints: dict[int, tuple[CommandRegression, LawChange]]
+    joints: dict[int, tuple[CommandRows, LawChange]]
 
 
 def shown_law(data: Baseline) -> ShownLaw:
@@ -147,9 +141,9 @@ def shown_law(data: Baseline) -> ShownLaw:
     joints = {}
     wrong = {each.joint for each in data.prepared.joint_findings if each.level == "unusable"}
     for joint in sorted(set(range(len(data.joints))) - wrong):
-        rows = command_regression(motions, law, joint, speed)
+        rows = command_rows(motions, law, joint, speed, period)
         if rows is not None:
-            joints[joint] = rows, law_change(rows, law, joint, period)
+            joints[joint] = rows, law_change(rows)
     return ShownLaw(law, speed, period, joints)
 
 
@@ -249,7 +243,7 @@ def _cause(data: Baseline, joint: int, found: ControllerFinding) -> Cause:
     )
 
 
-def _beyond_the_law(data: Baseline, joint: int, change: LawChange, rows: CommandRegression) -> str:
+def _beyond_the_law(data: Baseline, joint: int, change: LawChange, rows: CommandRows) -> str:
     """What the commands hold beyond the law and its smallest change; empty where it is little."""
     rest = change.beyond(rows)
     size, command = float(np.sqrt(np.mean(rest**2))), rows.size
@@ -265,46 +259,29 @@ def _longest_lag(compared: Sequence[LawChange], period: float, shift: float) -> 
     longest = settings.LONGEST_LAG * period + max(-shift, 0.0)
     if len(compared) < 2:
         return longest
-    lags = sorted(each.changes[LAG][0] for each in compared)
+    lags = sorted(each.lag[0] for each in compared)
     common = max(lags[(len(lags) - 1) // 2], 0.0)
     return min(longest, common + settings.LAG_DIFFERENCE * period)
-
-
-def _holds_lag(rows: CommandRegression, short: CommandRegression, change: LawChange) -> bool:
-    """Whether the lag is needed beyond that of `short`, also without where it helps most."""
-    smaller = short.fit(change.groups, with_lag=False)
-    if not acceptable(rows, smaller, change.fit):
-        return False
-    calm = without_best(smaller, change.fit)
-    rows, short = rows.only(calm), short.only(calm)
-    larger = rows.fit(change.groups, with_lag=True)
-    return supported(rows, short.fit(change.groups, with_lag=False), larger)
 
 
 def _finding(
     data: Baseline, law: ControlLaw, joint: int, change: LawChange, longest: float
 ) -> ControllerFinding | None:
-    rows, fit, base = change.rows, change.fit, change.plain
-    little = settings.LAW_LEAST_DIFFERENCE * rows.size
-    if rms(rows.fit((), with_lag=False)) < little:
-        return None
-    changes = change.changes
-    lag, deviation = changes.pop(LAG)
+    changes, statistic = change.changes, change.statistic
+    before, after = change.left(), change.left(change.terms)
+    lag, std = change.lag
     # No law acts before it has measured: a lag below zero is one of the stamps.
-    if lag - settings.CLEAR_DEVIATIONS * deviation > longest:
-        short = replace(rows, rest=rows.rest + longest * rows.rate)
-        if _holds_lag(rows, short, change):
-            changes[LAG] = (lag, deviation)
-            base = short.fit((), with_lag=False)
-    if LAG not in changes and rms(base) < little:  # what an ordinary lag leaves
+    if lag - settings.CLEAR_DEVIATIONS * std > longest:
+        changes[LAG] = lag, std
+        statistic += ((lag - longest) / std) ** 2
+        before = change.left((), longest)
+    if not changes:
         return None
-    if all(abs(value) < settings.NORMAL_95 * deviation for value, deviation in changes.values()):
-        return None
-    before, after = rms(base), rms(fit)
+    one, other = (float(np.sqrt(np.mean(rest**2))) for rest in (before, after))
     return ControllerFinding(
         joint=data.joints[joint],
         parameters=ControllerMismatch().parameters(law, joint, changes),
-        statistic=2.0 * float(fit.log_likelihood - base.log_likelihood),
-        before=before,
-        after=after,
+        statistic=statistic,
+        before=one,
+        after=other,
     )

@@ -248,10 +248,8 @@ def limited(
     command = np.clip(parts.command, -limit, limit)
     groups = {name: torque * free for name, torque in parts.groups.items()}
     slope = np.gradient(command, 1.0 / rate)
-    acceleration = parts.acceleration * free
-    return replace(
-        parts, command=command, rate=slope, acceleration=acceleration, groups=groups
-    ), free
+    late = parts.late * free[:, None]
+    return replace(parts, command=command, rate=slope, late=late, groups=groups), free
 
 
 def comparable_rows(motion: Motion, law: ControlLaw, joint: int) -> NDArray[np.bool_]:
