@@ -1,4 +1,4 @@
-"""The result of a diagnosis from what its steps found."""
+"""The verdict in one word, and the order of the causes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,14 +16,7 @@ from idim_iv_ros.diagnosis.answer.parameter_errors import (
     remaining,
 )
 from idim_iv_ros.diagnosis.controller.check import LawCheck, why_not_checked
-from idim_iv_ros.diagnosis.localisation.residual_split import motion_at_rows
-from idim_iv_ros.diagnosis.localisation.unexplained import (
-    small_nonparametric,
-    unexplained,
-    unexplained_residual,
-)
-from idim_iv_ros.diagnosis.localisation.where import Finding
-from idim_iv_ros.diagnosis.refit.baseline import nominal_residuals
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.refit import Refit
 from idim_iv_ros.diagnosis.result import (
     Cause,
@@ -35,16 +28,95 @@ from idim_iv_ros.diagnosis.result import (
     NotTestable,
     RecordingAgreement,
     Stage,
+    Unexplained,
+    Verdict,
     Where,
 )
 from idim_iv_ros.diagnosis.tracking import Tracking, tracking_series, with_tracking
+from idim_iv_ros.diagnosis.transmission.causes import described, measured_behind
 from idim_iv_ros.diagnosis.transmission.measure import Measured
-from idim_iv_ros.diagnosis.transmission.words import described, measured_behind
-from idim_iv_ros.diagnosis.verdict import strongest_first, verdict_of
+from idim_iv_ros.diagnosis.unexplained import (
+    small_nonparametric,
+    unexplained,
+    unexplained_residual,
+)
+from idim_iv_ros.diagnosis.where import Finding, motion_at_rows
+from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
+from idim_iv_ros.effects.drive_inertia import DriveInertia
+from idim_iv_ros.effects.time_delay import TimeDelay
 from idim_iv_ros.identification.consistency import consistent_parameters
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING
 from idim_iv_ros.model import kinematics_digest
 from idim_iv_ros.physical import PhysicalParameters
+
+
+def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
+    """Sort causes by what they take of the gap, as a share of the torque of the joint.
+
+    Of causes that move several joints the shares of all count. Another control law has no gap of
+    the torque: its evidence decides whether it comes before the structural causes or after them.
+    What was put in before anything else was looked for comes first: drive inertia that the
+    configuration leaves out, and a delay of all joints.
+    """
+    laws = [cause for cause in causes if cause.effect == ControllerMismatch.name]
+    others = [cause for cause in causes if cause.effect != ControllerMismatch.name]
+    others.sort(key=lambda cause: -_taken(cause, data))
+    structural = [place for place, cause in enumerate(others) if cause.kind == "structural"]
+    place = structural[-1] + 1 if structural else len(others)
+    if structural and _most_evidence(laws) > _most_evidence([others[each] for each in structural]):
+        place = structural[0]
+    ordered = [*others[:place], *laws, *others[place:]]
+    return sorted(ordered, key=lambda cause: not _put_in_first(cause))
+
+
+def _put_in_first(cause: Cause) -> bool:
+    return cause.effect in (DriveInertia.name, TimeDelay.name) and cause.joint is None
+
+
+def _most_evidence(group: Sequence[Cause]) -> float:
+    return max((cause.evidence.statistic for cause in group), default=0.0)
+
+
+def _taken(cause: Cause, data: Baseline) -> float:
+    """Energy of the torque gap that a cause takes, as a share of the torque's, over its joints."""
+    if cause.joint_gaps:
+        return sum(
+            float(np.sign(each.share_of_torque)) * each.share_of_torque**2
+            for each in cause.joint_gaps
+        )
+    taken = cause.torque_gap.before**2 - cause.torque_gap.after**2
+    joints = range(len(data.joints)) if cause.joint is None else [data.joints.index(cause.joint)]
+    whole = sum(float(np.mean(data.rows[joint].torque ** 2)) for joint in joints)
+    return taken / max(whole, 1e-300)
+
+
+def verdict_of(
+    causes: Sequence[Cause],
+    outside: Unexplained | None,
+    *,
+    parameters: bool = False,
+    unexplained: bool = False,
+) -> Verdict:
+    """One word: causes of the catalogue count before what is outside it.
+
+    Parameters
+    ----------
+    parameters
+        Whether parameters are in error beyond the causes: it is not known which.
+    unexplained
+        Whether much of the gap remains.
+    """
+    kinds: set[str] = {cause.kind for cause in causes}
+    if parameters and not kinds and not unexplained:
+        kinds = {"parametric"}
+    if kinds == {"parametric", "structural"}:
+        return "both"
+    if "parametric" in kinds:
+        return "parametric" if outside is None else "unknown"
+    if "structural" in kinds:
+        return "structural"
+    return "unknown" if unexplained or outside is not None else "none"
+
 
 # Effects that share their joint's Fv and Fc: only the sum is friction.
 _OF_FRICTION = frozenset({

@@ -7,7 +7,7 @@ from functools import partial
 
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.against.agreement import agreement
+from idim_iv_ros.diagnosis.against.changes import agreement
 from idim_iv_ros.diagnosis.against.contrast import contrasted
 from idim_iv_ros.diagnosis.answer.explained import Explained, explained
 from idim_iv_ros.diagnosis.answer.parameter_errors import number_errors, parametric_causes
@@ -17,14 +17,14 @@ from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.controller.check import beside_gains, check_law, controller_causes
-from idim_iv_ros.diagnosis.identifiability.testability import shown_by_motion
-from idim_iv_ros.diagnosis.localisation.where import where
+from idim_iv_ros.diagnosis.identifiability import shown_by_motion
 from idim_iv_ros.diagnosis.nominal import read_nominal_model, with_nominal
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
 from idim_iv_ros.diagnosis.result import ContrastResult, GapResult
 from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages
 from idim_iv_ros.diagnosis.transmission.causes import with_transmissions
 from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions
+from idim_iv_ros.diagnosis.where import where
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath, FilePaths

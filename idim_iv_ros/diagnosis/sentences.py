@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.law_event import LawEvent
-from idim_iv_ros.diagnosis.localisation.where import Finding
 from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import (
@@ -20,6 +19,7 @@ from idim_iv_ros.diagnosis.result import (
 )
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric, StopShape
+from idim_iv_ros.diagnosis.where import Finding
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.types import FloatArray

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bags.simulated_arms import arm2
-from idim_iv_ros.diagnosis.against.agreement import agreement
+from idim_iv_ros.diagnosis.against.changes import agreement
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.result import RecordingAgreement
 from idim_iv_ros.diagnosis.structural.likelihood import Regression

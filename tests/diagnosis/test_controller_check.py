@@ -15,7 +15,7 @@ from idim_iv_ros.diagnosis.controller.check import (
     check_law,
     why_not_checked,
 )
-from idim_iv_ros.diagnosis.controller.command_rows import command_rows
+from idim_iv_ros.diagnosis.controller.law_change import command_rows
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.result import EffectParameter

@@ -9,17 +9,17 @@ import pytest
 
 from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
-from idim_iv_ros.diagnosis.identifiability.testability import (
+from idim_iv_ros.diagnosis.identifiability import (
     floor_noise_models,
     shown_by_motion,
 )
-from idim_iv_ros.diagnosis.localisation.unexplained import unexplained_residual
-from idim_iv_ros.diagnosis.localisation.where import where
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
 from idim_iv_ros.diagnosis.result import Stage
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.tracking import simulated_tracking, simulation_gap, tracking_series
+from idim_iv_ros.diagnosis.unexplained import unexplained_residual
+from idim_iv_ros.diagnosis.where import where
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.simulation import SimulatedEffect
 from tests.estimation.test_simulated_arms import recorded

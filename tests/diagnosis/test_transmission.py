@@ -13,8 +13,8 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, Transmission
+from idim_iv_ros.diagnosis.transmission.causes import described
 from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions
-from idim_iv_ros.diagnosis.transmission.words import described
 from idim_iv_ros.identification.prepare import read_configured
 from tests.diagnosis.link_encoders import Gear, pendulum_bag
 

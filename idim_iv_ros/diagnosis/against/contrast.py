@@ -8,10 +8,10 @@ import numpy as np
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.against import words
-from idim_iv_ros.diagnosis.against.agreement import agreement
 from idim_iv_ros.diagnosis.against.changes import (
     Changes,
     NumberChange,
+    agreement,
     changes_between,
     number_changes,
     quarters,

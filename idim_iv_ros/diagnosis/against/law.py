@@ -8,8 +8,7 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.against.sets import TwoSets
 from idim_iv_ros.diagnosis.controller.check import shown_law, why_not_checked
-from idim_iv_ros.diagnosis.controller.command_rows import CommandRows
-from idim_iv_ros.diagnosis.controller.law_change import law_change
+from idim_iv_ros.diagnosis.controller.law_change import CommandRows, law_change
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.simulation import ControlLaw

@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.controller.command_rows import (
+from idim_iv_ros.diagnosis.controller.law_change import (
     CommandRows,
+    LawChange,
     command_rows,
+    law_change,
 )
-from idim_iv_ros.diagnosis.controller.law_change import LawChange, law_change
 from idim_iv_ros.diagnosis.controller.law_event import events_in
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, law_speed
 from idim_iv_ros.diagnosis.refit.baseline import Baseline

@@ -1,14 +1,13 @@
-"""Gravity that the configuration itself leaves out, put in before causes are looked for."""
+"""Torque of the links under gravities of any direction."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.held_out.held_out import HeldOut
+from idim_iv_ros.diagnosis.held_out import HeldOut
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.gravity_rows import unit_gravity_rows
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
@@ -16,7 +15,30 @@ from idim_iv_ros.diagnosis.result import (
     Gap,
 )
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.model import RobotModel
+from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
+
+
+def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatArray]:
+    """Torque of the given links under each of k gravities (k, 3): (r_j, k) for each joint, N m."""
+    robot = data.prepared.model.robot
+    tilted = [_with_gravity(robot, acceleration) for acceleration in accelerations]
+    bodies = robot.given.of_links
+    parts = []
+    for motion in data.motions:
+        still = np.zeros_like(motion.position)
+        torques = [inverse_dynamics(each, bodies, motion.position, still, still) for each in tilted]
+        parts.append(motion.rows(np.concatenate(torques, axis=1)))
+    n = len(robot.joints)
+    return [data.counting(joint, [part[:, joint::n] for part in parts]) for joint in range(n)]
+
+
+def _with_gravity(robot: RobotModel, gravity: FloatArray) -> RobotModel:
+    model = robot.pinocchio.copy()
+    model.gravity.linear = gravity
+    return replace(robot, pinocchio=model)
+
 
 _STANDARD_GRAVITY = 9.81  # m/s², that is put in
 _LEAST_GRAVITY = 4.0  # m/s², with the given masses, or it is something else
