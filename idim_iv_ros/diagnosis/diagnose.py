@@ -147,7 +147,7 @@ def concluded(
     errors = number_errors(found)
     numbers = parametric_causes(data, found, errors)
     law = check_law(data, without, shift=refit.shift.shift)
-    law = beside_gains(data, law, numbers, without, shift=refit.shift.shift)
+    law = beside_gains(law, numbers)
     causes = [
         *structural_causes(data, found, simulated),
         *numbers,

@@ -14,9 +14,11 @@ from idim_iv_ros.types import FloatArray
 if TYPE_CHECKING:  # a simulation, which has all effects, needs no filters
     from idim_iv_ros.signals import JointSignals
 
+GAIN = "gain"  # of the whole command
 GROUPS = (
     *("kp", "kd", "ki"),
     *("feedforward_acceleration", "feedforward_velocity", "feedforward_friction"),
+    GAIN,
 )
 LAG = "lag"
 
@@ -112,6 +114,7 @@ class ControllerMismatch(Cause):
             "feedforward_acceleration": wanted_acceleration,
             "feedforward_velocity": wanted_speed,
             "feedforward_friction": reference_direction(wanted_speed),
+            GAIN: command,
         }
         moving = np.gradient(signals.position[:, joint], step)
         late = np.column_stack([
@@ -129,11 +132,14 @@ class ControllerMismatch(Cause):
 
         The gains of a cascade are given as those from errors to torque.
         """
-        kp, kd, ki = (float(gain[joint]) for gain in law.torque_gains)
-        given = {"kp": kp, "kd": kd, "ki": ki}
-        return self.numbers(
-            **{
-                name: (given.get(name, 0.0) + change, std)
-                for name, (change, std) in changes.items()
-            }
-        )
+        gains = (float(gain[joint]) for gain in law.torque_gains)
+        given = dict(zip(("kp", "kd", "ki"), gains, strict=True))
+        more, unsure = changes.get(GAIN, (0.0, 0.0))
+        scaled = [name for name, value in given.items() if value != 0.0 and GAIN in changes]
+        made = {}
+        for name in (*scaled, *(name for name in changes if name != GAIN)):
+            configured = given.get(name, 0.0)
+            change, std = changes.get(name, (0.0, 0.0))
+            std = math.hypot(std, configured * unsure)
+            made[name] = configured * (1.0 + more) + change, std
+        return self.numbers(**made)

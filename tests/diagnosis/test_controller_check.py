@@ -82,7 +82,7 @@ def test_a_gain_of_the_recorded_effort_is_no_other_law(
     assert [each.joint for each in law.findings] == ["joint_2"]
     gain = {"factor": EffectParameter(factor, 0.004, "")}
     gained = replace(cause("torque_gain", "parametric"), joint=joint, parameters=gain)
-    assert len(beside_gains(data, law, [gained]).findings) == left
+    assert len(beside_gains(law, [gained]).findings) == left
 
 
 def test_another_law_stays_beside_a_gain(arm: SimulatedArm) -> None:
@@ -90,7 +90,7 @@ def test_another_law_stays_beside_a_gain(arm: SimulatedArm) -> None:
     data = diagnosed(arm, 1, kp=arm.law.kp * [1.0, 1.3])
     gain = {"factor": EffectParameter(1 / 1.3, 0.01, "")}
     gained = replace(cause("torque_gain", "parametric"), joint="joint_2", parameters=gain)
-    found = beside_gains(data, check_law(data), [gained]).findings
+    found = beside_gains(check_law(data), [gained]).findings
     assert [each.joint for each in found] == ["joint_2"]
 
 

@@ -1,6 +1,6 @@
 """Whether the recorded commands are those of the configured control law."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from idim_iv_ros.diagnosis.result import (
     Gap,
 )
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
-from idim_iv_ros.effects.controller_mismatch import LAG, ControllerMismatch
+from idim_iv_ros.effects.controller_mismatch import GAIN, LAG, ControllerMismatch
 from idim_iv_ros.effects.encoder_eccentricity import EncoderEccentricity
 from idim_iv_ros.effects.torque_gain import TorqueGain
 from idim_iv_ros.simulation import ControlLaw, control_law, control_period
@@ -37,6 +37,8 @@ class ControllerFinding:
     joint : str
     parameters : dict of str to EffectParameter
         What the robot uses instead, of what differs.
+    gain : float or None
+        By which the whole command is larger, and nothing else is another; None where it is not.
     statistic : float
         Twice the logarithm of the Bayes factor.
     before, after : float
@@ -45,6 +47,7 @@ class ControllerFinding:
 
     joint: str
     parameters: dict[str, EffectParameter]
+    gain: float | None
     statistic: float
     before: float
     after: float
@@ -148,68 +151,25 @@ def shown_law(data: Baseline) -> ShownLaw:
     return ShownLaw(law, speed, period, joints)
 
 
-def beside_gains(
-    data: Baseline,
-    law: LawCheck,
-    causes: Sequence[Cause],
-    without: Collection[str] = (),
-    *,
-    shift: float = 0.0,
-) -> LawCheck:
-    """Check the law again with the efforts that it commands, where their gain is a cause.
+def beside_gains(law: LawCheck, causes: Sequence[Cause]) -> LawCheck:
+    """Leave out commands that are larger by the inverse of a gain that the torque shows.
 
     A gain of the drive alone changes no command. One of what is recorded changes all of them by
-    the inverse of the gain: only then, and where the law holds with it, are both one cause.
-
-    Parameters
-    ----------
-    law
-        Of the efforts as recorded.
-    causes
-        With the gains that were found in the torque.
-    without, shift
-        As `check_law`.
+    the inverse of the gain: then both are one cause.
     """
     gains = {
         cause.joint: cause.parameters["factor"]
         for cause in causes
         if cause.effect == TorqueGain.name and cause.joint is not None
     }
-    factors = {}
-    for found in law.findings:
-        if found.joint in gains:
-            factor = _factor(data, found, gains[found.joint])
-            if factor is not None:
-                factors[data.joints.index(found.joint)] = factor
-    if not factors:
-        return law
-    again = check_law(_with_gains(data, factors), without, shift=shift)
-    left = {found.joint for found in again.findings}
-    same = {joint: each for joint, each in factors.items() if data.joints[joint] not in left}
-    if same == factors:
-        return again
-    return check_law(_with_gains(data, same), without, shift=shift) if same else law
 
+    def same(found: ControllerFinding) -> bool:
+        factor = gains.get(found.joint)
+        if factor is None or factor.std is None or found.gain is None:
+            return False
+        return abs(1.0 / (1.0 + found.gain) - factor.value) < settings.NORMAL_95 * factor.std
 
-def _factor(data: Baseline, found: ControllerFinding, gain: EffectParameter) -> float | None:
-    """From recorded to commanded effort, by the position gain; None where `gain` is another."""
-    law = control_law(data.prepared.configuration.controller, len(data.joints))
-    configured = float(law.kp[data.joints.index(found.joint)])
-    kp = found.parameters.get("kp")
-    if kp is None or gain.std is None or kp.value * configured <= 0.0:
-        return None
-    factor = configured / kp.value
-    return factor if abs(factor - gain.value) < settings.NORMAL_95 * gain.std else None
-
-
-def _with_gains(data: Baseline, factors: Mapping[int, float]) -> Baseline:
-    """Return the recordings with other efforts; the rows of the regression stay."""
-    scale = np.array([factors.get(joint, 1.0) for joint in range(len(data.joints))])
-    motions = tuple(
-        replace(motion, signals=replace(motion.signals, torque=motion.signals.torque * scale))
-        for motion in data.prepared.motions
-    )
-    return replace(data, prepared=replace(data.prepared, motions=motions))
+    return replace(law, findings=tuple(each for each in law.findings if not same(each)))
 
 
 def controller_causes(data: Baseline, law: LawCheck, effects: Sequence[Candidate]) -> list[Cause]:
@@ -282,6 +242,7 @@ def _finding(
     return ControllerFinding(
         joint=data.joints[joint],
         parameters=ControllerMismatch().parameters(law, joint, changes),
+        gain=changes[GAIN][0] if set(changes) == {GAIN} else None,
         statistic=statistic,
         before=one,
         after=other,
