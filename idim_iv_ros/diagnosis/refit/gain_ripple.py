@@ -114,8 +114,6 @@ def _wave(data: Baseline, fit: Fit, joint: int) -> Iterator[tuple[GainRipple, Fl
         return
     if statistic < torque[0] + settings.GAIN_RIPPLE_SUPPORT:
         return
-    if not score.holds(wave_number):
-        return
     columns, values, covariance = score.fitted(wave_number)
     size = float(np.hypot(*values))
     direction = values / max(size, 1e-300)
@@ -185,18 +183,6 @@ class _Score:
         own = self.own(columns)
         inverse: FloatArray = np.asarray(np.linalg.pinv(own.T @ own), dtype=np.float64)
         return columns, inverse @ (own.T @ self.white), inverse
-
-    def holds(self, wave_number: float) -> bool:
-        """Whether the wave of either half of the rows takes energy in the other one."""
-        own = self.own(self.columns(wave_number, True))
-        middle = len(own) // 2
-        halves = slice(0, middle), slice(middle, None)
-        for known, other in (halves, halves[::-1]):
-            values = np.linalg.lstsq(own[known], self.white[known])[0]
-            rest = self.white[other] - own[other] @ values
-            if np.sum(rest**2) >= np.sum(self.white[other] ** 2):
-                return False
-        return True
 
     def peaks(self, gain: bool, beside: float | None = None) -> list[float]:
         """Wave numbers at which the residual correlates most, by one Fourier transform.
