@@ -1,4 +1,4 @@
-"""The verdict in one word, and the order of the causes."""
+"""The result of a diagnosis from what its steps found: order of the causes, verdict, notes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -48,6 +48,13 @@ from idim_iv_ros.identification.consistency import consistent_parameters
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING
 from idim_iv_ros.model import kinematics_digest
 from idim_iv_ros.physical import PhysicalParameters
+
+# Effects that share their joint's Fv and Fc: only the sum is friction.
+_OF_FRICTION = frozenset({
+    *("stribeck", "nonlinear_viscous", "asymmetric_friction", "load_dependent_friction"),
+    *("position_dependent_friction", "friction_drift", "presliding", "joint_coupling"),
+})  # fmt: skip
+_REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 
 
 def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
@@ -116,14 +123,6 @@ def verdict_of(
     if "structural" in kinds:
         return "structural"
     return "unknown" if unexplained or outside is not None else "none"
-
-
-# Effects that share their joint's Fv and Fc: only the sum is friction.
-_OF_FRICTION = frozenset({
-    *("stribeck", "nonlinear_viscous", "asymmetric_friction", "load_dependent_friction"),
-    *("position_dependent_friction", "friction_drift", "presliding", "joint_coupling"),
-})  # fmt: skip
-_REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 
 
 @dataclass(frozen=True)

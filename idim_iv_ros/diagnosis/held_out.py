@@ -1,4 +1,8 @@
-"""Bootstrap over blocks of time: rows that follow one another are not independent."""
+"""The torque gap of every stage on data that was not used to fit it.
+
+Intervals are those of a bootstrap over blocks of time: rows that follow one another are not
+independent.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +18,10 @@ from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression, white_n
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor, stacked_r_factor
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray, IntArray
+
+# Weight of the held-out rows in the fit that predicts them: what only they show stays finite.
+_FOLD_LEAK = 1e-3
+GUARD_FOLD = -1
 
 _FEWEST_BLOCKS = 8  # in a short session: they are shorter then
 _RESAMPLES = 1000  # of the bootstrap
@@ -74,11 +82,6 @@ def interval(values: FloatArray) -> tuple[float, float]:
     """95 % interval of resampled values (1000,)."""
     low, high = np.quantile(values, [0.025, 0.975])
     return float(low), float(high)
-
-
-# Weight of the held-out rows in the fit that predicts them: what only they show stays finite.
-_FOLD_LEAK = 1e-3
-GUARD_FOLD = -1
 
 
 @dataclass(frozen=True)

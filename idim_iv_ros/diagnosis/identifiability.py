@@ -1,4 +1,4 @@
-"""The smallest size of each effect that a motion shows, and how effects correlate on it.
+"""Which effects a motion shows, from which size on, and how they correlate on it.
 
 Only columns and noise enter: the model's own parameters absorb a part of each column, and what is
 left must stand out of the noise.
@@ -19,6 +19,10 @@ from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, stacked_r_factor
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
+
+_LARGEST_TORQUE = 1e6  # N m, from which on a shape's transmission has run away
+_ASSUMED_DRY_FRICTION = 0.05  # largest torques of a joint that shows none: sizes are judged by it
+_TORQUE = "an effort that is the torque of this joint, in enough rows"
 
 _MOST_SCALED = 1.5  # times that a shaft or a delay is scaled up to be seen
 _NONCENTRALITY = 20.0  # chi-square at which an effect is seen
@@ -232,11 +236,6 @@ def _judged(
     """Size in words, and whether it is no larger than what is plausible."""
     words = effect.size_in_words(shape, coefficients, torque)
     return words, effect.plausible(shape, coefficients, torque, scale)
-
-
-_LARGEST_TORQUE = 1e6  # N m, from which on a shape's transmission has run away
-_ASSUMED_DRY_FRICTION = 0.05  # largest torques of a joint that shows none: sizes are judged by it
-_TORQUE = "an effort that is the torque of this joint, in enough rows"
 
 
 def cannot_show(effect: Effect, joint: int, covered: OperatingRange) -> str:

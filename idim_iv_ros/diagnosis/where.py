@@ -1,4 +1,4 @@
-"""Ways to split the samples of a joint, and the energy of its residual in each part."""
+"""Where the gap lies: its share in parts of the samples, against the share of the samples."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,6 +12,24 @@ from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import JointGap, Regime, Where
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.types import FloatArray, IntArray
+
+_BANDS = (0.0, 0.1, 0.3, 0.6, 1.0)  # of the band of the rows
+_LEAST_OCCUPANCY = 0.005  # of the samples, of a regime
+_LEAST_BLOCKS = 5  # of time behind a regime's interval
+_LEAST_LIFT = 1.3  # energy share over occupancy from which on a regime is said
+_LEAST_ENERGY = 0.2  # of the gap, the same
+_NOMINAL_FINDINGS = 3  # at most, about the nominal model
+_REFIT_FINDINGS = 2  # at most, about the refit
+_REFIT_STRUCTURE = 1.2  # energies of the noise floor from which on the refit's residual is said
+_UNITS = {
+    "speed": "rad/s",
+    "direction": "",
+    "position": "rad",
+    "load": "N m",
+    "time": "s",
+    "reversal": "rad",
+    "frequency": "Hz",
+}
 
 _LEAST_PIECE = 16  # rows of a piece of a residual's spectrum
 
@@ -81,9 +99,6 @@ def motion_at_rows(data: Baseline, joint: int) -> MotionAtRows:
             ]
         ),
     )
-
-
-_BANDS = (0.0, 0.1, 0.3, 0.6, 1.0)  # of the band of the rows
 
 
 @dataclass(frozen=True)
@@ -237,15 +252,6 @@ def bands(
     return Split("frequency", edges, bins)
 
 
-_LEAST_OCCUPANCY = 0.005  # of the samples, of a regime
-_LEAST_BLOCKS = 5  # of time behind a regime's interval
-_LEAST_LIFT = 1.3  # energy share over occupancy from which on a regime is said
-_LEAST_ENERGY = 0.2  # of the gap, the same
-_NOMINAL_FINDINGS = 3  # at most, about the nominal model
-_REFIT_FINDINGS = 2  # at most, about the refit
-_REFIT_STRUCTURE = 1.2  # energies of the noise floor from which on the refit's residual is said
-
-
 def joint_gaps(
     joints: Sequence[str],
     torques: Sequence[FloatArray],
@@ -341,17 +347,6 @@ def joined(regimes: Sequence[Regime]) -> Regime | None:
         if best is None or gain > best.energy_share - best.occupancy:
             best = current
     return best
-
-
-_UNITS = {
-    "speed": "rad/s",
-    "direction": "",
-    "position": "rad",
-    "load": "N m",
-    "time": "s",
-    "reversal": "rad",
-    "frequency": "Hz",
-}
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,9 @@
-"""What differs between recordings: terms of the search that act in some of them only."""
+"""What differs between recordings: terms of the search that act in some of them only.
+
+A payload mounted for some recordings and not for others makes one mean payload with a small
+interval: a wrong number that looks sure. So within one set numbers may differ in every recording,
+beside the effects that all of them have.
+"""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace

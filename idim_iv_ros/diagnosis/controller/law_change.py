@@ -1,4 +1,8 @@
-"""Recorded less computed commands of one joint, and what may make them differ."""
+"""What differs in the control law: a comparison of groups of it, beside errors of the recording.
+
+The search is that of the torque. Its rows are recorded less computed commands, its numbers the
+errors of the recording with their likely sizes, its candidates the groups of the law.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,6 +29,8 @@ from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
+
+_SECOND: Scope = frozenset({1})  # what differs in the second set
 
 _BLOCKS = 20  # stretches of time by which a change of the law is judged
 TIMES = 5  # errors of time: a lag of the effort, position, speed, and the references of both
@@ -188,9 +194,6 @@ def _stretches(kept: BoolArray) -> list[tuple[int, int]]:
         return []
     cuts = np.flatnonzero(np.diff(places) > 1) + 1
     return list(pairwise([0, *cuts.tolist(), len(places)]))
-
-
-_SECOND: Scope = frozenset({1})  # what differs in the second set
 
 
 class _Group(SignalError):

@@ -1,4 +1,4 @@
-"""Torque of the links under gravities of any direction."""
+"""Gravity that the configuration itself leaves out, put in before causes are looked for."""
 
 from dataclasses import dataclass, replace
 
@@ -19,6 +19,11 @@ from idim_iv_ros.model import RobotModel
 from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
 
+_STANDARD_GRAVITY = 9.81  # m/s², that is put in
+_LEAST_GRAVITY = 4.0  # m/s², with the given masses, or it is something else
+_MOST_GRAVITY = 25.0  # m/s², the same
+_LEAST_SHARE = 0.2  # of the energy of one joint's residual, that gravity takes
+
 
 def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatArray]:
     """Torque of the given links under each of k gravities (k, 3): (r_j, k) for each joint, N m."""
@@ -38,12 +43,6 @@ def _with_gravity(robot: RobotModel, gravity: FloatArray) -> RobotModel:
     model = robot.pinocchio.copy()
     model.gravity.linear = gravity
     return replace(robot, pinocchio=model)
-
-
-_STANDARD_GRAVITY = 9.81  # m/s², that is put in
-_LEAST_GRAVITY = 4.0  # m/s², with the given masses, or it is something else
-_MOST_GRAVITY = 25.0  # m/s², the same
-_LEAST_SHARE = 0.2  # of the energy of one joint's residual, that gravity takes
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""How well a cause is supported: tests, folds, alternatives, gaps before and after."""
+"""Causes, hints, parameter errors, what is left unexplained, and how well each is supported."""
 
 from dataclasses import dataclass
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Properties of the recordings: signal chain, transmission, agreement with one another."""
+"""What recordings are: signal chain, transmissions, agreement, changes between two sets."""
 
 from dataclasses import dataclass, field
 from typing import Literal

@@ -1,4 +1,11 @@
-"""An effect at a place: the rows that it adds, its best shape, and how well it is supported."""
+"""An effect at a place: the rows that it adds, and its numbers with standard deviations.
+
+Deviations hold what the shape leaves open. With it held, an excess of friction is known to a
+percent; a Stribeck speed that is a little higher with less excess fits as well. The shape is moved
+a little in every direction that the search may take, the change of the torque is fitted beside
+everything else, and the covariance of all is carried over to the numbers that an engineer reads.
+The search ends on a grid: how far the fit would still move a number counts as its error, too.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +18,9 @@ from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.diagnosis.structural.likelihood import Columns, Fit, Regression, width_of
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.types import FloatArray
+
+_SHAPE_STEP = 0.01  # of the number of a shape
+_COEFFICIENT_STEP = 1e-4  # of the coefficient
 
 _SPREAD_SHAPES = 4  # of a grid, by which an effect is judged from the motion alone
 _PRISMATIC_LEVER = 0.1  # m: what counts as a radian of a prismatic joint
@@ -140,10 +150,6 @@ class Candidate:
         after = float(np.mean(self.residuals[joint] ** 2))
         share = min(max(self.explained, 0.0), 1.0 - 1e-9)
         return float(np.sqrt(after * share / (1.0 - share))) / sizes[joint]
-
-
-_SHAPE_STEP = 0.01  # of the number of a shape
-_COEFFICIENT_STEP = 1e-4  # of the coefficient
 
 
 def parameters_of(

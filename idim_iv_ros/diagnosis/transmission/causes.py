@@ -1,4 +1,4 @@
-"""What was measured of a transmission, in sentences."""
+"""Measured shafts and play as causes, one with what the torque alone says of them."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -20,6 +20,13 @@ from idim_iv_ros.diagnosis.transmission.fit import LOAD, SIDE, held_out
 from idim_iv_ros.diagnosis.transmission.measure import Measured, less, link_inertia, twist_torques
 from idim_iv_ros.effects.backlash import Backlash
 from idim_iv_ros.effects.elasticity import Elasticity
+
+# Hz, of the link against its motor: a shaft is rigid above what the catalogue looks for.
+_STIFF_RESONANCE = 100.0
+_EFFECTS = (Elasticity.name, Backlash.name)
+# Play counts as play, and not as part of a shaft, from this share of the shaft's largest bending:
+# as `effects.backlash`.
+_WIDE = 0.3
 
 _BEHIND = "measured by the encoder behind the gear"
 # A shaft this stiff (N m/rad) is only the limit of arithmetic: encoders without noise.
@@ -99,14 +106,6 @@ def refuted(found: Transmission, effect: str) -> str:
         f"on the torque alone an {effect} at {found.joint} would help; the encoder behind the gear "
         f"excludes one of that size ({described(found)})"
     )
-
-
-# Hz, of the link against its motor: a shaft is rigid above what the catalogue looks for.
-_STIFF_RESONANCE = 100.0
-_EFFECTS = (Elasticity.name, Backlash.name)
-# Play counts as play, and not as part of a shaft, from this share of the shaft's largest bending:
-# as `effects.backlash`.
-_WIDE = 0.3
 
 
 def with_transmissions(
