@@ -6,7 +6,6 @@ errors of the recording with their likely sizes, its candidates the groups of th
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -25,6 +24,7 @@ from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, comparable_rows
 from idim_iv_ros.effects.controller_mismatch import GROUPS, ControllerMismatch
 from idim_iv_ros.effects.effect import Place, Shape
 from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.estimation.observation import segments_of
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControlLaw
@@ -83,16 +83,12 @@ class CommandRows:
 
     def only(self, kept: BoolArray) -> "CommandRows":
         """Leave out the rows that are not `kept` (r,)."""
-        runs, start = [], 0
-        for run in self.runs:
-            runs += [slice(start + first, start + last) for first, last in _stretches(kept[run])]
-            start += int(kept[run].sum())
         return replace(
             self,
             rest=self.rest[kept],
             groups={name: torque[kept] for name, torque in self.groups.items()},
             errors=self.errors[kept],
-            runs=tuple(runs),
+            runs=segments_of([kept[run] for run in self.runs]),
             recording=self.recording[kept],
             time=self.time[kept],
             second=self.second[kept],
@@ -151,7 +147,7 @@ def command_rows(
     period
         Of the control, s: what the law sees, and is recorded, is about as late.
     """
-    tables, recordings, runs, times, start = [], [], [], [], 0
+    tables, recordings, every, times = [], [], [], []
     for number, motion in enumerate(motions):
         signals = motion.signals
         whole = ControllerMismatch().parts(signals, law, joint, speed.of(signals, joint))
@@ -166,13 +162,12 @@ def command_rows(
         tables.append(table)
         recordings.append(np.full(len(table), number))
         times.append(motion.time[kept])
-        runs += [slice(start + first, start + last) for first, last in _stretches(kept)]
-        start += len(table)
-    if start < settings.LEAST_ROWS:
-        return None
+        every.append(kept)
     table = np.concatenate(tables)
+    if len(table) < settings.LEAST_ROWS:
+        return None
     size = float(np.sqrt(np.mean(table[:, 0] ** 2)))
-    least = _UNSURE * size * np.random.default_rng(0).normal(size=start)
+    least = _UNSURE * size * np.random.default_rng(0).normal(size=len(table))
     step = 1.0 / min(motion.signals.rate for motion in motions)
     return CommandRows(
         rest=table[:, 1] + least,
@@ -180,20 +175,11 @@ def command_rows(
         groups={name: table[:, 7 + k] for k, name in enumerate(GROUPS)},
         errors=table[:, 2 : 2 + TIMES],
         likely=np.array([settings.LONGEST_LAG * max(period, step), *[_LATE * period] * 4]),
-        runs=tuple(runs),
+        runs=segments_of(every),
         recording=np.concatenate(recordings),
         time=np.concatenate(times),
         second=np.zeros(len(table), dtype=bool),
     )
-
-
-def _stretches(kept: BoolArray) -> list[tuple[int, int]]:
-    """Stretches of rows without a gap, counted among those that are kept."""
-    places = np.flatnonzero(kept)
-    if len(places) == 0:
-        return []
-    cuts = np.flatnonzero(np.diff(places) > 1) + 1
-    return list(pairwise([0, *cuts.tolist(), len(places)]))
 
 
 class _Group(SignalError):
