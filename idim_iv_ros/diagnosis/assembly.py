@@ -1,4 +1,4 @@
-"""The result of a diagnosis from what its steps found."""
+"""The result of a diagnosis from what its steps found: order of the causes, verdict, notes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +8,6 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.against.agreement import RecordingDifference
 from idim_iv_ros.diagnosis.answer.explained import Explained
 from idim_iv_ros.diagnosis.answer.named_model import NamedModel
 from idim_iv_ros.diagnosis.answer.parameter_errors import (
@@ -17,19 +16,11 @@ from idim_iv_ros.diagnosis.answer.parameter_errors import (
     remaining,
 )
 from idim_iv_ros.diagnosis.controller.check import LawCheck, why_not_checked
-from idim_iv_ros.diagnosis.localisation.residual_split import motion_at_rows
-from idim_iv_ros.diagnosis.localisation.unexplained import (
-    small_nonparametric,
-    unexplained,
-    unexplained_residual,
-)
-from idim_iv_ros.diagnosis.localisation.where import Localisation
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.refit import Refit
 from idim_iv_ros.diagnosis.result import (
     Cause,
     Confusability,
-    Difference,
     EffectParameter,
     GapResult,
     GapSeries,
@@ -37,12 +28,22 @@ from idim_iv_ros.diagnosis.result import (
     NotTestable,
     RecordingAgreement,
     Stage,
+    Unexplained,
+    Verdict,
     Where,
 )
 from idim_iv_ros.diagnosis.tracking import Tracking, tracking_series, with_tracking
+from idim_iv_ros.diagnosis.transmission.causes import described, measured_behind
 from idim_iv_ros.diagnosis.transmission.measure import Measured
-from idim_iv_ros.diagnosis.transmission.words import described, measured_behind
-from idim_iv_ros.diagnosis.verdict import strongest_first, verdict_of
+from idim_iv_ros.diagnosis.unexplained import (
+    small_nonparametric,
+    unexplained,
+    unexplained_residual,
+)
+from idim_iv_ros.diagnosis.where import Finding, motion_at_rows
+from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
+from idim_iv_ros.effects.drive_inertia import DriveInertia
+from idim_iv_ros.effects.time_delay import TimeDelay
 from idim_iv_ros.identification.consistency import consistent_parameters
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING
 from idim_iv_ros.model import kinematics_digest
@@ -54,6 +55,74 @@ _OF_FRICTION = frozenset({
     *("position_dependent_friction", "friction_drift", "presliding", "joint_coupling"),
 })  # fmt: skip
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
+
+
+def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
+    """Sort causes by what they take of the gap, as a share of the torque of the joint.
+
+    Of causes that move several joints the shares of all count. Another control law has no gap of
+    the torque: its evidence decides whether it comes before the structural causes or after them.
+    What was put in before anything else was looked for comes first: drive inertia that the
+    configuration leaves out, and a delay of all joints.
+    """
+    laws = [cause for cause in causes if cause.effect == ControllerMismatch.name]
+    others = [cause for cause in causes if cause.effect != ControllerMismatch.name]
+    others.sort(key=lambda cause: -_taken(cause, data))
+    structural = [place for place, cause in enumerate(others) if cause.kind == "structural"]
+    place = structural[-1] + 1 if structural else len(others)
+    if structural and _most_evidence(laws) > _most_evidence([others[each] for each in structural]):
+        place = structural[0]
+    ordered = [*others[:place], *laws, *others[place:]]
+    return sorted(ordered, key=lambda cause: not _put_in_first(cause))
+
+
+def _put_in_first(cause: Cause) -> bool:
+    return cause.effect in (DriveInertia.name, TimeDelay.name) and cause.joint is None
+
+
+def _most_evidence(group: Sequence[Cause]) -> float:
+    return max((cause.evidence.statistic for cause in group), default=0.0)
+
+
+def _taken(cause: Cause, data: Baseline) -> float:
+    """Energy of the torque gap that a cause takes, as a share of the torque's, over its joints."""
+    if cause.joint_gaps:
+        return sum(
+            float(np.sign(each.share_of_torque)) * each.share_of_torque**2
+            for each in cause.joint_gaps
+        )
+    taken = cause.torque_gap.before**2 - cause.torque_gap.after**2
+    joints = range(len(data.joints)) if cause.joint is None else [data.joints.index(cause.joint)]
+    whole = sum(float(np.mean(data.rows[joint].torque ** 2)) for joint in joints)
+    return taken / max(whole, 1e-300)
+
+
+def verdict_of(
+    causes: Sequence[Cause],
+    outside: Unexplained | None,
+    *,
+    parameters: bool = False,
+    unexplained: bool = False,
+) -> Verdict:
+    """One word: causes of the catalogue count before what is outside it.
+
+    Parameters
+    ----------
+    parameters
+        Whether parameters are in error beyond the causes: it is not known which.
+    unexplained
+        Whether much of the gap remains.
+    """
+    kinds: set[str] = {cause.kind for cause in causes}
+    if parameters and not kinds and not unexplained:
+        kinds = {"parametric"}
+    if kinds == {"parametric", "structural"}:
+        return "both"
+    if "parametric" in kinds:
+        return "parametric" if outside is None else "unknown"
+    if "structural" in kinds:
+        return "structural"
+    return "unknown" if unexplained or outside is not None else "none"
 
 
 @dataclass(frozen=True)
@@ -74,12 +143,15 @@ class Diagnosis:
     hints : tuple of Hint
         What the search selected and what is no cause.
     law : LawCheck
-    agreement : tuple of RecordingDifference
-    where : Localisation
+    recordings : tuple of RecordingAgreement
+        One for each of several.
+    where : Where
+    findings : tuple of Finding
+        Regimes in which much of the gap lies.
     confusability : tuple of Confusability
     not_testable : tuple of NotTestable
     transmissions : tuple of Measured
-    excluded : tuple of str
+    excluded : sequence of str
         What encoders behind the gears exclude.
     """
 
@@ -92,12 +164,13 @@ class Diagnosis:
     causes: Sequence[Cause]
     hints: tuple[Hint, ...]
     law: LawCheck
-    agreement: tuple[RecordingDifference, ...]
-    where: Localisation
+    recordings: tuple[RecordingAgreement, ...]
+    where: Where
+    findings: tuple[Finding, ...]
     confusability: tuple[Confusability, ...]
     not_testable: tuple[NotTestable, ...]
-    transmissions: tuple[Measured, ...] = ()
-    excluded: tuple[str, ...] = ()
+    transmissions: tuple[Measured, ...]
+    excluded: Sequence[str]
 
 
 def assembled(found: Diagnosis) -> GapResult:
@@ -118,9 +191,8 @@ def assembled(found: Diagnosis) -> GapResult:
     verdict = verdict_of(
         causes, outside, parameters=bool(not_named), unexplained=bool(residual) or nothing_shown
     )
-    recordings = _recordings(data, found.agreement)
-    differing = [each for each in recordings if not each.agrees]
-    gaps = [gap for gap in found.where.joint_gaps if data.joints.index(gap.joint) not in left_out]
+    differing = [each for each in found.recordings if not each.agrees]
+    gaps = [gap for gap in found.where.joints if data.joints.index(gap.joint) not in left_out]
     summary = [
         sentences.disagreement(differing),
         sentences.largest_gap(gaps, "refit" if data.prepared.given is None else "nominal model"),
@@ -154,8 +226,8 @@ def assembled(found: Diagnosis) -> GapResult:
         causes=tuple(causes),
         hints=found.hints,
         unexplained=outside,
-        where=Where(found.where.joint_gaps, found.where.regimes),
-        findings=tuple(sentences.finding(each, session) for each in found.where.findings),
+        where=found.where,
+        findings=tuple(sentences.finding(each, session) for each in found.findings),
         not_testable=tuple(
             each for each in found.not_testable if (each.effect, each.joint) not in named
         ),
@@ -170,39 +242,10 @@ def assembled(found: Diagnosis) -> GapResult:
         kinematics=kinematics_digest(data.prepared.model.robot),
         parameter_errors=errors,
         signal_chain=refit.shift.part_of_result(data.joints, speed),
-        recordings=recordings,
+        recordings=found.recordings,
         transmissions=tuple(each.result for each in found.transmissions),
         twists=tuple(each.series for each in found.transmissions if each.series is not None),
     )
-
-
-def _recordings(
-    data: Baseline, differences: Sequence[RecordingDifference]
-) -> tuple[RecordingAgreement, ...]:
-    """One entry for each recording of several."""
-    apart = {each.recording: each for each in differences}
-    made = []
-    parts = data.prepared.session.parts
-    for number, part in enumerate(parts if len(parts) > 1 else ()):
-        difference = apart.get(number)
-        joint = 0 if difference is None else int(np.argmax(difference.shares))
-        made.append(
-            RecordingAgreement(
-                bag=part.bag,
-                agrees=difference is None,
-                joint=data.joints[joint],
-                share_of_torque=0.0 if difference is None else float(difference.shares[joint]),
-                differences=tuple(
-                    Difference(
-                        each.effect,
-                        None if each.joint is None else data.joints[each.joint],
-                        each.parameters,
-                    )
-                    for each in (() if difference is None else difference.causes)
-                ),
-            )
-        )
-    return tuple(made)
 
 
 def _with_weightless(refit: Refit, stages: tuple[Stage, ...]) -> tuple[Stage, ...]:

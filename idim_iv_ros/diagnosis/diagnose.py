@@ -7,7 +7,7 @@ from functools import partial
 
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.against.agreement import agreement
+from idim_iv_ros.diagnosis.against.changes import agreement
 from idim_iv_ros.diagnosis.against.contrast import contrasted
 from idim_iv_ros.diagnosis.answer.explained import Explained, explained
 from idim_iv_ros.diagnosis.answer.parameter_errors import number_errors, parametric_causes
@@ -16,16 +16,15 @@ from idim_iv_ros.diagnosis.assembly import Diagnosis, assembled
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.select import select
-from idim_iv_ros.diagnosis.controller.check import check_law, controller_causes
-from idim_iv_ros.diagnosis.controller.one_gain import beside_gains
-from idim_iv_ros.diagnosis.identifiability.testability import shown_by_motion
-from idim_iv_ros.diagnosis.localisation.where import where
+from idim_iv_ros.diagnosis.controller.check import beside_gains, check_law, controller_causes
+from idim_iv_ros.diagnosis.identifiability import shown_by_motion
 from idim_iv_ros.diagnosis.nominal import read_nominal_model, with_nominal
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
 from idim_iv_ros.diagnosis.result import ContrastResult, GapResult
 from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages
 from idim_iv_ros.diagnosis.transmission.causes import with_transmissions
 from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions
+from idim_iv_ros.diagnosis.where import where
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath, FilePaths
@@ -148,7 +147,7 @@ def concluded(
     errors = number_errors(found)
     numbers = parametric_causes(data, found, errors)
     law = check_law(data, without, shift=refit.shift.shift)
-    law = beside_gains(data, law, numbers, without, shift=refit.shift.shift)
+    law = beside_gains(law, numbers)
     causes = [
         *structural_causes(data, found, simulated),
         *numbers,
@@ -157,11 +156,12 @@ def concluded(
         *refit.delays,
     ]
     measured = measured_transmissions(data, regression)
-    shafts = with_transmissions(data, regression, measured, causes, without)
+    causes, excluded = with_transmissions(data, regression, measured, causes, without)
     fit = model.fits[0]
     shown, not_testable = shown_by_motion(data, regression, effects, found.noise(fit))
 
     watch.stage("where", 0.95)
+    gaps, findings = where(data, regression, fit, found.floors)
     return Diagnosis(
         configuration=configuration,
         without=without,
@@ -169,13 +169,14 @@ def concluded(
         explained=found,
         errors=errors,
         tracked=tracked,
-        causes=shafts.causes,
+        causes=causes,
         hints=hints_of(data, found),
         transmissions=measured,
-        excluded=shafts.notes,
+        excluded=excluded,
         law=law,
-        agreement=agreed,
-        where=where(data, regression, fit, found.floors),
+        recordings=agreed,
+        where=gaps,
+        findings=findings,
         confusability=shown,
         not_testable=(*not_testable, *refit.not_testable),
     )

@@ -1,10 +1,9 @@
 """Every sentence about what was found, made from values: the terminal and the report show them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.law_event import LawEvent
-from idim_iv_ros.diagnosis.localisation.where import Finding
 from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import (
@@ -20,9 +19,12 @@ from idim_iv_ros.diagnosis.result import (
 )
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric, StopShape
+from idim_iv_ros.diagnosis.where import Finding
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.types import FloatArray
+
+MOST_EVENTS = 5  # that are listed
 
 
 def structural_cause(
@@ -52,15 +54,15 @@ def structural_cause(
     where = joint if place.other is None else f"{joint} and {data.joints[place.other]}"
     kind = effect.effect.meaning(effect.shape)
     name = effect.effect.name
-    size = _numbers(name, numbers, settings.MOST_NUMBERS_IN_SENTENCE)
+    size = listed_numbers(name, numbers)
     text = (
-        f"{_spaced(name)} at {where}{kind and f' ({kind})'}, {likely(probability)}: {size}; "
+        f"{spaced(name)} at {where}{kind and f' ({kind})'}, {likely(probability)}: {size}; "
         f"the torque gap at {joint} falls from {gap.before:.3g} to {gap.after:.3g} {unit} "
         "on data not used to fit it"
     )
     if gap.noise_floor is not None:
         text += f" (noise {gap.noise_floor:.3g} {unit})"
-    text += _or_else(others)
+    text += or_else(others)
     if gain <= 0.0:
         text += "; it does not help on held-out data, so do not rely on it"
     return text
@@ -78,11 +80,9 @@ def hint(
     effect: str, joints: Sequence[str], parameters: dict[str, EffectParameter], reason: str
 ) -> str:
     """Say what a doubtful effect would be, and why it is no cause."""
-    numbers = _numbers(effect, parameters, settings.MOST_NUMBERS_IN_SENTENCE)
+    numbers = listed_numbers(effect, parameters)
     place = " and ".join(joints)
-    return (
-        f"{_spaced(effect)} at {place}{f' ({numbers})' if numbers else ''}: only a hint, {reason}"
-    )
+    return f"{spaced(effect)} at {place}{f' ({numbers})' if numbers else ''}: only a hint, {reason}"
 
 
 def disagreement(differing: Sequence[RecordingAgreement]) -> str:
@@ -101,8 +101,8 @@ def _difference(recording: RecordingAgreement) -> str:
     share = 100.0 * recording.share_of_torque
     text = f"{recording.bag} differs by {share:.2g} % of the torque at {recording.joint}"
     causes = ", ".join(
-        f"{_spaced(one.effect)}{f' of {one.joint}' if one.joint else ''} "
-        f"({_numbers(one.effect, one.parameters, 1)})"
+        f"{spaced(one.effect)}{f' of {one.joint}' if one.joint else ''} "
+        f"({listed_numbers(one.effect, one.parameters, 1)})"
         for one in recording.differences
     )
     return f"{text} ({causes})"
@@ -122,8 +122,7 @@ def parametric_cause(
     if joint:
         place += effect.which(data.joints.index(joint))
     # Of a cause of no single joint all: one for each joint.
-    most = settings.MOST_NUMBERS_IN_SENTENCE if joint else len(numbers)
-    size = _numbers(effect.name, numbers, most)
+    size = listed_numbers(effect.name, numbers, None if joint else len(numbers))
     text = f"{effect.subject(place)}, {likely(probability)}: {size}"
     mass = numbers.get("mass")
     if mass is not None and mass.value < 0.0:
@@ -131,7 +130,7 @@ def parametric_cause(
     smaller = [_change(data, each) for each in changed if each.share_of_torque > 0.0]
     if smaller:
         text += f"; correcting it reduces the torque gap {', '.join(smaller)}"
-    return text + _or_else(others)
+    return text + or_else(others)
 
 
 def controller_cause(
@@ -142,7 +141,7 @@ def controller_cause(
     return (
         f"another control law than configured at {data.joints[joint]}: recorded and computed "
         f"commands differ by {gap.before:.3g} {unit}, and by {gap.after:.3g} {unit} with "
-        f"{_numbers(effect, parameters, settings.MOST_NUMBERS_IN_SENTENCE)}"
+        f"{listed_numbers(effect, parameters)}"
     )
 
 
@@ -192,7 +191,7 @@ def beyond_the_law(
         f"beyond the control law ({100.0 * beyond / max(command, 1e-300):.0f} % of the command)"
     )
     if events:
-        most = settings.LAW_MOST_EVENTS
+        most = MOST_EVENTS
         names = [recording.path.name for recording in data.prepared.recordings]
         unit = data.unit_at(joint, "N m")
         shown = [
@@ -237,7 +236,7 @@ def nonparametric(data: Baseline, candidate: Candidate) -> str:
     joint = candidate.place.joint
     effect = candidate.effect
     if not isinstance(effect, Nonparametric):
-        name = _spaced(effect.name)
+        name = spaced(effect.name)
         return f"{data.joints[joint]}: a torque like that of {name}, which it cannot be (see hints)"
     text = f"{data.joints[joint]}: a torque that {effect.words}"
     shape = candidate.shape
@@ -274,7 +273,7 @@ def events(
         f"{largest[1]:.1f} s after its start"
     )
     if len(every) > 1:
-        shown = sorted(every[: settings.LAW_MOST_EVENTS])
+        shown = sorted(every[:MOST_EVENTS])
         times = ", ".join(f"{time:.1f} s of {bags[recording]}" for recording, time in shown)
         text += f"; {len(every)} pulses, the strongest at {times}"
     return text
@@ -363,8 +362,8 @@ def further_causes(causes: Sequence[Cause]) -> str:
     """Causes after the first in a few words each."""
     most = settings.MOST_CAUSES_IN_SUMMARY
     listed = [
-        f"{_spaced(each.effect)}{f' at {each.joint}' if each.joint else ''} "
-        f"({_numbers(each.effect, each.parameters, 1)}; {likely(each.probability)})"
+        f"{spaced(each.effect)}{f' at {each.joint}' if each.joint else ''} "
+        f"({listed_numbers(each.effect, each.parameters, 1)}; {likely(each.probability)})"
         for each in causes[:most]
     ]
     more = len(causes) - len(listed)
@@ -403,10 +402,10 @@ def capitalised(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _or_else(others: Sequence[Indistinguishable]) -> str:
+def or_else(others: Sequence[Indistinguishable]) -> str:
     """What a cause may be as well, with the weight of each in the set."""
     listed = ", ".join(
-        f"{_spaced(each.effect)}{f' of {each.joint}' if each.joint else ''} "
+        f"{spaced(each.effect)}{f' of {each.joint}' if each.joint else ''} "
         f"({100.0 * each.weight:.0f} %)"
         for each in others
     )
@@ -419,20 +418,29 @@ def _change(data: Baseline, each: JointChange) -> str:
     return f"at {each.joint} from {each.before:.3g} to {each.after:.3g} {unit} ({share})"
 
 
-def _numbers(effect: str, parameters: dict[str, EffectParameter], most: int) -> str:
+def listed_numbers(
+    effect: str, parameters: Mapping[str, EffectParameter], most: int | None = None
+) -> str:
     """A few parameters with their intervals, those that are surest of the fitted."""
-    shown = []
-    for name, parameter in surest(parameters, most).items():
-        text = f"{parameter_words(effect, name)} {parameter.value:.3g}"
-        if parameter.std is not None:
-            text += f" ± {settings.NORMAL_95 * parameter.std:.2g}"
-        shown.append(f"{text} {parameter.unit}".rstrip())
-    return ", ".join(shown)
+    most = settings.MOST_NUMBERS_IN_SENTENCE if most is None else most
+    return ", ".join(
+        f"{parameter_words(effect, name)} {with_interval(each)}"
+        for name, each in surest(parameters, most).items()
+    )
+
+
+def with_interval(parameter: EffectParameter, scale: float = 1.0, unit: str = "") -> str:
+    """A number with its 95 % interval, in another unit if that is given."""
+    text = f"{scale * parameter.value:.3g}"
+    if parameter.std is not None:
+        text += f" ± {settings.NORMAL_95 * scale * parameter.std:.2g}"
+    return f"{text} {unit or parameter.unit}".rstrip()
 
 
 def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def _spaced(name: str) -> str:
+def spaced(name: str) -> str:
+    """A name of the catalogue in words."""
     return name.replace("_", " ")

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.types import FloatArray
 
@@ -16,6 +18,8 @@ from idim_iv_ros.types import FloatArray
 STATES = 2
 # Speed below which friction is not divided by it, rad/s.
 LEAST_SPEED = 1e-9
+# Share of a reference's largest speed below which it is reversing.
+_REVERSING = 0.02
 
 
 class Load(IntEnum):
@@ -205,6 +209,7 @@ class LawChange:
     ----------
     kp, kd, ki : from errors to torque; NaN: as configured
     feedforward_velocity, feedforward_acceleration : N m s/rad, kg m²
+    feedforward_friction : N m
     lag : time constant of a first-order filter behind the law, s
     """
 
@@ -213,7 +218,14 @@ class LawChange:
     ki: float
     feedforward_velocity: float
     feedforward_acceleration: float
+    feedforward_friction: float
     lag: float
+
+
+def reference_direction(speed: FloatArray) -> FloatArray:
+    """Direction (n_samples,) of a reference's speed, without a step where it reverses."""
+    slow = _REVERSING * float(np.abs(speed).max(initial=0.0))
+    return np.tanh(speed / max(slow, 1e-300))
 
 
 Contribution = (

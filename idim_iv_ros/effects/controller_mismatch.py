@@ -8,13 +8,18 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from idim_iv_ros.effects.cause import Cause, EffectParameter, GivenNumbers, ParameterSpec
-from idim_iv_ros.effects.contribution import LawChange
+from idim_iv_ros.effects.contribution import LawChange, reference_direction
 from idim_iv_ros.types import FloatArray
 
 if TYPE_CHECKING:  # a simulation, which has all effects, needs no filters
     from idim_iv_ros.signals import JointSignals
 
-GROUPS = ("kp", "kd", "ki", "feedforward_acceleration", "feedforward_velocity")
+GAIN = "gain"  # of the whole command
+GROUPS = (
+    *("kp", "kd", "ki"),
+    *("feedforward_acceleration", "feedforward_velocity", "feedforward_friction"),
+    GAIN,
+)
 LAG = "lag"
 
 
@@ -44,15 +49,15 @@ class CommandParts:
         Of the configured law without limit, on the measured position.
     rate : N m/s
         Of the command.
-    acceleration : rad/s² (m/s²)
-        Measured.
+    late : (n_samples, 4) N m/s
+        Change with the time by which position, speed and the references of both are late.
     groups : dict
         Torque of a unit of each of GROUPS.
     """
 
     command: FloatArray
     rate: FloatArray
-    acceleration: FloatArray
+    late: FloatArray
     groups: dict[str, FloatArray]
 
 
@@ -74,6 +79,7 @@ class ControllerMismatch(Cause):
             "feedforward_acceleration", "kg m²", "feedforward over reference acceleration"
         ),
         ParameterSpec("feedforward_velocity", "N m s/rad", "feedforward over reference velocity"),
+        ParameterSpec("feedforward_friction", "N m", "feedforward of dry friction"),
         ParameterSpec(LAG, "s", "lag of the command", bound="not negative"),
     )
 
@@ -100,15 +106,24 @@ class ControllerMismatch(Cause):
         command = kp * error + kd * slip + ki * integral
         if law.feedforward is not None:
             command = command + law.feedforward[:, joint]
+        wanted_acceleration = np.gradient(wanted_speed, step)
         groups = {
             "kp": error,
             "kd": slip,
             "ki": integral,
-            "feedforward_acceleration": np.gradient(wanted_speed, step),
+            "feedforward_acceleration": wanted_acceleration,
             "feedforward_velocity": wanted_speed,
+            "feedforward_friction": reference_direction(wanted_speed),
+            GAIN: command,
         }
-        acceleration = np.gradient(np.gradient(signals.position[:, joint], step), step)
-        return CommandParts(command, np.gradient(command, step), acceleration, groups)
+        moving = np.gradient(signals.position[:, joint], step)
+        late = np.column_stack([
+            kp * speed,
+            kd * np.gradient(moving, step),
+            -kp * wanted_speed,
+            -kd * wanted_acceleration,
+        ])  # fmt: skip
+        return CommandParts(command, np.gradient(command, step), late, groups)
 
     def parameters(
         self, law: ConfiguredLaw, joint: int, changes: Mapping[str, tuple[float, float]]
@@ -117,11 +132,14 @@ class ControllerMismatch(Cause):
 
         The gains of a cascade are given as those from errors to torque.
         """
-        kp, kd, ki = (float(gain[joint]) for gain in law.torque_gains)
-        given = {"kp": kp, "kd": kd, "ki": ki}
-        return self.numbers(
-            **{
-                name: (given.get(name, 0.0) + change, std)
-                for name, (change, std) in changes.items()
-            }
-        )
+        gains = (float(gain[joint]) for gain in law.torque_gains)
+        given = dict(zip(("kp", "kd", "ki"), gains, strict=True))
+        more, unsure = changes.get(GAIN, (0.0, 0.0))
+        scaled = [name for name, value in given.items() if value != 0.0 and GAIN in changes]
+        made = {}
+        for name in (*scaled, *(name for name in changes if name != GAIN)):
+            configured = given.get(name, 0.0)
+            change, std = changes.get(name, (0.0, 0.0))
+            std = math.hypot(std, configured * unsure)
+            made[name] = configured * (1.0 + more) + change, std
+        return self.numbers(**made)

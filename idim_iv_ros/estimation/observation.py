@@ -126,6 +126,11 @@ def instrument_rows(
     return matrices
 
 
+def segments_of(kept: Sequence[BoolArray]) -> Segments:
+    """Runs of neighbouring samples in several stretches, numbered among those that are kept."""
+    return _segments(_grid(kept))
+
+
 def _grid(kept: Sequence[BoolArray]) -> IntArray:
     offset = 0
     places = []

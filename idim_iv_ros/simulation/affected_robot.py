@@ -17,6 +17,7 @@ from idim_iv_ros.effects.contribution import (
     Load,
     ShaftPart,
     TorqueTerm,
+    reference_direction,
 )
 from idim_iv_ros.effects.registry import DRIVE_LAWS, ENCODER_LAWS, TORQUE_LAWS
 from idim_iv_ros.model.parameters import DynamicParameters
@@ -250,6 +251,7 @@ def changed_law(
                 getattr(changed, name)[j] = gain
         speed = velocity_reference[:, j]
         changed.feedforward[:, j] += change.feedforward_velocity * speed
+        changed.feedforward[:, j] += change.feedforward_friction * reference_direction(speed)
         if len(speed) > 1:
             acceleration = np.gradient(speed, 1.0 / rate)
             changed.feedforward[:, j] += change.feedforward_acceleration * acceleration

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from bags.simulated_arms import arm2
-from idim_iv_ros.diagnosis.against.agreement import RecordingDifference, agreement
+from idim_iv_ros.diagnosis.against.changes import agreement
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.result import RecordingAgreement
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from tests.diagnosis.worlds import point_mass
 from tests.estimation.test_simulated_arms import recorded
@@ -48,8 +49,11 @@ def world(data: Baseline, seed: int, change: Mapping[int, list[np.ndarray]]) -> 
 
 def judged(
     data: Baseline, seed: int, change: Mapping[int, list[np.ndarray]]
-) -> tuple[RecordingDifference, ...]:
-    return agreement(data, world(data, seed, change))
+) -> dict[int, RecordingAgreement]:
+    """Recordings that differ, by their number."""
+    found = agreement(data, world(data, seed, change))
+    assert [each.bag for each in found] == [part.bag for part in data.prepared.session.parts]
+    return {number: each for number, each in enumerate(found) if not each.agrees}
 
 
 def loaded(data: Baseline, number: int, mass: float) -> list[np.ndarray]:
@@ -57,7 +61,7 @@ def loaded(data: Baseline, number: int, mass: float) -> list[np.ndarray]:
 
 
 def test_recordings_of_one_robot_agree_whatever_the_nominal_model(data: Baseline) -> None:
-    assert all(judged(data, seed, {}) == () for seed in range(5))
+    assert all(judged(data, seed, {}) == {} for seed in range(5))
 
 
 @pytest.mark.parametrize("number", [0, 1, 2])
@@ -67,9 +71,8 @@ def test_the_recording_with_another_load_is_named_with_the_difference(
 ) -> None:
     """Masses within three standard deviations; the loads of the others do not matter."""
     found = judged(data, 1, {number: loaded(data, number, mass)})
-    (difference,) = found
-    assert difference.recording == number
-    (cause,) = difference.causes
+    assert set(found) == {number}
+    (cause,) = found[number].differences
     assert cause.effect == "payload"
     parameter = cause.parameters["mass"]
     assert parameter.std is not None
@@ -80,22 +83,22 @@ def test_the_recording_with_another_load_is_named_with_the_difference(
 def test_two_loads_mounted_differently_are_two(data: Baseline) -> None:
     change = {0: loaded(data, 0, 0.5), 2: loaded(data, 2, 1.0)}
     found = judged(data, 2, change)
-    first, second = found
-    assert {cause.effect for each in (first, second) for cause in each.causes} == {"payload"}
+    assert {cause.effect for each in found.values() for cause in each.differences} == {"payload"}
     masses = {0: 0.5, 1: 0.0, 2: 1.0}
-    (left,) = set(masses) - {first.recording, second.recording}
-    mass = second.causes[0].parameters["mass"]
+    (left,) = set(masses) - set(found)
+    second = max(found)
+    mass = found[second].differences[0].parameters["mass"]
     assert mass.std is not None
-    assert abs(mass.value - (masses[second.recording] - masses[left])) < 3.0 * mass.std
+    assert abs(mass.value - (masses[second] - masses[left])) < 3.0 * mass.std
 
 
 def test_the_same_load_in_two_of_five_recordings_is_found_in_both() -> None:
     arm = arm2(seconds=8.0)
     five = baseline([recorded(arm, seed) for seed in (1, 2, 3, 4, 5)], arm.configuration)
     found = judged(five, 0, {number: loaded(five, number, 0.5) for number in (3, 4)})
-    assert [difference.recording for difference in found] == [3, 4]
-    for difference in found:
-        (cause,) = difference.causes
+    assert set(found) == {3, 4}
+    for each in found.values():
+        (cause,) = each.differences
         mass = cause.parameters["mass"]
         assert cause.effect == "payload" and mass.std is not None
         assert abs(mass.value - 0.5) < 3.0 * mass.std
@@ -105,10 +108,9 @@ def test_another_friction_is_a_friction(data: Baseline) -> None:
     motion = data.motions[1]
     friction = [2.0 * np.sign(motion.velocity[:, 0]), np.zeros(len(motion.time))]
     found = judged(data, 3, {1: friction})
-    (difference,) = found
-    assert difference.recording == 1
-    (cause,) = difference.causes
-    assert (cause.effect, cause.joint) == ("friction_level", 0)
+    assert set(found) == {1}
+    (cause,) = found[1].differences
+    assert (cause.effect, cause.joint) == ("friction_level", data.joints[0])
     level = cause.parameters["change_of_coulomb"]
     assert level.std is not None and level.std < 0.2
     assert level.value == pytest.approx(2.0, abs=3.0 * level.std)

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from idim_iv_ros.diagnosis.assembly import strongest_first
 from idim_iv_ros.diagnosis.result import Cause, Evidence, Gap, JointChange
 from idim_iv_ros.diagnosis.sentences import further_causes, summary
-from idim_iv_ros.diagnosis.verdict import strongest_first
 from tests.diagnosis.test_verdict import cause
 
 # Torques of 10 and 1 N m rms.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bags.simulated_arms import arm2
-from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis import sentences
 from idim_iv_ros.diagnosis.answer.explained import explained
 from idim_iv_ros.diagnosis.answer.structural_causes import structural_causes
 from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors
@@ -17,11 +17,11 @@ from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.probability import FEATURES, probability, table
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
-from idim_iv_ros.diagnosis.localisation.unexplained import unexplained
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.structural.candidate import operating_range
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.diagnosis.unexplained import unexplained
 from idim_iv_ros.effects.contribution import Load
 from idim_iv_ros.effects.effect import Place
 from idim_iv_ros.effects.friction_drift import DriftShape, FrictionDrift
@@ -148,7 +148,7 @@ def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:
     assert rest is not None
     assert (rest.joint, rest.family) == ("joint_1", "event")
     listed = [float(each) for each in re.findall(r"([0-9.]+) s of simulated", rest.where)]
-    assert len(listed) == settings.LAW_MOST_EVENTS
+    assert len(listed) == sentences.MOST_EVENTS
     assert max(np.abs(np.array(PULSES) - each).min() for each in listed) < 0.3
     quiet = world(data, 4)
     assert unexplained(data, explained(data, quiet, selected(data, quiet)).model) is None

@@ -9,7 +9,6 @@ from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.gain_ripple import (
     GainRipple,
-    gain_is_as_likely,
     without_gain_ripples,
 )
 from tests.diagnosis.test_signal_chain import with_effort
@@ -71,11 +70,3 @@ def test_torques_that_are_no_currents_are_left_alone(data: Baseline) -> None:
     plain = replace(data, prepared=replace(data.prepared, configuration=configuration))
     effort = data.prepared.motions[0].signals.torque / (1.0 + SIZE * waves(data))
     assert taken_out(plain, effort)[1] == ()
-
-
-def test_a_wave_is_given_to_the_gain_where_it_follows_the_torque(data: Baseline) -> None:
-    effort = data.prepared.motions[0].signals.torque
-    of_gain = with_effort(data, effort / (1.0 + SIZE * waves(data)))
-    of_torque = with_effort(data, effort + 0.6 * waves(data))
-    assert gain_is_as_likely(of_gain, smooth_regression(of_gain).fit(), 0, WAVES)
-    assert not gain_is_as_likely(of_torque, smooth_regression(of_torque).fit(), 0, WAVES)

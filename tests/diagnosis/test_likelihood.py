@@ -7,8 +7,8 @@ import pytest
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import lfilter
 
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
-from idim_iv_ros.diagnosis.structural.scan import Scan
+from idim_iv_ros.diagnosis.identifiability import Absorption
+from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import AutoregressiveModel
 
@@ -38,11 +38,6 @@ def world(
         segments = (slice(0, rows // 3), slice(rows // 3, rows))
         made.append(JointRows(matrix, matrix @ VALUES[columns] + noise, columns, segments))
     return Regression(tuple(made), 3 if joints == 2 else 2)
-
-
-def scan_of(regression: Regression, fit: Fit) -> Scan:
-    """Candidates beside this fit."""
-    return Scan(regression, fit.noise_models, fit.residuals)
 
 
 def test_estimate_and_covariance_are_those_of_the_dense_solution() -> None:
@@ -132,69 +127,20 @@ def test_a_true_column_gains_what_it_explains_and_noise_gains_half_on_average() 
     assert gain == pytest.approx(200.0 * np.log(energies[0] / energies[1]), rel=1e-9)
 
 
-@pytest.mark.parametrize("pole", [0.0, 0.8])
-def test_score_is_the_energy_that_a_fit_with_the_same_noise_models_takes_off(pole: float) -> None:
-    """For known noise it is twice the gain of the likelihood."""
-    regression = world(6, pole=pole)
-    noise_models = [autoregressive(pole, 0.3)] * 2
-    fit = regression.fit(noise_models, steps=0)
-    both = {j: np.random.default_rng(7 + j).standard_normal((400, 2)) for j in (0, 1)}
-    score, coefficients = scan_of(regression, fit).score(both)
-    wider = regression.with_columns(both).fit(noise_models, steps=0)
-
-    def energy(residuals: tuple[np.ndarray, ...]) -> float:
-        return sum(
-            float(np.sum(noise.standardized(residual, data.segments) ** 2))
-            for residual, noise, data in zip(
-                residuals, noise_models, regression.joints, strict=True
-            )
-        )
-
-    assert score == pytest.approx(energy(fit.residuals) - energy(wider.residuals), rel=1e-4)
-    np.testing.assert_allclose(coefficients, wider.coefficients, rtol=1e-4)
-
-
-def test_score_is_twice_the_gain_where_the_noise_is_known_to_be_white() -> None:
-    regression = world(8, rows=4000, joints=1)
-    column = {0: np.random.default_rng(11).standard_normal((4000, 1))}
-    data = regression.joints[0]
-    torque = data.torque + 0.03 * column[0][:, 0]
-    regression = Regression((replace(data, torque=torque),), 2)
-    sigma = float(np.std(regression.fit([white(1.0)], steps=0).residuals[0]))
-    start = [white(sigma)]
-    fit = regression.fit(start, steps=0)
-    score, _ = scan_of(regression, fit).score(column)
-    gain = regression.with_columns(column).fit(start, steps=0).log_likelihood - fit.log_likelihood
-    # χ² with one degree of freedom and a noncentrality of n (0.03 / 0.3)² = 40.
-    assert score == pytest.approx(41.0, abs=2.0 * np.sqrt(2.0 * (1.0 + 2.0 * 40.0)))
-    assert score == pytest.approx(2.0 * gain, rel=0.02)
-
-
-def test_columns_that_the_model_absorbs_count_for_nothing() -> None:
-    regression = world(10)
-    scan = scan_of(regression, regression.fit())
-    random = np.random.default_rng(12)
-    inside = regression.joints[0].matrix @ np.array([[2.0], [-1.0]])
-    # Joint 1 has a column of its own for parameter 2, but parameter 0 moves joint 0 alone.
-    own = regression.joints[0].matrix[:, [0]]
-    assert scan.score({0: own})[0] == 0.0
-    score, coefficients = scan.score({0: np.hstack([own, random.standard_normal((400, 1))])})
-    assert coefficients[0] == 0.0
-    assert score < 15.0
-    # Both joints' matrices share parameter 1: the same column at joint 0 alone is not absorbed.
-    assert scan.score({0: inside})[1][0] != 0.0
-
-
-def test_columns_that_are_not_finite_and_empty_ones_are_harmless() -> None:
-    regression = world(13)
-    scan = scan_of(regression, regression.fit())
-    column = np.random.default_rng(14).standard_normal((400, 1))
-    for bad in (np.nan, np.inf):
-        broken = column.copy()
-        broken[17] = bad
-        score, coefficients = scan.score({0: broken})
-        assert score == 0.0
-        np.testing.assert_array_equal(coefficients, 0.0)
-    assert scan.score({0: np.zeros((400, 1))})[0] == 0.0
-    twice = scan.score({0: np.hstack([column, column])})[0]
-    assert twice == pytest.approx(scan.score({0: column})[0], rel=1e-3)
+def test_what_the_model_absorbs_of_columns_is_what_dense_least_squares_takes() -> None:
+    regression = world(6, pole=0.8)
+    noise_models = [autoregressive(0.8, 0.3)] * 2
+    random = np.random.default_rng(7)
+    own = regression.joints[0].matrix[:, [0]]  # parameter 0 moves joint 0 alone
+    both = {0: np.hstack([own, random.standard_normal((400, 1))]), 1: np.zeros((400, 2))}
+    both[1][:, 1] = random.standard_normal(400)
+    energy, left = Absorption(regression, noise_models).left(both)
+    model, columns = np.zeros((800, 3)), np.zeros((800, 2))
+    for joint, (rows, noise) in enumerate(zip(regression.joints, noise_models, strict=True)):
+        here = slice(400 * joint, 400 * (joint + 1))
+        model[here, rows.columns] = noise.standardized(rows.matrix, rows.segments)
+        columns[here] = noise.standardized(both[joint], rows.segments)
+    rest = columns - model @ np.linalg.lstsq(model, columns, rcond=None)[0]
+    np.testing.assert_allclose(energy, np.sum(columns**2, axis=0), rtol=1e-12)
+    np.testing.assert_allclose(left, rest.T @ rest, atol=1e-9 * energy.max())
+    assert left[0, 0] < 1e-9 * energy[0] < left[1, 1]

@@ -9,17 +9,17 @@ import pytest
 
 from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
-from idim_iv_ros.diagnosis.identifiability.testability import (
+from idim_iv_ros.diagnosis.identifiability import (
     floor_noise_models,
     shown_by_motion,
 )
-from idim_iv_ros.diagnosis.localisation.unexplained import unexplained_residual
-from idim_iv_ros.diagnosis.localisation.where import where
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
 from idim_iv_ros.diagnosis.result import Stage
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.tracking import simulated_tracking, simulation_gap, tracking_series
+from idim_iv_ros.diagnosis.unexplained import unexplained_residual
+from idim_iv_ros.diagnosis.where import where
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.simulation import SimulatedEffect
 from tests.estimation.test_simulated_arms import recorded
@@ -56,10 +56,10 @@ def test_repeats_tell_the_noise_that_was_put_in(data: Baseline, regression: Regr
 
 def test_gap_of_the_given_model_is_reported(data: Baseline, regression: Regression) -> None:
     fit = regression.fit()
-    found = where(data, regression, fit, noise_floors(data, regression, fit, ()))
-    assert sum(gap.share for gap in found.joint_gaps) == pytest.approx(1.0)
-    assert found.joint_gaps[0].rms > 3.0 * float(np.std(fit.residuals[0]))
-    assert found.findings
+    found, findings = where(data, regression, fit, noise_floors(data, regression, fit, ()))
+    assert sum(gap.share for gap in found.joints) == pytest.approx(1.0)
+    assert found.joints[0].rms > 3.0 * float(np.std(fit.residuals[0]))
+    assert findings
     for regime in found.regimes:
         assert regime.ci95 is not None
         assert not regime.ci95[0] <= 1.0 <= regime.ci95[1]
@@ -81,8 +81,8 @@ def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(
         {each.kind for each in Catalogue(one, regression).candidates} for one in (ampere, data)
     ]
     assert [Kind.NUMBER in kinds for kinds in numbers] == [False, True]
-    found = where(ampere, regression, fit, noise_floors(data, regression, fit, ()))
-    assert found.joint_gaps[0].rms == pytest.approx(np.sqrt(np.mean(fit.residuals[0] ** 2)))
+    found, _ = where(ampere, regression, fit, noise_floors(data, regression, fit, ()))
+    assert found.joints[0].rms == pytest.approx(np.sqrt(np.mean(fit.residuals[0] ** 2)))
     units = {regime.unit for regime in found.regimes if regime.axis == "load"}
     assert units <= {"A"}
 

@@ -16,7 +16,7 @@ from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.nominal_errors import errors_of_drives, errors_of_links
 from idim_iv_ros.diagnosis.comparison.select import select
-from idim_iv_ros.diagnosis.identifiability.testability import cannot_show, too_little
+from idim_iv_ros.diagnosis.identifiability import cannot_show, too_little
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.missing_gravity import missing_gravity
 from idim_iv_ros.diagnosis.result import Cause

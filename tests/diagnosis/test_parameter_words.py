@@ -5,7 +5,7 @@ import pytest
 
 from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG
+from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParameterSpace
 from idim_iv_ros.effects.registry import PARAMETRIC
 from idim_iv_ros.effects.torque_gain import TorqueGain
@@ -14,7 +14,8 @@ from tests.diagnosis.test_effects import UNITS
 
 @pytest.mark.parametrize("effect", [*UNITS, "controller_mismatch"])
 def test_numbers_of_structural_effects_have_words(effect: str) -> None:
-    names = [*GROUPS, LAG] if effect == "controller_mismatch" else list(UNITS[effect])
+    own = [spec.name for spec in ControllerMismatch.specs]
+    names = own if effect == ControllerMismatch.name else list(UNITS[effect])
     words = [parameter_words(effect, name) for name in names]
     assert len(set(words)) == len(names)  # in a table each has its own row
     for name, word in zip(names, words, strict=True):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.refit.simulated_motion import above, corrected_motions
+from idim_iv_ros.diagnosis.refit.smooth_motion import above, corrected_motions
 from idim_iv_ros.signals import ParallelDecimation
 
 RATE, CUTOFF = 500.0, 20.0

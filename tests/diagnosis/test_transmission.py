@@ -13,8 +13,8 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, Transmission
+from idim_iv_ros.diagnosis.transmission.causes import described
 from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions
-from idim_iv_ros.diagnosis.transmission.words import described
 from idim_iv_ros.identification.prepare import read_configured
 from tests.diagnosis.link_encoders import Gear, pendulum_bag
 
@@ -219,6 +219,6 @@ def test_what_the_encoders_exclude_is_taken_out_with_a_note(diagnosed):
     soft = EffectParameter(1e3, 10.0, "N m/rad")
     cause = replace(cause, parameters={"stiffness": soft})
     (rigid,) = diagnosed(Gear(late=0.003)).transmissions
-    found = with_transmissions(None, None, [Measured(0, rigid)], [cause])  # type: ignore[arg-type]
-    assert found.causes == []
-    assert "excludes" in found.notes[0]
+    causes, notes = with_transmissions(None, None, [Measured(0, rigid)], [cause])  # type: ignore[arg-type]
+    assert causes == []
+    assert "excludes" in notes[0]

@@ -8,10 +8,10 @@ import pytest
 
 from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis import sentences
-from idim_iv_ros.diagnosis.localisation.unexplained import unexplained_residual
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import Stage
+from idim_iv_ros.diagnosis.unexplained import unexplained_residual
 from tests.estimation.test_simulated_arms import recorded
 
 

@@ -2,9 +2,9 @@
 
 import pytest
 
+from idim_iv_ros.diagnosis.assembly import verdict_of
 from idim_iv_ros.diagnosis.result import Cause, Evidence, Gap, JointGap, Unexplained, Verdict
 from idim_iv_ros.diagnosis.sentences import largest_gap, not_in_catalogue
-from idim_iv_ros.diagnosis.verdict import verdict_of
 
 REST = Unexplained("joint_2", "velocity", 0.37, "joint_2: a curve")
 GAPS = [

@@ -3,19 +3,23 @@
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
-from idim_iv_ros.diagnosis.localisation.residual_split import (
-    Axis,
-    MotionAtRows,
-    axes_of,
-    bands,
-    since_reversal,
-    split,
-)
-from idim_iv_ros.diagnosis.localisation.where import Finding, ends_of, joined, lifts, regimes_of
+from idim_iv_ros.diagnosis.held_out import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.refit.noise_floor import difference_energy, find_repeats
 from idim_iv_ros.diagnosis.result import Regime
 from idim_iv_ros.diagnosis.sentences import finding
+from idim_iv_ros.diagnosis.where import (
+    Axis,
+    Finding,
+    MotionAtRows,
+    axes_of,
+    bands,
+    ends_of,
+    joined,
+    lifts,
+    regimes_of,
+    since_reversal,
+    split,
+)
 from idim_iv_ros.recording import SessionPart
 
 

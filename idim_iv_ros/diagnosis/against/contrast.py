@@ -8,10 +8,10 @@ import numpy as np
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.against import words
-from idim_iv_ros.diagnosis.against.agreement import agreement
 from idim_iv_ros.diagnosis.against.changes import (
     Changes,
     NumberChange,
+    agreement,
     changes_between,
     number_changes,
     quarters,
@@ -29,7 +29,6 @@ from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.comparison.candidate import Kind, Scope
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.result import (
-    NOT_CALIBRATED,
     ContrastCause,
     ContrastResult,
     EffectParameter,
@@ -77,7 +76,7 @@ def contrasted(
     apart = agreement(sets.sets[0], sets.regression_of_reference, (), without)
     law, why_no_law = law_differences(sets, without)
     assembly = _Assembly(sets, changes, law, shift_difference(sets))
-    return assembly.result([each.recording for each in apart], why_no_law)
+    return assembly.result([each.bag for each in apart if not each.agrees], why_no_law)
 
 
 class _Assembly:
@@ -98,7 +97,7 @@ class _Assembly:
         ]
         self._sizes = [max(float(np.sqrt(np.mean(torque**2))), 1e-300) for torque in second]
 
-    def result(self, disagreeing: Sequence[int], why_no_law: str) -> ContrastResult:
+    def result(self, disagreeing: Sequence[str], why_no_law: str) -> ContrastResult:
         """Build it; `disagreeing`: recordings of the reference that differ from its others."""
         data, terms = self._data, self._changes.selection.terms
         numbers = number_changes(self._changes)
@@ -121,12 +120,12 @@ class _Assembly:
         unexplained = [
             joint
             for joint, size in zip(joints, self._sizes, strict=True)
-            if joint.unexplained >= settings.CONTRAST_LEAST_SHARE * size
+            if joint.unexplained >= settings.LEAST_NONPARAMETRIC * size
         ]
         noisier = {
             joint.joint: level
             for joint, level, size in zip(joints, of_reference, self._sizes, strict=True)
-            if joint.after**2 - level**2 >= (settings.CONTRAST_LEAST_SHARE * size) ** 2
+            if joint.after**2 - level**2 >= (settings.LEAST_NONPARAMETRIC * size) ** 2
         }
         differs = bool(causes or unattributed or unexplained)
         first = len(self._sets.sets[0].motions)
@@ -141,7 +140,7 @@ class _Assembly:
             words.shift(self._shift),
             *words.softened(self._sets.softened, data.joints),
             words.groups(sorted([self._bags[k] for k in sorted(group)] for group in groups)),
-            words.reference_disagrees([self._bags[number] for number in disagreeing]),
+            words.reference_disagrees(disagreeing),
             why_no_law,
         ]
         return ContrastResult(
@@ -213,11 +212,7 @@ class _Assembly:
                 evidence
                 if isinstance(evidence, float)
                 else sum(max(2.0 * term.evidence, 0.0) for term in terms),
-                None,
-                None,
-                "",
                 chosen_in_folds=min((self._changes.chosen[id(term)] for term in terms), default=""),
-                p_value_from=NOT_CALIBRATED,
             ),
             indistinguishable_from=self._others(terms),
             torques=tuple(torques),
@@ -282,7 +277,7 @@ class _Assembly:
             for name, rms, size in zip(
                 data.joints, rms_of(data, terms, inside), self._sizes, strict=True
             )
-            if name == own or rms >= settings.CONTRAST_LEAST_SHARE * size
+            if name == own or rms >= settings.LEAST_NONPARAMETRIC * size
         ]
         return sorted(made, key=lambda each: (each.joint != own, -each.share_of_torque))
 

@@ -7,14 +7,11 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.against.sets import TwoSets
-from idim_iv_ros.diagnosis.controller.check import why_not_checked
-from idim_iv_ros.diagnosis.controller.command_regression import command_regression, rms
-from idim_iv_ros.diagnosis.controller.law_change import LawChange, law_change
-from idim_iv_ros.diagnosis.controller.law_speed import law_speed
-from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.controller.check import shown_law, why_not_checked
+from idim_iv_ros.diagnosis.controller.law_change import CommandRows, law_change
 from idim_iv_ros.effects.cause import EffectParameter
-from idim_iv_ros.effects.controller_mismatch import GROUPS, ControllerMismatch
-from idim_iv_ros.simulation import ControlLaw, control_law
+from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
+from idim_iv_ros.simulation import ControlLaw
 
 
 @dataclass(frozen=True)
@@ -27,7 +24,7 @@ class LawDifference:
     reference, against : dict of str to EffectParameter
         Gains and feedforward in each set, those that changed.
     statistic : float
-        Wald, of the surest change.
+        Twice the logarithm of the Bayes factor.
     torque : float
         RMS that the change makes on the second set's motion, N m (N).
     """
@@ -72,61 +69,32 @@ def law_differences(
         reason = why_not_checked(each)
         if reason:
             return (), f"the control laws of the sets were not compared: {reason} ({name})"
-    law = control_law(sets.data.prepared.configuration.controller, len(sets.data.joints))
-    shown = [_laws(each, law) for each in sets.sets]
+    one, other = (shown_law(each) for each in sets.sets)
     found = [
-        _difference(law, joint, shown[0][joint], shown[1][joint])
-        for joint in range(len(sets.data.joints))
-        if joint in shown[0] and joint in shown[1]
+        _difference(one.law, joint, one.joints[joint][0].above(other.joints[joint][0]))
+        for joint in sorted(set(one.joints) & set(other.joints))
     ]
     return tuple(each for each in found if each is not None), ""
 
 
-def _laws(data: Baseline, law: ControlLaw) -> dict[int, LawChange]:
-    """What the commands of one set say of the law of each joint."""
-    slowest = min(motion.signals.rate for motion in data.prepared.motions)
-    period = data.prepared.configuration.controller.period or 1.0 / slowest
-    speed = law_speed(data.prepared.motions, law)
-    found = {}
-    for joint in range(len(data.joints)):
-        rows = command_regression(data.prepared.motions, law, joint, speed)
-        if rows is not None:
-            found[joint] = law_change(rows, law, joint, period)
-    return found
-
-
-def _difference(
-    law: ControlLaw, joint: int, reference: LawChange, against: LawChange
-) -> LawDifference | None:
-    names = tuple(name for name in GROUPS if name in {*reference.groups, *against.groups})
-    if not names or not all(
-        each.rows.usable(name) for each in (reference, against) for name in names
-    ):
+def _difference(law: ControlLaw, joint: int, rows: CommandRows) -> LawDifference | None:
+    change = law_change(rows)
+    differing = [term for term in change.terms if term.key[3] is not None]
+    if not differing:
         return None
-    changes = [
-        each.rows.changes(each.rows.fit(names, with_lag=True), names)
-        for each in (reference, against)
-    ]
-    changed, largest = [], 0.0
-    torque = np.zeros(len(against.rows.rest))
-    for name in names:
-        (one, first), (other, second) = changes[0][name], changes[1][name]
-        deviation = max(float(np.hypot(first, second)), 1e-300)
-        own = (other - one) * against.rows.groups[name]
-        large = float(np.std(own)) >= settings.LAW_LEAST_DIFFERENCE * against.rows.size
-        if abs(other - one) >= settings.CONTRAST_LAW_DEVIATIONS * deviation and large:
-            changed.append(name)
-            torque = torque + own
-            largest = max(largest, ((other - one) / deviation) ** 2)
-    # A change that explains less than what either law leaves open is no known one.
-    size = float(np.std(torque))
-    if not changed or size < rms(against.rows.fit(names, with_lag=True)):
-        return None
-    numbers = [
-        ControllerMismatch().parameters(law, joint, {name: each[name] for name in changed})
-        for each in changes
-    ]
-    return LawDifference(joint, numbers[0], numbers[1], largest, size)
+    reference, against = {}, {}
+    torque = np.zeros(len(rows.rest))
+    for term in differing:
+        name, value = term.key[0], float(term.coefficients[0])
+        common, std = change.changes.get(name, (0.0, 0.0))
+        reference[name] = common, std
+        against[name] = common + value, float(np.hypot(std, term.deviations[0]))
+        torque += value * rows.groups[name]
+    one, other = (
+        ControllerMismatch().parameters(law, joint, each) for each in (reference, against)
+    )
+    size = float(np.std(torque[rows.second]))
+    return LawDifference(joint, one, other, 2.0 * sum(term.evidence for term in differing), size)
 
 
 @dataclass(frozen=True)
@@ -152,6 +120,6 @@ def shift_difference(sets: TwoSets) -> ShiftDifference:
     late = (
         change.std is not None
         and abs(change.value) >= settings.CONTRAST_LEAST_DELAY * period
-        and abs(change.value) >= settings.SHIFT_DEVIATIONS * change.std
+        and abs(change.value) >= settings.CLEAR_DEVIATIONS * change.std
     )
     return ShiftDifference(one, other, late)

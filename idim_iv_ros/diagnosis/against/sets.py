@@ -51,7 +51,7 @@ class TwoSets:
     regression: Regression
     sets: tuple[Baseline, Baseline]
     shifts: tuple[EffortShift, EffortShift]
-    softened: tuple[SoftFriction | None, SoftFriction | None] = (None, None)
+    softened: tuple[SoftFriction | None, SoftFriction | None]
 
     @property
     def second(self) -> frozenset[int]:

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.against.law import ShiftDifference
 from idim_iv_ros.diagnosis.comparison.beside import Term
-from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction
 from idim_iv_ros.diagnosis.result import (
@@ -15,7 +14,13 @@ from idim_iv_ros.diagnosis.result import (
     JointContrast,
     JointTorque,
 )
-from idim_iv_ros.diagnosis.sentences import capitalised
+from idim_iv_ros.diagnosis.sentences import (
+    capitalised,
+    listed_numbers,
+    or_else,
+    spaced,
+    with_interval,
+)
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
 from idim_iv_ros.effects.effect import Place
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
@@ -105,7 +110,7 @@ def structural(
     if place.other is not None:
         where += f" and {data.joints[place.other]}"
     effect = spaced(name)
-    one, other = (_numbers(name, numbers[each]) for each in ("reference", "against"))
+    one, other = (listed_numbers(name, numbers[each]) for each in ("reference", "against"))
     if change == "changed" and one and other:
         what = f"{effect} at {where} changed: {one} in the reference, {other} in the second set"
     elif change == "changed":
@@ -113,7 +118,7 @@ def structural(
         what = f"{effect} at {where} changed: more of it in the {more} ({one or other})"
     else:
         what = f"{effect} at {where} {_WHERE['reference' if one else 'against']}: {one or other}"
-    return f"{what}{_torques(data, torques)}{_indistinguishable(others)}"
+    return f"{what}{_torques(data, torques)}{or_else(others)}"
 
 
 def parametric(
@@ -129,11 +134,11 @@ def parametric(
     place = "" if joint is None else f" of {data.joints[joint]}{effect.which(joint)}"
     text = (
         f"{spaced(effect.name)}{place} changed, second set less reference: "
-        f"{_numbers(effect.name, parameters)}"
+        f"{listed_numbers(effect.name, parameters)}"
     )
     if bags:
         text = f"{', '.join(bags)}: {text}"
-    return f"{text}{_torques(data, torques)}{_indistinguishable(others)}"
+    return f"{text}{_torques(data, torques)}{or_else(others)}"
 
 
 def law(
@@ -143,7 +148,7 @@ def law(
 ) -> str:
     """Gains and feedforward that changed."""
     changed = ", ".join(
-        f"{spaced(name)} from {_value(reference[name])} to {_value(each)}"
+        f"{spaced(name)} from {with_interval(reference[name])} to {with_interval(each)}"
         for name, each in against.items()
     )
     return (
@@ -229,11 +234,6 @@ def common(data: Baseline, term: Term) -> str:
     return f"{spaced(effect.name)}{where}"
 
 
-def spaced(name: str) -> str:
-    """Return a name of the catalogue in words."""
-    return name.replace("_", " ")
-
-
 def _torque(data: Baseline, value: float, joint: str) -> str:
     return f"{value:.3g} {data.unit_at(data.joints.index(joint), 'N m')}"
 
@@ -245,24 +245,3 @@ def _torques(data: Baseline, torques: Sequence[JointTorque]) -> str:
         for each in torques
     )
     return listed and f"; that is {listed}"
-
-
-def _indistinguishable(others: Sequence[Indistinguishable]) -> str:
-    listed = ", ".join(
-        spaced(each.effect) + (f" of {each.joint}" if each.joint else "") for each in others
-    )
-    return listed and f"; on these recordings it is indistinguishable from {listed}"
-
-
-def _numbers(effect: str, parameters: Mapping[str, EffectParameter]) -> str:
-    shown = surest(dict(parameters), settings.MOST_NUMBERS_IN_SENTENCE)
-    return ", ".join(
-        f"{parameter_words(effect, name)} {_value(each)}" for name, each in shown.items()
-    )
-
-
-def _value(parameter: EffectParameter) -> str:
-    text = f"{parameter.value:.3g}"
-    if parameter.std is not None:
-        text += f" ± {settings.NORMAL_95 * parameter.std:.2g}"
-    return f"{text} {parameter.unit}".rstrip()

@@ -20,7 +20,7 @@ from idim_iv_ros.diagnosis.result import (
     Indistinguishable,
     SimulationGap,
 )
-from idim_iv_ros.diagnosis.structural.deviations import parameters_of
+from idim_iv_ros.diagnosis.structural.candidate import parameters_of
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
 
 

@@ -4,35 +4,27 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.controller.command_regression import (
-    CommandRegression,
-    command_regression,
-    rms,
-)
 from idim_iv_ros.diagnosis.controller.law_change import (
+    CommandRows,
     LawChange,
-    acceptable,
+    command_rows,
     law_change,
-    supported,
-    without_best,
 )
 from idim_iv_ros.diagnosis.controller.law_event import events_in
 from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, law_speed
-from idim_iv_ros.diagnosis.controller.significance import differs
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import (
-    NOT_CALIBRATED,
     Cause,
     EffectParameter,
     Evidence,
     Gap,
 )
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
-from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG, ControllerMismatch
+from idim_iv_ros.effects.controller_mismatch import GAIN, LAG, ControllerMismatch
 from idim_iv_ros.effects.encoder_eccentricity import EncoderEccentricity
+from idim_iv_ros.effects.torque_gain import TorqueGain
 from idim_iv_ros.simulation import ControlLaw, control_law, control_period
 
 
@@ -42,23 +34,21 @@ class ControllerFinding:
 
     Attributes
     ----------
-    effect : ControllerMismatch
     joint : str
     parameters : dict of str to EffectParameter
-        What the robot uses instead, of the groups that differ.
+        What the robot uses instead, of what differs.
+    gain : float or None
+        By which the whole command is larger, and nothing else is another; None where it is not.
     statistic : float
-        Twice the logarithm of the likelihood ratio.
-    p_value : float
-        Corrected for the choice among groups and joints (Bonferroni).
+        Twice the logarithm of the Bayes factor.
     before, after : float
         RMS of recorded less computed command, N m (N), low-passed as the regression.
     """
 
-    effect: ControllerMismatch
     joint: str
     parameters: dict[str, EffectParameter]
+    gain: float | None
     statistic: float
-    p_value: float
     before: float
     after: float
 
@@ -108,28 +98,78 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
     """
     if ControllerMismatch.name in without or why_not_checked(data):
         return LawCheck()
-    configuration = data.prepared.configuration
-    law = control_law(configuration.controller, len(data.joints))
-    rates = [motion.signals.rate for motion in data.prepared.motions]
-    period = control_period(configuration.controller, rates)
-    speed = law_speed(data.prepared.motions, law)
-    compared, every = {}, {}
-    wrong = {each.joint for each in data.prepared.joint_findings if each.level == "unusable"}
-    for joint in sorted(set(range(len(data.joints))) - wrong):
-        rows = command_regression(data.prepared.motions, law, joint, speed)
-        if rows is not None:
-            compared[joint] = law_change(rows, law, joint, period)
-            every[joint] = rows
-    longest = _longest_lag(list(compared.values()), period, shift)
-    found = [_finding(data, law, joint, change, longest) for joint, change in compared.items()]
+    shown = shown_law(data)
+    changes = [change for _, change in shown.joints.values()]
+    longest = _longest_lag(changes, shown.period, shift)
+    found = [
+        _finding(data, shown.law, joint, change, longest)
+        for joint, (_, change) in shown.joints.items()
+    ]
     beyond = [
-        _beyond_the_law(data, joint, change, every[joint]) for joint, change in compared.items()
+        _beyond_the_law(data, joint, change, rows) for joint, (rows, change) in shown.joints.items()
     ]
     return LawCheck(
         findings=tuple(finding for finding in found if finding is not None),
-        speed=speed,
+        speed=shown.speed,
         beyond=tuple(sentence for sentence in beyond if sentence),
     )
+
+
+@dataclass(frozen=True)
+class ShownLaw:
+    """What the commands say of the configured law.
+
+    Attributes
+    ----------
+    law : ControlLaw
+        As configured.
+    speed : LawSpeed
+    period : float
+        Of the control, s.
+    joints : dict of int to (CommandRows, LawChange)
+        All rows, and the smallest change that explains them, of joints that have enough.
+    """
+
+    law: ControlLaw
+    speed: LawSpeed
+    period: float
+    joints: dict[int, tuple[CommandRows, LawChange]]
+
+
+def shown_law(data: Baseline) -> ShownLaw:
+    """Compare the commands of every usable joint with the configured law."""
+    section, motions = data.prepared.configuration.controller, data.prepared.motions
+    law = control_law(section, len(data.joints))
+    period = control_period(section, [motion.signals.rate for motion in motions])
+    speed = law_speed(motions, law)
+    joints = {}
+    wrong = {each.joint for each in data.prepared.joint_findings if each.level == "unusable"}
+    for joint in sorted(set(range(len(data.joints))) - wrong):
+        rows = command_rows(motions, law, joint, speed, period)
+        if rows is not None:
+            joints[joint] = rows, law_change(rows)
+    return ShownLaw(law, speed, period, joints)
+
+
+def beside_gains(law: LawCheck, causes: Sequence[Cause]) -> LawCheck:
+    """Leave out commands that are larger by the inverse of a gain that the torque shows.
+
+    A gain of the drive alone changes no command. One of what is recorded changes all of them by
+    the inverse of the gain: then both are one cause.
+    """
+    gains = {
+        cause.joint: cause.parameters["factor"]
+        for cause in causes
+        if cause.effect == TorqueGain.name and cause.joint is not None
+    }
+
+    def same(found: ControllerFinding) -> bool:
+        factor = gains.get(found.joint)
+        if factor is None or factor.std is None or found.gain is None:
+            return False
+        return abs(1.0 / (1.0 + found.gain) - factor.value) < settings.NORMAL_95 * factor.std
+
+    return replace(law, findings=tuple(each for each in law.findings if not same(each)))
 
 
 def controller_causes(data: Baseline, law: LawCheck, effects: Sequence[Candidate]) -> list[Cause]:
@@ -151,20 +191,20 @@ def _cause(data: Baseline, joint: int, found: ControllerFinding) -> Cause:
     parameters = data.in_units_at(joint, found.parameters)
     gap = Gap(found.before, found.after, None, 1.0 - found.after / found.before, None)
     return Cause(
-        effect=found.effect.name,
+        effect=ControllerMismatch.name,
         kind="structural",
         joint=found.joint,
         other_joint=None,
         parameters=parameters,
-        evidence=Evidence(found.statistic, None, None, "", p_value_from=NOT_CALIBRATED),
+        evidence=Evidence(found.statistic),
         indistinguishable_from=(),
         torque_gap=gap,
         simulation_gap=None,
-        sentence=sentences.controller_cause(data, joint, gap, found.effect.name, parameters),
+        sentence=sentences.controller_cause(data, joint, gap, ControllerMismatch.name, parameters),
     )
 
 
-def _beyond_the_law(data: Baseline, joint: int, change: LawChange, rows: CommandRegression) -> str:
+def _beyond_the_law(data: Baseline, joint: int, change: LawChange, rows: CommandRows) -> str:
     """What the commands hold beyond the law and its smallest change; empty where it is little."""
     rest = change.beyond(rows)
     size, command = float(np.sqrt(np.mean(rest**2))), rows.size
@@ -180,50 +220,30 @@ def _longest_lag(compared: Sequence[LawChange], period: float, shift: float) -> 
     longest = settings.LONGEST_LAG * period + max(-shift, 0.0)
     if len(compared) < 2:
         return longest
-    lags = sorted(each.changes[LAG][0] for each in compared)
+    lags = sorted(each.lag[0] for each in compared)
     common = max(lags[(len(lags) - 1) // 2], 0.0)
     return min(longest, common + settings.LAG_DIFFERENCE * period)
-
-
-def _holds_lag(rows: CommandRegression, short: CommandRegression, change: LawChange) -> bool:
-    """Whether the lag is needed beyond that of `short`, also without where it helps most."""
-    smaller = short.fit(change.groups, with_lag=False)
-    if not acceptable(rows, smaller, change.fit):
-        return False
-    calm = without_best(smaller, change.fit)
-    rows, short = rows.only(calm), short.only(calm)
-    larger = rows.fit(change.groups, with_lag=True)
-    return supported(rows, short.fit(change.groups, with_lag=False), larger)
 
 
 def _finding(
     data: Baseline, law: ControlLaw, joint: int, change: LawChange, longest: float
 ) -> ControllerFinding | None:
-    rows, fit, base = change.rows, change.fit, change.plain
-    little = settings.LAW_LEAST_DIFFERENCE * rows.size
-    if rms(rows.fit((), with_lag=False)) < little:
-        return None
-    changes = change.changes
-    lag, deviation = changes.pop(LAG)
+    changes, statistic = change.changes, change.statistic
+    before, after = change.left(), change.left(change.terms)
+    lag, std = change.lag
     # No law acts before it has measured: a lag below zero is one of the stamps.
-    if lag - settings.LAG_DEVIATIONS * deviation > longest:
-        short = replace(rows, rest=rows.rest + longest * rows.rate)
-        if _holds_lag(rows, short, change):
-            changes[LAG] = (lag, deviation)
-            base = short.fit((), with_lag=False)
-    if LAG not in changes and rms(base) < little:  # what an ordinary lag leaves
+    if lag - settings.CLEAR_DEVIATIONS * std > longest:
+        changes[LAG] = lag, std
+        statistic += ((lag - longest) / std) ** 2
+        before = change.left((), longest)
+    if not changes:
         return None
-    if not any(differs(value, deviation) for value, deviation in changes.values()):
-        return None
-    statistic = 2.0 * float(fit.log_likelihood - base.log_likelihood)
-    tried = (len(GROUPS) + 1) * len(data.joints)
-    before, after = rms(base), rms(fit)
+    one, other = (float(np.sqrt(np.mean(rest**2))) for rest in (before, after))
     return ControllerFinding(
-        effect=ControllerMismatch(),
         joint=data.joints[joint],
         parameters=ControllerMismatch().parameters(law, joint, changes),
+        gain=changes[GAIN][0] if set(changes) == {GAIN} else None,
         statistic=statistic,
-        p_value=min(1.0, tried * float(stats.chi2.sf(statistic, len(changes)))),
-        before=before,
-        after=after,
+        before=one,
+        after=other,
     )

@@ -1,45 +1,294 @@
-"""The smallest change of the control law that explains one joint's commands."""
+"""What differs in the control law: a comparison of groups of it, beside errors of the recording.
 
-from collections.abc import Mapping, Sequence
+The search is that of the torque. Its rows are recorded less computed commands, its numbers the
+errors of the recording with their likely sizes, its candidates the groups of the law.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+import scipy
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.controller.command_regression import CommandRegression, rms
+from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors, Term
+from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Kind, Scope
+from idim_iv_ros.diagnosis.comparison.compare import Comparison
+from idim_iv_ros.diagnosis.comparison.ledger import Ledger
+from idim_iv_ros.diagnosis.comparison.options import Options, whitened
+from idim_iv_ros.diagnosis.comparison.refine import together
+from idim_iv_ros.diagnosis.comparison.select import select
+from idim_iv_ros.diagnosis.comparison.signals import SignalError
 from idim_iv_ros.diagnosis.controller.law_event import beside_no_event
-from idim_iv_ros.diagnosis.structural.likelihood import Fit
-from idim_iv_ros.effects.controller_mismatch import GROUPS, LAG
+from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, comparable_rows, limited
+from idim_iv_ros.effects.controller_mismatch import GROUPS, ControllerMismatch
+from idim_iv_ros.effects.effect import Place, Shape
+from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.estimation.observation import segments_of
+from idim_iv_ros.estimation.rows import JointRows
+from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControlLaw
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
+
+_SECOND: Scope = frozenset({1})  # what differs in the second set
+
+_BLOCKS = 20  # stretches of time by which a change of the law is judged
+TIMES = 5  # errors of time: a lag of the effort, position, speed, and the references of both
+_UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing else would be likely
+_FREE = 100.0  # torque that a constant may have, times that of the commands
+_LATE = 0.5  # control periods that what the law sees, and what is recorded, are likely late
+
+
+@dataclass(frozen=True)
+class CommandRows:
+    """Decimated rows of one joint, without those at the torque limit; (r,) each.
+
+    Attributes
+    ----------
+    rest : N m (N)
+        Recorded less computed command.
+    size : float
+        RMS of the recorded command, N m (N).
+    groups : dict
+        Torque of a unit of each group that may change.
+    errors : (r, e)
+        Torque of a unit of what a recording does to commands that are those of the law: a lag of
+        the effort; position, speed and the references of both late, s.
+    likely : (e,)
+        How large each of them is.
+    runs : tuple of slice
+        Rows without a gap in time.
+    recording : (r,) int
+        Which recording each row belongs to.
+    time : s
+        From the start of the recording.
+    second : (r,) bool
+        Rows of a second set of recordings.
+    """
+
+    rest: FloatArray
+    size: float
+    groups: dict[str, FloatArray]
+    errors: FloatArray
+    likely: FloatArray
+    runs: tuple[slice, ...]
+    recording: IntArray
+    time: FloatArray
+    second: BoolArray
+
+    @property
+    def constants(self) -> FloatArray:
+        """(r, recordings)."""
+        return np.asarray(self.recording[:, None] == np.unique(self.recording), dtype=float)
+
+    def only(self, kept: BoolArray) -> "CommandRows":
+        """Leave out the rows that are not `kept` (r,)."""
+        return replace(
+            self,
+            rest=self.rest[kept],
+            groups={name: torque[kept] for name, torque in self.groups.items()},
+            errors=self.errors[kept],
+            runs=segments_of([kept[run] for run in self.runs]),
+            recording=self.recording[kept],
+            time=self.time[kept],
+            second=self.second[kept],
+        )
+
+    def above(self, other: "CommandRows") -> "CommandRows":
+        """Rows of two sets, each with errors of its own."""
+        first = len(self.rest)
+        return CommandRows(
+            rest=np.concatenate([self.rest, other.rest]),
+            size=max(self.size, other.size),
+            groups={
+                name: np.concatenate([torque, other.groups[name]])
+                for name, torque in self.groups.items()
+            },
+            errors=scipy.linalg.block_diag(self.errors, other.errors),
+            likely=np.concatenate([self.likely, other.likely]),
+            runs=(*self.runs, *(slice(first + r.start, first + r.stop) for r in other.runs)),
+            recording=np.concatenate([self.recording, other.recording + self.recording.max() + 1]),
+            time=np.concatenate([self.time, other.time]),
+            second=np.repeat([False, True], [first, len(other.rest)]),
+        )
+
+    def ledger(self, lag: float | None = None) -> Ledger:
+        """Rows of the comparison: its numbers are the errors, and then the constants.
+
+        Parameters
+        ----------
+        lag
+            Of the effort, s; None: any. With a lag, all else is on time.
+        """
+        rest, likely = self.rest, self.likely.copy()
+        if lag is not None:
+            rest, likely[:TIMES] = rest - lag * self.errors[:, 0], 0.0
+        matrix = np.column_stack([self.errors, self.constants])
+        free = np.full(self.constants.shape[1], _FREE * self.size)
+        joint = JointRows(matrix, rest, np.arange(matrix.shape[1]), self.runs)
+        return Ledger(
+            joints=(joint,),
+            gap=(rest,),
+            sizes=np.array([self.size]),
+            link_errors=np.diag(np.concatenate([likely, free])),
+            drive_errors=np.zeros((matrix.shape[1], 0)),
+            blocks=(np.arange(len(rest)) * _BLOCKS // len(rest),),
+            nominal=False,
+        )
+
+
+def command_rows(
+    motions: Sequence[Motion], law: ControlLaw, joint: int, speed: LawSpeed, period: float
+) -> CommandRows | None:
+    """Evaluate the law on the measured motion; None where too few rows are left.
+
+    Parameters
+    ----------
+    period
+        Of the control, s: what the law sees, and is recorded, is about as late.
+    """
+    tables, recordings, every, times = [], [], [], []
+    for number, motion in enumerate(motions):
+        signals = motion.signals
+        whole = ControllerMismatch().parts(signals, law, joint, speed.of(signals, joint))
+        parts, _ = limited(whole, float(law.torque_limit[joint]), signals.rate)
+        recorded = signals.torque[:, joint]
+        groups = [parts.groups[name] for name in GROUPS]
+        table = np.column_stack(
+            [recorded, recorded - parts.command, -parts.rate, parts.late, *groups]
+        )
+        kept = comparable_rows(motion, law, joint)
+        table = motion.decimation.whole(table[motion.span])[kept]
+        tables.append(table)
+        recordings.append(np.full(len(table), number))
+        times.append(motion.time[kept])
+        every.append(kept)
+    table = np.concatenate(tables)
+    if len(table) < settings.LEAST_ROWS:
+        return None
+    size = float(np.sqrt(np.mean(table[:, 0] ** 2)))
+    least = _UNSURE * size * np.random.default_rng(0).normal(size=len(table))
+    step = 1.0 / min(motion.signals.rate for motion in motions)
+    return CommandRows(
+        rest=table[:, 1] + least,
+        size=size,
+        groups={name: table[:, 7 + k] for k, name in enumerate(GROUPS)},
+        errors=table[:, 2 : 2 + TIMES],
+        likely=np.array([settings.LONGEST_LAG * max(period, step), *[_LATE * period] * 4]),
+        runs=segments_of(every),
+        recording=np.concatenate(recordings),
+        time=np.concatenate(times),
+        second=np.zeros(len(table), dtype=bool),
+    )
+
+
+class _Group(SignalError):
+    """One group of the law at one joint; its columns are the rows' own."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name  # type: ignore[misc]
+
+    def places(self, joints: int) -> list[Place]:
+        return [Place(0)]
+
+    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
+        return True
+
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+        raise NotImplementedError
+
+
+class _Groups(Catalogue):
+    """Groups that vary, in all rows and, of two sets, in the second one alone.
+
+    They are free curves besides, so that the first noise is that of what all of them leave.
+    """
+
+    def __init__(self, rows: CommandRows) -> None:
+        made = []
+        for name, torque in rows.groups.items():
+            for scope in (None, _SECOND) if rows.second.any() else (None,):
+                inside = torque if scope is None else torque * rows.second
+                if np.std(inside) <= 1e-12:
+                    continue
+                lines = {0: inside[None].astype(np.float32)}
+                kinds = (Kind.NUMBER, Kind.CURVE) if scope is None else (Kind.NUMBER,)
+                made += [
+                    Candidate(kind, _Group(name), Place(0), (Shape(),), (), lines, 1, scope)
+                    for kind in kinds
+                ]
+        self.candidates = tuple(made)
+
+    def why_impossible(self, *_: object) -> str:
+        """No change of a gain is."""
+        return ""
 
 
 @dataclass(frozen=True)
 class LawChange:
-    """Groups of the law that differ at one joint.
+    """What differs from the configured law at one joint.
 
     Attributes
     ----------
-    rows : CommandRegression
-        With a speed that is as late as the recording says.
-    groups : tuple of str
-        Empty where nothing differs.
-    plain, fit : Fit
-        Without and with the groups; both with a lag.
+    rows : CommandRows
+        Without those near an event.
+    comparison : Comparison
+    terms : tuple of Term
+        Groups that differ; of two sets, those of the second one have a scope.
     """
 
-    rows: CommandRegression
-    groups: tuple[str, ...]
-    plain: Fit
-    fit: Fit
+    rows: CommandRows
+    comparison: Comparison
+    terms: tuple[Term, ...]
+
+    @property
+    def errors(self) -> FloatArray:
+        """(e,) of the recording."""
+        return Beside(self.comparison.nominal, self.terms).errors[:TIMES]
+
+    @property
+    def lag(self) -> tuple[float, float]:
+        """(value, std) of the lag of the effort, s, that all errors of time together make."""
+        nominal, model = self.comparison.nominal, Beside(self.comparison.nominal, self.terms)
+        rate = self.rows.errors[:, 0]
+        part = np.zeros(len(nominal.root))
+        part[:TIMES] = rate @ self.rows.errors / max(float(rate @ rate), 1e-300)
+        spread = float(np.sum((part @ nominal.root) ** 2))
+        if self.terms:
+            moved = np.concatenate([part @ nominal.link(term).moved for term in self.terms])
+            spread += float(moved @ model.covariance @ moved)
+        return float(part @ model.errors), spread**0.5
 
     @property
     def changes(self) -> dict[str, tuple[float, float]]:
-        """(value, std) of the lag and of each group."""
-        return self.rows.changes(self.fit, self.groups)
+        """(value, std) of each group that differs in all rows."""
+        return {
+            term.key[0]: (float(term.coefficients[0]), float(term.deviations[0]))
+            for term in self.terms
+            if term.key[3] is None
+        }
 
-    def beyond(self, rows: CommandRegression) -> FloatArray:
+    @property
+    def statistic(self) -> float:
+        """Twice the evidence of the terms."""
+        return 2.0 * sum(term.evidence for term in self.terms)
+
+    def left(self, terms: Sequence[Term] = (), lag: float | None = None) -> FloatArray:
+        """(r,) what some terms and errors of the recording leave, N m (N).
+
+        Parameters
+        ----------
+        lag
+            That the effort has, s; None: any.
+        """
+        nominal = self.comparison.nominal
+        if lag is not None:
+            options = Options(self.rows.ledger(lag), self.comparison.catalogue.candidates)
+            white = whitened(options, nominal.white.noise)
+            nominal = NominalErrors(options, white, nominal.torques, nominal.errors)
+        return Beside(nominal, tuple(terms)).residuals(white=False)[0]
+
+    def beyond(self, rows: CommandRows) -> FloatArray:
         """What the commands of all rows (r,) hold beyond the law and its change, N m (N).
 
         Parameters
@@ -47,165 +296,32 @@ class LawChange:
         rows
             All of the joint, those beside events too.
         """
-        if len(rows.rest) == len(self.rows.rest):
-            return self.fit.residuals[0]
-        rest = rows.rest.copy()
+        rest = rows.rest - rows.errors @ self.errors
         for name, (value, _) in self.changes.items():
-            rest -= value * (-rows.rate if name == LAG else rows.groups[name])
+            rest = rest - value * rows.groups[name]
         for number in np.unique(rows.recording):
             own = rows.recording == number
             rest[own] -= np.median(rest[own])
         return rest
 
 
-def law_change(rows: CommandRegression, law: ControlLaw, joint: int, period: float) -> LawChange:
-    """Add the best group until none is acceptable, and drop those that are not needed.
-
-    Parameters
-    ----------
-    period
-        Of the control, s.
-    """
-    change = _change_of(rows, law, joint, period)
-    on_time = _with_reference_on_time(change, rows, law, joint, period)
-    if on_time is not None:
-        change = _change_of(on_time, law, joint, period)
-    steady = _steady(change, rows if on_time is None else on_time)
-    return change if steady is None else _change_of(steady, law, joint, period)
-
-
-def _change_of(rows: CommandRegression, law: ControlLaw, joint: int, period: float) -> LawChange:
-    change = _chosen(_with_late_speed(rows, law, joint, period, ()), law, joint, period)
-    if not change.groups:
-        return change
-    # How late the speed is shows only beside the group that differs most.
-    again = _with_late_speed(rows, law, joint, period, change.groups[:1])
-    better = _chosen(again, law, joint, period)
-    return better if better.groups else change
-
-
-def _chosen(rows: CommandRegression, law: ControlLaw, joint: int, period: float) -> LawChange:
-    plain = fit = rows.fit((), with_lag=True)
-    chosen: tuple[str, ...] = ()
-    while True:
-        better = {}
-        for name in GROUPS:
-            if name in chosen or not rows.usable(name):
-                continue
-            names = (*chosen, name)
-            larger = rows.fit(names, with_lag=True)
-            certain = _certain(rows, law, joint, names, larger, period)
-            if not (certain and acceptable(rows, fit, larger)):
-                continue
-            calm = rows.only(without_best(fit, larger))
-            if supported(calm, calm.fit(chosen, with_lag=True), calm.fit(names, with_lag=True)):
-                better[name] = larger
-        if not better:
-            break
-        name = max(better, key=lambda each: better[each].log_likelihood)
-        chosen, fit = (*chosen, name), better[name]
-    for name in chosen:
-        rest = tuple(other for other in chosen if other != name)
-        smaller = rows.fit(rest, with_lag=True)
-        if not acceptable(rows, smaller, fit):
-            chosen, fit = rest, smaller
-    return LawChange(rows, chosen, plain, fit)
-
-
-def acceptable(rows: CommandRegression, smaller: Fit, larger: Fit) -> bool:
-    """Whether one number more is supported and takes enough of the energy."""
-    share = 1.0 - (rms(larger) / max(rms(smaller), 1e-300)) ** 2
-    return supported(rows, smaller, larger) and bool(share >= settings.LAW_LEAST_SHARE)
-
-
-def supported(rows: CommandRegression, smaller: Fit, larger: Fit) -> bool:
-    """Whether one number more is worth its cost."""
-    gain = larger.log_likelihood - smaller.log_likelihood - 0.5 * float(np.log(len(rows.rest)))
-    return bool(gain >= settings.LEAST_SUPPORT)
-
-
-def without_best(smaller: Fit, larger: Fit) -> NDArray[np.bool_]:
-    """Rows (r,) without the blocks of time in which the larger model gains most.
-
-    Another law acts all the time. In a shock, efforts that are sampled more slowly than the law
-    runs, or at another instant, differ from every law: one row of it can outweigh a recording.
-    """
-    gain = smaller.residuals[0] ** 2 - larger.residuals[0] ** 2
-    block = np.arange(len(gain)) * int(settings.LAW_BLOCKS) // len(gain)
-    order = np.argsort(np.bincount(block, gain))
-    return ~np.isin(block, order[-int(settings.LAW_BLOCKS_LEFT_OUT) :])
-
-
-def _steady(change: LawChange, rows: CommandRegression) -> CommandRegression | None:
-    """Rows beside no event that law and change leave; None where they are all, or little is left.
-
-    Another law differs between events, too, and leaves nothing of what it explains. `rows` are
-    those of the change before their speed was made late.
-    """
-    if rms(change.fit) < settings.LAW_LEAST_DIFFERENCE * rows.size:
-        return None
-    kept = beside_no_event(change.fit.residuals[0], rows.recording, rows.time)
-    return None if kept.all() else rows.only(kept)
-
-
-def _with_late_speed(
-    rows: CommandRegression, law: ControlLaw, joint: int, period: float, groups: Sequence[str]
-) -> CommandRegression:
-    """Compute the command with a speed that is as late as the recording says, beside groups.
-
-    Speeds come from differences of positions: one to two periods late are no mismatch. Nor is one
-    that is half a sample earlier than the speed that was found for all joints: of a law that runs
-    faster than its record, that is no closer.
-    """
-    earliest = -settings.LAG_DIFFERENCE * max(period, rows.step)
-    longest = settings.LONGEST_LAG * period
-    _, kd, _ = (float(gain[joint]) for gain in law.torque_gains)
-    late = kd * rows.acceleration
-    name = "late speed"
-    with_late = replace(rows, groups={**rows.groups, name: late})
-    if kd <= 0.0 or not with_late.usable(name):
-        return rows
-    names = (*groups, name)
-    lag, deviation = rows.changes(with_late.fit(names, with_lag=True), names)[name]
-    if not earliest < lag < longest + settings.LAG_DEVIATIONS * deviation:
-        return rows
-    return replace(rows, rest=rows.rest - lag * late)
-
-
-def _with_reference_on_time(
-    change: LawChange, rows: CommandRegression, law: ControlLaw, joint: int, period: float
-) -> CommandRegression | None:
-    """Compute the command with a reference that is as late as the recording says.
-
-    A reference that is stamped when it is sent acts up to a period later, which looks like a
-    feedforward of −kp · lag over its velocity: no mismatch. None where there is no such thing.
-    """
-    name = "feedforward_velocity"
-    kp, _, _ = (float(gain[joint]) for gain in law.torque_gains)
-    little = rms(rows.fit((), with_lag=False)) < settings.LAW_LEAST_DIFFERENCE * rows.size
-    if little or name not in change.groups:
-        return None
-    value, deviation = change.changes[name]
-    if not 0.0 < -value < period * kp + settings.LAG_DEVIATIONS * deviation:
-        return None
-    return replace(rows, rest=rows.rest - value * rows.groups[name])
-
-
-def _certain(
-    rows: CommandRegression,
-    law: ControlLaw,
-    joint: int,
-    names: Sequence[str],
-    fit: Fit,
-    period: float,
-) -> bool:
-    """Whether the last change is larger than what noise and sampling make of the law."""
-    name = names[-1]
-    change = abs(rows.changes(fit, names)[name][0])
-    kp, kd, _ = (float(gain[joint]) for gain in law.torque_gains)
-    floor: Mapping[str, float] = {
-        "kp": settings.LAW_NOISE_MARGIN * rows.noise["kp"] * kp,
-        # A speed that is one period old looks like this much less of its gain.
-        "kd": settings.LAW_NOISE_MARGIN * rows.noise["kd"] * kd + period * kp,
-    }
-    return change > floor.get(name, 0.0)
+def law_change(rows: CommandRows) -> LawChange:
+    """Search for the groups of the law that explain what the commands have beyond it."""
+    # A pulse is plain where the law holds, and where it does not beside what all groups leave.
+    for more in ([], [rows.errors, *rows.groups.values()]):
+        table = np.column_stack([rows.constants, *more])
+        table /= np.maximum(np.linalg.norm(table, axis=0), 1e-300)
+        rest = rows.rest - table @ np.linalg.lstsq(table, rows.rest, rcond=1e-9)[0]
+        if np.sqrt(np.mean(rest**2)) >= settings.LAW_LEAST_DIFFERENCE * rows.size:
+            calm = beside_no_event(rest, rows.recording, rows.time)
+            if not calm.all():
+                rows = rows.only(calm)
+                break
+    selection = select(_Groups(rows), rows.ledger())
+    kept = [
+        term
+        for term in selection.terms
+        if float(term.whole[0]) >= settings.LAW_LEAST_DIFFERENCE
+        and term.evidence >= settings.LAW_LEAST_SUPPORT
+    ]
+    return LawChange(rows, selection.comparison, together(selection.comparison, kept))

@@ -9,6 +9,9 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.statistics.residuals import excess_kurtosis
 from idim_iv_ros.types import FloatArray
 
+_EDGE = 0.5  # of the peak of an event, where it begins and ends
+_LEAST_EVENT = 0.1  # of the energy of the largest event, to be listed
+
 
 @dataclass(frozen=True)
 class LawEvent:
@@ -54,7 +57,7 @@ def events_in(rest: FloatArray, recording: NDArray[np.int64], time: FloatArray) 
     events = []
     for part in parts:
         peak = float(np.abs(rest[part]).max())
-        core = part[np.abs(rest[part]) >= settings.LAW_EVENT_EDGE * peak]
+        core = part[np.abs(rest[part]) >= _EDGE * peak]
         events.append(
             LawEvent(
                 begin=float(time[core[0]]),
@@ -65,7 +68,7 @@ def events_in(rest: FloatArray, recording: NDArray[np.int64], time: FloatArray) 
             )
         )
     events.sort(key=lambda event: -event.energy)
-    least = settings.LAW_LEAST_EVENT * events[0].energy
+    least = _LEAST_EVENT * events[0].energy
     return [event for event in events if event.energy >= least]
 
 
@@ -91,4 +94,4 @@ def beside_no_event(
         own = np.flatnonzero(recording == number)
         for begin in time[own][event[own]]:
             kept[own] &= np.abs(time[own] - begin) > settings.LAW_EVENTS_APART
-    return kept if int(kept.sum()) >= settings.LAW_LEAST_ROWS else np.ones_like(kept)
+    return kept if int(kept.sum()) >= settings.LEAST_ROWS else np.ones_like(kept)

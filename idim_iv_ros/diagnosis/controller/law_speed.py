@@ -3,6 +3,9 @@
 A drive computes its speed from differences of its encoder, mostly filtered, or has an observer. A
 law whose speed is late looks like one with feedforward of the acceleration, of size kd times the
 lateness; if one of these speeds explains the command, the law is as configured.
+
+The simulated loop has that speed, too: with kd on an exact one it is damped more, and the
+difference in motion looks like elasticity, backlash or a torque that saturates.
 """
 
 from collections.abc import Sequence
@@ -16,10 +19,14 @@ from numpy.typing import NDArray
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.law_event import beside_no_event
 from idim_iv_ros.effects.controller_mismatch import CommandParts, ControllerMismatch
+from idim_iv_ros.estimation.instruments import SimulatedLoop
+from idim_iv_ros.estimation.sources import InstrumentSources
 from idim_iv_ros.signals import JointSignals, Motion
 from idim_iv_ros.signals.motion import all_around
-from idim_iv_ros.simulation import ControlLaw
+from idim_iv_ros.simulation import ControlLaw, factor_of_lateness
 from idim_iv_ros.types import FloatArray
+
+_LIMITED = 0.98  # of the torque limit, from which on a command is limited
 
 # Share of the newest difference in a first-order filter: from a hardly filtered speed to one that
 # is twenty samples late.
@@ -124,6 +131,38 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = Fa
     return early[best] if forward[best] < (1.0 - settings.LAW_SPEED_GAIN) * late else chosen
 
 
+def with_law_speed(sources: InstrumentSources) -> InstrumentSources:
+    """Give the laws of the simulated loop the speed that reproduces the recorded commands.
+
+    Nothing changes where the law is fitted (with what the recording holds of the speed), or where
+    no differences of the position reproduce the commands better than the plain ones.
+    """
+    first, *others = sources.sources
+    if sources.fits or not isinstance(first, SimulatedLoop):
+        return sources
+    laws = laws_with_speed(first.motions, first.laws)
+    return replace(sources, sources=(replace(first, laws=laws), *others))
+
+
+def laws_with_speed(
+    motions: Sequence[Motion], laws: Sequence[ControlLaw]
+) -> tuple[ControlLaw, ...]:
+    """Filter the speed of each recording's law so that it is as late as that of the robot's law.
+
+    The robot has one law: it is compared with the commands of all recordings. A recorded velocity
+    that the law uses is imitated by the filter that reproduces the commands best.
+    """
+    speed = law_speed(motions, laws[0], computed=True)
+    if speed.kind != "filtered":
+        return tuple(laws)
+    made = []
+    for motion, law in zip(motions, laws, strict=True):
+        rate = motion.signals.rate
+        period = 1.0 / rate if law.period is None else law.period
+        made.append(replace(law, speed_factor=factor_of_lateness(speed.lateness(rate), period)))
+    return tuple(made)
+
+
 def _scores(
     motions: Sequence[Motion],
     law: ControlLaw,
@@ -179,7 +218,7 @@ def _shares(
         times.append(motion.time[kept])
         constants.append(np.full(len(rows), number))
     table = np.concatenate(tables)
-    if len(table) < settings.LAW_LEAST_ROWS:
+    if len(table) < settings.LEAST_ROWS:
         return None
     which = np.concatenate(constants)
     known = [2, 3, 5] if feedforward else [2, 3]
@@ -209,16 +248,14 @@ def limited(
     command = np.clip(parts.command, -limit, limit)
     groups = {name: torque * free for name, torque in parts.groups.items()}
     slope = np.gradient(command, 1.0 / rate)
-    acceleration = parts.acceleration * free
-    return replace(
-        parts, command=command, rate=slope, acceleration=acceleration, groups=groups
-    ), free
+    late = parts.late * free[:, None]
+    return replace(parts, command=command, rate=slope, late=late, groups=groups), free
 
 
 def comparable_rows(motion: Motion, law: ControlLaw, joint: int) -> NDArray[np.bool_]:
     """Decimated samples (m,) at which a command is measured and not at the torque limit."""
     signals = motion.signals
-    limit = settings.LIMITED_COMMAND * float(law.torque_limit[joint])
+    limit = _LIMITED * float(law.torque_limit[joint])
     bad = ~signals.valid[:, joint] | (np.abs(signals.torque[:, joint]) >= limit)
     return _apart(bad[motion.span], motion)
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.controller.simulated_speed import with_law_speed
+from idim_iv_ros.diagnosis.controller.law_speed import with_law_speed
 from idim_iv_ros.diagnosis.refit.processing import (
     may_count,
     reason_for_margin,
@@ -28,6 +28,8 @@ from idim_iv_ros.model import DynamicParameters, units
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import REVERSAL_MARGIN, Motion
 from idim_iv_ros.types import FloatArray
+
+SHIFT_SPLINE = 5  # order of the interpolation that shifts a channel in time
 
 
 @dataclass(frozen=True)
@@ -198,7 +200,7 @@ def later(
     for motion in motions:
         signals = motion.signals
         moved = scipy.ndimage.shift(
-            signals.torque, (shift * signals.rate, 0.0), order=settings.SHIFT_SPLINE, mode="nearest"
+            signals.torque, (shift * signals.rate, 0.0), order=SHIFT_SPLINE, mode="nearest"
         )
         torques.append(torque_rows(replace(motion, signals=replace(signals, torque=moved))))
     return tuple(

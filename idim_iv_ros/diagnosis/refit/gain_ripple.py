@@ -18,6 +18,13 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.types import FloatArray
 
+# rad of phase a rad: of the motor behind a gear, up to six poles behind one of 100.
+_LEAST_WAVES, _MOST_WAVES = 50.0, 600.0
+_WAVES_TRIED = 6  # likely waves of each joint
+_WAVE_STEPS = 7  # wave numbers that are tried near each
+_SIDE_LOBES = 15.0  # resolutions to the next likely wave: slow motion covers a part of the range
+_MOST_RIPPLES = 2  # of a joint's gain that are taken out
+
 
 @dataclass(frozen=True)
 class GainRipple:
@@ -64,7 +71,7 @@ def without_gain_ripples(
     if not measured_as_current(data.prepared.configuration):
         return data, regression, ()
     found: list[GainRipple] = []
-    for _ in range(settings.MOST_GAIN_RIPPLES):
+    for _ in range(_MOST_RIPPLES):
         fit = regression.fit()
         more = [wave for joint in range(len(data.joints)) for wave in _wave(data, fit, joint)]
         if not more:
@@ -87,22 +94,6 @@ def measured_as_current(configuration: Configuration) -> bool:
     return signals.effort_scale is not None or signals.effort_unit != "N m"
 
 
-def gain_is_as_likely(data: Baseline, fit: Fit, joint: int, wave_number: float) -> bool:
-    """Whether a ripple of the gain near a wave number explains as much as one of the torque.
-
-    Where gravity holds a torque on one side the two are nearly one shape: a ripple of the torque is
-    then no more than a guess.
-
-    Parameters
-    ----------
-    fit
-        Without the ripple: its residual holds it.
-    """
-    score = _Score(data, fit, joint)
-    gain, torque = (score.refined(wave_number, of_gain)[0] for of_gain in (True, False))
-    return gain >= torque - settings.GAIN_RIPPLE_SUPPORT
-
-
 def _wave(data: Baseline, fit: Fit, joint: int) -> Iterator[tuple[GainRipple, FloatArray]]:
     """Yield the likeliest ripple of one joint's gain with its torque at the rows, if there is one.
 
@@ -122,8 +113,6 @@ def _wave(data: Baseline, fit: Fit, joint: int) -> Iterator[tuple[GainRipple, Fl
     if score.tried * chi2.sf(statistic, 2) > settings.GAIN_RIPPLE_LEVEL:
         return
     if statistic < torque[0] + settings.GAIN_RIPPLE_SUPPORT:
-        return
-    if not score.holds(wave_number):
         return
     columns, values, covariance = score.fitted(wave_number)
     size = float(np.hypot(*values))
@@ -153,7 +142,7 @@ class _Score:
     @property
     def tried(self) -> float:
         """Independent waves among which the best was chosen, at all joints."""
-        return len(self.data.joints) * max(1.0, settings.MOST_WAVES / self.resolution)
+        return len(self.data.joints) * max(1.0, _MOST_WAVES / self.resolution)
 
     def columns(self, wave_number: float, gain: bool) -> FloatArray:
         """Sine and cosine at the rows, (r, 2): times the torque, or in N m (N)."""
@@ -182,7 +171,7 @@ class _Score:
 
     def refined(self, wave_number: float, gain: bool) -> tuple[float, float]:
         """Largest statistic near a wave number, and where."""
-        near = wave_number + self.resolution * np.linspace(-0.75, 0.75, settings.WAVE_STEPS)
+        near = wave_number + self.resolution * np.linspace(-0.75, 0.75, _WAVE_STEPS)
         scores = [(self.statistic(float(k), gain), float(k)) for k in near]
         best = max(scores)[1]
         step = 0.5 * float(near[1] - near[0])
@@ -195,18 +184,6 @@ class _Score:
         inverse: FloatArray = np.asarray(np.linalg.pinv(own.T @ own), dtype=np.float64)
         return columns, inverse @ (own.T @ self.white), inverse
 
-    def holds(self, wave_number: float) -> bool:
-        """Whether the wave of either half of the rows takes energy in the other one."""
-        own = self.own(self.columns(wave_number, True))
-        middle = len(own) // 2
-        halves = slice(0, middle), slice(middle, None)
-        for known, other in (halves, halves[::-1]):
-            values = np.linalg.lstsq(own[known], self.white[known])[0]
-            rest = self.white[other] - own[other] @ values
-            if np.sum(rest**2) >= np.sum(self.white[other] ** 2):
-                return False
-        return True
-
     def peaks(self, gain: bool, beside: float | None = None) -> list[float]:
         """Wave numbers at which the residual correlates most, by one Fourier transform.
 
@@ -215,7 +192,7 @@ class _Score:
         The residual, times the torque for a ripple of the gain, is summed over bins of the
         position; what the filters take of each wave is left to `statistic`.
         """
-        width = np.pi / (4.0 * settings.MOST_WAVES)
+        width = np.pi / (4.0 * _MOST_WAVES)
         bins = int(self.range / width) + 1
         sums = np.zeros(bins)
         done = 0
@@ -233,13 +210,13 @@ class _Score:
         size = 4 * bins
         spectrum = np.abs(np.fft.rfft(sums, size)) ** 2
         waves = 2.0 * np.pi * np.arange(len(spectrum)) / (size * width)
-        spectrum[(waves < settings.LEAST_WAVES) | (waves > settings.MOST_WAVES)] = 0.0
+        spectrum[(waves < _LEAST_WAVES) | (waves > _MOST_WAVES)] = 0.0
         if beside is not None:
-            spectrum[np.abs(waves - beside) < settings.SIDE_LOBES * self.resolution] = 0.0
+            spectrum[np.abs(waves - beside) < _SIDE_LOBES * self.resolution] = 0.0
         chosen: list[float] = []
         for place in np.argsort(spectrum)[::-1]:
             k = float(waves[place])
-            if spectrum[place] <= 0.0 or len(chosen) == settings.WAVES_TRIED:
+            if spectrum[place] <= 0.0 or len(chosen) == _WAVES_TRIED:
                 break
             if all(abs(k - other) > self.resolution for other in chosen):
                 chosen.append(k)

@@ -1,23 +1,48 @@
 """Gravity that the configuration itself leaves out, put in before causes are looked for."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.held_out.held_out import HeldOut
+from idim_iv_ros.diagnosis.held_out import HeldOut
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.gravity_rows import unit_gravity_rows
 from idim_iv_ros.diagnosis.result import (
-    NOT_CALIBRATED,
     Cause,
     EffectParameter,
     Evidence,
     Gap,
 )
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.model import RobotModel
+from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
+
+_STANDARD_GRAVITY = 9.81  # m/s², that is put in
+_LEAST_GRAVITY = 4.0  # m/s², with the given masses, or it is something else
+_MOST_GRAVITY = 25.0  # m/s², the same
+_LEAST_SHARE = 0.2  # of the energy of one joint's residual, that gravity takes
+
+
+def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatArray]:
+    """Torque of the given links under each of k gravities (k, 3): (r_j, k) for each joint, N m."""
+    robot = data.prepared.model.robot
+    tilted = [_with_gravity(robot, acceleration) for acceleration in accelerations]
+    bodies = robot.given.of_links
+    parts = []
+    for motion in data.motions:
+        still = np.zeros_like(motion.position)
+        torques = [inverse_dynamics(each, bodies, motion.position, still, still) for each in tilted]
+        parts.append(motion.rows(np.concatenate(torques, axis=1)))
+    n = len(robot.joints)
+    return [data.counting(joint, [part[:, joint::n] for part in parts]) for joint in range(n)]
+
+
+def _with_gravity(robot: RobotModel, gravity: FloatArray) -> RobotModel:
+    model = robot.pinocchio.copy()
+    model.gravity.linear = gravity
+    return replace(robot, pinocchio=model)
 
 
 @dataclass(frozen=True)
@@ -39,7 +64,7 @@ class MissingGravity:
 
     def corrected(self, configuration: Configuration) -> Configuration:
         """Return the configuration with gravity of the usual size in the found direction."""
-        vector = settings.STANDARD_GRAVITY * self.acceleration / np.linalg.norm(self.acceleration)
+        vector = _STANDARD_GRAVITY * self.acceleration / np.linalg.norm(self.acceleration)
         robot = configuration.robot.model_copy(update={"gravity": vector.tolist()})
         return configuration.model_copy(update={"robot": robot})
 
@@ -61,7 +86,7 @@ class MissingGravity:
             joint=None,
             other_joint=None,
             parameters=parameters,
-            evidence=Evidence(self.statistic, None, None, "", p_value_from=NOT_CALIBRATED),
+            evidence=Evidence(self.statistic),
             indistinguishable_from=(),
             torque_gap=Gap(before, after, None, 1.0 - after / before, None),
             simulation_gap=None,
@@ -86,12 +111,9 @@ def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | 
         1.0 - float(after @ after) / max(float(before @ before), 1e-300)
         for before, after in zip(plain.residuals, heavy.residuals, strict=True)
     )
-    if (
-        0.5 * wald - 1.5 * np.log(rows) < settings.LEAST_SUPPORT
-        or less < settings.GRAVITY_LEAST_SHARE
-    ):
+    if 0.5 * wald - 1.5 * np.log(rows) < settings.LEAST_SUPPORT or less < _LEAST_SHARE:
         return None
-    if not settings.LEAST_GRAVITY <= size <= settings.MOST_GRAVITY:
+    if not _LEAST_GRAVITY <= size <= _MOST_GRAVITY:
         return None
     return MissingGravity(
         acceleration=heavy.coefficients,

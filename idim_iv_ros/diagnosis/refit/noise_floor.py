@@ -11,6 +11,10 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.types import FloatArray, IntArray
 
+_COARSE = 5.0  # tolerances before the shift between two repeats is refined
+_HAS_LEFT = 0.3  # spreads that a motion is away from itself before it can repeat itself
+_LEAST_MOTION = 0.1  # of the variance, below which nothing moves
+
 REPEATS, LOWER_BOUND = "repeats", "lower bound"
 
 
@@ -72,7 +76,7 @@ def noise_floors(
         energy, degrees = 0.0, 0.0
         for repeat in repeats:
             one, two = _matching(data, joint, repeat)
-            if len(one) < settings.REPEAT_LEAST_ROWS + rows.matrix.shape[1]:
+            if len(one) < settings.LEAST_ROWS + rows.matrix.shape[1]:
                 continue
             more, count = difference_energy(
                 fit.residuals[joint][one] - fit.residuals[joint][two], rows.matrix[one]
@@ -158,9 +162,7 @@ def _shift(one: FloatArray, two: FloatArray, rate: float, stride: int) -> int | 
     shorter = min(len(one), len(two))
     least = max(settings.REPEAT_LEAST_OVERLAP * rate, settings.REPEAT_LEAST_SHARE * shorter)
     lags, distance, overlap = _distances(one[::stride], two[::stride])
-    close = (distance < settings.REPEAT_COARSE * settings.REPEAT_TOLERANCE) & (
-        overlap * stride >= least
-    )
+    close = (distance < _COARSE * settings.REPEAT_TOLERANCE) & (overlap * stride >= least)
     if not close.any():
         return None
     return _refined(one, two, int(lags[close][np.argmin(distance[close])]) * stride, stride)
@@ -171,11 +173,11 @@ def _period(reference: FloatArray, rate: float, stride: int) -> int | None:
     lags, distance, overlap = _distances(reference[::stride], reference[::stride])
     ahead = lags > 0
     lags, distance, overlap = lags[ahead], distance[ahead], overlap[ahead]
-    far = np.flatnonzero(distance > settings.REPEAT_HAS_LEFT)
+    far = np.flatnonzero(distance > _HAS_LEFT)
     if len(far) == 0:
         return None
     usable = (lags > lags[far[0]]) & (overlap * stride >= settings.REPEAT_LEAST_OVERLAP * rate)
-    close = np.flatnonzero(usable & (distance < settings.REPEAT_COARSE * settings.REPEAT_TOLERANCE))
+    close = np.flatnonzero(usable & (distance < _COARSE * settings.REPEAT_TOLERANCE))
     if len(close) == 0:
         return None
     end = close[0]
@@ -203,7 +205,7 @@ def _distances(one: FloatArray, two: FloatArray) -> tuple[IntArray, FloatArray, 
     mean = (plain[high] - plain[low]) / overlap[:, None]
     spread = energy_a / overlap - np.sum(mean**2, axis=1)
     whole = float(np.sum(np.var(one, axis=0)))
-    moving = spread > settings.REPEAT_LEAST_MOTION * whole
+    moving = spread > _LEAST_MOTION * whole
     squares = np.maximum(energy_a + energy_b - 2.0 * cross, 0.0) / overlap
     ratio = squares / np.where(moving, spread, 1.0)
     return lags, np.where(moving, np.sqrt(ratio), np.inf), overlap

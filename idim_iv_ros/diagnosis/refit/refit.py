@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.held_out.held_out import HeldOut, held_out
+from idim_iv_ros.diagnosis.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, refit_of, smooth_regression
 from idim_iv_ros.diagnosis.refit.gain_ripple import GainRipple, without_gain_ripples
 from idim_iv_ros.diagnosis.refit.missing_gravity import MissingGravity, missing_gravity

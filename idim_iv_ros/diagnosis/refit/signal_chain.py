@@ -15,7 +15,6 @@ import numpy as np
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, later
 from idim_iv_ros.diagnosis.result import (
-    NOT_CALIBRATED,
     Cause,
     EffectParameter,
     Evidence,
@@ -26,6 +25,9 @@ from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression
 from idim_iv_ros.effects.time_delay import TimeDelay
 from idim_iv_ros.simulation import control_period
 from idim_iv_ros.types import BoolArray, FloatArray
+
+_EARLIEST_SHIFT = -1.0  # control periods: what a single joint tells of the recording
+_SHIFT_STEPS = 2  # fits of the shift, which enters the regression to first order only
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,8 @@ class EffortShift:
         shared = int(self.agreeing.sum())
         if self.std is None or shared < 2 or 2 * shared <= len(self.agreeing):
             return False
-        unsure = settings.SHIFT_AGREEMENT * self.period + settings.SHIFT_DEVIATIONS * self.std
-        return self.shift - self.configured - unsure > settings.LATEST_SHIFT * self.period
+        unsure = settings.SHIFT_AGREEMENT * self.period + settings.CLEAR_DEVIATIONS * self.std
+        return self.shift - self.configured - unsure > settings.LONGEST_LAG * self.period
 
     def cause(
         self, data: Baseline, before: Sequence[float], after: Sequence[float], support: float
@@ -88,9 +90,7 @@ class EffortShift:
             joint=None,
             other_joint=None,
             parameters={"delay": delay},
-            evidence=Evidence(
-                (delay.value / self.std) ** 2, None, None, "", p_value_from=NOT_CALIBRATED
-            ),
+            evidence=Evidence((delay.value / self.std) ** 2),
             indistinguishable_from=(),
             torque_gap=Gap(one, two, None, 1.0 - two / one, None),
             joint_gaps=tuple(sorted(changes, key=lambda each: -each.share_of_torque)),
@@ -155,7 +155,7 @@ def aligned(data: Baseline, regression: Regression) -> tuple[Baseline, Regressio
     chain = _chain(np.zeros(len(data.joints)), np.full(len(data.joints), np.inf), *control)
     slopes = [_rate_of_torque(data, joint) for joint in range(len(data.joints))]
     shifted = data
-    for _ in range(settings.SHIFT_STEPS):
+    for _ in range(_SHIFT_STEPS):
         shifts, deviations = _joint_shifts(_with_torque_of(shifted, regression), slopes)
         chain = _chain(shifted.shift + shifts, deviations, *control)
         rows = later(data.rows, data.prepared.motions, chain.shift)
@@ -196,13 +196,11 @@ def _chain(
 ) -> EffortShift:
     """Shift that most joints share; of as many, the earliest: a joint can only be later."""
     usable = np.isfinite(deviations) & (deviations > 0.0) & (deviations < period)
-    likely = (shifts >= settings.EARLIEST_SHIFT * period) & (
-        shifts <= settings.LATEST_SHIFT * period
-    )
+    likely = (shifts >= _EARLIEST_SHIFT * period) & (shifts <= settings.LONGEST_LAG * period)
     best = np.zeros(len(shifts), dtype=bool)
     preference = (0, -np.inf)
     for joint in np.flatnonzero(usable):
-        room = settings.SHIFT_AGREEMENT * period + settings.SHIFT_DEVIATIONS * np.hypot(
+        room = settings.SHIFT_AGREEMENT * period + settings.CLEAR_DEVIATIONS * np.hypot(
             deviations, deviations[joint]
         )
         agreeing = usable & (np.abs(shifts - shifts[joint]) <= room)

@@ -1,21 +1,18 @@
 """What a diagnosis found: the document gap.json and what it consists of."""
 
-from idim_iv_ros.diagnosis.result.causes import Cause, Hint, ParameterError, Unexplained
-from idim_iv_ros.diagnosis.result.contrast import (
-    ContrastCause,
-    ContrastResult,
-    JointContrast,
-    JointTorque,
-)
-from idim_iv_ros.diagnosis.result.document import GapResult, NominalModel, TrackingSeries, Verdict
-from idim_iv_ros.diagnosis.result.evidence import (
+from idim_iv_ros.diagnosis.result.causes import (
     NOT_CALIBRATED,
+    Cause,
     Evidence,
     Gap,
+    Hint,
     Indistinguishable,
     JointChange,
+    ParameterError,
     SimulationGap,
+    Unexplained,
 )
+from idim_iv_ros.diagnosis.result.document import GapResult, NominalModel, TrackingSeries, Verdict
 from idim_iv_ros.diagnosis.result.localisation import (
     Confusability,
     GapSeries,
@@ -26,7 +23,11 @@ from idim_iv_ros.diagnosis.result.localisation import (
     Where,
 )
 from idim_iv_ros.diagnosis.result.recordings import (
+    ContrastCause,
+    ContrastResult,
     Difference,
+    JointContrast,
+    JointTorque,
     RecordingAgreement,
     SignalChain,
     Transmission,

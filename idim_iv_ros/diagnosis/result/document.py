@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 from idim_iv_ros.diagnosis.result.causes import Cause, Hint, ParameterError, Unexplained
-from idim_iv_ros.diagnosis.result.contrast import ContrastResult
 from idim_iv_ros.diagnosis.result.localisation import (
     Confusability,
     GapSeries,
@@ -15,6 +14,7 @@ from idim_iv_ros.diagnosis.result.localisation import (
     Where,
 )
 from idim_iv_ros.diagnosis.result.recordings import (
+    ContrastResult,
     RecordingAgreement,
     SignalChain,
     Transmission,

@@ -17,6 +17,9 @@ from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import AutoregressiveModel, fit_autoregression
 from idim_iv_ros.types import FloatArray
 
+_NOISE_MODEL_ORDER = 10  # of an autoregression, at most
+_NOISE_MODEL_STEPS = 3  # fits of the noise models from white noise
+
 Columns = Mapping[int, FloatArray]
 
 
@@ -117,7 +120,7 @@ class Regression:
 
         Columns of which less than 1e-6 is independent of those before them are left out.
         """
-        steps = settings.NOISE_MODEL_STEPS if steps is None else steps
+        steps = _NOISE_MODEL_STEPS if steps is None else steps
         current = self._first_noise_models() if noise_models is None else tuple(noise_models)
         for step in range(steps + 1):
             factor = stacked_r_factor(
@@ -201,7 +204,7 @@ def _assumed(rows: JointRows) -> AutoregressiveModel | None:
 
 def noise_model(residual: FloatArray, segments: Sequence[slice]) -> AutoregressiveModel:
     """Autoregressive noise of one joint that believes no frequency to be almost without noise."""
-    model = fit_autoregression(residual, segments, max_order=settings.NOISE_MODEL_ORDER)
+    model = fit_autoregression(residual, segments, max_order=_NOISE_MODEL_ORDER)
     model = model.with_white_noise(settings.LEAST_DENSITY)
     variance = float(np.mean(model.whiten(residual, segments) ** 2))
     return replace(model, innovation_variance=variance or 1e-24)

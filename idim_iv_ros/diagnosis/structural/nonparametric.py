@@ -9,11 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.effects.cause import EffectParameter, Family
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
+
+OfMotion = Callable[[RobotMotion, int], FloatArray]
+
+_STOP_RANGE = 0.4  # of the joint's range, from either end, in which a contact is looked for
 
 
 @dataclass(frozen=True)
@@ -48,24 +51,51 @@ class Nonparametric(Effect):
         return {}
 
 
+# What a curve may depend on, (s,) of one joint, and the knots of the curve.
+_VARIABLES: dict[str, tuple[OfMotion, Callable[[OperatingRange, int], FloatArray]]] = {
+    "speed": (
+        lambda motion, joint: np.abs(motion.velocity[:, joint]),
+        lambda covered, joint: _speeds(covered.slowest[joint], covered.fastest[joint]),
+    ),
+    "position": (
+        lambda motion, joint: motion.position[:, joint],
+        lambda covered, joint: np.linspace(covered.low[joint], covered.high[joint], 9),
+    ),
+    "load": (
+        lambda motion, joint: np.abs(motion.load[:, joint]),
+        lambda covered, joint: np.linspace(0.0, covered.load[joint], 6),
+    ),
+    "torque": (
+        lambda motion, joint: np.abs(motion.torque[:, joint]),
+        lambda covered, joint: np.linspace(0.0, covered.torque[joint], 7),
+    ),
+    "time": (
+        lambda motion, joint: motion.time,
+        lambda covered, joint: np.linspace(0.0, covered.duration, 6),
+    ),
+}
+# What a curve is multiplied by.
+_WEIGHTS: dict[str, OfMotion] = {
+    "one": lambda motion, joint: np.ones(len(motion.time)),
+    "slip": lambda motion, joint: motion.slip[:, joint],
+    "velocity": lambda motion, joint: motion.velocity[:, joint],
+    "side": lambda motion, joint: np.sign(motion.torque[:, joint]),
+}
+
+
+def _speeds(slowest: float, fastest: float) -> FloatArray:
+    return np.concatenate([[0.0], np.geomspace(max(slowest, 1e-3 * fastest), fastest, 7)])
+
+
 class Curve(Nonparametric):
     """Σ of hat functions of a variable, times the direction or not; shape: the knots."""
 
-    def __init__(
-        self,
-        name: str,
-        family: Family,
-        words: str,
-        variable: Callable[[RobotMotion, int], FloatArray],
-        weight: Callable[[RobotMotion, int], FloatArray],
-        knots: Callable[[OperatingRange, int], FloatArray],
-    ) -> None:
+    def __init__(self, name: str, family: Family, words: str, variable: str, weight: str) -> None:
         self.name = name  # type: ignore[misc]
         self.family = family  # type: ignore[misc]
         self.words = words
-        self._variable = variable
-        self._weight = weight
-        self._knots = knots
+        self._variable, self._knots = _VARIABLES[variable]
+        self._weight = _WEIGHTS[weight]
 
     def neighbours(
         self, shape: Knots, step: float, place: Place, covered: OperatingRange
@@ -100,7 +130,7 @@ class Stop(Nonparametric):
             float(covered.low[place.joint]),
             float(covered.high[place.joint]),
         )
-        length = settings.STOP_RANGE * (high - low)
+        length = _STOP_RANGE * (high - low)
         if high <= low:
             return []
         upper = np.linspace(high - length, high - 0.02 * length, 25)
@@ -142,97 +172,36 @@ class Lags(Nonparametric):
         return {place.joint: np.column_stack(rows[1:])}
 
 
-def _speed(motion: RobotMotion, joint: int) -> FloatArray:
-    return np.abs(motion.velocity[:, joint])
-
-
-def _position(motion: RobotMotion, joint: int) -> FloatArray:
-    return np.asarray(motion.position[:, joint])
-
-
-def _load(motion: RobotMotion, joint: int) -> FloatArray:
-    return np.abs(motion.load[:, joint])
-
-
-def _torque(motion: RobotMotion, joint: int) -> FloatArray:
-    return np.abs(motion.torque[:, joint])
-
-
-def _time(motion: RobotMotion, joint: int) -> FloatArray:
-    return motion.time
-
-
-def _one(motion: RobotMotion, joint: int) -> FloatArray:
-    return np.ones(len(motion.time))
-
-
-def _slip(motion: RobotMotion, joint: int) -> FloatArray:
-    return np.asarray(motion.slip[:, joint])
-
-
-def _sign_of_torque(motion: RobotMotion, joint: int) -> FloatArray:
-    return np.sign(motion.torque[:, joint])
-
-
-def _velocity(motion: RobotMotion, joint: int) -> FloatArray:
-    return np.asarray(motion.velocity[:, joint])
-
-
-def _speeds(covered: OperatingRange, joint: int) -> FloatArray:
-    fastest = covered.fastest[joint]
-    return np.concatenate(
-        [[0.0], np.geomspace(max(covered.slowest[joint], 1e-3 * fastest), fastest, 7)]
-    )
-
-
-def _positions(covered: OperatingRange, joint: int) -> FloatArray:
-    return np.linspace(covered.low[joint], covered.high[joint], 9)
-
-
-def _loads(covered: OperatingRange, joint: int) -> FloatArray:
-    return np.linspace(0.0, covered.load[joint], 6)
-
-
-def _torques(covered: OperatingRange, joint: int) -> FloatArray:
-    return np.linspace(0.0, covered.torque[joint], 7)
-
-
-def _times(covered: OperatingRange, joint: int) -> FloatArray:
-    return np.linspace(0.0, covered.duration, 6)
-
-
 NONPARAMETRIC: tuple[Nonparametric, ...] = (
     Curve(
         "friction over speed", "velocity", "is a friction that depends on the speed",
-        _speed, _slip, _speeds,
+        "speed", "slip",
     ),
     Curve(
         "difference of directions over speed", "velocity",
-        "differs between the directions and depends on the speed", _speed, _one, _speeds,
+        "differs between the directions and depends on the speed", "speed", "one",
     ),
     Curve(
         "torque over position", "position", "depends on the position, the same in both directions",
-        _position, _one, _positions,
+        "position", "one",
     ),
     Curve(
         "friction over position", "position", "is a friction that depends on the position",
-        _position, _slip, _positions,
+        "position", "slip",
     ),
     Curve(
-        "friction over load", "load", "is a friction that depends on the load",
-        _load, _slip, _loads,
+        "friction over load", "load", "is a friction that depends on the load", "load", "slip",
     ),
     Curve(
-        "torque over torque", "load", "depends on the motor's torque",
-        _torque, _sign_of_torque, _torques,
+        "torque over torque", "load", "depends on the motor's torque", "torque", "side",
     ),
     Curve(
         "dry friction over time", "time", "is a dry friction that changes during the session",
-        _time, _slip, _times,
+        "time", "slip",
     ),
     Curve(
         "viscous friction over time", "time",
-        "is a viscous friction that changes during the session", _time, _velocity, _times,
+        "is a viscous friction that changes during the session", "time", "velocity",
     ),
     Stop(),
     Lags(),

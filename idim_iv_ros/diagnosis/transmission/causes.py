@@ -1,34 +1,111 @@
 """Measured shafts and play as causes, one with what the torque alone says of them."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap, Transmission
+from idim_iv_ros.diagnosis.result import (
+    Cause,
+    EffectParameter,
+    Evidence,
+    Gap,
+    Transmission,
+)
+from idim_iv_ros.diagnosis.sentences import with_interval
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
-from idim_iv_ros.diagnosis.transmission import words
 from idim_iv_ros.diagnosis.transmission.fit import LOAD, SIDE, held_out
-from idim_iv_ros.diagnosis.transmission.measure import Measured
-from idim_iv_ros.diagnosis.transmission.torque import less, link_inertia, twist_torques
+from idim_iv_ros.diagnosis.transmission.measure import Measured, less, link_inertia, twist_torques
 from idim_iv_ros.effects.backlash import Backlash
 from idim_iv_ros.effects.elasticity import Elasticity
 
+# Hz, of the link against its motor: a shaft is rigid above what the catalogue looks for.
+_STIFF_RESONANCE = 100.0
 _EFFECTS = (Elasticity.name, Backlash.name)
 # Play counts as play, and not as part of a shaft, from this share of the shaft's largest bending:
 # as `effects.backlash`.
 _WIDE = 0.3
 
+_BEHIND = "measured by the encoder behind the gear"
+# A shaft this stiff (N m/rad) is only the limit of arithmetic: encoders without noise.
+_RIGID = 1e12
 
-@dataclass(frozen=True)
-class TransmissionCauses:
-    """All causes, with the measured ones, and what the encoders exclude."""
 
-    causes: list[Cause]
-    notes: tuple[str, ...] = ()
+def described(found: Transmission) -> str:
+    """All that was measured of one transmission, in one sentence."""
+    where = f"gear of {found.joint}"
+    if found.time_offset is None:
+        return f"{where}: {found.reason}"
+    small = f"m{found.unit}"
+    if found.stiffness is not None:
+        text = f"{where}: stiffness {with_interval(found.stiffness)}"
+        if found.damping is not None:
+            text += f", damping {with_interval(found.damping)}"
+    else:
+        text = f"{where}: no stiffness is measured, {found.reason}"
+        if found.stiffness_at_least is not None and found.stiffness_at_least < _RIGID:
+            unit = "N m/rad" if found.unit == "rad" else "N/m"
+            text += f" (95 %: at least {found.stiffness_at_least:.2g} {unit})"
+    if found.backlash is not None:
+        text += f"; play {with_interval(found.backlash, 1e3, small)}"
+    elif found.backlash_at_most is not None:
+        text += f"; no play is seen, at most {1e3 * found.backlash_at_most:.2g} {small} (95 %)"
+    else:
+        text += "; play cannot be determined, the load hardly changes its side"
+    if found.lost_motion is not None:
+        text += (
+            f"; {with_interval(found.lost_motion, 1e3, small)} follow the direction of motion "
+            "(play that friction keeps on one side, or friction behind the gear)"
+        )
+    if found.position_error:
+        text += "; an error of an encoder over the position was taken out"
+    return f"{text}; {offset_words(found)}"
+
+
+def offset_words(found: Transmission) -> str:
+    """Say the time between the two channels."""
+    assert found.time_offset is not None
+    offset = found.time_offset
+    late = "late" if offset.value >= 0.0 else "early"
+    half = "" if offset.std is None else f" ± {1e3 * settings.NORMAL_95 * offset.std:.2g}"
+    return f"the link is read {1e3 * abs(offset.value):.3g}{half} ms {late}, which is no elasticity"
+
+
+def elasticity(found: Transmission) -> str:
+    """Where a shaft twists, measured by the encoder behind it."""
+    assert found.stiffness is not None
+    rms = 1e3 * found.twist_rms * found.elastic_share**0.5
+    return (
+        f"elasticity at {found.joint}, {_BEHIND}: stiffness "
+        f"{with_interval(found.stiffness)}; under the load the gear twists by {rms:.2g} "
+        f"m{found.unit} rms, {100.0 * found.elastic_share:.0f} % of what motor and link "
+        f"differ by ({offset_words(found)})"
+    )
+
+
+def backlash(found: Transmission) -> str:
+    """Where a gear has play, measured by the encoder behind it."""
+    assert found.backlash is not None
+    gap = with_interval(found.backlash, 1e3, f"m{found.unit}")
+    text = f"backlash at {found.joint}, {_BEHIND}: gap {gap}"
+    if found.stiffness is not None:
+        text += f", stiffness beyond it {with_interval(found.stiffness)}"
+    return f"{text} ({offset_words(found)})"
+
+
+def measured_behind(cause: Cause) -> bool:
+    """Whether a cause was measured by an encoder behind the gear."""
+    return _BEHIND in cause.sentence
+
+
+def refuted(found: Transmission, effect: str) -> str:
+    """Say which effect on the torque the encoder behind the gear excludes."""
+    return (
+        f"on the torque alone an {effect} at {found.joint} would help; the encoder behind the gear "
+        f"excludes one of that size ({described(found)})"
+    )
 
 
 def with_transmissions(
@@ -37,7 +114,7 @@ def with_transmissions(
     measured: Sequence[Measured],
     causes: Sequence[Cause],
     without: Collection[str] = (),
-) -> TransmissionCauses:
+) -> tuple[list[Cause], list[str]]:
     """Put measured shafts and play in place of those that the torque alone suggests.
 
     Where both name one, it is one cause, with the measured numbers and the torque gap of the other.
@@ -70,8 +147,8 @@ def with_transmissions(
         for cause in own:
             if _excluded(each.result, cause):
                 kept.remove(cause)
-                notes.append(words.refuted(each.result, cause.effect))
-    return TransmissionCauses(kept, tuple(notes))
+                notes.append(refuted(each.result, cause.effect))
+    return kept, notes
 
 
 def _effect(data: Baseline, each: Measured) -> str | None:
@@ -85,7 +162,7 @@ def _effect(data: Baseline, each: Measured) -> str | None:
             bending = float(np.max(np.abs(fit.rows.load))) / found.stiffness.value
         if found.backlash.value > _WIDE * bending:
             return Backlash.name
-    if found.stiffness is None or _resonance(data, each) > settings.STIFF_RESONANCE:
+    if found.stiffness is None or _resonance(data, each) > _STIFF_RESONANCE:
         return None
     return Elasticity.name
 
@@ -113,7 +190,6 @@ def _cause(data: Baseline, regression: Regression, each: Measured, name: str) ->
     term = SIDE if name == Backlash.name else LOAD
     gain, helped, folds = held_out(fit, term)
     statistic = 2.0 * (fit.gains[term] + 0.5 * float(np.log(len(fit.rows.load))))
-    tried = len(fit.gains) * len(data.joints)
     parameters, stiffness = {}, found.stiffness
     if name == Backlash.name:
         assert found.backlash is not None
@@ -131,11 +207,10 @@ def _cause(data: Baseline, regression: Regression, each: Measured, name: str) ->
         kind="structural",
         joint=found.joint,
         other_joint=None,
-        sentence=words.backlash(found) if name == Backlash.name else words.elasticity(found),
+        sentence=backlash(found) if name == Backlash.name else elasticity(found),
         parameters=parameters,
         evidence=Evidence(
             statistic=statistic,
-            p_value=min(1.0, tried * float(chi2.sf(max(statistic, 0.0), 1))),
             held_out_gain=gain,
             folds_positive=f"{helped} of {folds}",
         ),

@@ -20,6 +20,10 @@ from idim_iv_ros.diagnosis.transmission.twist import TwistRows
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.types import BoolArray, FloatArray
 
+_OFFSET_STEPS = 3  # fits of the time offset, which enters to first order only
+_POSITION_TERMS = 4  # cosines of an encoder's error: slower than that of a gear
+_LEAST_SIDE = 0.05  # of the rows on either side of zero load, to look for play
+
 LOAD, SIDE, DIRECTION, POSITION, RATE = "load", "side", "direction", "position", "load rate"
 
 
@@ -41,8 +45,6 @@ class TwistFit:
         Logarithm of the likelihood ratio of each, less Schwarz's penalty.
     twist : (r,) rad
         With both channels at the same instants, less constants and position.
-    modelled : (r,) rad
-        What the accepted terms but the position make of it.
     residual : (r,) rad
     regression, fit
         Of the accepted terms.
@@ -56,7 +58,6 @@ class TwistFit:
     stds: dict[str, float]
     gains: dict[str, float]
     twist: FloatArray
-    modelled: FloatArray
     residual: FloatArray
     regression: Regression
     fit: Fit = field(repr=False)
@@ -70,7 +71,7 @@ def fit_twist(rows: TwistRows) -> TwistFit:
     """Align the two channels and find what their difference follows."""
     columns = term_columns(rows)
     offset = 0.0
-    for _ in range(settings.TWIST_OFFSET_STEPS):
+    for _ in range(_OFFSET_STEPS):
         base = _base(rows, offset)
         fit = base.with_columns({0: columns[LOAD]}).fit()
         offset += float(fit.values[0])
@@ -87,7 +88,6 @@ def fit_twist(rows: TwistRows) -> TwistFit:
             continue
         coefficients[term] = float(found.coefficients[place])
         stds[term] = float(np.sqrt(max(found.coefficient_covariance[place, place], 0.0)))
-    modelled = _part(terms, columns, fit, [term for term in terms if term != POSITION])
     shift = float(fit.values[0])
     return TwistFit(
         rows=rows,
@@ -97,8 +97,7 @@ def fit_twist(rows: TwistRows) -> TwistFit:
         coefficients=coefficients,
         stds=stds,
         gains=gains,
-        twist=modelled + fit.residuals[0],
-        modelled=modelled,
+        twist=_without_position(terms, columns, fit) + fit.residuals[0],
         residual=fit.residuals[0],
         regression=regression,
         fit=fit,
@@ -109,11 +108,11 @@ def term_columns(rows: TwistRows) -> dict[str, FloatArray]:
     """Columns (r, k) of every term that need not be there."""
     columns = {LOAD: rows.load[:, None], DIRECTION: rows.direction[:, None]}
     sides = [float(np.mean(rows.side * sign > 0.0)) for sign in (-1.0, 1.0)]
-    if min(sides) >= settings.LEAST_SIDE:
+    if min(sides) >= _LEAST_SIDE:
         columns[SIDE] = rows.side[:, None]
     span = max(float(np.ptp(rows.position)), 1e-12)
     turn = np.pi * (rows.position - rows.position.min()) / span
-    orders = np.arange(1, int(settings.TWIST_POSITION_TERMS) + 1)
+    orders = np.arange(1, _POSITION_TERMS + 1)
     columns[POSITION] = np.cos(turn[:, None] * orders)
     columns[RATE] = rows.load_rate[:, None]
     return columns
@@ -186,11 +185,14 @@ def _place(terms: Sequence[str], columns: Mapping[str, FloatArray], term: str) -
     return sum(columns[other].shape[1] for other in before)
 
 
-def _part(
-    terms: Sequence[str], columns: Mapping[str, FloatArray], fit: Fit, of: Sequence[str]
+def _without_position(
+    terms: Sequence[str], columns: Mapping[str, FloatArray], fit: Fit
 ) -> FloatArray:
+    """What the accepted terms but the position make of the twist, (r,) rad."""
     part = np.zeros(len(columns[LOAD]))
-    for term in of:
+    for term in terms:
+        if term == POSITION:
+            continue
         first = _place(terms, columns, term)
         width = columns[term].shape[1]
         part += columns[term] @ fit.coefficients[first : first + width]
@@ -217,7 +219,7 @@ def held_out(found: TwistFit, term: str) -> tuple[float | None, int, int]:
     extended = found.regression.extended[0]
     table = noise.whiten(np.column_stack([extended.matrix, extended.torque]), rows.segments)
     without = np.delete(table, np.r_[own], axis=1)
-    count = int(settings.TWIST_FOLDS)
+    count = int(settings.MOST_FOLDS)
     block = np.zeros(len(table), dtype=np.int64)
     for number in np.unique(rows.recording):
         places = np.flatnonzero(rows.recording == number)

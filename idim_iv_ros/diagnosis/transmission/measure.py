@@ -1,7 +1,7 @@
 """Stiffness, damping, play and time offset of every transmission with an encoder behind it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -9,7 +9,7 @@ from scipy import stats
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter, Transmission, TransmissionSeries
-from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression
 from idim_iv_ros.diagnosis.transmission.fit import (
     DIRECTION,
     LOAD,
@@ -21,11 +21,19 @@ from idim_iv_ros.diagnosis.transmission.fit import (
     term_columns,
     with_term,
 )
-from idim_iv_ros.diagnosis.transmission.torque import less, twist_torques
-from idim_iv_ros.diagnosis.transmission.twist import TwistRows, has_encoder, twist_rows
+from idim_iv_ros.diagnosis.transmission.twist import (
+    LINK_MOTION_STEPS,
+    TwistRows,
+    has_encoder,
+    twist_rows,
+)
+from idim_iv_ros.effects.two_masses import transmitted
 from idim_iv_ros.identification.link_encoders import link_encoders
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.types import FloatArray
+
+_LEAST_VARIATION = 0.01  # of the largest load: a smaller deviation shows no stiffness
+_LIGHT_DAMPING = 0.03  # times critical, of a shaft where none shows
 
 UnitAt = Callable[[str], str]
 
@@ -79,9 +87,9 @@ def _measured(data: Baseline, regression: Regression, joint: int) -> Measured:
     if reason:
         return Measured(joint, Transmission(joint=data.joints[joint], reason=reason))
     fit = fit_twist(rows)
-    for _ in range(settings.LINK_MOTION_STEPS):
+    for _ in range(LINK_MOTION_STEPS):
         compliance = fit.coefficients[LOAD]
-        if not fit.accepted(LOAD) or compliance <= settings.TWIST_DEVIATIONS * fit.stds[LOAD]:
+        if not fit.accepted(LOAD) or compliance <= settings.CLEAR_DEVIATIONS * fit.stds[LOAD]:
             break
         fit = fit_twist(_with_link_motion(data, regression, joint, fit))
         if fit.accepted(SIDE):
@@ -111,7 +119,7 @@ def _with_link_motion(
 
 def _unusable(data: Baseline, rows: TwistRows, joint: int) -> str:
     """Say why nothing can be measured; empty where something can."""
-    if len(rows.load) < settings.LEAST_TWIST_ROWS:
+    if len(rows.load) < settings.LEAST_ROWS:
         return (
             f"only {len(rows.load)} rows of the encoder behind the gear count: record for longer, "
             "with this joint moving"
@@ -134,7 +142,7 @@ def transmission(fit: TwistFit, joint: str, unit_at: UnitAt = str) -> Transmissi
     rows, terms = fit.rows, fit.terms
     compliance, std, test = _compliance(fit)
     elastic = compliance * rows.load
-    sure = compliance > settings.TWIST_DEVIATIONS * std
+    sure = compliance > settings.CLEAR_DEVIATIONS * std
     large = float(np.ptp(elastic)) > rows.resolution
     stiffness = damping = None
     if fit.accepted(LOAD) and sure and large:
@@ -176,7 +184,7 @@ def _undecided(fit: TwistFit, *, sure: bool, large: bool, measured: bool) -> str
             "it cannot be determined"
         )
     largest = max(float(np.abs(rows.load).max()), 1e-300)
-    if float(np.std(rows.load)) <= settings.LEAST_LOAD_VARIATION * largest:
+    if float(np.std(rows.load)) <= _LEAST_VARIATION * largest:
         return "the load hardly varies: it cannot be determined"
     if fit.accepted(LOAD) and not sure:
         return "what the encoders' errors and the load's leave open is as large as the twist"
@@ -186,7 +194,7 @@ def _undecided(fit: TwistFit, *, sure: bool, large: bool, measured: bool) -> str
 def _could_be_seen(fit: TwistFit) -> bool:
     """Whether a twist of one step of the encoders would have been significant."""
     step = fit.rows.resolution / max(float(np.ptp(fit.rows.load)), 1e-300)
-    return step > settings.TWIST_DEVIATIONS * fit.stds[LOAD]
+    return step > settings.CLEAR_DEVIATIONS * fit.stds[LOAD]
 
 
 def _compliance(fit: TwistFit) -> tuple[float, float, HypothesisTest]:
@@ -267,7 +275,7 @@ def _damping(fit: TwistFit, stiffness: EffectParameter, unit_at: UnitAt) -> Effe
         fit.stds[RATE] / fit.coefficients[RATE], 2.0 * stiffness.std / stiffness.value
     )
     std = float(abs(value) * relative)
-    if value <= settings.TWIST_DEVIATIONS * std:
+    if value <= settings.CLEAR_DEVIATIONS * std:
         return None
     return EffectParameter(value, std, unit_at("N m s/rad"))
 
@@ -277,7 +285,7 @@ def _twice(fit: TwistFit, term: str, unit_at: UnitAt) -> EffectParameter | None:
     if not fit.accepted(term):
         return None
     value, std = 2.0 * fit.coefficients[term], 2.0 * fit.stds[term]
-    if value <= settings.TWIST_DEVIATIONS * std:
+    if value <= settings.CLEAR_DEVIATIONS * std:
         return None
     return EffectParameter(value, std, unit_at("rad"))
 
@@ -287,3 +295,41 @@ def _most_backlash(fit: TwistFit) -> float | None:
     if SIDE not in fit.coefficients:
         return None
     return 2.0 * (max(fit.coefficients[SIDE], 0.0) + settings.NORMAL_95 * fit.stds[SIDE])
+
+
+def link_inertia(data: Baseline, joint: int) -> float:
+    """Inertia of what is behind a joint, about it: median over the motion, kg m²."""
+    inertia = np.concatenate([motion.inertia[:, joint, joint] for motion in data.motions])
+    return max(float(np.median(inertia)), 1e-12)
+
+
+def twist_torques(
+    data: Baseline, joint: int, stiffness: float, damping: float | None, gap: float
+) -> Columns:
+    """Change of all torques against a rigid transmission, (r, 1) by joint.
+
+    Parameters
+    ----------
+    stiffness, gap
+        N m/rad, rad.
+    damping
+        N m s/rad; None: light, where none was measured.
+    """
+    if damping is None:
+        critical = 2.0 * float(np.sqrt(stiffness * link_inertia(data, joint)))
+        damping = _LIGHT_DAMPING * critical
+    parts = [transmitted(motion, joint, stiffness, damping, gap) for motion in data.motions]
+    pairs = list(zip(data.motions, parts, strict=True))
+    return {
+        other: data.counting(other, [motion.rows(part[other]) for motion, part in pairs])
+        for other in parts[0]
+    }
+
+
+def less(regression: Regression, columns: Columns) -> Regression:
+    """Return the same rows with a known torque (r, 1) taken off."""
+    joints = tuple(
+        replace(rows, torque=rows.torque - columns[joint][:, 0]) if joint in columns else rows
+        for joint, rows in enumerate(regression.joints)
+    )
+    return Regression(joints, regression.parameters)

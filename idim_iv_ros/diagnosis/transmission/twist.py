@@ -6,21 +6,28 @@ noise, which makes every shaft look stiffer than it is. What friction behind the
 the direction of motion and the speed, and is kept apart by that.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy
 
-from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.baseline import SHIFT_SPLINE, Baseline
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.estimation.observation import segments_of
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.signals.motion import all_around
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
+LINK_MOTION_STEPS = 3  # times that the load is computed again at the link's motion
+_STEP_TOLERANCE = 0.01  # steps: up to here an encoder's values lie on a grid
+_ON_ONE_SIDE = 0.98  # decimated sign of the load from which a link in play lies on one side
+_SIDE_MARGIN = 2  # rows beside a change of side: the link flies there
 # Base parameters that are none of the links.
 _NOT_OF_LINKS = ("Fv", "Fc", "off", "Ia")
+# Fields of `TwistRows` with a value for each row.
+_OF_LOAD = ("load", "load_rate", "load_columns", "side")
+_ROWS = (*_OF_LOAD, "speed", "direction", "position", "recording")
 
 
 @dataclass(frozen=True)
@@ -45,7 +52,7 @@ class LinkChannel:
         assert signals.link_position is not None
         link = signals.link_position[:, self.joint]
         later = scipy.ndimage.shift(
-            link, -offset * signals.rate, order=settings.SHIFT_SPLINE, mode="nearest"
+            link, -offset * signals.rate, order=SHIFT_SPLINE, mode="nearest"
         )
         twist = (signals.position[:, self.joint] - later)[span]
         return np.asarray(self.motion.decimation.whole(twist)[self.counting])
@@ -105,24 +112,16 @@ class TwistRows:
 
         In play it flies from one side to the other, which a step of the load's sign does not say.
         """
-        near = np.abs(self.side) < settings.ON_ONE_SIDE
+        near = np.abs(self.side) < _ON_ONE_SIDE
         chosen = np.ones(len(near), dtype=bool)
         for segment in self.segments:
-            spread = np.convolve(near[segment], np.ones(2 * settings.SIDE_MARGIN + 1), mode="same")
+            spread = np.convolve(near[segment], np.ones(2 * _SIDE_MARGIN + 1), mode="same")
             chosen[segment] = spread[: segment.stop - segment.start] < 0.5
-        return replace(
-            self,
-            load=self.load[chosen],
-            load_rate=self.load_rate[chosen],
-            side=self.side[chosen],
-            speed=self.speed[chosen],
-            direction=self.direction[chosen],
-            position=self.position[chosen],
-            recording=self.recording[chosen],
-            segments=_runs_within(self.segments, chosen),
-            load_columns=self.load_columns[chosen],
-            chosen=chosen,
-        )
+        rows: dict[str, Any] = {
+            name: getattr(self, name)[chosen] for name in (*_ROWS, "load_columns")
+        }
+        segments = segments_of([chosen[segment] for segment in self.segments])
+        return replace(self, **rows, segments=segments, chosen=chosen)
 
 
 def has_encoder(data: Baseline, joint: int) -> bool:
@@ -165,7 +164,7 @@ def twist_rows(
         channels.append(LinkChannel(motion, joint, counting))
         taken.append(measured[kept])
         load = smooth.load[:, joint]
-        for _ in range(settings.LINK_MOTION_STEPS if compliance > 0.0 else 0):
+        for _ in range(LINK_MOTION_STEPS if compliance > 0.0 else 0):
             behind = smooth.moved(joint, -compliance * load, links=True)
             load = smooth.load[:, joint] + behind[:, joint]
         series = (
@@ -195,7 +194,7 @@ def twist_rows(
         direction=direction,
         position=position,
         recording=recording.astype(np.int64),
-        segments=_segments(data, channels),
+        segments=segments_of([channel.counting for channel in channels]),
         load_columns=columns,
         load_covariance=covariance,
         resolution=_resolution(data, joint),
@@ -217,31 +216,6 @@ def _of_links(
     return rows.matrix[:, own], parameters, covariance
 
 
-def _segments(data: Baseline, channels: Sequence[LinkChannel]) -> tuple[slice, ...]:
-    """Runs of neighbouring decimated samples, recording by recording."""
-    segments, first = [], 0
-    for channel in channels:
-        places = np.flatnonzero(channel.counting)
-        cuts = np.flatnonzero(np.diff(places) != 1) + 1
-        for run in np.split(places, cuts):
-            if len(run):
-                segments.append(slice(first, first + len(run)))
-                first += len(run)
-    return tuple(segments)
-
-
-def _runs_within(segments: Sequence[slice], chosen: BoolArray) -> tuple[slice, ...]:
-    """Runs of chosen rows within segments, numbered without those that are not chosen."""
-    runs, first = [], 0
-    for segment in segments:
-        places = np.flatnonzero(chosen[segment])
-        for run in np.split(places, np.flatnonzero(np.diff(places) != 1) + 1):
-            if len(run):
-                runs.append(slice(first, first + len(run)))
-                first += len(run)
-    return tuple(runs)
-
-
 def _resolution(data: Baseline, joint: int) -> float:
     """Step of the coarser of the two encoders, rad; zero where values lie on no grid."""
     steps = [0.0]
@@ -253,6 +227,6 @@ def _resolution(data: Baseline, joint: int) -> float:
             if len(apart) == 0:
                 continue
             ratios = apart / apart.min()
-            if float(np.abs(ratios - np.round(ratios)).max()) < settings.STEP_TOLERANCE:
+            if float(np.abs(ratios - np.round(ratios)).max()) < _STEP_TOLERANCE:
                 steps.append(float(apart.min()))
     return max(steps)

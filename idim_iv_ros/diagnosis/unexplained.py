@@ -14,6 +14,8 @@ from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.diagnosis.structural.likelihood import Fit
 from idim_iv_ros.statistics.residuals import excess_kurtosis
 
+_LEAST_EVENT_ROWS = 200  # from which on events are looked for
+
 
 def unexplained(data: Baseline, model: NamedModel) -> Unexplained | None:
     """Describe the largest residual outside the catalogue; None where there is none."""
@@ -84,7 +86,7 @@ def _events(data: Baseline, fit: Fit, joint: int) -> Unexplained | None:
     white = fit.noise_models[joint].standardized(fit.residuals[joint], rows.segments)
     energy = white**2
     total = float(energy.sum())
-    if total <= 0.0 or len(white) < settings.EVENT_LEAST_ROWS:
+    if total <= 0.0 or len(white) < _LEAST_EVENT_ROWS:
         return None
     most = np.sort(energy)[-max(1, round(settings.EVENT_SAMPLES * len(energy))) :]
     share = float(most.sum()) / total

@@ -1,4 +1,8 @@
-"""The torque gap of every stage on data that was not used to fit it."""
+"""The torque gap of every stage on data that was not used to fit it.
+
+Intervals are those of a bootstrap over blocks of time: rows that follow one another are not
+independent.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +11,6 @@ from functools import cached_property
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.held_out.time_blocks import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat, common_floor
 from idim_iv_ros.diagnosis.result import Gap, Stage
@@ -16,7 +19,69 @@ from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor, st
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray, IntArray
 
+# Weight of the held-out rows in the fit that predicts them: what only they show stays finite.
+_FOLD_LEAK = 1e-3
 GUARD_FOLD = -1
+
+_FEWEST_BLOCKS = 8  # in a short session: they are shorter then
+_RESAMPLES = 1000  # of the bootstrap
+_SEED = 20240
+
+
+def time_blocks(
+    recordings: IntArray, places: IntArray, row_rate: float, length: float | None = None
+) -> IntArray:
+    """Number the blocks of time of rows (r,): 5 s where the session has eight of them.
+
+    In a shorter session they are shorter, at least a second; in a recording there are at most 20.
+
+    Parameters
+    ----------
+    recordings, places
+        (r,) which recording a row belongs to, and which decimated sample of it the row is.
+    row_rate
+        Decimated samples per second.
+    length
+        s, instead.
+    """
+    blocks = np.zeros(len(places), dtype=np.int64)
+    inside = [recordings == recording for recording in np.unique(recordings)]
+    lengths = [int(np.ptp(places[rows])) + 1 for rows in inside]
+    whole = sum(lengths) / row_rate
+    seconds = min(settings.TIME_BLOCK, whole / _FEWEST_BLOCKS)
+    usual = (length or max(settings.LEAST_TIME_BLOCK, seconds)) * row_rate
+    first = 0
+    for rows, total in zip(inside, lengths, strict=True):
+        # Equal parts: a short last block would count as much as the others when blocks are drawn.
+        count = min(max(round(total / usual), 1), settings.MOST_TIME_BLOCKS)
+        place = places[rows] - places[rows].min()
+        blocks[rows] = first + np.minimum(place * count // total, count - 1)
+        first += count
+    return blocks
+
+
+def block_sums(blocks: IntArray, values: FloatArray) -> FloatArray:
+    """Sum of values (r,) in each block that has rows: (b,)."""
+    _, number = np.unique(blocks, return_inverse=True)
+    return np.asarray(np.bincount(number, weights=values), dtype=float)
+
+
+def resampled(sums: FloatArray) -> FloatArray:
+    """Sums over blocks drawn with replacement: (1000, …) from (b, …).
+
+    The draws are the same for the same number of blocks, so that differences are paired.
+    """
+    count = len(sums)
+    draws = np.random.default_rng(_SEED).multinomial(
+        count, np.full(count, 1.0 / count), size=_RESAMPLES
+    )
+    return np.asarray(np.tensordot(draws.astype(float), sums, axes=1))
+
+
+def interval(values: FloatArray) -> tuple[float, float]:
+    """95 % interval of resampled values (1000,)."""
+    low, high = np.quantile(values, [0.025, 0.975])
+    return float(low), float(high)
 
 
 @dataclass(frozen=True)
@@ -117,23 +182,18 @@ class HeldOut:
 
         Beside the effects before it, over the joints whose torque it moves.
         """
-        before, after, _ = self._of_effect(effect)
+        joints = self.own_joints[effect]
+        count = 1 + max(int(self.folds[j].max()) for j in joints)
+        sums = np.zeros((2, count))
+        for j in joints:
+            used = self.folds[j] != GUARD_FOLD
+            for k in range(2):
+                rest = self.whitened[effect + k][j][used]
+                sums[k] += np.bincount(self.folds[j][used], weights=rest**2, minlength=count)
+        before, after = sums
         present = before > 0.0
         positive = int(np.sum(after[present] < before[present]))
         return float(1.0 - after.sum() / before.sum()), positive, int(present.sum())
-
-    def _of_effect(self, effect: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Energies of each fold, over an effect's joints: without it, with it, of the change."""
-        joints = self.own_joints[effect]
-        stages = self.whitened[effect], self.whitened[effect + 1]
-        count = 1 + max(int(self.folds[j].max()) for j in joints)
-        sums = np.zeros((3, count))
-        for j in joints:
-            used = self.folds[j] != GUARD_FOLD
-            one, two = (stage[j][used] for stage in stages)
-            for k, rows in enumerate((one, two, one - two)):
-                sums[k] += np.bincount(self.folds[j][used], weights=rows**2, minlength=count)
-        return sums[0], sums[1], sums[2]
 
 
 def shrinkage(before: FloatArray, after: FloatArray, floor: float | None) -> FloatArray:
@@ -225,7 +285,7 @@ def folds_of(data: Baseline, repeats: Sequence[Repeat]) -> tuple[tuple[IntArray,
             f"each of {number.max() + 1} recordings is predicted from the others",
         )
     seconds = sum(len(motion.kept) for motion in data.motions) / data.row_rate
-    blocks = int(np.clip(seconds / settings.LEAST_FOLD, settings.FEWEST_FOLDS, settings.MOST_FOLDS))
+    blocks = int(np.clip(seconds / settings.TIME_BLOCK, settings.FEWEST_FOLDS, settings.MOST_FOLDS))
     return (
         _blocks_of(data, blocks),
         f"each of {blocks} blocks of {seconds / blocks:.2g} s is predicted from the others",
@@ -235,13 +295,13 @@ def folds_of(data: Baseline, repeats: Sequence[Repeat]) -> tuple[tuple[IntArray,
 def interleaved_folds(data: Baseline) -> tuple[tuple[IntArray, ...], str]:
     """Fold of every row of every joint where folds take turns, and how they were made, in words."""
     seconds = sum(len(motion.kept) for motion in data.motions) / data.row_rate
-    blocks = max(int(seconds / settings.INTERLEAVED_FOLD), settings.INTERLEAVED_TURNS)
+    blocks = max(int(seconds / settings.INTERLEAVED_FOLD), settings.FEWEST_FOLDS)
     folds = tuple(
-        np.where(fold == GUARD_FOLD, GUARD_FOLD, fold % settings.INTERLEAVED_TURNS)
+        np.where(fold == GUARD_FOLD, GUARD_FOLD, fold % settings.FEWEST_FOLDS)
         for fold in _blocks_of(data, blocks)
     )
     return folds, (
-        f"every {settings.INTERLEAVED_TURNS}th block of {seconds / blocks:.2g} s is predicted from "
+        f"every {settings.FEWEST_FOLDS}th block of {seconds / blocks:.2g} s is predicted from "
         "the others, as what changes with time cannot be predicted from another part of the session"
     )
 
@@ -309,7 +369,7 @@ def _solutions(
         reduced = [r_factor(rows) for rows in inside]
         factors.append(stacked_r_factor(reduced, places, extended.total + 1))
     solutions: list[list[FloatArray]] = [[] for _ in ends]
-    leak = np.sqrt(settings.FOLD_LEAK)
+    leak = np.sqrt(_FOLD_LEAK)
     for number, own in enumerate(factors):
         others = [factor for other, factor in enumerate(factors) if other != number]
         factor = r_factor(np.vstack([*others, leak * own]))

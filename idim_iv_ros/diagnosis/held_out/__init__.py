@@ -1,1 +1,0 @@
-"""Gaps on data that was not used to fit."""

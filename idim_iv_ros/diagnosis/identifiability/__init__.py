@@ -1,1 +1,0 @@
-"""What a recording can show."""
