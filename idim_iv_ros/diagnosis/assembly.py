@@ -48,11 +48,6 @@ from idim_iv_ros.identification.prepare import ARMATURE_MISSING
 from idim_iv_ros.model import kinematics_digest
 from idim_iv_ros.physical import PhysicalParameters
 
-# Effects that share their joint's Fv and Fc: only the sum is friction.
-_OF_FRICTION = frozenset({
-    *("stribeck", "nonlinear_viscous", "asymmetric_friction", "load_dependent_friction"),
-    *("position_dependent_friction", "friction_drift", "presliding", "joint_coupling"),
-})  # fmt: skip
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 
 
@@ -295,12 +290,9 @@ def _consistent(refit: Refit, model: NamedModel) -> tuple[PhysicalParameters | N
     ]
     sigma = np.array([max(float(np.std(residual)), 1e-300) for residual in fit.residuals])
     covariance = fit.covariance[:parameters, :parameters]
-    joints = {
-        joint
-        for each in model.effects
-        if each.effect.name in _OF_FRICTION
-        for joint in each.columns
-    }
+    # Effects of friction share their joint's Fv and Fc: only the sum is friction.
+    friction = [each for each in model.effects if each.effect.part == "friction"]
+    joints = {joint for each in friction for joint in each.columns}
     shared = [f"{kind}{joint + 1}" for joint in sorted(joints) for kind in ("Fv", "Fc")]
     return consistent_parameters(refit.data.prepared, fit.values, covariance, rows, sigma, shared)
 

@@ -6,9 +6,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Cause, Unexplained, Verdict
-from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
-from idim_iv_ros.effects.drive_inertia import DriveInertia
-from idim_iv_ros.effects.time_delay import TimeDelay
+from idim_iv_ros.effects.registry import BY_NAME
 
 
 def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
@@ -19,8 +17,8 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
     What was put in before anything else was looked for comes first: drive inertia that the
     configuration leaves out, and a delay of all joints.
     """
-    laws = [cause for cause in causes if cause.effect == ControllerMismatch.name]
-    others = [cause for cause in causes if cause.effect != ControllerMismatch.name]
+    laws = [cause for cause in causes if BY_NAME[cause.effect].part == "gains"]
+    others = [cause for cause in causes if BY_NAME[cause.effect].part != "gains"]
     others.sort(key=lambda cause: -_taken(cause, data))
     structural = [place for place, cause in enumerate(others) if cause.kind == "structural"]
     place = structural[-1] + 1 if structural else len(others)
@@ -31,7 +29,7 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
 
 
 def _put_in_first(cause: Cause) -> bool:
-    return cause.effect in (DriveInertia.name, TimeDelay.name) and cause.joint is None
+    return BY_NAME[cause.effect].put_in_first and cause.joint is None
 
 
 def _most_evidence(group: Sequence[Cause]) -> float:

@@ -35,6 +35,7 @@ class AsymmetricFriction(StructuralEffect[Shape]):
 
     name = "asymmetric_friction"
     order = 30
+    part = "friction"
     family = "velocity"
     confounders = ("spring",)
     excitation = "the same path in both directions, at several speeds and postures"

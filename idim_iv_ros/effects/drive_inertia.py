@@ -21,11 +21,15 @@ class DriveInertia(ParametricEffect):
 
     name = "drive_inertia"
     order = 50
+    put_in_first = True
+    part = "drive"
     confounders = ("link_inertia", "payload", "time_delay")
     excitation = "fast motion of this joint and of those it is coupled to"
     segments = ("multisine",)
     specs = (
-        ParameterSpec("change_of_drive_inertia", "kg m²", "drive inertia less the nominal one"),
+        ParameterSpec(
+            "change_of_drive_inertia", "kg m²", "drive inertia less the nominal one", standard="Ia"
+        ),
     )
 
     def places(self, space: ParameterSpace) -> list[int | None]:

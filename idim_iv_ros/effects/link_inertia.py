@@ -25,6 +25,7 @@ class LinkInertia(ParametricEffect):
 
     name = "link_inertia"
     order = 60
+    part = "link"
     confounders = ("payload", "drive_inertia", "torque_gain")
     excitation = "all joints, fast and in many poses"
     segments = ("repeat", "multisine")

@@ -9,10 +9,15 @@ class TorqueOffset(ParametricEffect):
 
     name = "torque_offset"
     order = 35
+    part = "constant torque"
     confounders = ("payload", "gravity_direction")
     excitation = "the whole range of the joint, slowly, in both directions"
     segments = ("range_sweep",)
-    specs = (ParameterSpec("offset", "N m", "constant torque beyond the nominal model's"),)
+    specs = (
+        ParameterSpec(
+            "offset", "N m", "constant torque beyond the nominal model's", standard="off"
+        ),
+    )
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """One number."""

@@ -10,7 +10,7 @@ from idim_iv_ros.diagnosis.controller.check import ControllerFinding, LawCheck, 
 from idim_iv_ros.diagnosis.controller.significance import together
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter
-from idim_iv_ros.effects.torque_gain import TorqueGain
+from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.simulation import control_law
 
 
@@ -39,7 +39,7 @@ def beside_gains(
     gains = {
         cause.joint: cause.parameters["factor"]
         for cause in causes
-        if cause.effect == TorqueGain.name and cause.joint is not None
+        if BY_NAME[cause.effect].part == "torque scale" and cause.joint is not None
     }
     factors = {}
     for found in law.findings:

@@ -17,6 +17,7 @@ from idim_iv_ros.diagnosis.result import (
     Gap,
 )
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.effects.registry import name_of
 from idim_iv_ros.types import FloatArray
 
 
@@ -56,7 +57,7 @@ class MissingGravity:
             for axis, value, std in numbers
         }
         return Cause(
-            effect="gravity_direction",
+            effect=name_of("gravity"),
             kind="parametric",
             joint=None,
             other_joint=None,
