@@ -42,7 +42,7 @@ class AsymmetricFriction(StructuralEffect[Shape]):
     segments = ("range_sweep", "plateau")
     typical = ShareOf("dry friction", 0.1)  # 5 to 20 %
     specs = (
-        ParameterSpec("offset", "N m", "constant torque"),
+        ParameterSpec("offset", "N m", "offset"),
         ParameterSpec(
             "viscous", "N m s/rad", "half of viscous friction forwards less that backwards"
         ),

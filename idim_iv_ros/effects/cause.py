@@ -14,7 +14,7 @@ Kind = Literal["parametric", "structural"]
 Family = Literal["velocity", "position", "load", "time", "frequency", "event"]
 # Of the robot's model and its control: what a cause changes, where other steps ask for it.
 Part = Literal[
-    "", "friction", "drive", "link", "load", "gravity", "torque scale", "constant torque",
+    "", "friction", "drive", "link", "load", "gravity", "torque scale", "offset",
     "gains", "delay", "limit", "shaft", "play",
 ]  # fmt: skip
 Bound = Literal["any", "positive", "not negative", "1 or -1", "0 or 1", "unbounded"]

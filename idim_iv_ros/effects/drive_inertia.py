@@ -39,13 +39,12 @@ class DriveInertia(ParametricEffect):
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """One number; one for each drive where none has an inertia."""
         if joint is not None:
-            changes = space.change("Ia", joint, "change_of_drive_inertia")
-        else:
-            changes = [
-                change
-                for drive in sorted(space.bare_drives)
-                for change in space.change("Ia", drive, space.model.robot.joints[drive])
-            ]
+            return super().variants(space, joint)
+        changes = [
+            change
+            for drive in sorted(space.bare_drives)
+            for change in space.change("Ia", drive, space.model.robot.joints[drive])
+        ]
         return [changes] if changes else []
 
     def known_to_be_left_out(self, space: ParameterSpace) -> bool:
@@ -63,10 +62,6 @@ class DriveInertia(ParametricEffect):
         if place:
             return super().subject(place)
         return "the drives have inertia that the nominal model lacks"
-
-    def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
-        """Its own."""
-        return space.base("Ia", joint, "change_of_drive_inertia")
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]

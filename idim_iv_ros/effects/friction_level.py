@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.parametric_effect import (
-    Change,
     Estimated,
     ParameterSpace,
     ParametricEffect,
@@ -28,22 +27,6 @@ class FrictionLevel(ParametricEffect):
             "change_of_coulomb", "N m", "Coulomb friction less the nominal one", standard="Fc"
         ),
     )
-
-    def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
-        """Both together."""
-        assert joint is not None
-        changes = [
-            change
-            for spec in self.specs
-            for change in space.change(spec.standard, joint, spec.name)
-        ]
-        return [changes] if changes else []
-
-    def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
-        """Both."""
-        return [
-            change for spec in self.specs for change in space.base(spec.standard, joint, spec.name)
-        ]
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
