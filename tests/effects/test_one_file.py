@@ -1,6 +1,7 @@
 """An effect is one file: what others need of it they read from the registry."""
 
 import ast
+from importlib import import_module
 from pathlib import Path
 
 import idim_iv_ros
@@ -11,7 +12,12 @@ FOLDERS = ("diagnosis", "report", "simulators", "simulator_files", "fleet")
 LAW = "fits the command to the terms of the law, which are those of this class"
 KEY = "a key of the configuration, not an effect"
 BODY = "what a body is called in the exported file, not an effect"
+ELEMENT = "an element of MuJoCo that holds it, listed by its name in the MJCF (`model.mjcf_ties`)"
+TIES = ("nonlinear_viscous", "spring", "joint_coupling")
 ALLOWED = {
+    **{("simulators/replay_models.py", name): ELEMENT for name in TIES},
+    **{("simulator_files/mjcf_effects.py", name): ELEMENT for name in TIES},
+    ("simulator_files/mjcf.py", "joint_coupling"): ELEMENT,
     ("diagnosis/against/law.py", "controller_mismatch"): LAW,
     ("diagnosis/controller/check.py", "controller_mismatch"): LAW,
     ("diagnosis/controller/command_regression.py", "controller_mismatch"): LAW,
@@ -26,7 +32,7 @@ ALLOWED = {
 
 
 def named(path: Path) -> set[str]:
-    """Effects that a file has as a string or imports from, but for the names of attributes."""
+    """Effects that a file has as a string, imports from, or imports the name of."""
     modules = {type(cause).__module__: name for name, cause in BY_NAME.items()}
     found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -35,6 +41,10 @@ def named(path: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom):
             inner = [f"{node.module}.{alias.name}" for alias in node.names]
             found |= {modules[name] for name in (node.module, *inner) if name in modules}
+            if str(node.module).startswith("idim_iv_ros"):
+                source = vars(import_module(str(node.module)))
+                values = [source.get(alias.name) for alias in node.names]
+                found |= {value for value in values if isinstance(value, str) and value in BY_NAME}
     return found
 
 
@@ -50,5 +60,9 @@ def test_no_other_module_names_an_effect() -> None:
 
 def test_a_name_and_an_import_are_seen(tmp_path: Path) -> None:
     file = tmp_path / "module.py"
-    file.write_text('from idim_iv_ros.effects import spring\nx = y == "backlash"\n')
-    assert named(file) == {"spring", "backlash"}
+    file.write_text(
+        "from idim_iv_ros.effects import spring\n"
+        "from idim_iv_ros.model.mjcf_ties import COUPLING\n"
+        'x = y == "backlash"\n'
+    )
+    assert named(file) == {"spring", "joint_coupling", "backlash"}
