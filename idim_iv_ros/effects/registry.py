@@ -54,5 +54,6 @@ def part_of(effect: str) -> Part:
 
 
 def name_of(part: Part) -> str:
-    """Return the name of the first cause that changes a part."""
-    return next(cause.name for cause in CAUSES if cause.part == part)
+    """Return the name of the one cause that changes a part."""
+    (name,) = (cause.name for cause in CAUSES if cause.part == part)
+    return name
