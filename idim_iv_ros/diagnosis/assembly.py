@@ -41,19 +41,12 @@ from idim_iv_ros.diagnosis.unexplained import (
     unexplained_residual,
 )
 from idim_iv_ros.diagnosis.where import Finding, motion_at_rows
-from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
-from idim_iv_ros.effects.drive_inertia import DriveInertia
-from idim_iv_ros.effects.time_delay import TimeDelay
+from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.identification.consistency import consistent_parameters
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING
 from idim_iv_ros.model import kinematics_digest
 from idim_iv_ros.physical import PhysicalParameters
 
-# Effects that share their joint's Fv and Fc: only the sum is friction.
-_OF_FRICTION = frozenset({
-    *("stribeck", "nonlinear_viscous", "asymmetric_friction", "load_dependent_friction"),
-    *("position_dependent_friction", "friction_drift", "presliding", "joint_coupling"),
-})  # fmt: skip
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 
 
@@ -65,8 +58,8 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
     What was put in before anything else was looked for comes first: drive inertia that the
     configuration leaves out, and a delay of all joints.
     """
-    laws = [cause for cause in causes if cause.effect == ControllerMismatch.name]
-    others = [cause for cause in causes if cause.effect != ControllerMismatch.name]
+    laws = [cause for cause in causes if BY_NAME[cause.effect].part == "gains"]
+    others = [cause for cause in causes if BY_NAME[cause.effect].part != "gains"]
     others.sort(key=lambda cause: -_taken(cause, data))
     structural = [place for place, cause in enumerate(others) if cause.kind == "structural"]
     place = structural[-1] + 1 if structural else len(others)
@@ -77,7 +70,7 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
 
 
 def _put_in_first(cause: Cause) -> bool:
-    return cause.effect in (DriveInertia.name, TimeDelay.name) and cause.joint is None
+    return BY_NAME[cause.effect].put_in_first and cause.joint is None
 
 
 def _most_evidence(group: Sequence[Cause]) -> float:
@@ -338,12 +331,9 @@ def _consistent(refit: Refit, model: NamedModel) -> tuple[PhysicalParameters | N
     ]
     sigma = np.array([max(float(np.std(residual)), 1e-300) for residual in fit.residuals])
     covariance = fit.covariance[:parameters, :parameters]
-    joints = {
-        joint
-        for each in model.effects
-        if each.effect.name in _OF_FRICTION
-        for joint in each.columns
-    }
+    # Effects of friction share their joint's Fv and Fc: only the sum is friction.
+    friction = [each for each in model.effects if each.effect.part == "friction"]
+    joints = {joint for each in friction for joint in each.columns}
     shared = [f"{kind}{joint + 1}" for joint in sorted(joints) for kind in ("Fv", "Fc")]
     return consistent_parameters(refit.data.prepared, fit.values, covariance, rows, sigma, shared)
 

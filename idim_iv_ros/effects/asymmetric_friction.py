@@ -35,13 +35,14 @@ class AsymmetricFriction(StructuralEffect[Shape]):
 
     name = "asymmetric_friction"
     order = 30
+    part = "friction"
     family = "velocity"
     confounders = ("spring",)
     excitation = "the same path in both directions, at several speeds and postures"
     segments = ("range_sweep", "plateau")
     typical = ShareOf("dry friction", 0.1)  # 5 to 20 %
     specs = (
-        ParameterSpec("offset", "N m", "constant torque"),
+        ParameterSpec("offset", "N m", "offset"),
         ParameterSpec(
             "viscous", "N m s/rad", "half of viscous friction forwards less that backwards"
         ),

@@ -51,6 +51,7 @@ class Backlash(StructuralEffect[BacklashShape]):
 
     name = "backlash"
     order = 80
+    part = "play"
     family = "load"
     confounders = ("elasticity", "presliding")
     free_shape = False

@@ -12,6 +12,11 @@ from idim_iv_ros.errors import UsageError
 
 Kind = Literal["parametric", "structural"]
 Family = Literal["velocity", "position", "load", "time", "frequency", "event"]
+# Of the robot's model and its control: what a cause changes, where other steps ask for it.
+Part = Literal[
+    "", "friction", "drive", "link", "load", "gravity", "torque scale", "offset",
+    "gains", "delay", "limit", "shaft", "play",
+]  # fmt: skip
 Bound = Literal["any", "positive", "not negative", "1 or -1", "0 or 1", "unbounded"]
 
 
@@ -41,6 +46,8 @@ class ParameterSpec:
         (the configured gain, a stiffness from the inertias).
     bound : Bound
         Of numbers given to the simulator; all but "unbounded" ones must be finite.
+    standard : str
+        Kind of the standard parameter that it is a change of (Fv); empty of others.
     """
 
     name: str
@@ -48,6 +55,7 @@ class ParameterSpec:
     words: str = ""
     default: float | None = 0.0
     bound: Bound = "any"
+    standard: str = ""
 
     def check(self, value: float, name: str) -> None:
         """Refuse a value out of the bounds.
@@ -111,6 +119,10 @@ class Cause(ABC):
     # Whether misfit at reversals, of the encoder or at peaks of the torque is like it.
     like_misfit: ClassVar[bool] = False
     specs: ClassVar[tuple[ParameterSpec, ...]] = ()
+    # Part of the robot that it changes; empty: physics that nothing else asks for by its part.
+    part: ClassVar[Part] = ""
+    # Whether, at no joint in particular, it is put in before anything else is looked for.
+    put_in_first: ClassVar[bool] = False
     # Simulator: whether the base parameters hold it already; whether it may be at all joints, none
     # being named; the compiled laws that its contributions use.
     in_base_parameters: ClassVar[bool] = False
@@ -121,6 +133,10 @@ class Cause(ABC):
         """What it adds to a simulated joint; nothing where the base parameters hold it."""
         return ()
 
+    def instead_of(self, kind: str, value: float) -> dict[str, float]:
+        """Its numbers for Fv or Fc below zero, which no simulator holds; empty by default."""
+        return {}
+
     def refused(self, value: Mapping[str, float]) -> str:
         """Why parameters that are each within their bounds do not go together; empty if they do."""
         return ""
@@ -129,6 +145,11 @@ class Cause(ABC):
         """Return the declaration of a parameter; that of wave_number_k for wave_number_2."""
         known = {spec.name: spec for spec in self.specs}
         return known.get(name) or known.get(re.sub(r"_[1-9]\d*$", "_k", name))
+
+    def standard_kind(self, name: str) -> str:
+        """Return the kind of the standard parameter that a number changes; empty if it is none."""
+        spec = self.spec(name)
+        return "" if spec is None else spec.standard
 
     def parameter_words(self, name: str) -> str:
         """Return what a parameter is; its name without underscores where that says it."""

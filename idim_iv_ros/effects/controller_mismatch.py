@@ -67,6 +67,7 @@ class ControllerMismatch(Cause):
     name = "controller_mismatch"
     kind = "structural"
     order = 200
+    part = "gains"
     confounders = ("time_delay",)
     excitation = "references that change quickly enough to leave a tracking error"
     segments = ("multisine",)

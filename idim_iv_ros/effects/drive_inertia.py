@@ -21,11 +21,15 @@ class DriveInertia(ParametricEffect):
 
     name = "drive_inertia"
     order = 50
+    put_in_first = True
+    part = "drive"
     confounders = ("link_inertia", "payload", "time_delay")
     excitation = "fast motion of this joint and of those it is coupled to"
     segments = ("multisine",)
     specs = (
-        ParameterSpec("change_of_drive_inertia", "kg m²", "drive inertia less the nominal one"),
+        ParameterSpec(
+            "change_of_drive_inertia", "kg m²", "drive inertia less the nominal one", standard="Ia"
+        ),
     )
 
     def places(self, space: ParameterSpace) -> list[int | None]:
@@ -35,13 +39,12 @@ class DriveInertia(ParametricEffect):
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """One number; one for each drive where none has an inertia."""
         if joint is not None:
-            changes = space.change("Ia", joint, "change_of_drive_inertia")
-        else:
-            changes = [
-                change
-                for drive in sorted(space.bare_drives)
-                for change in space.change("Ia", drive, space.model.robot.joints[drive])
-            ]
+            return super().variants(space, joint)
+        changes = [
+            change
+            for drive in sorted(space.bare_drives)
+            for change in space.change("Ia", drive, space.model.robot.joints[drive])
+        ]
         return [changes] if changes else []
 
     def known_to_be_left_out(self, space: ParameterSpace) -> bool:
@@ -59,10 +62,6 @@ class DriveInertia(ParametricEffect):
         if place:
             return super().subject(place)
         return "the drives have inertia that the nominal model lacks"
-
-    def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
-        """Its own."""
-        return space.base("Ia", joint, "change_of_drive_inertia")
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]

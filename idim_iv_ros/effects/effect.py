@@ -159,6 +159,8 @@ class StructuralEffect(Cause, Generic[S]):
     typical: ClassVar[ShareOf | None] = None
     # Whether it acts on few rows only, beyond a knee: the diagnosis asks that they be there.
     beyond_knee: ClassVar[bool] = False
+    # Whether a simulator that softens dry friction leaves nothing to see of it.
+    lost_where_softened: ClassVar[bool] = False
 
     def places(self, joints: int) -> list[Place]:
         """Where it may sit: at each joint."""

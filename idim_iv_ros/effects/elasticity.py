@@ -40,6 +40,7 @@ class Elasticity(StructuralEffect[ShaftShape]):
 
     name = "elasticity"
     order = 90
+    part = "shaft"
     family = "frequency"
     confounders = ("time_delay", "backlash")
     excitation = "a sweep to twice the resonance, small amplitude"

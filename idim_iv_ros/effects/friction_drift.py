@@ -52,6 +52,7 @@ class FrictionDrift(StructuralEffect[DriftShape]):
 
     name = "friction_drift"
     order = 60
+    part = "friction"
     family = "time"
     confounders = ("nonlinear_viscous",)
     excitation = "one motion repeated at the start, in the middle and at the end of the session"

@@ -20,6 +20,7 @@ class GravityDirection(ParametricEffect):
 
     name = "gravity_direction"
     order = 20
+    part = "gravity"
     confounders = ("payload", "link_inertia", "spring")
     excitation = "slow motion through the whole range of all joints"
     segments = ("range_sweep",)

@@ -45,6 +45,7 @@ class JointCoupling(StructuralEffect[CouplingShape]):
 
     name = "joint_coupling"
     order = 150
+    part = "friction"
     family = "velocity"
     confounders = ("nonlinear_viscous", "stribeck")
     excitation = "both joints in the same and in opposite directions"

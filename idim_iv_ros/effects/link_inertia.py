@@ -16,15 +16,11 @@ _POSITIVE = ("M", "XX", "YY", "ZZ")
 
 
 class LinkInertia(ParametricEffect):
-    """Changes of the inertial parameters of one link, those that the motion shows.
-
-    The standard ones; where most links are in error, the base parameters that have its name, with
-    what is grouped into them of the links that it carries: no torque shows then which of them a
-    mass belongs to.
-    """
+    """Changes of the inertial parameters of one link, those that the motion shows."""
 
     name = "link_inertia"
     order = 60
+    part = "link"
     confounders = ("payload", "drive_inertia", "torque_gain")
     excitation = "all joints, fast and in many poses"
     segments = ("repeat", "multisine")
@@ -49,14 +45,6 @@ class LinkInertia(ParametricEffect):
     def which(self, joint: int) -> str:
         """Number of the link that the joint moves."""
         return f" (link {joint + 1})"
-
-    def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
-        """Those that are grouped at the link."""
-        return [
-            change
-            for kind in INERTIAL
-            for change in space.base(kind, joint, f"change_of_base_{kind}{joint + 1}")
-        ]
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]

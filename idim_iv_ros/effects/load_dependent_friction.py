@@ -58,6 +58,7 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
 
     name = "load_dependent_friction"
     order = 40
+    part = "friction"
     family = "load"
     confounders = ("position_dependent_friction", "torque_saturation")
     excitation = "one path with two payloads, or slowly through postures of high and low gravity"

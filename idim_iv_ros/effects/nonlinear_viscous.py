@@ -48,6 +48,7 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
 
     name = "nonlinear_viscous"
     order = 20
+    part = "friction"
     family = "velocity"
     confounders = ("stribeck", "friction_drift")
     excitation = "stretches of constant speed over the whole range of speeds"
@@ -87,6 +88,10 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
     ) -> dict[str, EffectParameter]:
         """Torque at 1 rad/s, and the power."""
         return self.numbers(coefficient=(coefficients[0], deviations[0]), power=(shape.power, None))
+
+    def instead_of(self, kind: str, value: float) -> dict[str, float]:
+        """A drag of power 1 for Fv."""
+        return {"coefficient": value, "power": 1.0} if kind == "Fv" else {}
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
         """Friction, dry where its slope at rest has no bound."""

@@ -1,6 +1,5 @@
 """What every parametric effect declares: a change of parameters that the nominal model has."""
 
-from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -106,14 +105,6 @@ class ParameterSpace:
         found = self.standard(kind, joint)
         return [] if found is None else [Change(name, found[0].unit, found[1])]
 
-    def base(self, kind: str, joint: int, name: str) -> list[Change]:
-        """Return the change of a base parameter, empty where the model has none of that kind."""
-        names = list(self.model.base.names)
-        if f"{kind}{joint + 1}" not in names:
-            return []
-        place = names.index(f"{kind}{joint + 1}")
-        return [Change(name, self.model.base.units[place], self._unit(place))]
-
     def tilt(self, axis: int) -> FloatArray:
         """Direction (d,) of a rotation of gravity about one of the axes, rad."""
         return self._unit(len(self.given) + axis)
@@ -141,9 +132,15 @@ class ParametricEffect(Cause):
         """Where it may sit: at each joint; None: at no joint in particular."""
         return list(range(space.joints))
 
-    @abstractmethod
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
-        """Sets of numbers that may change together, the smallest first."""
+        """Sets of numbers that may change together, the smallest first; by default all of them."""
+        assert joint is not None
+        changes = [
+            change
+            for spec in self.specs
+            for change in space.change(spec.standard, joint, spec.name)
+        ]
+        return [changes] if changes else []
 
     def known_to_be_left_out(self, space: ParameterSpace) -> bool:
         """Whether the configuration itself says that the nominal model lacks these numbers."""
@@ -161,10 +158,6 @@ class ParametricEffect(Cause):
     def which(self, joint: int) -> str:
         """More words for its place: of a link its number; empty by default."""
         return ""
-
-    def base_parameters(self, space: ParameterSpace, joint: int) -> list[Change]:
-        """Base parameters of a joint that belong to it and to no other effect; none by default."""
-        return []
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]

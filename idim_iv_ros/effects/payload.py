@@ -19,7 +19,6 @@ from idim_iv_ros.types import FloatArray
 
 _POINT = ("M", "MX", "MY", "MZ")
 _CHECKED = ("M", "XX", "YY", "ZZ")
-_NAMES = {"M": "mass", "MX": "moment_x", "MY": "moment_y", "MZ": "moment_z"}
 
 
 class Payload(ParametricEffect):
@@ -27,19 +26,28 @@ class Payload(ParametricEffect):
 
     name = "payload"
     order = 10
+    part = "load"
     prior_weight = 4.0  # tools are changed, links are not
     confounders = ("link_inertia", "torque_gain", "gravity_direction")
     excitation = "all joints, in poses that move the last link through all directions of gravity"
     segments = ("repeat",)
     specs = (
-        ParameterSpec("mass", "kg", "mass"),
+        ParameterSpec("mass", "kg", "mass", standard="M"),
         *(
-            ParameterSpec(f"moment_{axis}", "kg m", f"mass times its {axis} in the link's frame")
+            ParameterSpec(
+                f"moment_{axis}",
+                "kg m",
+                f"mass times its {axis} in the link's frame",
+                standard=f"M{axis.upper()}",
+            )
             for axis in "xyz"
         ),
         *(
             ParameterSpec(
-                f"inertia_{axes}", "kg m²", f"moment of inertia {axes} about the link's frame"
+                f"inertia_{axes}",
+                "kg m²",
+                f"moment of inertia {axes} about the link's frame",
+                standard=axes.upper(),
             )
             for axes in ("xx", "xy", "xz", "yy", "yz", "zz")
         ),
@@ -55,11 +63,7 @@ class Payload(ParametricEffect):
         """A mass that is small beside its distance, and any rigid body."""
         assert joint is not None
         point = [change for kind in _POINT for change in space.change(kind, joint, _NAMES[kind])]
-        body = [
-            change
-            for kind in INERTIAL
-            for change in space.change(kind, joint, _NAMES.get(kind, f"inertia_{kind.lower()}"))
-        ]
+        body = [change for kind in INERTIAL for change in space.change(kind, joint, _NAMES[kind])]
         return [each for each in (point, body) if each]
 
     def admissible(
@@ -76,13 +80,15 @@ class Payload(ParametricEffect):
             given = space.model.robot.given.inertial[joint][list(REGRESSOR_ORDER)]
             there = dict(zip(INERTIAL, map(float, given), strict=True))
         for kind in _CHECKED:
-            name = "mass" if kind == "M" else f"inertia_{kind.lower()}"
-            change = estimated(found, name)
+            change = estimated(found, _NAMES[kind])
             if change is not None and change.above(-there[kind]) is False:
                 return False
         sign = -1.0 if mass is not None and mass.determined and mass.value < 0.0 else 1.0
         size = _size(space.model.robot, joint)
         return _near(found, sign, size) and _rigid_body(found, sign)
+
+
+_NAMES = {spec.standard: spec.name for spec in Payload.specs}
 
 
 def _size(robot: RobotModel, joint: int) -> float:

@@ -55,6 +55,7 @@ class PositionDependentFriction(StructuralEffect[Waves | TightSpot]):
 
     name = "position_dependent_friction"
     order = 50
+    part = "friction"
     family = "position"
     confounders = ("load_dependent_friction", "position_ripple")
     excitation = "the same places in both directions, slowly"

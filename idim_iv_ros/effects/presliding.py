@@ -86,6 +86,8 @@ class Presliding(StructuralEffect[BristleShape]):
 
     name = "presliding"
     order = 70
+    lost_where_softened = True
+    part = "friction"
     like_misfit = True
     family = "velocity"
     confounders = ("stribeck", "backlash")

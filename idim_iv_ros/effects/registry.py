@@ -5,7 +5,7 @@ from inspect import getmembers, isabstract, isclass
 from pkgutil import iter_modules
 from types import ModuleType
 
-from idim_iv_ros.effects.cause import Cause
+from idim_iv_ros.effects.cause import Cause, Part
 from idim_iv_ros.effects.contribution import DriveLaw, EncoderLaw, TorqueLaw
 from idim_iv_ros.effects.effect import Effect, StructuralEffect
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
@@ -46,3 +46,14 @@ EFFECTS: tuple[str, ...] = tuple(BY_NAME)
 TORQUE_LAWS = tuple(law for each in CAUSES for law in each.laws if isinstance(law, TorqueLaw))
 DRIVE_LAWS = tuple(law for each in CAUSES for law in each.laws if isinstance(law, DriveLaw))
 ENCODER_LAWS = tuple(law for each in CAUSES for law in each.laws if isinstance(law, EncoderLaw))
+
+
+def part_of(effect: str) -> Part:
+    """Return what an effect changes; empty of a name that this version does not know."""
+    return BY_NAME[effect].part if effect in BY_NAME else ""
+
+
+def name_of(part: Part) -> str:
+    """Return the name of the one cause that changes a part."""
+    (name,) = (cause.name for cause in CAUSES if cause.part == part)
+    return name

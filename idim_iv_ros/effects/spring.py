@@ -68,7 +68,7 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
     segments = ("range_sweep",)
     typical = ShareOf("peak", 0.1)
     specs = (
-        ParameterSpec("constant", "N m", "constant torque"),
+        ParameterSpec("constant", "N m", "offset"),
         ParameterSpec("linear", "N m/rad", "coefficient of q"),
         ParameterSpec("quadratic", "N m/rad²", "coefficient of q²"),
         ParameterSpec("cubic", "N m/rad³", "coefficient of q³"),

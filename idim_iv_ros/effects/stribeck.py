@@ -21,6 +21,7 @@ from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
 _EXPONENTS = (0.6, 1.0, 2.0)
+_NEVER = 1e6  # rad/s: no joint comes near such a speed, and the excess is constant
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,7 @@ class Stribeck(StructuralEffect[StribeckShape]):
 
     name = "stribeck"
     order = 10
+    part = "friction"
     like_misfit = True
     family = "velocity"
     confounders = ("nonlinear_viscous", "presliding")
@@ -95,6 +97,10 @@ class Stribeck(StructuralEffect[StribeckShape]):
             speed=(shape.speed, None),
             exponent=(shape.exponent, None),
         )
+
+    def instead_of(self, kind: str, value: float) -> dict[str, float]:
+        """An excess at every speed for Fc."""
+        return {"excess": value, "speed": _NEVER} if kind == "Fc" else {}
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
         """Dry friction."""

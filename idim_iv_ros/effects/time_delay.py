@@ -31,6 +31,8 @@ class TimeDelay(StructuralEffect[DelayShape]):
 
     name = "time_delay"
     order = 100
+    put_in_first = True
+    part = "delay"
     family = "frequency"
     confounders = ("elasticity", "nonlinear_viscous")
     excitation = "energy above 2 Hz and sharp reversals"

@@ -31,6 +31,7 @@ class TorqueGain(ParametricEffect):
 
     name = "torque_gain"
     order = 30
+    part = "torque scale"
     confounders = ("payload", "link_inertia", "friction_level")
     excitation = "a known load: gravity and inertia that the nominal model is right about"
     beyond_motion = "needs a known load: repeat the motion with a payload of known mass"

@@ -47,6 +47,7 @@ class TorqueSaturation(StructuralEffect[KneeShape]):
 
     name = "torque_saturation"
     order = 110
+    part = "limit"
     like_misfit = True
     family = "load"
     confounders = ("load_dependent_friction", "nonlinear_viscous")

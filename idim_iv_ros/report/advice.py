@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import get_args
 
 from idim_iv_ros.diagnosis.result import Cause, GapResult, RecordingAgreement, Unexplained
+from idim_iv_ros.effects.registry import part_of
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
@@ -202,7 +203,7 @@ def _steps_of_disagreement(result: GapResult, apart: Sequence[str], config: str)
 
 def _simulated(cause: Cause) -> bool:
     """Whether it is an effect to add to the simulator."""
-    return cause.kind == "structural" and cause.effect != "controller_mismatch"
+    return cause.kind == "structural" and part_of(cause.effect) != "gains"
 
 
 def _structural_step(causes: Sequence[Cause], config: str) -> Step:
@@ -221,30 +222,25 @@ def _parametric_step(
     sources = {f"cause: {effect_at(effect, each.joint)}" for each in causes}
     rows = [row for row in values if row.source in sources and row.key]
     places = _listed([each.joint for each in causes if each.joint] or ["all joints"])
-    if effect in ("drive_inertia", "friction_level") and rows and report.nominal.is_mjcf:
+    part = part_of(effect)
+    if part in ("drive", "friction") and rows and report.nominal.is_mjcf:
         words = f"Set the {effect_words(effect)} of {places} in {urdf}, joint by joint:"
         return [Step(words, _assignments(rows))]
-    if effect == "drive_inertia" and rows:
+    if part == "drive" and rows:
         return [Step(f"Set the drive inertia of {places} in {config}:", _armature(result, rows))]
-    if effect == "torque_offset":
+    if part == "offset":
         numbers = "\n".join(
             f"{each.joint}: {_value(p.value, p.std, p.unit)}"
             for each in causes
             for p in each.parameters.values()
         )
         return [Step(f"Subtract the constant torque of {places} in your simulator:", numbers)]
-    if effect == "friction_level" and rows:
+    if part == "friction" and rows:
         return [Step(f"Set the friction of {places} in {urdf}:", _dynamics(rows))]
-    if effect == "payload" and rows:
+    if part == "load" and rows:
         code = _assignments(rows)
         return [Step(f"Add a link for the payload at {places} to {urdf}:", code)]
     files = {row.file for row in rows}
-    if not rows and effect == "link_inertia":
-        found = {name for each in causes for name in each.parameters}
-        sums = [row for row in values if f"change_of_base_{row.name}" in found and row.significant]
-        sums.sort(key=lambda row: -abs(row.distance or 0.0))
-        words = f"Change the link after {places} in {urdf} until these sums hold:"
-        return [Step(words, _assignments(sums))]
     if not rows:
         numbers = "\n".join(
             f"{name.replace('_', ' ')} = {_value(each.value, each.std, each.unit)}"

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, GapResult
+from idim_iv_ros.effects.registry import BY_NAME, part_of
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER
 from idim_iv_ros.report.gap_words import effect_at
@@ -160,21 +161,20 @@ def _of_cause(result: GapResult, cause: Cause, nominal: Nominal) -> Iterator[Cha
     joint = None if place is None else result.joints.index(place)
     source = f"cause: {effect_at(cause.effect, place)}"
     rows: Iterator[ChangedValue] = iter(())
-    if cause.effect == "drive_inertia":
+    part = part_of(cause.effect)
+    if part in ("drive", "friction"):
         rows = _drives(result, cause, nominal)
-    elif cause.effect == "gravity_direction":
+    elif part == "gravity":
         rows = _gravity(cause)
     elif joint is None or place is None:
         return
-    elif cause.effect == "friction_level":
-        rows = _friction(cause, joint, place, nominal)
-    elif cause.effect == "payload":
+    elif part == "load":
         rows = _payload(cause.parameters, joint, nominal)
-    elif cause.effect == "link_inertia":
+    elif part == "link":
         rows = _link_inertia(cause.parameters, joint, nominal)
-    elif cause.effect == "torque_gain":
+    elif part == "torque scale":
         rows = _scale(cause, joint, place, nominal)
-    elif cause.effect == "controller_mismatch":
+    elif part == "gains":
         rows = _gains(cause, joint, place, nominal)
     for row in rows:
         yield replace(row, source=source)
@@ -189,25 +189,17 @@ def _changed(
 
 
 def _drives(result: GapResult, cause: Cause, nominal: Nominal) -> Iterator[ChangedValue]:
-    given = None if nominal.model is None else nominal.model.robot.given.drive_inertia
+    """Friction and drive inertia of a joint, or of all joints by their names."""
+    given = None if nominal.model is None else nominal.model.robot.given.of_drives
     for name, each in cause.parameters.items():
-        place = name if cause.joint is None else cause.joint
-        if place not in result.joints:
+        place = cause.joint or name
+        kind = BY_NAME[cause.effect].standard_kind(name) if cause.joint else "Ia"
+        if not kind or place not in result.joints:
             continue
         joint = result.joints.index(place)
-        key, file = _key("Ia", joint, place, nominal)
-        was = None if given is None else float(given[joint])
-        yield _changed(key, file, f"drive inertia of {place}", was, each)
-
-
-def _friction(cause: Cause, joint: int, place: str, nominal: Nominal) -> Iterator[ChangedValue]:
-    given = None if nominal.model is None else nominal.model.robot.given
-    for name, kind in (("change_of_viscous", "Fv"), ("change_of_coulomb", "Fc")):
-        if name in cause.parameters:
-            key, file = _key(kind, joint, place, nominal)
-            was = None if given is None else float(given.of_drives[kind][joint])
-            words = f"{_DRIVES[kind]} of {place}"
-            yield _changed(key, file, words, was, cause.parameters[name])
+        key, file = _key(kind, joint, place, nominal)
+        was = None if given is None else float(given[kind][joint])
+        yield _changed(key, file, f"{_DRIVES[kind]} of {place}", was, each)
 
 
 def _payload(

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.effects.registry import name_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import EFFECTS, FilePath, complete_files, made_folder
 from idim_iv_ros.model import read_urdf_file, read_urdf_text
@@ -118,7 +119,7 @@ def export(
         for each in negative
     )
     constant = tuple(
-        PlantedEffect("torque_offset", name, None, {"offset": float(offset)})
+        PlantedEffect(name_of("offset"), name, None, {"offset": float(offset)})
         for name, offset in zip(robot.joints, drives.offset, strict=True)
         if offset
     )

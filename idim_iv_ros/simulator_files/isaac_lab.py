@@ -7,8 +7,9 @@ Isaac Sim 5 `friction` and `dynamic_friction` are efforts, `viscous_friction` a 
 import math
 from collections.abc import Sequence
 
+from idim_iv_ros.effects.registry import part_of
 from idim_iv_ros.model import RobotModel
-from idim_iv_ros.simulator_files.law import DELAY, MISMATCH, DriveLaw
+from idim_iv_ros.simulator_files.law import DriveLaw
 from idim_iv_ros.simulator_files.mjcf import JointValues
 from idim_iv_ros.simulators.effects_file import PlantedEffect
 from idim_iv_ros.types import FloatArray
@@ -149,9 +150,8 @@ def _inexpressible(
         for each in values.couplings
     ]
     for effect in effects:
-        if effect.effect in (DELAY, "torque_offset") or (
-            effect.effect == MISMATCH and not law.beyond
-        ):
+        part = part_of(effect.effect)
+        if part in ("delay", "offset") or (part == "gains" and not law.beyond):
             continue
         numbers = ", ".join(f"{name} {value:.6g}" for name, value in effect.parameters.items())
         where = f" at {effect.joint}" if effect.joint else ""

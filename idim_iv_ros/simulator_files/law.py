@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.configuration import ControllerSection
+from idim_iv_ros.effects.registry import part_of
 from idim_iv_ros.simulation import control_law
 from idim_iv_ros.simulators.effects_file import PlantedEffect
 from idim_iv_ros.types import FloatArray
-
-MISMATCH, DELAY, SATURATION = "controller_mismatch", "time_delay", "torque_saturation"
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ def drive_law(
         Of the configuration.
     joints
     effects
-        Of the robot: controller_mismatch, time_delay and torque_saturation change the law.
+        Of the robot: those whose part is gains, delay or limit change the law.
     """
     n = len(joints)
     zeros = np.zeros(n)
@@ -97,16 +96,16 @@ def drive_law(
 
 def _changed(law: DriveLaw, effect: PlantedEffect, joints: list[str]) -> DriveLaw:
     places = range(len(joints)) if effect.joint is None else [joints.index(effect.joint)]
-    numbers = effect.parameters
-    if effect.effect == DELAY:
+    numbers, part = effect.parameters, part_of(effect.effect)
+    if part == "delay":
         delay = law.delay.copy()
         delay[list(places)] += numbers.get("delay", 0.0)
         return replace(law, delay=delay)
-    if effect.effect == SATURATION and not numbers.get("slope", 0.0):
+    if part == "limit" and not numbers.get("slope", 0.0):
         limit = law.limit.copy()
         limit[list(places)] = np.minimum(limit[list(places)], numbers["knee"])
         return replace(law, limit=limit)
-    if effect.effect != MISMATCH or not law.known:
+    if part != "gains" or not law.known:
         return law
     gains = {"kp": law.kp.copy(), "kd": law.kd.copy(), "ki": law.ki.copy()}
     beyond = list(law.beyond)

@@ -19,9 +19,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+from idim_iv_ros.effects.registry import part_of
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.model.mjcf_ties import COUPLING, DAMPING, SPRING
-from idim_iv_ros.simulator_files.law import DELAY, MISMATCH, SATURATION, DriveLaw
+from idim_iv_ros.simulator_files.law import DriveLaw
 from idim_iv_ros.simulators.effects_file import PlantedEffect
 
 
@@ -72,12 +73,12 @@ def native_effects(
 
 def _taken(effect: PlantedEffect, robot: RobotModel, law: DriveLaw, found: NativeEffects) -> bool:
     """Put an effect into `found`; False where MuJoCo has no element for it."""
-    numbers = effect.parameters
-    if effect.effect == DELAY:
+    numbers, part = effect.parameters, part_of(effect.effect)
+    if part == "delay":
         return True
-    if effect.effect == SATURATION:
+    if part == "limit":
         return not numbers.get("slope", 0.0)
-    if effect.effect == MISMATCH:
+    if part == "gains":
         return law.known and not law.beyond
     if effect.joint is None:
         return False

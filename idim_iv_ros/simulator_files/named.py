@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter
+from idim_iv_ros.effects.registry import BY_NAME, part_of
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.model.parameters import INERTIAL
@@ -29,20 +30,9 @@ from idim_iv_ros.simulator_files.links import LinkBody, is_possible
 from idim_iv_ros.simulators.effects_file import PlantedEffect
 from idim_iv_ros.types import FloatArray
 
-_KINDS = {
-    "change_of_viscous": "Fv",
-    "change_of_coulomb": "Fc",
-    "change_of_drive_inertia": "Ia",
-    "offset": "off",
-    "mass": "M",
-    **{f"moment_{axis}": f"M{axis.upper()}" for axis in "xyz"},
-    **{f"inertia_{axes}": axes.upper() for axes in ("xx", "xy", "xz", "yy", "yz", "zz")},
-}
 _WATER = 1000.0  # kg/m³
-_NO_BODY = (
-    "torque_gain",
-    "gravity_direction",
-)  # torque that bodies and friction would take for theirs
+# Torque that bodies and friction would take for theirs.
+_NO_BODY = ("torque scale", "gravity")
 
 
 @dataclass(frozen=True)
@@ -147,10 +137,11 @@ def mended_model(
     effects: list[PlantedEffect] = []
     gravity = np.array(robot.pinocchio.gravity.linear)
     for cause in causes:
-        if cause.effect == "torque_gain":
+        part = part_of(cause.effect)
+        if part == "torque scale":
             numbers = {name: _rounded(each) for name, each in cause.parameters.items()}
             effects.append(PlantedEffect(cause.effect, cause.joint, None, numbers))
-        elif cause.effect == "gravity_direction":
+        elif part == "gravity":
             turn = [
                 cause.parameters[f"rotation_about_{axis}"].value
                 if f"rotation_about_{axis}" in cause.parameters
@@ -161,7 +152,7 @@ def mended_model(
         elif cause.kind == "parametric":
             changes = _changes(cause, robot.joints)
             mass = changes.get(f"M{_number(cause, robot.joints)}")
-            if cause.effect == "payload" and mass is not None and mass.value > 0.0:
+            if part == "load" and mass is not None and mass.value > 0.0:
                 loads.append(_load(cause, changes, len(loads), source))
             elif any(name.rstrip("0123456789") in INERTIAL for name in changes):
                 found |= _link(cause, changes, given, source)
@@ -209,7 +200,7 @@ def with_remainder(
     """
     kept = mended_model(model, causes, left_out, physical, source)
     for cause in (*causes, *left_out):
-        if cause.effect in _NO_BODY:
+        if part_of(cause.effect) in _NO_BODY:
             raise UsageError(
                 f"{source}: beside {cause_name(cause)}, which is no number of a body or a joint, "
                 "what remains cannot be spread: leave out --remainder"
@@ -275,8 +266,8 @@ def _changes(cause: Cause, joints: Sequence[str]) -> dict[str, EffectParameter]:
             continue
         if link is not None:
             changes[link[1]] = each
-        elif name in _KINDS and number:
-            changes[f"{_KINDS[name]}{number}"] = each
+        elif number and (kind := BY_NAME[cause.effect].standard_kind(name)):
+            changes[f"{kind}{number}"] = each
         elif name in joints:  # of all drives at once
             changes[f"Ia{joints.index(name) + 1}"] = each
     return changes

@@ -2,24 +2,20 @@
 
 from collections.abc import Mapping, Sequence
 
+from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.simulators.effects_file import PlantedEffect
-
-_NEVER = 1e6  # rad/s, a Stribeck speed that no joint comes near: the excess is constant
 
 
 def below_zero(values: Mapping[str, float], joints: Sequence[str]) -> tuple[PlantedEffect, ...]:
-    """Fv below zero as a drag of power 1, Fc below zero as an excess at every speed.
+    """Fv and Fc below zero as effects that are the same torque (`Cause.instead_of`).
 
     The sum of a joint's friction is what is simulated, and kept from driving.
     """
-    found = []
-    for joint, name in enumerate(joints):
-        viscous = values.get(f"Fv{joint + 1}", 0.0)
-        coulomb = values.get(f"Fc{joint + 1}", 0.0)
-        if viscous < 0.0:
-            numbers = {"coefficient": viscous, "power": 1.0}
-            found.append(PlantedEffect("nonlinear_viscous", name, None, numbers))
-        if coulomb < 0.0:
-            numbers = {"excess": coulomb, "speed": _NEVER}
-            found.append(PlantedEffect("stribeck", name, None, numbers))
-    return tuple(found)
+    return tuple(
+        PlantedEffect(effect.name, name, None, numbers)
+        for joint, name in enumerate(joints, 1)
+        for kind in ("Fv", "Fc")
+        if values.get(f"{kind}{joint}", 0.0) < 0.0
+        for effect in STRUCTURAL
+        if (numbers := effect.instead_of(kind, values[f"{kind}{joint}"]))
+    )

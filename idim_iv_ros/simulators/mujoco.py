@@ -30,6 +30,7 @@ from idim_iv_ros.effects.contribution import (
     LawChange,
     TorqueTerm,
 )
+from idim_iv_ros.effects.registry import part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
 from idim_iv_ros.model.mujoco_package import load_mujoco
@@ -289,7 +290,7 @@ def _joint_names(mujoco: Any, model: Any) -> list[str]:
 
 def _offsets(effects: Sequence[SimulatedEffect], names: Sequence[str]) -> list[SimulatedEffect]:
     """Constant torques, which no base parameter of MuJoCo holds."""
-    return [one for one in effects if one.effect == "torque_offset" and one.joint in names]
+    return [one for one in effects if part_of(one.effect) == "offset" and one.joint in names]
 
 
 def _as_parameters(level: FloatArray, joints: int) -> DynamicParameters:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from idim_iv_ros.effects.registry import name_of
 from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
 from idim_iv_ros.simulation.affected_robot import LawParts, changed_law, contributions_of
@@ -101,7 +102,7 @@ def run_in_mujoco(
     period = law.period or 1.0 / references.rate
     delayed = [*effects]
     if law.delay > 0.0:
-        delayed.append(SimulatedEffect("time_delay", None, {"delay": law.delay}))
+        delayed.append(SimulatedEffect(name_of("delay"), None, {"delay": law.delay}))
     active, steps = _effects(model, delayed, period, references.start_time, longest_step)
     loop = _Loop(mujoco, model, joints, law, references, parameters, effects, period)
     return loop.run(active, steps)

@@ -151,7 +151,8 @@ def _stages(
         if source is not None:
             require_same_native(mujoco, Path(model), effects, source)
         # Constant torques are parameters that the XML has no place for.
-        constant = [each for each in effects if each.effect == "torque_offset" and not offsets]
+        planted = () if offsets else effects
+        constant = [one for one in planted if BY_NAME[one.effect].part == "offset"]
         stages.append(
             replace(
                 stage,

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from idim_iv_ros.effects.registry import name_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath, read_text
 from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
@@ -157,7 +158,7 @@ def _joint_of(mujoco: Any, model: Any, effect: str, index: int) -> str:
 
 def _offsets(robot: RobotModel, values: Mapping[int, float]) -> tuple[SimulatedEffect, ...]:
     return tuple(
-        SimulatedEffect("torque_offset", robot.joints[joint], {"offset": float(value)})
+        SimulatedEffect(name_of("offset"), robot.joints[joint], {"offset": float(value)})
         for joint, value in values.items()
         if value != 0.0
     )

@@ -37,9 +37,8 @@ from idim_iv_ros.diagnosis.result import (
     JointContrast,
     JointTorque,
 )
-from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
-from idim_iv_ros.effects.time_delay import TimeDelay
+from idim_iv_ros.effects.registry import name_of
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.types import FloatArray
@@ -309,7 +308,7 @@ class _Assembly:
         torque = JointTorque(self._data.joints[joint], rms, rms / self._sizes[joint])
         sentence = words.law(torque, numbers[1], numbers[2])
         return self._cause(
-            ControllerMismatch.name, joint, numbers, difference.statistic, [torque], sentence
+            name_of("gains"), joint, numbers, difference.statistic, [torque], sentence
         )
 
     def _delay(self) -> list[ContrastCause]:
@@ -320,7 +319,9 @@ class _Assembly:
         shifts = (change, self._shift.reference, self._shift.against)
         statistic = (change.value / change.std) ** 2
         numbers = [{"delay": each} for each in shifts]
-        return [self._cause(TimeDelay.name, None, numbers, statistic, (), words.delay(self._shift))]
+        return [
+            self._cause(name_of("delay"), None, numbers, statistic, (), words.delay(self._shift))
+        ]
 
     def _joints(self) -> tuple[list[JointContrast], list[float]]:
         """RMS in the second set of three models, and of the whole one in the reference.

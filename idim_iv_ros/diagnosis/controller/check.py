@@ -23,8 +23,7 @@ from idim_iv_ros.diagnosis.result import (
 )
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.effects.controller_mismatch import GAIN, LAG, ControllerMismatch
-from idim_iv_ros.effects.encoder_eccentricity import EncoderEccentricity
-from idim_iv_ros.effects.torque_gain import TorqueGain
+from idim_iv_ros.effects.registry import BY_NAME, ENCODER_LAWS
 from idim_iv_ros.simulation import ControlLaw, control_law, control_period
 
 
@@ -160,7 +159,7 @@ def beside_gains(law: LawCheck, causes: Sequence[Cause]) -> LawCheck:
     gains = {
         cause.joint: cause.parameters["factor"]
         for cause in causes
-        if cause.effect == TorqueGain.name and cause.joint is not None
+        if BY_NAME[cause.effect].part == "torque scale" and cause.joint is not None
     }
 
     def same(found: ControllerFinding) -> bool:
@@ -180,9 +179,7 @@ def controller_causes(data: Baseline, law: LawCheck, effects: Sequence[Candidate
     effects
         Accepted ones: where an encoder is eccentric the commands follow another position.
     """
-    eccentric = {
-        each.place.joint for each in effects if each.effect.name == EncoderEccentricity.name
-    }
+    eccentric = {each.place.joint for each in effects if set(ENCODER_LAWS) & set(each.effect.laws)}
     found = [(data.joints.index(each.joint), each) for each in law.findings]
     return [_cause(data, joint, each) for joint, each in found if joint not in eccentric]
 

@@ -15,6 +15,7 @@ from idim_iv_ros.diagnosis.result import (
     Gap,
 )
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.effects.registry import name_of
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
@@ -81,7 +82,7 @@ class MissingGravity:
             for axis, value, std in numbers
         }
         return Cause(
-            effect="gravity_direction",
+            effect=name_of("gravity"),
             kind="parametric",
             joint=None,
             other_joint=None,

@@ -16,9 +16,7 @@ from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction, soft_friction
 from idim_iv_ros.diagnosis.result import Cause, NotTestable
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
-from idim_iv_ros.effects.gravity_direction import GravityDirection
-from idim_iv_ros.effects.presliding import Presliding
-from idim_iv_ros.effects.time_delay import TimeDelay
+from idim_iv_ros.effects.registry import STRUCTURAL, name_of
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.recording import Recording
 
@@ -61,7 +59,8 @@ class Refit:
         if self.softened is None:
             return ()
         soft = np.flatnonzero(np.isfinite(self.softened.leads))
-        return tuple((Presliding.name, int(joint)) for joint in soft)
+        lost = [effect.name for effect in STRUCTURAL if effect.lost_where_softened]
+        return tuple((name, int(joint)) for name in lost for joint in soft)
 
     @property
     def not_testable(self) -> tuple[NotTestable, ...]:
@@ -110,7 +109,7 @@ def refitted(
         data = beside(data)
         return _aligned_throughout(data, smooth_regression(data), without)
     regression = smooth_regression(data)
-    may_lack = GravityDirection.name not in without
+    may_lack = name_of("gravity") not in without
     gravity = missing_gravity(data, regression) if may_lack else None
     if gravity is None:
         return _chain_taken_out(data, regression, without)
@@ -148,7 +147,7 @@ def _aligned_throughout(data: Baseline, regression: Regression, without: Collect
         support = _likelihood(other) - _likelihood(refit)
         refit = max(refit, other, key=_likelihood)
     found = replace(refit.shift, configured=early.shift.configured)
-    if TimeDelay.name in without or not found.beyond_control:
+    if name_of("delay") in without or not found.beyond_control:
         return refit
     after = [float(np.std(each)) for each in refit.regression.fit().residuals]
     return replace(refit, delays=(found.cause(refit.data, before, after, support),))

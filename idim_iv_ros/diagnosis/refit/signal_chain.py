@@ -22,7 +22,7 @@ from idim_iv_ros.diagnosis.result import (
     SignalChain,
 )
 from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression
-from idim_iv_ros.effects.time_delay import TimeDelay
+from idim_iv_ros.effects.registry import name_of
 from idim_iv_ros.simulation import control_period
 from idim_iv_ros.types import BoolArray, FloatArray
 
@@ -85,7 +85,7 @@ class EffortShift:
         ]
         one, two = (float(np.linalg.norm(each)) for each in (before, after))
         return Cause(
-            effect=TimeDelay.name,
+            effect=name_of("delay"),
             kind="structural",
             joint=None,
             other_joint=None,

@@ -18,12 +18,11 @@ from idim_iv_ros.diagnosis.sentences import with_interval
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.transmission.fit import LOAD, SIDE, held_out
 from idim_iv_ros.diagnosis.transmission.measure import Measured, less, link_inertia, twist_torques
-from idim_iv_ros.effects.backlash import Backlash
-from idim_iv_ros.effects.elasticity import Elasticity
+from idim_iv_ros.effects.registry import BY_NAME, name_of
 
 # Hz, of the link against its motor: a shaft is rigid above what the catalogue looks for.
 _STIFF_RESONANCE = 100.0
-_EFFECTS = (Elasticity.name, Backlash.name)
+_EFFECTS = (name_of("shaft"), name_of("play"))
 # Play counts as play, and not as part of a shaft, from this share of the shaft's largest bending:
 # as `effects.backlash`.
 _WIDE = 0.3
@@ -131,7 +130,9 @@ def with_transmissions(
     for each in measured:
         name = _effect(data, each)
         own = [
-            cause for cause in kept if cause.joint == each.result.joint and cause.effect in _EFFECTS
+            cause
+            for cause in kept
+            if cause.joint == each.result.joint and BY_NAME[cause.effect].part in ("shaft", "play")
         ]
         if name is not None and name not in without:
             found = _cause(data, regression, each, name)
@@ -161,10 +162,10 @@ def _effect(data: Baseline, each: Measured) -> str | None:
         if found.stiffness is not None:
             bending = float(np.max(np.abs(fit.rows.load))) / found.stiffness.value
         if found.backlash.value > _WIDE * bending:
-            return Backlash.name
+            return name_of("play")
     if found.stiffness is None or _resonance(data, each) > _STIFF_RESONANCE:
         return None
-    return Elasticity.name
+    return name_of("shaft")
 
 
 def _resonance(data: Baseline, each: Measured) -> float:
@@ -177,7 +178,7 @@ def _resonance(data: Baseline, each: Measured) -> float:
 def _excluded(found: Transmission, cause: Cause) -> bool:
     """Whether the measured bounds exclude a shaft or play of that size."""
     numbers = {name: each.value for name, each in cause.parameters.items()}
-    if cause.effect == Backlash.name:
+    if BY_NAME[cause.effect].part == "play":
         most = found.backlash_at_most
         return most is not None and numbers["gap"] > most
     least = found.stiffness_at_least
@@ -187,11 +188,11 @@ def _excluded(found: Transmission, cause: Cause) -> bool:
 def _cause(data: Baseline, regression: Regression, each: Measured, name: str) -> Cause:
     found, fit = each.result, each.fit
     assert fit is not None
-    term = SIDE if name == Backlash.name else LOAD
+    term = SIDE if BY_NAME[name].part == "play" else LOAD
     gain, helped, folds = held_out(fit, term)
     statistic = 2.0 * (fit.gains[term] + 0.5 * float(np.log(len(fit.rows.load))))
     parameters, stiffness = {}, found.stiffness
-    if name == Backlash.name:
+    if BY_NAME[name].part == "play":
         assert found.backlash is not None
         parameters["gap"] = found.backlash
     if stiffness is None and found.stiffness_at_least is not None:
@@ -207,7 +208,7 @@ def _cause(data: Baseline, regression: Regression, each: Measured, name: str) ->
         kind="structural",
         joint=found.joint,
         other_joint=None,
-        sentence=backlash(found) if name == Backlash.name else elasticity(found),
+        sentence=backlash(found) if BY_NAME[name].part == "play" else elasticity(found),
         parameters=parameters,
         evidence=Evidence(
             statistic=statistic,

@@ -6,6 +6,7 @@ from typing import Any
 
 from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.result import Cause, Gap, GapResult, Hint, JointChange, Stage
+from idim_iv_ros.effects.registry import part_of
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.report.advice import FAMILIES
 from idim_iv_ros.report.gap_words import (
@@ -26,7 +27,6 @@ from idim_iv_ros.report.numerals import (
 )
 from idim_iv_ros.report.section import Report, Section
 
-_CONTROL_LAW = "controller_mismatch"
 _MOST_NUMBERS = 4  # of a hint
 
 
@@ -54,7 +54,7 @@ def tracking_change(result: GapResult, cause: Cause) -> TrackingChange:
     """
     if cause.simulation_gap is not None:
         return TrackingChange(cause.simulation_gap, "")
-    if cause.effect == _CONTROL_LAW:
+    if part_of(cause.effect) == "gains":
         return TrackingChange(None, "the loop is simulated with the configured control law only")
     stages = _stages(result, cause)
     if stages is None:

@@ -1,0 +1,67 @@
+"""An effect is one file: what others need of it they read from the registry."""
+
+import ast
+from importlib import import_module
+from pathlib import Path
+
+import idim_iv_ros
+from idim_iv_ros.effects.registry import BY_NAME
+
+PACKAGE = Path(idim_iv_ros.__file__).parent
+FOLDERS = ("diagnosis", "report", "simulators", "simulator_files", "fleet")
+LAW = "fits the command to the terms of the law, which are those of this class"
+KEY = "a key of the configuration, not an effect"
+BODY = "what a body is called in the exported file, not an effect"
+ELEMENT = "an element of MuJoCo that holds it, listed by its name in the MJCF (`model.mjcf_ties`)"
+TIES = ("nonlinear_viscous", "spring", "joint_coupling")
+ALLOWED = {
+    **{("simulators/replay_models.py", name): ELEMENT for name in TIES},
+    **{("simulator_files/mjcf_effects.py", name): ELEMENT for name in TIES},
+    ("simulator_files/mjcf.py", "joint_coupling"): ELEMENT,
+    ("diagnosis/against/law.py", "controller_mismatch"): LAW,
+    ("diagnosis/controller/check.py", "controller_mismatch"): LAW,
+    ("diagnosis/controller/law_change.py", "controller_mismatch"): LAW,
+    ("diagnosis/controller/law_speed.py", "controller_mismatch"): LAW,
+    ("report/sections/transmissions.py", "backlash"): "a column of measured numbers",
+    ("simulator_files/changes.py", "torque_offset"): KEY,
+    ("simulator_files/named.py", "payload"): BODY,
+    ("simulator_files/randomization.py", "payload"): BODY,
+    ("simulators/robot.py", "drive_inertia"): KEY,
+}
+
+
+def named(path: Path) -> set[str]:
+    """Effects that a file has as a string, imports from, or imports the name of."""
+    modules = {type(cause).__module__: name for name, cause in BY_NAME.items()}
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Constant) and node.value in BY_NAME:
+            found.add(node.value)
+        elif isinstance(node, ast.ImportFrom):
+            inner = [f"{node.module}.{alias.name}" for alias in node.names]
+            found |= {modules[name] for name in (node.module, *inner) if name in modules}
+            if str(node.module).startswith("idim_iv_ros"):
+                source = vars(import_module(str(node.module)))
+                values = [source.get(alias.name) for alias in node.names]
+                found |= {value for value in values if isinstance(value, str) and value in BY_NAME}
+    return found
+
+
+def test_no_other_module_names_an_effect() -> None:
+    uses = {
+        (path.relative_to(PACKAGE).as_posix(), name)
+        for folder in FOLDERS
+        for path in (PACKAGE / folder).rglob("*.py")
+        for name in named(path)
+    }
+    assert uses == set(ALLOWED)
+
+
+def test_a_name_and_an_import_are_seen(tmp_path: Path) -> None:
+    file = tmp_path / "module.py"
+    file.write_text(
+        "from idim_iv_ros.effects import spring\n"
+        "from idim_iv_ros.model.mjcf_ties import COUPLING\n"
+        'x = y == "backlash"\n'
+    )
+    assert named(file) == {"spring", "joint_coupling", "backlash"}
