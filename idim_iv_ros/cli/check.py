@@ -78,7 +78,7 @@ def _print_parameters(console: Console, report: CheckReport, whole: bool) -> Non
     from rich.padding import Padding
     from rich.text import Text
 
-    from idim_iv_ros.cli.table import print_table, unbroken
+    from idim_iv_ros.cli.table import print_table
 
     if report.condition_number is None:
         return
@@ -97,5 +97,5 @@ def _print_parameters(console: Console, report: CheckReport, whole: bool) -> Non
     ]
     if poorly:
         columns = ["parameter", ">visible from (2σ)", "unit"]
-        rows = [(each.name, smallest, unbroken(each.unit)) for smallest, each in poorly]
+        rows = [(each.name, smallest, each.unit) for smallest, each in poorly]
         print_table(console, "Seen poorly, or small", columns, rows, whole=whole)

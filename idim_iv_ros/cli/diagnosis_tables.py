@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.markup import escape
 
-from idim_iv_ros.cli.table import print_table, unbroken
+from idim_iv_ros.cli.table import print_table
 from idim_iv_ros.diagnosis.parameter_words import surest
 from idim_iv_ros.diagnosis.result import (
     Cause,
@@ -119,7 +119,7 @@ def _print_causes(console: Console, result: GapResult) -> None:
             (
                 f"{effect_words(cause.effect)}\n{', '.join(joints) or 'all joints'}",
                 "\n".join(_shown(cause.parameters)),
-                "\n".join(unbroken(line) for line in _gaps(result, cause)),
+                "\n".join(_gaps(result, cause)),
                 "–" if cause.probability is None else f"{100.0 * cause.probability:.0f} %",
                 _names(cause.indistinguishable_from, cause.joint),
             )
@@ -151,7 +151,7 @@ def _shown(parameters: dict[str, EffectParameter]) -> list[str]:
 
 def _parameter(name: str, parameter: EffectParameter) -> str:
     value, half = measured(parameter.value, parameter.std)
-    number = unbroken(" ".join(filter(None, (value, half, parameter.unit))))
+    number = " ".join(filter(None, (value, half, parameter.unit)))
     return f"{name.replace('_', ' ')} = {number}"
 
 
@@ -238,4 +238,4 @@ def _print_untestable(console: Console, result: GapResult, whole: bool) -> None:
 
 
 def _with_unit(value: float | None, unit: str) -> str:
-    return "–" if value is None else unbroken(f"{value:.3g} {unit}")
+    return "–" if value is None else f"{value:.3g} {unit}"

@@ -2,7 +2,7 @@
 
 from rich.console import Console
 
-from idim_iv_ros.cli.table import print_table, unbroken
+from idim_iv_ros.cli.table import print_table
 from idim_iv_ros.excitation import Diagnosis, Excitation, LimitUse, MotionLimits
 from idim_iv_ros.excitation.criterion import BAD_DEVIATION, BAD_SHARE
 from idim_iv_ros.excitation.segments import NOT_REVEALED
@@ -67,7 +67,7 @@ def print_use(console: Console, model: InverseModel, limits: MotionLimits, use: 
         shares = (use.position, use.velocity, use.acceleration)
         cells = [f"{100 * share[index]:.0f} %" for share in shares]
         cells.append("?" if use.torque is None else f"{100 * use.torque[index]:.0f} %")
-        rows.append((joint, *map(unbroken, cells)))
+        rows.append((joint, *cells))
     print_table(console, "", columns, rows)
     if use.torque is None:
         console.print(
@@ -106,8 +106,8 @@ def _print_parameters(console: Console, excitation: Excitation, whole: bool) -> 
                 f"{parameter.given:.3g}",
                 f"{parameter.std:.2g}",
                 "" if relative is None else f"{100 * relative:.2g}",
-                unbroken(f"{100 * parameter.unexplained:.2g} %"),
-                unbroken(parameter.unit),
+                f"{100 * parameter.unexplained:.2g} %",
+                parameter.unit,
             )
         )
     rest = "--verbose prints them, and the JSON file has them"

@@ -110,7 +110,7 @@ def print_parameters(
 
     The best determined ones come first where not the `whole` table is printed.
     """
-    from idim_iv_ros.cli.table import print_table, unbroken
+    from idim_iv_ros.cli.table import print_table
 
     columns = ["parameter", ">value", ">σ", ">%σ"]
     if truth:
@@ -128,8 +128,8 @@ def print_parameters(
         cells = [parameter.name, f"{value:.4g}", f"{std:.2g}", f"{percent:.2g}"]
         if truth:
             true = truth[parameter.name]
-            cells += [f"{true:.4g}", unbroken(f"{(value - true) / std:+.1f} σ")]
-        cells.append(unbroken(parameter.unit))
+            cells += [f"{true:.4g}", f"{(value - true) / std:+.1f} σ"]
+        cells.append(parameter.unit)
         if remarked:
             cells.append(parameter.essential_remark)
         rows.append((percent, cells))

@@ -87,7 +87,7 @@ def replay_command(
 
 
 def _print(console: Console, result: ReplayResult) -> None:
-    from idim_iv_ros.cli.table import print_table, unbroken
+    from idim_iv_ros.cli.table import print_table
     from idim_iv_ros.report.replay import error_rows, headline
 
     drawn = [stage.name for stage in result.stages if stage.tracking is not None]
@@ -96,8 +96,7 @@ def _print(console: Console, result: ReplayResult) -> None:
         ("tracking", "Position, simulation less recording (rms, ± half of the 95 % interval)"),
         ("torque", "Torque, simulation less recording"),
     ):
-        rows = [tuple(map(unbroken, row)) for row in error_rows(result, kind)]
-        print_table(console, title, columns, rows)
+        print_table(console, title, columns, error_rows(result, kind))
     for stage in result.stages:
         if stage.note:
             console.print(f"{stage.name}: not simulated to its end: {stage.note}")

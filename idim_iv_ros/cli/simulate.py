@@ -112,7 +112,7 @@ def _doubts(configuration: Configuration) -> tuple[str, ...]:
 
 
 def _print_largest(console: Console, joints: list[str], bags: Sequence[SimulatedBag]) -> None:
-    from idim_iv_ros.cli.table import print_table, unbroken
+    from idim_iv_ros.cli.table import print_table
     from idim_iv_ros.model.units import unit_at
 
     columns = [
@@ -127,5 +127,5 @@ def _print_largest(console: Console, joints: list[str], bags: Sequence[Simulated
         units = (unit_at(unit, bags[0].joint_types[column]) for unit in ("N m", "mrad"))
         cells = (f"{torque:.3g}", f"{1e3 * error:.3g}")
         shown = (f"{cell} {unit}" for cell, unit in zip(cells, units, strict=True))
-        rows.append((joint, *map(unbroken, shown)))
+        rows.append((joint, *shown))
     print_table(console, "Largest over the recording", columns, rows)
