@@ -99,7 +99,7 @@ class Arm:
 
 
 ELBOW, LIFT = 2, 1
-ELBOW_DRY, EXCESS, STRIBECK_SPEED = 6.0, 4.0, 0.06  # N m, N m, rad/s
+ELBOW_DRY, EXCESS, STRIBECK_SPEED = 6.0, 3.0, 0.15  # N m, N m, rad/s
 LIFT_DRY, LIFT_SHARE = 8.0, 0.1  # N m; of the torque of gravity and Coriolis forces
 
 
@@ -303,14 +303,19 @@ def rows(arm: Arm, path: Path, folder: Path, configuration: Configuration) -> di
     nominal = twin(arm, path).model
     result = folder / "gap.json"
     named = GapResult.read(result).causes
-    payloads = sorted({cause.effect for cause in named if cause.effect == "payload"})
+    # A tool is a payload, or in the numbers of the last link where it may as well be.
+    tools = [
+        f"{cause.effect}@{cause.joint}"
+        for cause in named
+        if cause.effect in ("payload", "link_inertia") and cause.joint == arm.joints[-1]
+    ]
 
     def exported(name: str, tool: Tool | None = None, **options: bool | list[str]) -> Simulated:
         made = export(result, configuration, folder / name, **options)  # type: ignore[arg-type]
         return twin(arm, made.mjcf, tool, made.effects)
 
     def edited(name: str, **options: bool) -> tuple[Simulated, ...]:
-        bare = {"without": payloads, **options}
+        bare = {"without": tools, **options}
         return (
             exported(name, **options),
             exported(f"{name}_bare", **bare),
