@@ -170,6 +170,13 @@ def assembled(found: Diagnosis) -> GapResult:
         kinematics=kinematics_digest(data.prepared.model.robot),
         parameter_errors=errors,
         signal_chain=refit.shift.part_of_result(data.joints, speed),
+        friction_leads={}
+        if refit.softened is None
+        else {
+            name: float(lead)
+            for name, lead in zip(data.joints, refit.softened.leads, strict=True)
+            if np.isfinite(lead)
+        },
         recordings=recordings,
         transmissions=tuple(each.result for each in found.transmissions),
         twists=tuple(each.series for each in found.transmissions if each.series is not None),

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -34,6 +34,9 @@ class JointValues:
         kg m², N m s/rad, N m, N m.
     bodies : tuple of LinkBody
         What each joint carries, in its frame.
+    stiff : tuple of bool
+        Where dry friction turns with the joint, as a robot's does, and not before it, as MuJoCo's
+        does with the defaults of its solver.
     couplings : tuple of Coupled
         Of the transmission.
     """
@@ -43,6 +46,7 @@ class JointValues:
     friction: FloatArray
     offset: FloatArray
     bodies: tuple[LinkBody, ...]
+    stiff: tuple[bool, ...]
     couplings: tuple[Coupled, ...] = ()
 
 
@@ -147,9 +151,7 @@ def _behind_transmission(values: JointValues, robot: RobotModel) -> JointValues:
                     f"the coupled transmission takes more inertia or damping from "
                     f"{robot.joints[joint]} than this drive has: MuJoCo has no element for that"
                 )
-    return JointValues(
-        armature, damping, values.friction, values.offset, values.bodies, values.couplings
-    )
+    return replace(values, armature=armature, damping=damping)
 
 
 def _bodies(
@@ -192,6 +194,11 @@ def inertial_of(body: LinkBody, anchor: FloatArray | None = None) -> dict[str, s
     }
 
 
+def stiff_friction(step: float) -> dict[str, str]:
+    """Attributes of a joint whose dry friction is as stiff as a step (s) of the simulation lets."""
+    return {"solreffriction": _numbers([2.0 * step, 1.0]), "solimpfriction": "0.99 0.99"}
+
+
 def _joint(
     body: Element,
     robot: RobotModel,
@@ -211,6 +218,8 @@ def _joint(
         "damping": numbers_text(np.array(damping)),
         "frictionloss": number_text(values.friction[joint]),
     }
+    if values.stiff[joint]:
+        attributes |= stiff_friction(law.period)
     if math.isfinite(low) and math.isfinite(high):
         attributes["range"] = _numbers([low, high])
     if joint in native.stiffness:
