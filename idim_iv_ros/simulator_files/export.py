@@ -232,10 +232,7 @@ def _joint_values(answer: Answer, bodies: Mapping[str, FloatArray]) -> JointValu
         friction=np.maximum(numbers["Fc"], 0.0),
         offset=numbers["off"],
         bodies=tuple(LinkBody.of(bodies[name]) for name in robot.joints),
-        stiff=tuple(
-            bool(friction > 0.0) and name not in answer.softened
-            for name, friction in zip(robot.joints, numbers["Fc"], strict=True)
-        ),
+        lead=np.array([answer.friction_leads.get(name, 0.0) for name in robot.joints]),
         couplings=couplings,
     )
 

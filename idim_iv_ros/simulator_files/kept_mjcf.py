@@ -40,14 +40,8 @@ def kept_mjcf(made: Exported, what: Findings, configuration: Configuration) -> T
         *more,
         "everything else of the MJCF is as it was, actuators and time step too: they need not be "
         "the law of the configuration, which is in changes.md",
-        *(
-            [
-                "dry friction turns with the joint: solreffriction is twice the time step; MuJoCo's "
-                "default turns 10 ms before it and lets a joint at rest creep"
-            ]
-            if any(what.drives.stiff)
-            else ()
-        ),
+        "dry friction turns as early as in the recording, not 10 ms before the joint as with "
+        "MuJoCo's default: that is solreffriction of the joints",
         f"there is no {ISAAC_LAB}: it needs a URDF",
     )
     if configuration.simulator.armature is not None:
