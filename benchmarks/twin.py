@@ -36,6 +36,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.recording import JointTopic, write_bag
 from idim_iv_ros.simulators.mujoco import STIFFEST, Effects
+from idim_iv_ros.simulators.mujoco_plant import add_motors
 
 FloatArray = NDArray[np.float64]
 # What acts in a step beyond the model: friction that is no constant.
@@ -183,11 +184,7 @@ def specified(arm: Arm, path: Path, *, reference: bool, tool: Tool | None) -> mu
     spec.option.timestep = 0.5e-3 if reference else 1e-3
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     spec.body(arm.last).add_site(name="flange", pos=arm.flange)
-    for joint in arm.joints:
-        motor = spec.add_actuator(name=f"torque_{joint}", target=joint)
-        motor.trntype, motor.gear[0] = mujoco.mjtTrn.mjTRN_JOINT, 1.0
-        motor.set_to_motor()  # whatever the defaults of the file are
-        motor.ctrllimited = motor.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
+    add_motors(mujoco, spec, arm.joints)
     if tool is not None:
         body = spec.body(arm.last).add_body(pos=arm.flange, quat=arm.turn)
         body.mass, body.ipos, body.inertia = tool.mass, tool.centre, tool.inertia
@@ -336,7 +333,8 @@ def rows(arm: Arm, path: Path, folder: Path, configuration: Configuration) -> di
         "spread": edited("spread", remainder=True),
     }
     if arm.beyond is not None:
-        models["constants"] = tuple(Simulated(robot.model) for robot in edited("spread"))
+        constants = edited("spread", remainder=True)
+        models["constants"] = tuple(Simulated(robot.model) for robot in constants)
     references = [truth(arm, path, tool) for tool in (PAYLOAD, None, OTHER)]
     cells = {}
     for name, robots in models.items():
@@ -354,7 +352,7 @@ WORDS = {
     "nominal": "nominal model",
     "true": "true parameters: another integrator and step",
     "refit": "all parameters (`--refit`), last link set back",
-    "constants": "named causes without effects.json: what an MJCF holds",
+    "constants": "the last line without effects.json: what an MJCF holds",
     "causes": "nominal model and named causes",
     "spread": "**nominal model, named causes, what remains** (`--remainder`)",
 }

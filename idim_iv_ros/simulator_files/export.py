@@ -180,7 +180,11 @@ def _from_urdf(made: Exported, what: Findings, configuration: Configuration) -> 
         made.mjcf: mjcf_text(
             answer, what.urdf, drives, law, native, what.mounted, comments
         ).encode(),
-        made.effects: EffectsFile(base_parameters=couplings, effects=effects).to_json().encode(),
+        made.effects: EffectsFile(
+            base_parameters=couplings, effects=effects, recordings=answer.bags
+        )
+        .to_json()
+        .encode(),
         made.isaac_lab: isaac_lab_text(
             robot, made.urdf.name, drives, law, effects, what.origin
         ).encode(),

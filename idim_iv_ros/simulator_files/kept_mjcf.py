@@ -50,7 +50,7 @@ def kept_mjcf(made: Exported, what: Findings, configuration: Configuration) -> T
     names = [file.name for file in made.files]
     texts = {
         made.mjcf: written,
-        made.effects: EffectsFile(effects=effects).to_json().encode(),
+        made.effects: EffectsFile(effects=effects, recordings=answer.bags).to_json().encode(),
         made.changes: changes_text(
             answer, effects, what.law, names, notes, randomization=what.randomization, file="MJCF"
         ).encode(),
