@@ -24,9 +24,10 @@ from idim_iv_ros.types import FloatArray
 
 _COLOURS = {NOMINAL: GREY, CORRECTED: ORANGE, WITH_EFFECTS: BLUE}
 _TOOL = "end of the arm"
+_MODELS = {CORRECTED: "with what was found", WITH_EFFECTS: "with what was found and its effects"}
 _ON = {
-    True: ", on recordings that it was not found on",
-    False: ", on the recordings that it was found on",
+    True: " That was found on other recordings.",
+    False: " That was found on these recordings: replay others, too.",
     None: "",
 }
 _HEIGHT = 340
@@ -92,7 +93,7 @@ def shrinkage(result: ReplayResult) -> list[Row]:
     ]
     if first.tool is not None and last.tool is not None:
         pairs.append((_TOOL, first.tool, last.tool, 0.0, "mm"))
-    rows = []
+    rows: list[Row] = []
     for name, before, after, noise, unit in pairs:
         longest = max(before.rms, after.high, 1e-300)
         bars = (
@@ -118,15 +119,16 @@ def headline(result: ReplayResult) -> str:
     if not rows:
         return "Only the nominal model was simulated."
     name, _, _, before, after, _ = rows[-1]
-    place = "the simulated arm" if name == _TOOL else f"simulated {name}"
-    end = "The end of " if name == _TOOL else ""
-    text = f"{end}{place} is {after} from the robot's {last.name}, {before} nominal"
-    return f"{text[:1].upper()}{text[1:]}{_ON[result.held_out]}."
+    end = "The end of the simulated arm" if name == _TOOL else f"Simulated {name}"
+    return (
+        f"{end} is {before} from the robot's in the nominal model, and {after} in the model "
+        f"{_MODELS[last.name]}.{_ON[result.held_out]}"
+    )
 
 
 def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:
     """Rows of a table: joint, each stage, noise; `kind`: tracking or torque."""
-    rows = []
+    rows: list[Row] = []
     noise = result.tracking_noise if kind == "tracking" else result.torque_noise
     for joint, joint_type in zip(result.joints, result.joint_types, strict=True):
         unit = unit_at("mrad" if kind == "tracking" else "N m", joint_type)

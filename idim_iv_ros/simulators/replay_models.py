@@ -104,7 +104,8 @@ def nominal_stage(mujoco: Any, model: InverseModel, mjcf: Path | None) -> StageM
         with mujoco_reads(mjcf):
             own = {joint.name for joint in mujoco.MjSpec.from_file(str(mjcf)).joints}
         if own == set(robot.joints):
-            return replace(xml_stage(mujoco, robot, mjcf, {}), name=NOMINAL)
+            words = f"{mjcf.name} as given"
+            return replace(xml_stage(mujoco, robot, mjcf, {}), name=NOMINAL, words=words)
     return plant_stage(mujoco, model, None, NOMINAL)
 
 
