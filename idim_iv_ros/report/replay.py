@@ -128,7 +128,7 @@ def headline(result: ReplayResult) -> str:
 
 def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:
     """Rows of a table: joint, each stage, noise; `kind`: tracking or torque."""
-    rows: list[Row] = []
+    rows = []
     noise = result.tracking_noise if kind == "tracking" else result.torque_noise
     for joint, joint_type in zip(result.joints, result.joint_types, strict=True):
         unit = unit_at("mrad" if kind == "tracking" else "N m", joint_type)
