@@ -130,7 +130,7 @@ def assembled(found: Diagnosis) -> GapResult:
         sentences.not_in_catalogue(outside),
         sentences.unexplained_residual(data, residual),
         sentences.next_step(causes, unknown=verdict == "unknown"),
-        sentences.remaining_parameter_errors(data, not_named or small),
+        sentences.remaining_parameter_errors(data, not_named or small, found.hints),
         sentences.left_out(data),
         *law.beyond,
         *(cause.sentence for cause in causes[1:] if measured_behind(cause)),
