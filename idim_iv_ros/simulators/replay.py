@@ -257,24 +257,33 @@ def _compare(mujoco: Any, robot: RobotModel, runs: Sequence[_Run], stage: StageM
         ran = _ran(mujoco, robot, run, stage)
         if ran.diverged:
             return _Compared((), (), f"{run.motion.signals.name}: {ran.diverged}")
-        positions.append(run.motion.filtered(ran.position))
-        torques.append(run.motion.filtered(ran.torque))
+        motion, first = run.motion, run.motion.span.start
+        for made, before, after in (
+            (positions, motion.position, ran.position),
+            (torques, motion.signals.torque, ran.torque),
+        ):
+            made.append(motion.filtered(np.concatenate([before[:first], after])))
     return _Compared(tuple(positions), tuple(torques), "")
 
 
 def _ran(mujoco: Any, robot: RobotModel, run: _Run, stage: StageModel) -> MujocoMotion:
-    motion, signals = run.motion, run.motion.signals
+    """Simulate from where the filtered motion is known, so that its speed there is, too."""
+    motion, signals, first = run.motion, run.motion.signals, run.motion.span.start
     wanted = signals.position_reference
     assert wanted is not None
     speed = signals.velocity_reference
     if speed is None:
         speed = np.gradient(wanted, 1.0 / signals.rate, axis=0)
-    initial, _ = central_differences(motion.position, rate=signals.rate, start=0, stop=1)
-    references = References(signals.rate, wanted, speed, motion.position[0], initial[0], run.start)
+    start = motion.position[first]
+    moving, _ = central_differences(motion.position, rate=signals.rate, start=first, stop=first + 1)
+    when = run.start + first / signals.rate
+    references = References(signals.rate, wanted[first:], speed[first:], start, moving[0], when)
+    forward = run.law.feedforward
+    law = replace(run.law, feedforward=None if forward is None else forward[first:])
     model = stage.compiled(mujoco)
     with mujoco_warnings():
         return run_in_mujoco(
-            mujoco, model, robot.joints, run.law, references, robot.given, stage.effects
+            mujoco, model, robot.joints, law, references, robot.given, stage.effects
         )
 
 
