@@ -26,6 +26,7 @@ from idim_iv_ros.diagnosis.localisation.unexplained import (
 from idim_iv_ros.diagnosis.localisation.where import Localisation
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.refit import Refit
+from idim_iv_ros.diagnosis.refit.soft_friction import LEAST_LEAD
 from idim_iv_ros.diagnosis.result import (
     Cause,
     Confusability,
@@ -175,7 +176,7 @@ def assembled(found: Diagnosis) -> GapResult:
         else {
             name: float(lead)
             for name, lead in zip(data.joints, refit.softened.leads, strict=True)
-            if np.isfinite(lead)
+            if lead > LEAST_LEAD
         },
         recordings=recordings,
         transmissions=tuple(each.result for each in found.transmissions),
