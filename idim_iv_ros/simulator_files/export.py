@@ -127,10 +127,18 @@ def export(
     what = Findings(
         answer, source, content, urdf, bodies, links, drives, law, planted, notes, kept, randomize
     )
-    if kept:
-        texts, effects, notes = _from_mjcf(made, what, configuration)
-    else:
-        texts, effects, notes = _from_urdf(made, what, configuration)
+    write = _from_mjcf if kept else _from_urdf
+    texts, effects, notes = write(made, what, configuration)
+    document = EffectsFile(
+        base_parameters={} if kept else _base_of_couplings(answer),
+        effects=effects,
+        recordings=answer.bags,
+    )
+    names, kind = [file.name for file in made.files], "MJCF" if kept else "URDF"
+    texts[made.effects] = document.to_json().encode()
+    texts[made.changes] = changes_text(
+        answer, effects, law, names, notes, randomization=what.randomization, file=kind
+    ).encode()
     if what.randomization is not None:
         code = (
             what.randomization.mujoco_text(made.mjcf.name, what.origin),
@@ -173,7 +181,6 @@ def _from_urdf(made: Exported, what: Findings, configuration: Configuration) -> 
     written = with_values(what.content, what.links, dynamics, what.mounted, source)
     require_read_back(decoded_urdf(written), configuration, what)
     comments = _comments(what.origin, law, effects)
-    names = [file.name for file in made.files]
     if couplings := _base_of_couplings(answer):
         notes = (*notes, f"{', '.join(couplings)}: in {EFFECTS} and the MJCF; a URDF has no place")
     texts = {
@@ -181,16 +188,8 @@ def _from_urdf(made: Exported, what: Findings, configuration: Configuration) -> 
         made.mjcf: mjcf_text(
             answer, what.urdf, drives, law, native, what.mounted, comments
         ).encode(),
-        made.effects: EffectsFile(
-            base_parameters=couplings, effects=effects, recordings=answer.bags
-        )
-        .to_json()
-        .encode(),
         made.isaac_lab: isaac_lab_text(
             robot, made.urdf.name, drives, law, effects, what.origin
-        ).encode(),
-        made.changes: changes_text(
-            answer, effects, law, names, notes, randomization=what.randomization
         ).encode(),
     }
     return texts, effects, notes
@@ -226,16 +225,7 @@ def _from_mjcf(made: Exported, what: Findings, configuration: Configuration) -> 
     )
     if configuration.simulator.armature is not None:
         notes += ("the MJCF holds the armature now: leave out simulator.armature beside it",)
-    effects = what.planted
-    names = [file.name for file in made.files]
-    texts = {
-        made.mjcf: written,
-        made.effects: EffectsFile(effects=effects, recordings=answer.bags).to_json().encode(),
-        made.changes: changes_text(
-            answer, effects, what.law, names, notes, randomization=what.randomization, file="MJCF"
-        ).encode(),
-    }
-    return texts, effects, notes
+    return {made.mjcf: written}, what.planted, notes
 
 
 def _require_other_files(

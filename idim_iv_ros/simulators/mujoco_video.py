@@ -45,14 +45,13 @@ def require_video(path: FilePath | None, *, force: bool = False) -> None:
         os.environ["MUJOCO_GL"] = "egl"  # draws without a screen
     mujoco = load_mujoco(f"--video {path}")
     try:
-        imageio = import_module("imageio")
+        import_module("imageio")
         if suffix == ".mp4":
             import_module("imageio_ffmpeg")
     except ImportError as error:
         other = "; a .gif needs nothing more" if suffix == ".mp4" else ""
         package = "imageio-ffmpeg" if suffix == ".mp4" else "imageio"
         raise UsageError(f"--video {path} needs {package}: pip install {package}{other}") from error
-    del imageio
     try:
         model = mujoco.MjModel.from_xml_string("<mujoco/>")
         renderer = mujoco.Renderer(model, 16, 16)

@@ -252,7 +252,8 @@ def _beside(model: Path, source: FilePath | None) -> tuple[str, ...]:
 
 
 def _compare(mujoco: Any, robot: RobotModel, runs: Sequence[_Run], stage: StageModel) -> _Compared:
-    positions, torques = [], []
+    positions: list[FloatArray] = []
+    torques: list[FloatArray] = []
     for run in runs:
         ran = _ran(mujoco, robot, run, stage)
         if ran.diverged:
