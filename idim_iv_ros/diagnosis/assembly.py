@@ -18,6 +18,7 @@ from idim_iv_ros.diagnosis.answer.parameter_errors import (
 from idim_iv_ros.diagnosis.controller.check import LawCheck, why_not_checked
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.refit import Refit
+from idim_iv_ros.diagnosis.refit.soft_friction import LEAST_LEAD
 from idim_iv_ros.diagnosis.result import (
     Cause,
     Confusability,
@@ -195,7 +196,7 @@ def assembled(found: Diagnosis) -> GapResult:
         sentences.not_in_catalogue(outside),
         sentences.unexplained_residual(data, residual),
         sentences.next_step(causes, unknown=verdict == "unknown"),
-        sentences.remaining_parameter_errors(data, not_named or small),
+        sentences.remaining_parameter_errors(data, not_named or small, found.hints),
         sentences.left_out(data),
         *law.beyond,
         *(cause.sentence for cause in causes[1:] if measured_behind(cause)),
@@ -235,6 +236,13 @@ def assembled(found: Diagnosis) -> GapResult:
         kinematics=kinematics_digest(data.prepared.model.robot),
         parameter_errors=errors,
         signal_chain=refit.shift.part_of_result(data.joints, speed),
+        friction_leads={}
+        if refit.softened is None
+        else {
+            name: float(lead)
+            for name, lead in zip(data.joints, refit.softened.leads, strict=True)
+            if lead > LEAST_LEAD
+        },
         recordings=found.recordings,
         transmissions=tuple(each.result for each in found.transmissions),
         twists=tuple(each.series for each in found.transmissions if each.series is not None),

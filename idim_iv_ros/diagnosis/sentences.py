@@ -10,6 +10,7 @@ from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
     Gap,
+    Hint,
     Indistinguishable,
     JointChange,
     JointGap,
@@ -21,6 +22,7 @@ from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric, StopShape
 from idim_iv_ros.diagnosis.where import Finding
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
+from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.types import FloatArray
 
@@ -204,17 +206,25 @@ def beyond_the_law(
     return f"{text}: no change of a gain or feedforward explains it"
 
 
-def remaining_parameter_errors(data: Baseline, errors: Sequence[ParameterError]) -> str:
-    """Parameter errors that no cause names, joint by joint; empty where there are none."""
+def remaining_parameter_errors(
+    data: Baseline, errors: Sequence[ParameterError], hints: Sequence[Hint]
+) -> str:
+    """Parameter errors that no cause names, and what they may be; empty where there are none."""
     if not errors:
         return ""
     worst = errors[0]
     unit = data.unit_at(data.joints.index(worst.joint), "N m")
     more = f" and at {_count(len(errors) - 1, 'more joint')}" if len(errors) > 1 else ""
+    numbers = [
+        f"{spaced(each.effect)} at {each.joint}"
+        for each in hints
+        if BY_NAME[each.effect].kind == "parametric"
+    ]
+    which = f"perhaps {' or '.join(numbers)}" if numbers else "cannot be determined"
     return (
         f"remaining parameter error: {worst.remaining:.3g} {unit} at {worst.joint} "
         f"({100.0 * worst.share_of_torque:.2g} % of its torque){more}; which given numbers are in "
-        "error cannot be determined"
+        f"error: {which}"
     )
 
 

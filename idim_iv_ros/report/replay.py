@@ -10,6 +10,7 @@ from idim_iv_ros.model.units import unit_at
 from idim_iv_ros.report.figures import BLUE, GREY, INK, ORANGE, Figure, Mark, axis, layout, line
 from idim_iv_ros.report.numerals import number, with_unit
 from idim_iv_ros.report.page import environment, page_parts
+from idim_iv_ros.report.sections.stages import Bar, bar
 from idim_iv_ros.report.time_axis import peaks
 from idim_iv_ros.simulators.replay_result import (
     CORRECTED,
@@ -22,6 +23,13 @@ from idim_iv_ros.simulators.replay_result import (
 from idim_iv_ros.types import FloatArray
 
 _COLOURS = {NOMINAL: GREY, CORRECTED: ORANGE, WITH_EFFECTS: BLUE}
+_TOOL = "end of the arm"
+_MODELS = {CORRECTED: "with what was found", WITH_EFFECTS: "with what was found and its effects"}
+_ON = {
+    True: " That was found on other recordings.",
+    False: " That was found on these recordings: replay others, too.",
+    None: "",
+}
 _HEIGHT = 340
 _BUCKETS = 220
 _FEW = 3
@@ -52,6 +60,7 @@ def shown(result: ReplayResult) -> dict[str, Any]:
     ]
     return {
         "headline": headline(result),
+        "shrinkage": shrinkage(result),
         "stages": [(stage.name, stage.model, stage.note) for stage in result.stages],
         "columns": ["Joint", *([name, "num"] for name in drawn), ["Noise", "num"]],
         "tracking": error_rows(result, "tracking"),
@@ -67,6 +76,38 @@ def shown(result: ReplayResult) -> dict[str, Any]:
     }
 
 
+# Joint or tool, bars, noise, nominal error, error of the best stage, and their ratio.
+Row = tuple[str, tuple[Bar, ...], Bar | None, str, str, str]
+
+
+def shrinkage(result: ReplayResult) -> list[Row]:
+    """What the best stage leaves of the nominal error, of each joint and of the tool."""
+    first, last = result.stages[0], result.best
+    if first.tracking is None or last.tracking is None or last is first:
+        return []
+    pairs = [
+        (name, first.tracking[name], last.tracking[name], result.tracking_noise[name], unit)
+        for name, unit in zip(
+            result.joints, (unit_at("mrad", kind) for kind in result.joint_types), strict=True
+        )
+    ]
+    if first.tool is not None and last.tool is not None:
+        pairs.append((_TOOL, first.tool, last.tool, 0.0, "mm"))
+    rows: list[Row] = []
+    for name, before, after, noise, unit in pairs:
+        longest = max(before.rms, after.high, 1e-300)
+        bars = (
+            bar("full given", 0.0, before.rms / longest),
+            bar("full effect", 0.0, after.rms / longest),
+            bar("whisker", after.low / longest, after.high / longest),
+        )
+        floor = bar("full floor", 0.0, noise / longest) if 0.0 < noise < longest else None
+        shown = [f"{1e3 * error.rms:.3g} {unit}" for error in (before, after)]
+        left = f"{100.0 * after.rms / max(before.rms, 1e-300):.3g} %"
+        rows.append((name, bars, floor, shown[0], shown[1], left))
+    return rows
+
+
 def headline(result: ReplayResult) -> str:
     """Say how far the tracking of the best stage is from that of the robot."""
     first, last = result.stages[0], result.best
@@ -74,30 +115,15 @@ def headline(result: ReplayResult) -> str:
         return "No stage could be simulated to its end."
     if first.tracking is None:
         return f"The nominal model cannot follow the references; {last.name} does."
-    ratios = {
-        joint: last.tracking[joint].rms / max(first.tracking[joint].rms, 1e-300)
-        for joint in result.joints
-    }
-    if last is first:
+    rows = shrinkage(result)
+    if not rows:
         return "Only the nominal model was simulated."
-    worst = max(ratios, key=lambda joint: ratios[joint])
-    best = min(ratios, key=lambda joint: ratios[joint])
-    if worst == best:
-        return f"{last.name.capitalize()}, {best} is {_times(ratios[best])}."
-    if first.tool is not None and last.tool is not None:
-        return (
-            f"The end of the simulated arm is {1e3 * last.tool.rms:.3g} mm from the robot's "
-            f"{last.name}, {1e3 * first.tool.rms:.3g} mm nominal; its motion is "
-            f"{_times(ratios[best])} at {best}, and {_times(ratios[worst])} at {worst}."
-        )
+    name, _, _, before, after, _ = rows[-1]
+    end = "The end of the simulated arm" if name == _TOOL else f"Simulated {name}"
     return (
-        f"{last.name.capitalize()}, the simulated motion is "
-        f"{_times(ratios[best])} at {best}, and {_times(ratios[worst])} at {worst}."
+        f"{end} is {before} from the robot's in the nominal model, and {after} in the model "
+        f"{_MODELS[last.name]}.{_ON[result.held_out]}"
     )
-
-
-def _times(ratio: float) -> str:
-    return f"{100.0 * ratio:.3g} % as far from the robot's as that of the nominal model"
 
 
 def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:
@@ -115,7 +141,7 @@ def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:
         rows.append([*cells, f"{number(scale * noise[joint])} {unit}"])
     if kind == "tracking":
         tools = [stage.tool for stage in result.stages if stage.tool is not None]
-        rows.append(["end of the arm", *(error_words(each, 1e3, "mm") for each in tools), "–"])
+        rows.append([_TOOL, *(error_words(each, 1e3, "mm") for each in tools), "–"])
     return rows
 
 

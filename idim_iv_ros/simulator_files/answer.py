@@ -68,6 +68,8 @@ class Answer:
         Causes that are no effects, in words.
     left_out : tuple of str
         Names of causes that were not wanted.
+    friction_leads : dict of str to float
+        s by which dry friction turned before its joint in the recording, as a simulator has it.
     errors : tuple of ParameterError
         What of the torque gap the causes leave at each joint.
     remainder : Remainder or None
@@ -88,6 +90,7 @@ class Answer:
     effects: tuple[PlantedEffect, ...]
     in_parameters: tuple[str, ...]
     left_out: tuple[str, ...]
+    friction_leads: dict[str, float]
     errors: tuple[ParameterError, ...]
     remainder: Remainder | None
     notes: tuple[str, ...]
@@ -198,6 +201,7 @@ def read_answer(
             f"{cause_name(each)}: {numbers_in_words(each.parameters)}" for each in parametric
         ),
         left_out=tuple(map(cause_name, others)),
+        friction_leads={} if gap is None else gap.friction_leads,
         errors=errors,
         remainder=spread,
         notes=notes,

@@ -12,6 +12,7 @@ from idim_iv_ros.effects.registry import name_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import EFFECTS, FilePath, complete_files, made_folder
 from idim_iv_ros.model import read_urdf_file, read_urdf_text
+from idim_iv_ros.model.mjcf import mjcf_as_urdf
 from idim_iv_ros.model.urdf_reader import decoded_urdf, description_key
 from idim_iv_ros.simulator_files.answer import Answer, read_answer
 from idim_iv_ros.simulator_files.changes import changes_text
@@ -23,11 +24,11 @@ from idim_iv_ros.simulator_files.findings import (
     require_read_back,
 )
 from idim_iv_ros.simulator_files.isaac_lab import isaac_lab_text
-from idim_iv_ros.simulator_files.kept_mjcf import kept_mjcf
 from idim_iv_ros.simulator_files.law import DriveLaw, drive_law
 from idim_iv_ros.simulator_files.links import LinkBody, body_of_joint, link_bodies
 from idim_iv_ros.simulator_files.mjcf import JointValues, mjcf_text
 from idim_iv_ros.simulator_files.mjcf_effects import Coupled, native_effects
+from idim_iv_ros.simulator_files.mjcf_values import with_mjcf_values
 from idim_iv_ros.simulator_files.randomization import EVENTS, RANDOMIZE
 from idim_iv_ros.simulator_files.shared_friction import below_zero
 from idim_iv_ros.simulator_files.urdf_text import with_values
@@ -127,10 +128,18 @@ def export(
     what = Findings(
         answer, source, content, urdf, bodies, links, drives, law, planted, notes, kept, randomize
     )
-    if kept:
-        texts, effects, notes = kept_mjcf(made, what, configuration)
-    else:
-        texts, effects, notes = _from_urdf(made, what, configuration)
+    write = _from_mjcf if kept else _from_urdf
+    texts, effects, notes = write(made, what, configuration)
+    document = EffectsFile(
+        base_parameters={} if kept else _base_of_couplings(answer),
+        effects=effects,
+        recordings=answer.bags,
+    )
+    names, kind = [file.name for file in made.files], "MJCF" if kept else "URDF"
+    texts[made.effects] = document.to_json().encode()
+    texts[made.changes] = changes_text(
+        answer, effects, law, names, notes, randomization=what.randomization, file=kind
+    ).encode()
     if what.randomization is not None:
         code = (
             what.randomization.mujoco_text(made.mjcf.name, what.origin),
@@ -173,7 +182,6 @@ def _from_urdf(made: Exported, what: Findings, configuration: Configuration) -> 
     written = with_values(what.content, what.links, dynamics, what.mounted, source)
     require_read_back(decoded_urdf(written), configuration, what)
     comments = _comments(what.origin, law, effects)
-    names = [file.name for file in made.files]
     if couplings := _base_of_couplings(answer):
         notes = (*notes, f"{', '.join(couplings)}: in {EFFECTS} and the MJCF; a URDF has no place")
     texts = {
@@ -181,15 +189,44 @@ def _from_urdf(made: Exported, what: Findings, configuration: Configuration) -> 
         made.mjcf: mjcf_text(
             answer, what.urdf, drives, law, native, what.mounted, comments
         ).encode(),
-        made.effects: EffectsFile(base_parameters=couplings, effects=effects).to_json().encode(),
         made.isaac_lab: isaac_lab_text(
             robot, made.urdf.name, drives, law, effects, what.origin
         ).encode(),
-        made.changes: changes_text(
-            answer, effects, law, names, notes, randomization=what.randomization
-        ).encode(),
     }
     return texts, effects, notes
+
+
+def _from_mjcf(made: Exported, what: Findings, configuration: Configuration) -> Texts:
+    """Contents of all files; the MJCF is the user's, so that effects stay with the callbacks."""
+    answer, source = what.answer, what.source
+    if configuration.robot.couplings:
+        raise UsageError(
+            f"{configuration.source or 'configuration'}: robot.couplings: the coupled transmission "
+            f"would be a tendon that {source} does not have: diagnose with the same robot as "
+            "robot.urdf, whose export makes an MJCF with it"
+        )
+    written, more = with_mjcf_values(
+        what.content,
+        source,
+        what.urdf,
+        what.links,
+        answer.robot.joints,
+        what.drives,
+        what.mounted,
+    )
+    require_read_back(mjcf_as_urdf(source, decoded_urdf(written)), configuration, what)
+    notes = (
+        *what.notes,
+        *more,
+        "everything else of the MJCF is as it was, actuators and time step too: they need not be "
+        "the law of the configuration, which is in changes.md",
+        "dry friction turns as early as in the recording, not 10 ms before the joint as with "
+        "MuJoCo's default: that is solreffriction of the joints",
+        f"there is no {ISAAC_LAB}: it needs a URDF",
+    )
+    if configuration.simulator.armature is not None:
+        notes += ("the MJCF holds the armature now: leave out simulator.armature beside it",)
+    return {made.mjcf: written}, what.planted, notes
 
 
 def _require_other_files(
@@ -233,6 +270,7 @@ def _joint_values(answer: Answer, bodies: Mapping[str, FloatArray]) -> JointValu
         friction=np.maximum(numbers["Fc"], 0.0),
         offset=numbers["off"],
         bodies=tuple(LinkBody.of(bodies[name]) for name in robot.joints),
+        lead=np.array([answer.friction_leads.get(name, 0.0) for name in robot.joints]),
         couplings=couplings,
     )
 

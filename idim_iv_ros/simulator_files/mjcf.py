@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -21,6 +21,7 @@ from idim_iv_ros.simulator_files.named import Load
 from idim_iv_ros.simulator_files.xml_edits import comment_text, number_text, numbers_text
 from idim_iv_ros.types import FloatArray
 
+_IMPEDANCE = 0.95  # largest of MuJoCo's default solimpfriction
 _THICKNESS = 0.12  # of a drawn link, of its length
 
 
@@ -34,6 +35,9 @@ class JointValues:
         kg m², N m s/rad, N m, N m.
     bodies : tuple of LinkBody
         What each joint carries, in its frame.
+    lead : (n_joints,) s
+        By which dry friction turns before its joint; zero as a robot's, and 9.5 ms as MuJoCo's
+        with the defaults of its solver.
     couplings : tuple of Coupled
         Of the transmission.
     """
@@ -43,6 +47,7 @@ class JointValues:
     friction: FloatArray
     offset: FloatArray
     bodies: tuple[LinkBody, ...]
+    lead: FloatArray
     couplings: tuple[Coupled, ...] = ()
 
 
@@ -147,9 +152,7 @@ def _behind_transmission(values: JointValues, robot: RobotModel) -> JointValues:
                     f"the coupled transmission takes more inertia or damping from "
                     f"{robot.joints[joint]} than this drive has: MuJoCo has no element for that"
                 )
-    return JointValues(
-        armature, damping, values.friction, values.offset, values.bodies, values.couplings
-    )
+    return replace(values, armature=armature, damping=damping)
 
 
 def _bodies(
@@ -192,6 +195,16 @@ def inertial_of(body: LinkBody, anchor: FloatArray | None = None) -> dict[str, s
     }
 
 
+def friction_solver(lead: float, step: float) -> dict[str, str]:
+    """Attributes of a joint whose dry friction turns early (s), or as late as a step (s) lets it.
+
+    Early: 1/b = d T / 2 with the time constant T and the impedance d of MuJoCo's documentation.
+    """
+    if lead > 0.0:
+        return {"solreffriction": f"{max(2.0 * lead / _IMPEDANCE, 2.0 * step):.4g} 1"}
+    return {"solreffriction": f"{2.0 * step:.4g} 1", "solimpfriction": "0.99 0.99"}
+
+
 def _joint(
     body: Element,
     robot: RobotModel,
@@ -211,6 +224,8 @@ def _joint(
         "damping": numbers_text(np.array(damping)),
         "frictionloss": number_text(values.friction[joint]),
     }
+    if values.friction[joint] > 0.0:
+        attributes |= friction_solver(float(values.lead[joint]), law.period)
     if math.isfinite(low) and math.isfinite(high):
         attributes["range"] = _numbers([low, high])
     if joint in native.stiffness:

@@ -19,7 +19,7 @@ from idim_iv_ros.model.mjcf import compiled_mjcf
 from idim_iv_ros.model.mjcf_ties import native_elements
 from idim_iv_ros.model.urdf import Urdf
 from idim_iv_ros.simulator_files.links import LinkBody
-from idim_iv_ros.simulator_files.mjcf import JointValues, inertial_of
+from idim_iv_ros.simulator_files.mjcf import JointValues, friction_solver, inertial_of
 from idim_iv_ros.simulator_files.mjcf_elements import Body, elements_of, with_included
 from idim_iv_ros.simulator_files.named import Load
 from idim_iv_ros.simulator_files.xml_edits import (
@@ -33,6 +33,8 @@ from idim_iv_ros.types import FloatArray
 
 _TURNS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 _CHANGES_INERTIALS = ("balanceinertia", "fusestatic", "boundmass", "boundinertia", "settotalmass")
+_DEFAULT_SOLVER = (0.02, 1.0)  # solreffriction of MuJoCo: another one is the user's
+_NEAR = 0.1  # of it: known no better from a recording
 # Of a sum that was taken apart again: what differs by less is rounding.
 _ROUNDING = 1e-14
 
@@ -151,6 +153,12 @@ class _File:
             for key, value in new.items()
             if abs(value - now[key]) > _ROUNDING * (abs(now[key]) + abs(beyond[key]))
         }
+        solver = friction_solver(float(values.lead[place]), float(self.model.opt.timestep))
+        constant, ratio = self.model.dof_solref[dof]
+        own = (constant, ratio) != _DEFAULT_SOLVER
+        near = abs(float(solver["solreffriction"].split()[0]) / constant - 1.0) < _NEAR
+        if new["frictionloss"] > 0.0 and not own and not near:
+            changed |= solver
         self.edits.set(element, changed, zeros=True)
 
     def _joint_element(self, link: str, name: str) -> tuple[str, Element]:

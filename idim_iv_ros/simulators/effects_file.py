@@ -39,6 +39,8 @@ class EffectsFile(Document):
     base_parameters : dict of str to float
         Those that differ from the configuration's, by name.
     effects : tuple of PlantedEffect
+    recordings : tuple of str
+        Names of those that they were found on.
     """
 
     what: ClassVar[str] = "a file of effects"
@@ -46,18 +48,20 @@ class EffectsFile(Document):
     format: Literal["idim_iv_ros/effects/1"] = EFFECTS_FORMAT
     base_parameters: dict[str, float] = field(default_factory=dict)
     effects: tuple[PlantedEffect, ...] = ()
+    recordings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class ExtendedModel:
     """Base parameters that differ from the configuration's, and effects beyond them.
 
-    `key`: where the parameters stand in the file.
+    `key`: where the parameters stand in the file; `recordings`: names of those they are from.
     """
 
     parameters: dict[str, float]
     effects: tuple[SimulatedEffect, ...]
     key: str
+    recordings: tuple[str, ...]
 
 
 def read_effects(path: Path) -> ExtendedModel:
@@ -87,7 +91,8 @@ def read_effects(path: Path) -> ExtendedModel:
             )
             for k, each in enumerate(planted.effects)
         )
-        return ExtendedModel(planted.base_parameters, effects, "base_parameters")
+        key, recordings = "base_parameters", planted.recordings
+        return ExtendedModel(planted.base_parameters, effects, key, recordings)
     gap = GapResult.from_json(text, str(path))
     causes = tuple(
         SimulatedEffect(
@@ -100,4 +105,4 @@ def read_effects(path: Path) -> ExtendedModel:
         for k, cause in enumerate(gap.causes)
     )
     parameters = {name: each.value for name, each in gap.extended_parameters.items()}
-    return ExtendedModel(parameters, causes, "extended_parameters")
+    return ExtendedModel(parameters, causes, "extended_parameters", gap.bags)

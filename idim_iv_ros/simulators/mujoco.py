@@ -11,8 +11,8 @@
         mujoco.mj_step(model, data)
 
 `apply` writes of the joints that have effects: `dof_frictionloss` and `dof_damping` of the model,
-and `qfrc_applied` of the data. It takes dry friction as stiff as MuJoCo allows (`dof_solref`,
-`dof_solimp`), since with the defaults a joint at rest creeps.
+and `qfrc_applied` of the data. But for constant torques it takes their dry friction as stiff as
+MuJoCo allows (`dof_solref`, `dof_solimp`), since with the defaults a joint at rest creeps.
 """
 
 from collections.abc import Sequence
@@ -90,9 +90,12 @@ class Effects:
         given = tuple(each for each in effects if not each.native)
         names = _joint_names(self._mujoco, model)
         parts = joint_effects(given, names)
-        used = sorted({j for each in parts for j in (each.joint, each.other_joint) if j >= 0})
-        used = sorted({*used, *(names.index(e.joint) for e in _offsets(given, names) if e.joint)})
+        affected = {j for each in parts for j in (each.joint, each.other_joint) if j >= 0}
+        used = sorted(
+            {*affected, *(names.index(e.joint) for e in _offsets(given, names) if e.joint)}
+        )
         self.joints = tuple(names[joint] for joint in used)
+        self._affected = np.isin(used, list(affected))
         # Contributions are numbered as `names`; here only joints with effects count.
         number = {joint: k for k, joint in enumerate(used)} | {-1: -1}
         parts = tuple(
@@ -150,7 +153,6 @@ class Effects:
             direction=np.array([1.0] * n + [term.direction for _, _, term in couplings]),
         )
         self._now = (np.zeros(contacts), np.zeros(contacts), np.zeros(n))
-        self._frictional = np.flatnonzero(dissipative | dry[:n] | (self._level > 0.0))
         lag = np.zeros(n)
         for joint, delay in added.of(CommandDelay):
             lag[joint] += delay.seconds
@@ -160,7 +162,8 @@ class Effects:
         if curves or self._wrong or np.any(lag > 0.0):
             self._drive = DelayLine(self._mujoco, model, self._id, lag)
         reference = (2.0 * model.opt.timestep, 1.0)
-        for dof in self._dof[self._frictional]:
+        rubbing = (dissipative | dry[:n] | (self._level > 0.0)) & self._affected
+        for dof in self._dof[rubbing]:
             model.dof_solref[dof], model.dof_solimp[dof] = reference, STIFFEST
         for tendon in self._tendons:
             model.tendon_solref_fri[tendon] = reference

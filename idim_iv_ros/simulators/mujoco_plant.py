@@ -96,6 +96,10 @@ def add_motors(mujoco: Any, spec: Any, joints: Sequence[str]) -> None:
         motor = spec.add_actuator(name=REPLAY + name, target=name)
         motor.trntype = mujoco.mjtTrn.mjTRN_JOINT
         motor.gear[0] = 1.0
+        # Whatever the defaults of a user's file make of an actuator.
+        motor.dyntype, motor.gaintype = mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtGain.mjGAIN_FIXED
+        motor.biastype, motor.gainprm[0] = mujoco.mjtBias.mjBIAS_NONE, 1.0
+        motor.ctrllimited = motor.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
 
 
 def set_inertias(mujoco: Any, model: Any, robot: RobotModel, parameters: DynamicParameters) -> None:

@@ -10,10 +10,8 @@ import numpy as np
 from idim_iv_ros.errors import UsageError, one_line
 from idim_iv_ros.files import VIDEOS, FilePath, complete_files, require_file_place
 from idim_iv_ros.model import RobotModel
-from idim_iv_ros.model.link_frames import link_frames
 from idim_iv_ros.model.mujoco_package import load_mujoco
-from idim_iv_ros.model.skeleton import skeleton
-from idim_iv_ros.simulators.mujoco_plant import plant_spec
+from idim_iv_ros.model.skeleton import Skeleton, skeleton
 from idim_iv_ros.simulators.replay_result import CORRECTED, NOMINAL, WITH_EFFECTS, ReplayResult
 from idim_iv_ros.types import FloatArray
 
@@ -47,14 +45,13 @@ def require_video(path: FilePath | None, *, force: bool = False) -> None:
         os.environ["MUJOCO_GL"] = "egl"  # draws without a screen
     mujoco = load_mujoco(f"--video {path}")
     try:
-        imageio = import_module("imageio")
+        import_module("imageio")
         if suffix == ".mp4":
             import_module("imageio_ffmpeg")
     except ImportError as error:
         other = "; a .gif needs nothing more" if suffix == ".mp4" else ""
         package = "imageio-ffmpeg" if suffix == ".mp4" else "imageio"
         raise UsageError(f"--video {path} needs {package}: pip install {package}{other}") from error
-    del imageio
     try:
         model = mujoco.MjModel.from_xml_string("<mujoco/>")
         renderer = mujoco.Renderer(model, 16, 16)
@@ -88,10 +85,11 @@ def write_video(result: ReplayResult, robot: RobotModel, path: FilePath) -> None
 def _frames(mujoco: Any, result: ReplayResult, robot: RobotModel, rate: float) -> list[Any]:
     """Pictures (height, width, 3) of the whole recording, or of its beginning."""
     names = list(result.positions)
-    reach = _reach(robot)
+    lines = skeleton(robot).segments
+    reach = max(0.1, float(sum(np.linalg.norm(end - start) for start, end in lines)))
+    hangs = min(float(end[2]) for _, end in lines) < -0.05
     spacing = 1.1 * reach
     spec = mujoco.MjSpec()
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # as that of its parts
     spec.visual.global_.offwidth, spec.visual.global_.offheight = _WIDTH, _HEIGHT
     spec.visual.headlight.ambient = [0.6, 0.6, 0.6]
     spec.visual.global_.fovy = _FIELD
@@ -101,42 +99,55 @@ def _frames(mujoco: Any, result: ReplayResult, robot: RobotModel, rate: float) -
     floor = spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE, size=[20.0, 20.0, 0.1], rgba=[0.96, 0.96, 0.97, 1.0]
     )
-    floor.pos = [0.0, 0.0, -reach if _low(robot) else 0.0]
-    for place, name in enumerate(names):
-        one = plant_spec(mujoco, robot, robot.given)
-        one.option.gravity = spec.option.gravity
-        _draw(mujoco, one, robot, _COLOURS[name], 0.04 * reach)
-        across = (place - 0.5 * (len(names) - 1)) * spacing * np.sqrt(0.5)
-        frame = spec.worldbody.add_frame(pos=[across, across, 0.0])
-        spec.attach(one, prefix=f"{place}_", frame=frame)
+    floor.pos = [0.0, 0.0, -reach if hangs else 0.0]
     model = spec.compile()
     data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
     camera = mujoco.MjvCamera()
-    camera.lookat[:] = (0.0, 0.0, 0.0 if _low(robot) else 0.4 * reach)
+    camera.lookat[:] = (0.0, 0.0, 0.0 if hangs else 0.4 * reach)
     height = max(len(names) * spacing * _HEIGHT / _WIDTH, 1.3 * reach)
     camera.distance = 0.5 * height / np.tan(np.radians(0.5 * _FIELD))
     # From half way between the axes of the base: arms often move in the plane of one of them.
     camera.azimuth, camera.elevation = 135.0, -12.0
-    addresses = [
-        [int(model.joint(f"{place}_{joint}").qposadr[0]) for joint in robot.joints]
-        for place in range(len(names))
-    ]
     step = max(1, round(result.rate / rate))
     chosen = range(0, len(result.positions[names[0]]), step)[: round(_LONGEST * rate)]
     pictures = []
     renderer = mujoco.Renderer(model, _HEIGHT, _WIDTH)
     try:
         for sample in chosen:
-            for own, name in zip(addresses, names, strict=True):
-                data.qpos[own] = result.positions[name][sample]
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_comPos(model, data)
-            mujoco.mj_camlight(model, data)
             renderer.update_scene(data, camera)
+            for place, name in enumerate(names):
+                across = (place - 0.5 * (len(names) - 1)) * spacing * np.sqrt(0.5)
+                drawn = skeleton(robot, result.positions[name][sample])
+                base = np.array([across, across, 0.0])
+                _draw(mujoco, renderer.scene, drawn, base, _COLOURS[name], 0.04 * reach)
             pictures.append(_labelled(renderer.render(), names))
     finally:
         renderer.close()
     return pictures
+
+
+def _draw(
+    mujoco: Any,
+    scene: Any,
+    drawn: Skeleton,
+    base: FloatArray,
+    colour: tuple[float, ...],
+    radius: float,
+) -> None:
+    """Links as capsules, and joints as cylinders along their axes."""
+    kinds = mujoco.mjtGeom
+    parts = [(kinds.mjGEOM_CAPSULE, 0.7 * radius, *line) for line in drawn.segments]
+    for origin, axis in zip(drawn.origins, 1.3 * radius * drawn.axes, strict=True):
+        parts.append((kinds.mjGEOM_CYLINDER, radius, origin - axis, origin + axis))
+    for kind, size, start, end in parts:
+        if np.linalg.norm(end - start) > 1e-6 and scene.ngeom < scene.maxgeom:
+            geom = scene.geoms[scene.ngeom]
+            mujoco.mjv_initGeom(
+                geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), np.array(colour, "f4")
+            )
+            mujoco.mjv_connector(geom, kind, size, base + start, base + end)
+            scene.ngeom += 1
 
 
 def _labelled(picture: Any, names: list[str]) -> Any:
@@ -148,68 +159,3 @@ def _labelled(picture: Any, names: list[str]) -> Any:
         middle = (place + 0.5) * _WIDTH / len(names)
         pen.text((middle, 14), name, fill=(30, 30, 32), anchor="mm")
     return np.asarray(canvas)
-
-
-def _draw(
-    mujoco: Any, spec: Any, robot: RobotModel, colour: tuple[float, ...], radius: float
-) -> None:
-    """A capsule from each joint to the next, and to the ends."""
-    model = robot.pinocchio
-    turned = link_frames(robot).turned
-    ends = {joint: end for joint, end in _ends(robot).items() if np.linalg.norm(end) > 1e-6}
-    for tree, joint in enumerate(robot.order, start=1):
-        body = spec.body(f"link_{robot.joints[joint]}")
-        axis = turned[tree][:, 2]
-        targets = [
-            np.array(model.jointPlacements[other].translation)
-            for other in range(tree + 1, model.njoints)
-            if int(model.parents[other]) == tree
-        ]
-        if tree in ends:
-            targets.append(ends[tree])
-        for target in targets:
-            if np.linalg.norm(target) > 1e-6:
-                body.add_geom(
-                    type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-                    fromto=[0.0, 0.0, 0.0, *target],
-                    size=[0.7 * radius, 0.0, 0.0],
-                    rgba=colour,
-                )
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-            fromto=[*(-1.3 * radius * axis), *(1.3 * radius * axis)],
-            size=[radius, 0.0, 0.0],
-            rgba=colour,
-        )
-        if int(model.parents[tree]) == 0:
-            spec.worldbody.add_geom(
-                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-                fromto=[0.0, 0.0, 0.0, *np.where(
-                    np.abs(model.jointPlacements[tree].translation).max() > 1e-6,
-                    model.jointPlacements[tree].translation, [0.0, 0.0, 1e-3])],
-                size=[0.7 * radius, 0.0, 0.0],
-                rgba=colour,
-            )  # fmt: skip
-
-
-def _ends(robot: RobotModel) -> dict[int, FloatArray]:
-    """Farthest frame on each joint of the tree that carries no other, in its frame."""
-    model = robot.pinocchio
-    carriers = {int(parent) for parent in model.parents[1:]}
-    ends: dict[int, FloatArray] = {}
-    for frame in model.frames:
-        tree, place = int(frame.parentJoint), np.array(frame.placement.translation)
-        if tree and tree not in carriers:
-            known = ends.get(tree, np.zeros(3))
-            ends[tree] = place if np.linalg.norm(place) > np.linalg.norm(known) else known
-    return ends
-
-
-def _reach(robot: RobotModel) -> float:
-    lines = skeleton(robot).segments
-    return max(0.1, float(sum(np.linalg.norm(end - start) for start, end in lines)))
-
-
-def _low(robot: RobotModel) -> bool:
-    """Whether the robot hangs below its base."""
-    return min(float(end[2]) for _, end in skeleton(robot).segments) < -0.05

@@ -148,15 +148,9 @@ def simulation_document(bags: Sequence[SimulatedBag], truth: Path) -> dict[str, 
     return {
         "format": SIMULATION_FORMAT,
         "bags": [
-            {
-                "path": str(bag.path),
-                "seed": bag.seed,
-                "samples": bag.samples,
-                "rate": bag.rate,
-                "duration": bag.duration,
-                "peak_torque": bag.peak_torque.tolist(),
-                "peak_error": bag.peak_error.tolist(),
-            }
+            {name: getattr(bag, name) for name in ("seed", "samples", "rate", "duration")}
+            | {"path": str(bag.path)}
+            | {name: getattr(bag, name).tolist() for name in ("peak_torque", "peak_error")}
             for bag in bags
         ],
         "truth": str(truth),

@@ -1,7 +1,7 @@
 """The recorded references once more, in MuJoCo: how far is the simulator from the robot?"""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.law_speed import with_law_speed
 from idim_iv_ros.diagnosis.held_out import block_sums, interval, resampled, time_blocks
+from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop
@@ -29,6 +30,7 @@ from idim_iv_ros.simulators.effects_file import ExtendedModel, read_effects
 from idim_iv_ros.simulators.mujoco_loop import MujocoMotion, References, run_in_mujoco
 from idim_iv_ros.simulators.replay_models import (
     StageModel,
+    nominal_stage,
     plant_stage,
     require_same_native,
     xml_stage,
@@ -45,6 +47,17 @@ from idim_iv_ros.simulators.replay_result import (
 from idim_iv_ros.types import FloatArray
 
 URDF = "urdf"
+# Share of a joint's torque beyond the gains of its law, from which on that is replayed, too.
+_BEYOND_GAINS = 0.05
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One recording that is replayed: its law, and where in the session (s) it starts."""
+
+    motion: Motion
+    law: ControlLaw
+    start: float
 
 
 @dataclass(frozen=True)
@@ -68,7 +81,9 @@ def replay_bags(
     """Run the recorded references in MuJoCo and compare with the recording.
 
     The control law is that of the configuration (fitted from the recordings where it is unknown):
-    sampled and held, with its delay and limits. The robot starts where the recording does.
+    sampled and held, with its delay and limits; what it commands beyond its gains (a feedforward)
+    is that of the recording. The robot starts where the recording does. Recordings that `effects`
+    were found on are left out where there are others.
 
     Parameters
     ----------
@@ -93,19 +108,71 @@ def replay_bags(
         watch.stage("reading", 0.0)
         extended = None if effects is None else read_effects(Path(effects))
         prepared = prepare(read_configured(bags, configuration), configuration)
-        laws = _laws(prepared)
         known = _stages(mujoco, prepared, model, extended, effects)
         models = [stage for stage in known if stage.name in stages]
+        fitted = () if extended is None else extended.recordings
+        runs, notes = _runs(prepared, fitted, [each for stage in known for each in stage.effects])
         compared = []
         for number, stage in enumerate(models):
             watch.stage(f"simulating: {stage.name}", 0.1 + 0.9 * number / len(models))
-            compared.append(_compare(mujoco, prepared, laws, stage))
-    return _result(prepared, models, compared, model, effects)
+            compared.append(_compare(mujoco, prepared.model.robot, runs, stage))
+    result = _result(prepared, [run.motion for run in runs], models, compared)
+    return replace(
+        result,
+        model=URDF if str(model) == URDF else str(model),
+        effects="" if effects is None else str(effects),
+        held_out=None if not fitted else not any(bag in fitted for bag in result.bags),
+        notes=result.notes + notes,
+    )
 
 
 def replayed_robot(bags: FilePaths, configuration: Configuration) -> RobotModel:
     """Return the robot that a configuration and its recordings describe."""
     return prepare(read_configured(bags, configuration), configuration).model.robot
+
+
+def _runs(
+    prepared: PreparedRegression, fitted: Collection[str], effects: Sequence[SimulatedEffect]
+) -> tuple[list[_Run], tuple[str, ...]]:
+    """Recordings that are replayed, without those of the fit where there are others; notes."""
+    parts = prepared.session.parts
+    runs = [
+        _Run(motion, law, part.start)
+        for motion, law, part in zip(prepared.motions, _laws(prepared), parts, strict=True)
+    ]
+    held_out = [run for run, part in zip(runs, parts, strict=True) if part.bag not in fitted]
+    runs = held_out or runs
+    if any(BY_NAME[each.effect].part == "gains" for each in effects):
+        return runs, ()
+    beyond = [_beyond_gains(run) for run in runs]
+    sizes = [
+        [_rms(part) for part in (torque, run.motion.filtered(run.motion.signals.torque))]
+        for run, torque in zip(runs, beyond, strict=True)
+    ]
+    shares = np.max([rest / np.maximum(whole, 1e-300) for rest, whole in sizes], axis=0)
+    worst = int(np.argmax(shares))
+    if shares[worst] < _BEYOND_GAINS:
+        return runs, ()
+    joint = prepared.model.robot.joints[worst]
+    note = (
+        f"the law commands more than its gains ({100.0 * shares[worst]:.0f} % of the torque at "
+        f"{joint}): this feedforward is that of the recording"
+    )
+    return [
+        replace(run, law=replace(run.law, feedforward=np.nan_to_num(torque)))
+        for run, torque in zip(runs, beyond, strict=True)
+    ], (note,)
+
+
+def _beyond_gains(run: _Run) -> FloatArray:
+    """Torque (n_samples, n_joints) that the recorded command is more than its law, smoothed."""
+    signals = run.motion.signals
+    speed = np.gradient(signals.position, 1.0 / signals.rate, axis=0)
+    law = [
+        ControllerMismatch().parts(signals, run.law, joint, speed[:, joint]).command
+        for joint in range(signals.position.shape[1])
+    ]
+    return run.motion.filtered(signals.torque - np.column_stack(law))
 
 
 def _laws(prepared: PreparedRegression) -> tuple[ControlLaw, ...]:
@@ -141,7 +208,7 @@ def _stages(
     robot = prepared.model.robot
     if prepared.given is None:
         raise UsageError(prepared.why_no_given)
-    stages = [plant_stage(mujoco, prepared.model, None, NOMINAL)]
+    stages = [nominal_stage(mujoco, prepared.model, prepared.configuration.robot.mjcf)]
     effects: tuple[SimulatedEffect, ...] = () if extended is None else extended.effects
     joint_effects(effects, robot.joints)  # refuses what is not known before anything is simulated
     parameters = {} if extended is None else extended.parameters
@@ -185,35 +252,36 @@ def _beside(model: Path, source: FilePath | None) -> tuple[str, ...]:
     return (f"without the effects of {effects}: add --effects {effects}",)
 
 
-def _compare(
-    mujoco: Any, prepared: PreparedRegression, laws: Sequence[ControlLaw], stage: StageModel
-) -> _Compared:
-    positions, torques = [], []
-    for motion, law, part in zip(prepared.motions, laws, prepared.session.parts, strict=True):
-        ran = _run(mujoco, prepared, motion, law, part.start, stage)
+def _compare(mujoco: Any, robot: RobotModel, runs: Sequence[_Run], stage: StageModel) -> _Compared:
+    positions: list[FloatArray] = []
+    torques: list[FloatArray] = []
+    for run in runs:
+        ran = _ran(mujoco, robot, run, stage)
         if ran.diverged:
-            return _Compared((), (), f"{motion.signals.name}: {ran.diverged}")
-        positions.append(motion.filtered(ran.position))
-        torques.append(motion.filtered(ran.torque))
+            return _Compared((), (), f"{run.motion.signals.name}: {ran.diverged}")
+        motion, first = run.motion, run.motion.span.start
+        for made, before, after in (
+            (positions, motion.position, ran.position),
+            (torques, motion.signals.torque, ran.torque),
+        ):
+            made.append(motion.filtered(np.concatenate([before[:first], after])))
     return _Compared(tuple(positions), tuple(torques), "")
 
 
-def _run(
-    mujoco: Any,
-    prepared: PreparedRegression,
-    motion: Motion,
-    law: ControlLaw,
-    start_time: float,
-    stage: StageModel,
-) -> MujocoMotion:
-    signals, robot = motion.signals, prepared.model.robot
+def _ran(mujoco: Any, robot: RobotModel, run: _Run, stage: StageModel) -> MujocoMotion:
+    """Simulate from where the filtered motion is known, so that its speed there is, too."""
+    motion, signals, first = run.motion, run.motion.signals, run.motion.span.start
     wanted = signals.position_reference
     assert wanted is not None
     speed = signals.velocity_reference
     if speed is None:
         speed = np.gradient(wanted, 1.0 / signals.rate, axis=0)
-    initial, _ = central_differences(motion.position, rate=signals.rate, start=0, stop=1)
-    references = References(signals.rate, wanted, speed, motion.position[0], initial[0], start_time)
+    start = motion.position[first]
+    moving, _ = central_differences(motion.position, rate=signals.rate, start=first, stop=first + 1)
+    when = run.start + first / signals.rate
+    references = References(signals.rate, wanted[first:], speed[first:], start, moving[0], when)
+    forward = run.law.feedforward
+    law = replace(run.law, feedforward=None if forward is None else forward[first:])
     model = stage.compiled(mujoco)
     with mujoco_warnings():
         return run_in_mujoco(
@@ -223,12 +291,11 @@ def _run(
 
 def _result(
     prepared: PreparedRegression,
+    motions: Sequence[Motion],
     models: Sequence[StageModel],
     compared: Sequence[_Compared],
-    model: FilePath,
-    effects: FilePath | None,
 ) -> ReplayResult:
-    robot, motions = prepared.model.robot, prepared.motions
+    robot = prepared.model.robot
     raw = [motion.signals.torque for motion in motions]
     smooth = [motion.filtered(torque) for motion, torque in zip(motions, raw, strict=True)]
     measured = [motion.position for motion in motions]
@@ -262,11 +329,10 @@ def _result(
         robot=robot.name,
         joints=robot.joints,
         joint_types=robot.joint_types,
-        bags=tuple(recording.path.name for recording in prepared.recordings),
+        bags=tuple(motion.signals.name for motion in motions),
         duration=seconds,
         software=_software(),
-        model=URDF if str(model) == URDF else str(model),
-        effects="" if effects is None else str(effects),
+        model=URDF,
         tracking_noise=dict(zip(robot.joints, map(float, noise[0]), strict=True)),
         torque_noise=dict(zip(robot.joints, map(float, noise[1]), strict=True)),
         stages=tuple(stages),
@@ -301,6 +367,11 @@ def _tool(
     ]
     none = [np.zeros_like(each) for each in apart]
     return _errors(("tool",), motions, apart, none, np.zeros(1))["tool"]
+
+
+def _rms(values: FloatArray) -> FloatArray:
+    """(n,) of columns, where they are known."""
+    return np.asarray(np.sqrt(np.nanmean(values**2, axis=0)))
 
 
 def _noise(

@@ -22,6 +22,7 @@ from idim_iv_ros.simulators.mujoco_plant import (
     plant_spec,
     set_inertias,
 )
+from idim_iv_ros.simulators.replay_result import CORRECTED, NOMINAL
 from idim_iv_ros.types import FloatArray
 
 _LARGEST = 50.0  # MB
@@ -97,6 +98,18 @@ def plant_stage(
     return StageModel(name, words, robot, parameters, None, effects)
 
 
+def nominal_stage(mujoco: Any, model: InverseModel, mjcf: Path | None) -> StageModel:
+    """Return the nominal model: the user's own MJCF, where its joints are the robot's."""
+    robot = model.robot
+    if mjcf is not None:
+        with mujoco_reads(mjcf):
+            own = {joint.name for joint in mujoco.MjSpec.from_file(str(mjcf)).joints}
+        if own == set(robot.joints):
+            words = f"{mjcf.name} as given"
+            return replace(xml_stage(mujoco, robot, mjcf, {}), name=NOMINAL, words=words)
+    return plant_stage(mujoco, model, None, NOMINAL)
+
+
 def xml_stage(
     mujoco: Any, robot: RobotModel, path: Path, offsets: Mapping[str, float]
 ) -> StageModel:
@@ -114,7 +127,7 @@ def xml_stage(
         raise UsageError(
             f"off{wrong[0] + 1} is a parameter of a joint that the robot does not have"
         )
-    return StageModel("corrected", path.name, robot, None, path, _offsets(robot, constants))
+    return StageModel(CORRECTED, path.name, robot, None, path, _offsets(robot, constants))
 
 
 def require_same_native(

@@ -93,13 +93,15 @@ class ReplayResult(Document):
     format, robot : str
     joints, joint_types, bags : tuple of str
     duration : float
-        s of recording that were compared.
+        s of recording that were compared, those of `bags`.
     software : dict of str to str
     model, effects : str
         File of the model (``urdf``: made from the nominal model), file of the effects or empty.
     tracking_noise, torque_noise : dict
         Of the recordings by joint, rad (m) and N m (N).
     stages : tuple of ReplayStage
+    held_out : bool or None
+        Whether model and effects were found on other recordings; None where that is not known.
     notes : tuple of str
     series : tuple of ReplaySeries
         Not saved.
@@ -124,6 +126,7 @@ class ReplayResult(Document):
     tracking_noise: dict[str, Number]
     torque_noise: dict[str, Number]
     stages: tuple[ReplayStage, ...]
+    held_out: bool | None = None
     notes: tuple[str, ...] = ()
     series: Unsaved[tuple[ReplaySeries, ...]] = ()
     positions: Unsaved[dict[str, FloatArray]] = field(default_factory=dict)

@@ -391,7 +391,6 @@ def test_sizes_that_are_torques_are_shares_of_friction_or_of_the_largest() -> No
     [
         ("stribeck", {"fastest": [2.0, 0.2]}, "too slow"),
         ("nonlinear_viscous", {"fastest": [2.0, 0.2]}, "too slow"),
-        ("friction_drift", {"duration": 15.0}, "no warm-up"),
         ("presliding", {"sticking": False}, "where joints stick is not known"),
         ("encoder_eccentricity", {"low": [0.0, 0.0], "high": [1.0, 0.4]}, "looks constant"),
         ("encoder_eccentricity", {"lever": [1.0, 0.1]}, "looks constant"),

@@ -28,6 +28,7 @@ TOP = {
         "timing",
         "parameter_errors",
         "signal_chain",
+        "friction_leads",
         "recordings",
         "hints",
         "transmissions",

@@ -119,8 +119,8 @@ def test_rows_of_the_refit_use_the_friction_that_sticks(data: Baseline) -> None:
         np.testing.assert_allclose(matrix @ values, torque, atol=1e-6)
 
 
-def test_band_ends_where_noise_of_the_encoders_reaches_half_of_the_torques() -> None:
-    """(2πf)² = √5 · 0.5 σ_τ / (J σ_q), J the largest inertia along the motion."""
+def test_band_ends_where_noise_of_the_encoders_reaches_twice_that_of_the_torques() -> None:
+    """(2πf)² = √5 · 2 σ_τ / (J σ_q), J the largest inertia along the motion."""
     arm = arm2(seconds=SECONDS)
     model = arm.robot.pinocchio
     links = [np.diag(pin.crba(model, model.createData(), q)) for q in arm.position_reference[::200]]
@@ -129,7 +129,7 @@ def test_band_ends_where_noise_of_the_encoders_reaches_half_of_the_torques() -> 
         changed = widened([recorded(arm, 1, position_noise=noise)], arm.configuration)
         found = changed.processing.decimation_cutoff
         assert found is not None
-        limit = np.sqrt(np.sqrt(5.0) * 0.5 * np.array([0.45, 0.175]) / (inertia * noise))
+        limit = np.sqrt(np.sqrt(5.0) * 2.0 * np.array([0.45, 0.175]) / (inertia * noise))
         # Inertias and both noises are estimates, and one sample in a multiple of five is kept.
         assert found == pytest.approx(float(limit.min()) / (2 * np.pi), rel=0.15)
     named = arm.configuration.processing.model_copy(update={"decimation_cutoff": 7.0})

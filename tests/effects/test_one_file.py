@@ -22,6 +22,7 @@ ALLOWED = {
     ("diagnosis/controller/check.py", "controller_mismatch"): LAW,
     ("diagnosis/controller/law_change.py", "controller_mismatch"): LAW,
     ("diagnosis/controller/law_speed.py", "controller_mismatch"): LAW,
+    ("simulators/replay.py", "controller_mismatch"): LAW,
     ("report/sections/transmissions.py", "backlash"): "a column of measured numbers",
     ("simulator_files/changes.py", "torque_offset"): KEY,
     ("simulator_files/named.py", "payload"): BODY,

@@ -24,7 +24,7 @@ from tests.simulator_files.cases import Case, case, cause
 # Each with one joint to a body.
 ONE_EACH = ("ur5e", "panda", "iiwa14", "xarm7")
 INERTIAL = ("mass", "pos", "fullinertia", "diaginertia", "quat")
-DRIVE = ("armature", "damping", "frictionloss")
+DRIVE = ("armature", "damping", "frictionloss", "solreffriction", "solimpfriction")
 
 
 def configured(path: Path, joints: tuple[str, ...]) -> Configuration:
@@ -320,3 +320,13 @@ def test_bodies_in_frames_and_lines_of_windows(tmp_path: Path) -> None:
     content = arm.export(tmp_path / "out").mjcf.read_bytes()
     assert content.count(b"\n") == content.count(b"\r\n") == text.count("\n") + 1
     assert_same_torques(arm, content.decode(), text)
+
+
+def test_dry_friction_turns_as_early_as_in_the_recording(tmp_path: Path) -> None:
+    text, joints, _ = ARMS["ur5e"]
+    leads = {joints[1]: 0.0095, joints[2]: 0.00475}  # MuJoCo's default, and half of it
+    arm = arm_of(tmp_path, text, joints).with_gap(friction_leads=leads)
+    model = simulator(arm.export(tmp_path / "out").mjcf.read_text(encoding="utf-8"))
+    constants = [2.0 * model.opt.timestep, 0.02, 0.01]
+    np.testing.assert_allclose(model.dof_solref[:, 0], constants)
+    np.testing.assert_allclose(model.dof_solimp[:, 0], [0.99, 0.9, 0.9])

@@ -15,8 +15,8 @@ import pytest
 from bags.simulated_arms import arm2
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.simulation import SimulatedEffect, simulate_closed_loop
-from idim_iv_ros.simulators.mujoco import Effects, model_with_effects
-from idim_iv_ros.simulators.mujoco_loop import References, run_in_mujoco
+from idim_iv_ros.simulators.mujoco import STIFFEST, Effects, model_with_effects
+from idim_iv_ros.simulators.mujoco_loop import LONGEST_STEP, References, run_in_mujoco
 from idim_iv_ros.simulators.mujoco_parts import add_parts
 from idim_iv_ros.simulators.mujoco_plant import add_motors, plant_spec, set_inertias
 from tests.simulation.test_effects import FORMULAS
@@ -53,6 +53,12 @@ def opposing(model: mujoco.MjModel, effects: Effects, q: float, dq: float) -> fl
     mujoco.mj_forward(model, data)
     balance = data.qfrc_applied + data.qfrc_passive + data.qfrc_constraint
     return -float(balance[0])
+
+
+def test_constant_torques_leave_dry_friction_as_the_file_has_it() -> None:
+    model = pendulum()
+    Effects(model, [on("torque_offset", 0, offset=0.1), on("spring", 1, linear=1.0)])
+    np.testing.assert_allclose(model.dof_solref[:, 0], [0.02, 2.0 * model.opt.timestep])
 
 
 @pytest.mark.parametrize("name", FORMULAS)
@@ -209,6 +215,7 @@ def motion_is_the_same(arm, effects: list[SimulatedEffect]) -> None:
     add_parts(spec, effects)
     model = spec.compile()
     set_inertias(mujoco, model, arm.robot, arm.truth)
+    model.dof_solref[:], model.dof_solimp[:] = (2.0 * LONGEST_STEP, 1.0), STIFFEST
     offsets = [
         on("torque_offset", joint, offset=value) for joint, value in enumerate(arm.truth.offset)
     ]

@@ -1,6 +1,7 @@
 """Recordings of the project's own simulator, replayed in MuJoCo."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -9,10 +10,11 @@ import pytest
 
 from bags import simulated_arms
 from idim_iv_ros import load_configuration, replay_bags
-from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.configuration import Configuration, SimulatorSection
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.model import DynamicParameters, InverseModel, build_inverse_model, read_urdf_file
 from idim_iv_ros.recording import write_bag
+from idim_iv_ros.report.replay import shrinkage
 from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, record_simulated_robot
 from idim_iv_ros.simulators.mujoco_plant import (
     add_motors,
@@ -31,14 +33,17 @@ def configuration() -> Configuration:
     return load_configuration(CONFIG / "arm2.yaml")
 
 
-@pytest.fixture(scope="module")
-def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Four seconds of the true arm with Stribeck friction."""
+def recorded_arm(path: Path, *, start: float = 0.0, feedforward: float = 0.0) -> Path:
+    """Four seconds of the true arm with Stribeck friction.
+
+    `feedforward`: size of a torque that the law adds at both joints, N m.
+    """
     arm = simulated_arms.arm2(seconds=4.0)
+    wave = np.sin(np.arange(len(arm.position_reference)) / arm.rate)
     recorded = record_simulated_robot(
         arm.robot,
         arm.truth,
-        arm.law,
+        replace(arm.law, feedforward=feedforward * np.column_stack([wave, wave])),
         arm.position_reference,
         arm.velocity_reference,
         rate=arm.rate,
@@ -47,9 +52,14 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
         torque_noise=np.array([0.45, 0.175]),
         effects=[PLANTED],
     )
-    path = tmp_path_factory.mktemp("replay") / "arm.mcap"
-    write_bag(path, simulated_arms.joint_topics(arm, recorded))
+    topics = simulated_arms.joint_topics(arm, recorded)
+    write_bag(path, [replace(topic, time=topic.time + start) for topic in topics])
     return path
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return recorded_arm(tmp_path_factory.mktemp("replay") / "arm.mcap")
 
 
 @pytest.fixture(scope="module")
@@ -142,6 +152,55 @@ def test_an_mjcf_is_the_corrected_model(
     assert tracking is not None
     # MuJoCo's dry friction is as soft as the file has it at joints without effects.
     assert tracking["joint_1"].over_noise < 1.0 and tracking["joint_2"].over_noise < 5.0
+
+
+def test_the_nominal_model_is_the_users_own_mjcf(
+    bag: Path, truth: Path, configuration: Configuration, tmp_path: Path
+) -> None:
+    """Actuators of the replay are motors, whatever the defaults of the file."""
+    arm = simulated_arms.arm2(seconds=4.0)
+    text = mjcf(arm.truth.inertial, inverse_model(configuration), arm.truth)
+    default = '<default><general ctrlrange="-1 1" biastype="affine" biasprm="0 -9"/></default>'
+    path, effects = tmp_path / "arm2.xml", tmp_path / "stribeck.json"
+    path.write_text(text.replace("<mujoco>", f"<mujoco>{default}"), encoding="utf-8")
+    effects.write_text(json.dumps(json.loads(truth.read_text()) | {"base_parameters": {}}))
+    robot = configuration.robot.model_copy(update={"urdf": None, "mjcf": path})
+    own = configuration.model_copy(update={"robot": robot, "simulator": SimulatorSection()})
+    nominal, affected = replay_bags(bag, own, effects=effects).stages
+    assert nominal.model == "arm2.xml as given"
+    assert nominal.tracking is not None and affected.tracking is not None
+    # Dry friction of the file is as soft as MuJoCo's default.
+    assert nominal.tracking["joint_1"].over_noise > 10.0
+    assert affected.tracking["joint_1"].over_noise < 5.0
+
+
+def test_recordings_of_the_fit_are_left_out_where_there_are_others(
+    bag: Path, truth: Path, configuration: Configuration, tmp_path: Path
+) -> None:
+    other, effects = recorded_arm(tmp_path / "other.mcap", start=100.0), tmp_path / "found.json"
+    effects.write_text(json.dumps(json.loads(truth.read_text()) | {"recordings": [bag.name]}))
+    alone = replay_bags(bag, configuration, effects=effects, stages=["nominal"])
+    both = replay_bags([bag, other], configuration, effects=effects)
+    assert (alone.bags, alone.held_out) == ((bag.name,), False)
+    assert (both.bags, both.held_out) == ((other.name,), True)
+    rows = {row[0]: row for row in shrinkage(both)}
+    joint, tool = rows["joint_1"], rows["end of the arm"]
+    assert both.stages[0].tool is not None and both.best.tool is not None
+    assert tool[5] == f"{100.0 * both.best.tool.rms / both.stages[0].tool.rms:.3g} %"
+    given, after, interval = joint[1]
+    assert (given.css, given.start, given.length) == ("full given", 0.0, 100.0)
+    assert interval.start < after.length < interval.start + interval.length < 20.0
+
+
+def test_what_the_law_adds_to_its_gains_is_that_of_the_recording(
+    truth: Path, configuration: Configuration, tmp_path: Path
+) -> None:
+    bag = recorded_arm(tmp_path / "forward.mcap", feedforward=40.0)
+    result = replay_bags(bag, configuration, effects=truth)
+    assert any("commands more than its gains" in note for note in result.notes)
+    nominal, best = result.stages[0].tracking, result.best.tracking
+    assert nominal is not None and best is not None
+    assert nominal["joint_1"].over_noise > 20.0 and best["joint_1"].over_noise < 5.0
 
 
 def mjcf(inertial: np.ndarray, model: InverseModel, parameters: DynamicParameters) -> str:

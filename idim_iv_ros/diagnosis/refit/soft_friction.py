@@ -26,6 +26,7 @@ from idim_iv_ros.types import FloatArray
 
 # 1/b, s: half to twice that of MuJoCo's default (a time constant of 20 ms, d of 0.95).
 _LEADS = (0.005, 0.0065, 0.008, 0.0095, 0.011, 0.014, 0.019)
+LEAST_LEAD = _LEADS[0]  # what turns with it is stiffer than all that is tried
 # (1 − d) / d: MuJoCo's default is 1/9. What the motion leaves of its noise widens the crossing.
 _SOFTNESS = (1.0 / 9.0, 0.25, 0.5, 1.0)
 _FINER = (1.1, 1.05, 1.025)  # factors of a lead; of the softness their third power

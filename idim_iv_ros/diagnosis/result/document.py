@@ -88,6 +88,9 @@ class GapResult(Document):
     parameter_errors : tuple of ParameterError
         One for each joint; empty without a nominal model.
     signal_chain : SignalChain or None
+    friction_leads : dict of str to float
+        s by which dry friction turns before its joint, as a simulator's solver softens it; only
+        joints where it does.
     recordings : tuple of RecordingAgreement
         In the order of `bags`; empty of a single recording.
     contrast : ContrastResult or None
@@ -139,6 +142,7 @@ class GapResult(Document):
     unexplained: Unexplained | None
     parameter_errors: tuple[ParameterError, ...] = ()
     signal_chain: SignalChain | None = None
+    friction_leads: dict[str, Number] = field(default_factory=dict)
     recordings: tuple[RecordingAgreement, ...] = ()
     contrast: ContrastResult | None = None
     nominal: NominalModel | None = None

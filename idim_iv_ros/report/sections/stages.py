@@ -63,7 +63,7 @@ def _waterfall(result: GapResult, joint: str, gap: JointGap | None) -> Waterfall
         torque_unit(result, joint),
         small_unit(result, joint),
         tuple(rows),
-        None if floor is None else _bar("full floor", 0.0, floor / largest),
+        None if floor is None else bar("full floor", 0.0, floor / largest),
         number(floor),
         gap.floor_origin if gap is not None and floor is not None else "unknown",
     )
@@ -86,11 +86,11 @@ def _row(stage: Stage, joint: str, previous: float | None, largest: float) -> St
     bars = []
     if value is not None and known(value):
         colour = _COLOURS.get(stage.name, "effect")
-        bars.append(_bar(f"full {colour}", 0.0, value / largest))
+        bars.append(bar(f"full {colour}", 0.0, value / largest))
         if previous is not None and previous > value:
-            bars.append(_bar(f"gone {colour}", value / largest, previous / largest))
+            bars.append(bar(f"gone {colour}", value / largest, previous / largest))
         if interval is not None:
-            bars.append(_bar("whisker", interval[0] / largest, interval[1] / largest))
+            bars.append(bar("whisker", interval[0] / largest, interval[1] / largest))
     tracking = None if stage.tracking_rms is None else stage.tracking_rms.get(joint)
     return StageRow(
         stage_words(stage.name),
@@ -101,7 +101,8 @@ def _row(stage: Stage, joint: str, previous: float | None, largest: float) -> St
     )
 
 
-def _bar(css: str, low: float, high: float) -> Bar:
+def bar(css: str, low: float, high: float) -> Bar:
+    """Part of a bar from one share of its length to another."""
     return Bar(css, round(100.0 * low, 2), round(100.0 * (high - low), 2))
 
 
