@@ -27,7 +27,8 @@ from benchmarks.measurement import write_page
 from benchmarks.withheld_effects.score import open_labels
 
 FloatArray = NDArray[np.float64]
-PENALTY = 1.0  # of the squared weights, of unit spread
+BoolArray = NDArray[np.bool_]
+PENALTY = 1.0  # of the squared weights
 GROUPS = 10
 EDGES = (0.0, 0.3, 0.6, 0.7, 0.8, 0.9, 0.96, 1.001)
 
@@ -72,10 +73,14 @@ def with_truth(terms: list[dict[str, Any]], label: dict[str, Any]) -> list[dict[
     return made
 
 
-def fitted(x: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
-    """Intercept and weights (f,) of a logistic regression with a ridge on standardised features."""
+def fitted(x: FloatArray, effects: BoolArray, y: FloatArray) -> FloatArray:
+    """Intercept and weights of features and of effects (1 + f + e,) of a logistic regression.
+
+    A ridge draws the weights of standardised features (k, f) and those of effects (k, e) to zero:
+    what an effect adds is a random number of unit spread, zero where it never occurred.
+    """
     mean, spread = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-9)
-    table = np.column_stack([np.ones(len(x)), (x - mean) / spread])
+    table = np.column_stack([np.ones(len(x)), (x - mean) / spread, effects])
     penalty = PENALTY * np.eye(table.shape[1])
     penalty[0, 0] = 0.0
     weights = np.zeros(table.shape[1])
@@ -86,8 +91,15 @@ def fitted(x: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
         weights += step
         if np.abs(step).max() < 1e-9:
             break
-    slopes = weights[1:] / spread
-    return float(weights[0] - slopes @ mean), slopes
+    weights[1 : 1 + len(spread)] /= spread
+    weights[0] -= weights[1 : 1 + len(spread)] @ mean
+    return weights
+
+
+def said(weights: FloatArray, x: FloatArray, effects: BoolArray) -> FloatArray:
+    """Probabilities (k,) of a fitted table."""
+    odds = weights[0] + np.column_stack([x, effects]) @ weights[1:]
+    return np.asarray(1.0 / (1.0 + np.exp(-odds)))
 
 
 def reliability(p: FloatArray, y: FloatArray) -> list[str]:
@@ -107,23 +119,32 @@ def fit(files: list[Path], *, write: bool) -> None:
     """Fit the table, and print how tables without a tenth of the cells do on that tenth."""
     from idim_iv_ros.diagnosis.comparison import probability
 
-    cells = {name: terms for file in files for name, terms in json.loads(file.read_text()).items()}
+    cells = {
+        (file.name, name): terms
+        for file in files
+        for name, terms in json.loads(file.read_text()).items()
+    }
     number = {name: k % GROUPS for k, name in enumerate(sorted(cells))}
     rows = [(number[name], term) for name, terms in cells.items() for term in terms]
     group = np.array([k for k, _ in rows])
     x = np.array([term["features"] for _, term in rows])
     y = np.array([float(term["true"]) for _, term in rows])
+    names = sorted({term["effect"] for _, term in rows})
+    effects = np.array([[term["effect"] == name for name in names] for _, term in rows])
     p = np.zeros(len(y))
     for k in range(GROUPS):
-        intercept, slopes = fitted(x[group != k], y[group != k])
-        p[group == k] = 1.0 / (1.0 + np.exp(-intercept - x[group == k] @ slopes))
+        inside = group == k
+        weights = fitted(x[~inside], effects[~inside], y[~inside])
+        p[inside] = said(weights, x[inside], effects[inside])
     print(f"{len(cells)} recordings, {len(y)} terms, {int(y.sum())} of them true\n")
     print("\n".join(reliability(p, y)))
     for least in (0.5, 0.6, 0.7, 0.8):
-        said = p >= least
-        print(f"from {least}: {int(y[said].sum())} true, {int((1 - y[said]).sum())} false")
-    intercept, slopes = fitted(x, y)
-    for name, weight in zip(probability.FEATURES, slopes, strict=True):
+        named = p >= least
+        print(f"from {least}: {int(y[named].sum())} true, {int((1 - y[named]).sum())} false")
+    weights = np.round(fitted(x, effects, y), 4)
+    slopes = weights[1 : 1 + x.shape[1]]
+    offsets = dict(zip(names, weights[1 + x.shape[1] :].tolist(), strict=True))
+    for name, weight in (*zip(probability.FEATURES, slopes, strict=True), *offsets.items()):
         print(f"{weight:+.3f}  {name}")
     if write:
         origin = (
@@ -132,8 +153,9 @@ def fit(files: list[Path], *, write: bool) -> None:
         )
         content = {
             "origin": origin,
-            "intercept": round(intercept, 4),
-            "weights": [round(float(weight), 4) for weight in slopes],
+            "intercept": float(weights[0]),
+            "weights": slopes.tolist(),
+            "effects": offsets,
         }
         path = Path(probability.__file__).with_name("probability.json")
         path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")

@@ -212,7 +212,7 @@ SIMULATION_LOST = Setting(1.0, "range of the joint",
     "tracking error from which on the simulation has not followed", CHOSEN)
 MOST_POINTS = Count(1500, "points", "points of a curve of the tracking error, at most", CONVENTION)
 WORDS_OF_SUMMARY = Count(120, "words", "length of a summary, at most", CONVENTION)
-LEAST_WEIGHT_OF_RIVAL = Setting(0.05, "of the set's probability",
+LEAST_WEIGHT_OF_RIVAL = Setting(0.02, "of the set's probability",
     "weight from which on another effect is in the set of a cause", CONVENTION)
 MOST_CAUSES_IN_SUMMARY = Count(4, "causes",
     "causes after the first in the summary, at most", CONVENTION)

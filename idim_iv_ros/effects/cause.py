@@ -116,8 +116,6 @@ class Cause(ABC):
     joints_needed: ClassVar[int] = 1
     # Prior odds of it against an effect of the usual odds, before a recording is seen.
     prior_weight: ClassVar[float] = 1.0
-    # Whether misfit at reversals, of the encoder or at peaks of the torque is like it.
-    like_misfit: ClassVar[bool] = False
     specs: ClassVar[tuple[ParameterSpec, ...]] = ()
     # Part of the robot that it changes; empty: physics that nothing else asks for by its part.
     part: ClassVar[Part] = ""

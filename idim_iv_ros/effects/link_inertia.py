@@ -10,7 +10,7 @@ from idim_iv_ros.effects.parametric_effect import (
     ParametricEffect,
     estimated,
 )
-from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER
+from idim_iv_ros.model.parameters import INERTIAL, POINT, REGRESSOR_ORDER
 
 _POSITIVE = ("M", "XX", "YY", "ZZ")
 
@@ -33,14 +33,17 @@ class LinkInertia(ParametricEffect):
         return f"{changed[2]}{' (grouped)' if changed[1] else ''} less the nominal one"
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
-        """All ten together."""
+        """Mass and first moments, as a payload may have nothing else, and all ten."""
         assert joint is not None
-        changes = [
-            change
-            for kind in INERTIAL
-            for change in space.change(kind, joint, f"change_of_{kind}{joint + 1}")
-        ]
-        return [changes] if changes else []
+        variants = (
+            [
+                change
+                for kind in kinds
+                for change in space.change(kind, joint, f"change_of_{kind}{joint + 1}")
+            ]
+            for kinds in (POINT, INERTIAL)
+        )
+        return [changes for changes in variants if changes]
 
     def which(self, joint: int) -> str:
         """Number of the link that the joint moves."""

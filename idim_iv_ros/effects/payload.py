@@ -14,10 +14,9 @@ from idim_iv_ros.effects.parametric_effect import (
     estimated,
 )
 from idim_iv_ros.model import RobotModel
-from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER
+from idim_iv_ros.model.parameters import INERTIAL, POINT, REGRESSOR_ORDER
 from idim_iv_ros.types import FloatArray
 
-_POINT = ("M", "MX", "MY", "MZ")
 _CHECKED = ("M", "XX", "YY", "ZZ")
 
 
@@ -62,7 +61,7 @@ class Payload(ParametricEffect):
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """A mass that is small beside its distance, and any rigid body."""
         assert joint is not None
-        point = [change for kind in _POINT for change in space.change(kind, joint, _NAMES[kind])]
+        point = [change for kind in POINT for change in space.change(kind, joint, _NAMES[kind])]
         body = [change for kind in INERTIAL for change in space.change(kind, joint, _NAMES[kind])]
         return [each for each in (point, body) if each]
 
@@ -128,7 +127,7 @@ def _least_size(ends: FloatArray) -> FloatArray:
 def _near(found: Sequence[Estimated], sign: float, size: float) -> bool:
     """Whether the centre of mass may lie within the arm's own size of the last joint."""
     mass = _ends(found, ("mass",), sign)[1, 0]
-    moments = _least_size(_ends(found, [_NAMES[kind] for kind in _POINT[1:]], sign))
+    moments = _least_size(_ends(found, [_NAMES[kind] for kind in POINT[1:]], sign))
     return not float(np.linalg.norm(moments)) > size * mass
 
 
@@ -141,7 +140,7 @@ def _rigid_body(found: Sequence[Estimated], sign: float) -> bool:
     if not any(each.change.name.startswith("inertia_") for each in found):
         return True
     mass = _ends(found, ("mass",), sign)[1, 0]
-    moments = _least_size(_ends(found, [_NAMES[kind] for kind in _POINT[1:]], sign))
+    moments = _least_size(_ends(found, [_NAMES[kind] for kind in POINT[1:]], sign))
     least, most = _ends(found, ("inertia_xx", "inertia_yy", "inertia_zz"), sign)
     across = _least_size(_ends(found, ("inertia_yz", "inertia_xz", "inertia_xy"), sign))
     second = np.array([most[(k + 1) % 3] + most[(k + 2) % 3] - least[k] for k in range(3)]) / 2.0

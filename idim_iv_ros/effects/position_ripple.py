@@ -36,7 +36,6 @@ class PositionRipple(StructuralEffect[Waves]):
 
     name = "position_ripple"
     order = 120
-    like_misfit = True
     family = "position"
     confounders = ("spring", "position_dependent_friction")
     excitation = "slow constant speed over many periods, in both directions"

@@ -88,7 +88,6 @@ class Presliding(StructuralEffect[BristleShape]):
     order = 70
     lost_where_softened = True
     part = "friction"
-    like_misfit = True
     family = "velocity"
     confounders = ("stribeck", "backlash")
     excitation = "many small reversals of different sizes, at different rates"

@@ -50,7 +50,6 @@ class Stribeck(StructuralEffect[StribeckShape]):
     name = "stribeck"
     order = 10
     part = "friction"
-    like_misfit = True
     family = "velocity"
     confounders = ("nonlinear_viscous", "presliding")
     excitation = "slow sweeps in both directions: a fifth of the time below the Stribeck speed"

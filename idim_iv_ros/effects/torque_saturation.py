@@ -48,7 +48,6 @@ class TorqueSaturation(StructuralEffect[KneeShape]):
     name = "torque_saturation"
     order = 110
     part = "limit"
-    like_misfit = True
     family = "load"
     confounders = ("load_dependent_friction", "nonlinear_viscous")
     excitation = "high accelerations with a payload, up to the torque limit"

@@ -126,7 +126,9 @@ def test_band_ends_where_noise_of_the_encoders_reaches_twice_that_of_the_torques
     links = [np.diag(pin.crba(model, model.createData(), q)) for q in arm.position_reference[::200]]
     inertia = np.max(links, axis=0) + arm.truth.drive_inertia
     for noise in (4e-4, 1.6e-3):
-        changed = widened([recorded(arm, 1, position_noise=noise)], arm.configuration)
+        changed = widened(
+            [recorded(arm, 1, position_noise=noise)], arm.configuration, simulated=True
+        )
         found = changed.processing.decimation_cutoff
         assert found is not None
         limit = np.sqrt(np.sqrt(5.0) * 2.0 * np.array([0.45, 0.175]) / (inertia * noise))
@@ -134,7 +136,7 @@ def test_band_ends_where_noise_of_the_encoders_reaches_twice_that_of_the_torques
         assert found == pytest.approx(float(limit.min()) / (2 * np.pi), rel=0.15)
     named = arm.configuration.processing.model_copy(update={"decimation_cutoff": 7.0})
     own = arm.configuration.model_copy(update={"processing": named})
-    assert widened([recorded(arm, 1)], own) is own
+    assert widened([recorded(arm, 1)], own, simulated=True) is own
 
 
 def beside_reversals(data: Baseline) -> int:
@@ -197,7 +199,6 @@ def unstable(arm: SimulatedArm) -> tuple[Recording, Configuration]:
     ("world", "why"),
     [
         (unreferenced, "not simulated"),
-        (lawless, "control law is not configured"),
         (unstable, "cannot be simulated"),
     ],
 )
@@ -276,7 +277,16 @@ def test_without_a_simulated_loop_it_is_the_measured_motion_in_the_whole_band() 
     np.testing.assert_array_equal(motion.position, measured.position[first + places])
 
 
-@pytest.mark.parametrize("world", [unreferenced, lawless])
+def test_a_law_that_is_not_configured_is_fitted_and_simulated(arm: SimulatedArm) -> None:
+    recording, configuration = lawless(arm)
+    data = baseline([recording], configuration)
+    assert data.sticking
+    assert beside_reversals(data) > 0
+    configured = baseline([recorded(arm, 1)], arm.configuration)
+    assert data.row_rate == configured.row_rate
+
+
+@pytest.mark.parametrize("world", [unreferenced, unstable])
 def test_without_a_simulated_loop_the_band_is_no_wider_than_the_motion(
     arm: SimulatedArm, world: Callable[[SimulatedArm], tuple[Recording, Configuration]]
 ) -> None:

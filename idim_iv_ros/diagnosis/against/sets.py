@@ -18,7 +18,7 @@ from idim_iv_ros.diagnosis.refit.baseline import (
     smooth_regression,
     with_offsets,
 )
-from idim_iv_ros.diagnosis.refit.processing import may_count, widened, with_margin
+from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.refit import on_likelier_motion
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction
@@ -82,17 +82,12 @@ def two_sets(
     UsageError, DataError
         As `identify`, for each set: each must excite every parameter.
     """
-    every = [*reference, *against]
-    section = _narrower(reference, against, with_offsets(configuration))
-    sets: list[Baseline] | None = None
-    if may_count(section, every):
-        whole = prepare(every, with_margin(section, 0.0))
-        sets = [refit_of(_part(whole, part)) for part in (reference, against)]
-        if not all(each.sticking for each in sets):
-            sets = None
-    if sets is None:
-        whole = prepare(every, section)
-        sets = [refit_of(_part(whole, part)) for part in (reference, against)]
+    parts = reference, against
+    for section in proposals(parts, with_offsets(configuration)):
+        whole = prepare([*reference, *against], section)
+        sets = [refit_of(_part(whole, part)) for part in parts]
+        if all(each.sticking for each in sets):
+            break
     one, other = (on_likelier_motion(each, smooth_regression(each)) for each in sets)
     data = _together(one.data, other.data)
     return TwoSets(
@@ -102,24 +97,6 @@ def two_sets(
         (one.shift, other.shift),
         (one.softened, other.softened),
     )
-
-
-def _narrower(
-    reference: Sequence[Recording], against: Sequence[Recording], configuration: Configuration
-) -> Configuration:
-    """Propose the band of the set that has the narrower one.
-
-    A simulator without noise shows its motion up to any frequency; a robot's encoders do not.
-    """
-    proposed = [widened(each, configuration) for each in (reference, against)]
-    cutoffs = [each.processing.decimation_cutoff or 0.0 for each in proposed]
-    narrow = proposed[int(np.argmin(cutoffs))].processing
-    positions = [each.processing.position_cutoff for each in proposed]
-    known = [each for each in positions if each is not None]
-    if known and configuration.processing.position_cutoff is None:
-        position = max(min(known), narrow.decimation_cutoff or 0.0)
-        narrow = narrow.model_copy(update={"position_cutoff": position})
-    return configuration.model_copy(update={"processing": narrow})
 
 
 def _part(whole: PreparedRegression, recordings: Sequence[Recording]) -> PreparedRegression:

@@ -150,14 +150,18 @@ def judged_terms(data: Baseline, regression: Regression, selection: Selection) -
     for number, term in terms:
         joint = int(np.argmax(term.visible))
         values = features(selection, number, chosen, remaining)
-        odds = probability(values)
+        odds = probability(values, term.key[0])
         made.append(
             JudgedTerm(
                 term,
                 values,
                 odds,
                 f"{chosen.times(term)} of {len(chosen.keys)}",
-                (reason := _why_not(term, of_set(values), float(remaining[joint]), chosen)),
+                (
+                    reason := _why_not(
+                        term, of_set(values, term.key[0]), float(remaining[joint]), chosen
+                    )
+                ),
                 reason == INADEQUATE,
             )
         )

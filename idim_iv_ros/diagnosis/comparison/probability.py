@@ -19,7 +19,6 @@ FEATURES = (
     "least gain in the prediction of a part of the time, logarithm with its sign",
     "logarithm of its visible share of the torque over what remains beyond the noise",
     "its weight in its set",
-    "an effect that misfit of the motion imitates",
     "logarithm of its place among the terms by visible share",
 )
 _MOST_LOSS = 6.0
@@ -38,11 +37,14 @@ class Table:
     intercept : float
     weights : tuple of float
         One for each of `FEATURES`.
+    effects : dict of str to float
+        What is added for an effect, drawn towards zero: some are what misfit looks like.
     """
 
     origin: str
     intercept: float
     weights: tuple[float, ...]
+    effects: dict[str, float]
 
 
 @cache
@@ -50,7 +52,9 @@ def table() -> Table:
     """Return the table that ships with the package."""
     text = resources.files(__package__).joinpath("probability.json").read_text()
     content = json.loads(text)
-    return Table(content["origin"], content["intercept"], tuple(content["weights"]))
+    return Table(
+        content["origin"], content["intercept"], tuple(content["weights"]), content["effects"]
+    )
 
 
 def features(
@@ -75,10 +79,9 @@ def features(
     visible = float(term.visible.max())
     beyond = float(remaining[int(np.argmax(term.visible))])
     least = float(np.min(chosen.gains[:, number]))
-    before = sum(
-        float(each.visible.max()) > visible
+    larger = sum(
+        each.candidate.kind in (Kind.NUMBER, Kind.EFFECT) and float(each.visible.max()) > visible
         for each in terms
-        if each.candidate.kind in (Kind.NUMBER, Kind.EFFECT)
     )
     return np.array(
         [
@@ -87,21 +90,21 @@ def features(
             np.sign(least) * np.log1p(abs(least)),
             np.clip(np.log((visible + 0.1 * _SMALL) / (beyond + _SMALL)), -1.0, 2.0),
             dict(term.rivals).get(term.key, 0.0),
-            float(term.candidate.effect.like_misfit),
-            np.log(1 + before),
+            np.log(1 + larger),
         ]
     )
 
 
-def probability(values: Sequence[float] | FloatArray) -> float:
-    """Probability of a term with these features."""
+def probability(values: Sequence[float] | FloatArray, effect: str) -> float:
+    """Probability of a term of an effect with these features."""
     weights = table()
-    odds = weights.intercept + float(np.dot(weights.weights, values))
+    odds = weights.intercept + weights.effects.get(effect, 0.0)
+    odds += float(np.dot(weights.weights, values))
     return float(np.clip(1.0 / (1.0 + np.exp(-odds)), *LIMITS))
 
 
-def of_set(values: FloatArray) -> float:
+def of_set(values: FloatArray, effect: str) -> float:
     """Probability that one of the set of a term is a cause: as if it had all of the weight."""
     whole = values.copy()
     whole[FEATURES.index("its weight in its set")] = 1.0
-    return probability(whole)
+    return probability(whole, effect)

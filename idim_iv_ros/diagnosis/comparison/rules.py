@@ -17,7 +17,7 @@ VISIBLE_OF_OTHERS = 0.05
 # A cause has this share of the torque at one of its joints, at least.
 LEAST_SHARE = 0.003
 # A cause is at least as probable as this; less is a hint.
-LEAST_PROBABILITY = 0.7
+LEAST_PROBABILITY = 0.6
 # Part of what lies beyond the noise at its joint that a structural cause takes, at least.
 ADEQUATE = 0.5
 # Prior odds: nothing, a half; the rest equal for effects, then for places, then for shapes.

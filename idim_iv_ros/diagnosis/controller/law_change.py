@@ -318,10 +318,21 @@ def law_change(rows: CommandRows) -> LawChange:
                 rows = rows.only(calm)
                 break
     selection = select(_Groups(rows), rows.ledger())
-    kept = [
-        term
-        for term in selection.terms
-        if float(term.whole[0]) >= settings.LAW_LEAST_DIFFERENCE
-        and term.evidence >= settings.LAW_LEAST_SUPPORT
-    ]
-    return LawChange(rows, selection.comparison, together(selection.comparison, kept))
+    terms = _supported(selection.comparison, selection.terms)
+    large = [term for term in terms if float(term.whole[0]) >= settings.LAW_LEAST_DIFFERENCE]
+    return LawChange(rows, selection.comparison, together(selection.comparison, large))
+
+
+def _supported(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
+    """Leave out, the weakest first, what adds too little to the evidence beside the others."""
+    terms = tuple(terms)
+    while terms:
+        others = [(*terms[:k], *terms[k + 1 :]) for k in range(len(terms))]
+        whole = comparison.objective(terms)
+        losses = [whole - comparison.objective(rest) for rest in others]
+        weakest = int(np.argmin(losses))
+        if losses[weakest] >= settings.LAW_LEAST_SUPPORT:
+            pairs = zip(terms, losses, strict=True)
+            return tuple(replace(term, evidence=loss) for term, loss in pairs)
+        terms = others[weakest]
+    return ()

@@ -10,12 +10,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.controller.law_speed import with_law_speed
-from idim_iv_ros.diagnosis.refit.processing import (
-    may_count,
-    reason_for_margin,
-    widened,
-    with_margin,
-)
+from idim_iv_ros.diagnosis.refit.processing import proposals, reason_for_margin
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, simulated_slips, smooth_motions
 from idim_iv_ros.diagnosis.result import EffectParameter, JointChange
 from idim_iv_ros.diagnosis.structural.likelihood import Regression
@@ -132,12 +127,10 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
     UsageError, DataError
         As `identify`.
     """
-    section = widened(recordings, with_offsets(configuration))
-    if may_count(section, recordings):
-        found = refit_of(prepare(recordings, with_margin(section, 0.0)))
+    for section in proposals([recordings], with_offsets(configuration)):
+        found = refit_of(prepare(recordings, section))
         if found.sticking:
-            return _explained(found, configuration, 0.0)
-    found = refit_of(prepare(recordings, section))
+            break
     margin = section.processing.reversal_margin
     return _explained(found, configuration, REVERSAL_MARGIN if margin is None else margin)
 

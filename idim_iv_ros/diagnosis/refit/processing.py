@@ -8,7 +8,7 @@ without one only the sign of the measured speed remains, which is wrong there by
 friction, and the decimation filter smears that over the rows around.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.signal import welch
@@ -25,7 +25,40 @@ from idim_iv_ros.simulation import joint_inertia
 from idim_iv_ros.types import FloatArray
 
 
-def widened(recordings: Sequence[Recording], configuration: Configuration) -> Configuration:
+def proposals(
+    sets: Sequence[Sequence[Recording]], configuration: Configuration
+) -> Iterator[Configuration]:
+    """Processing in the order in which it is tried: of a loop that is simulated, and of none.
+
+    Parameters
+    ----------
+    sets
+        Recordings that are refitted apart from one another in one band: a simulator without noise
+        shows its motion up to any frequency, and the encoders of a robot do not.
+    """
+    if all(recording.position_reference is not None for part in sets for recording in part):
+        yield _proposed(sets, configuration, simulated=True)
+    yield _proposed(sets, configuration, simulated=False)
+
+
+def _proposed(
+    sets: Sequence[Sequence[Recording]], configuration: Configuration, *, simulated: bool
+) -> Configuration:
+    """Processing of the set with the narrowest band; reversals count in a simulated loop."""
+    options = [widened(part, configuration, simulated=simulated).processing for part in sets]
+    narrow = min(options, key=lambda option: option.decimation_cutoff or 0.0)
+    positions = [each.position_cutoff for each in options if each.position_cutoff is not None]
+    if positions and configuration.processing.position_cutoff is None:
+        position = max(min(positions), narrow.decimation_cutoff or 0.0)
+        narrow = narrow.model_copy(update={"position_cutoff": position})
+    if simulated and narrow.reversal_margin is None:
+        narrow = narrow.model_copy(update={"reversal_margin": 0.0})
+    return configuration.model_copy(update={"processing": narrow})
+
+
+def widened(
+    recordings: Sequence[Recording], configuration: Configuration, *, simulated: bool
+) -> Configuration:
     """Propose a decimation cut-off for the diagnosis where the user names none.
 
     What distinguishes effects (ripple, shafts, delays) lies higher than what identifies inertias.
@@ -33,7 +66,7 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
     density J² σ_q² (2πf)⁴; up to f its power is a share s² of the torque's own noise for
     (2πf)² = √5 s σ_τ / (J σ_q).
 
-    Where no loop can be simulated, the acceleration of the whole band is the measured one. Above
+    Where no loop is `simulated`, the acceleration of the whole band is the measured one. Above
     the motion's own band it is noise, which is in the torque of the inertias and, differentiated
     again, in the candidates: a torque that follows its rate of change would be seen. There the band
     only becomes narrower.
@@ -49,7 +82,7 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
         measured / (2.0 * settings.POSITION_OVER_DECIMATION * settings.NYQUIST_MARGIN),
     )
     cutoff = min(_noise_limit(prepared), highest)
-    if may_simulate(configuration, recordings):
+    if simulated:
         cutoff = max(cutoff, prepared.cutoffs.decimation)
     else:
         own = prepared.cutoffs.decimation
@@ -108,26 +141,6 @@ def _noise(motions: Sequence[Motion], quantity: str) -> FloatArray:
     return np.asarray(np.sqrt(np.mean(variances, axis=0)))
 
 
-def may_count(configuration: Configuration, recordings: Sequence[Recording]) -> bool:
-    """Whether the loop may be simulated with a configured law, and the user leaves it open."""
-    return configuration.processing.reversal_margin is None and may_simulate(
-        configuration, recordings
-    )
-
-
-def may_simulate(configuration: Configuration, recordings: Sequence[Recording]) -> bool:
-    """Whether the law is configured and every recording has a reference."""
-    return configuration.controller.type != "unknown" and all(
-        recording.position_reference is not None for recording in recordings
-    )
-
-
-def with_margin(configuration: Configuration, margin: float) -> Configuration:
-    """Return the configuration with rows dropped so far from a slow sample."""
-    processing = configuration.processing.model_copy(update={"reversal_margin": margin})
-    return configuration.model_copy(update={"processing": processing})
-
-
 def reason_for_margin(
     configuration: Configuration, margin: float, estimate: IdimIvEstimate, *, sticking: bool
 ) -> str:
@@ -163,8 +176,8 @@ def reason_for_margin(
 
 
 def _why_not(configuration: Configuration, estimate: IdimIvEstimate) -> str:
-    if configuration.controller.type == "unknown":
-        return "the control law is not configured"
     if estimate.failures:
         return f"the closed loop cannot be simulated: {estimate.failures[0]}"
+    if configuration.controller.type == "unknown":
+        return "the control law is not configured, and none that was fitted is simulated"
     return "the closed loop is not simulated"
