@@ -21,7 +21,6 @@ from idim_iv_ros.diagnosis.refit.refit import Refit
 from idim_iv_ros.diagnosis.refit.soft_friction import LEAST_LEAD
 from idim_iv_ros.diagnosis.result import (
     Cause,
-    Confusability,
     EffectParameter,
     GapResult,
     GapSeries,
@@ -142,7 +141,6 @@ class Diagnosis:
     where : Where
     findings : tuple of Finding
         Regimes in which much of the gap lies.
-    confusability : tuple of Confusability
     not_testable : tuple of NotTestable
     transmissions : tuple of Measured
     excluded : sequence of str
@@ -161,7 +159,6 @@ class Diagnosis:
     recordings: tuple[RecordingAgreement, ...]
     where: Where
     findings: tuple[Finding, ...]
-    confusability: tuple[Confusability, ...]
     not_testable: tuple[NotTestable, ...]
     transmissions: tuple[Measured, ...]
     excluded: Sequence[str]
@@ -226,7 +223,6 @@ def assembled(found: Diagnosis) -> GapResult:
             each for each in found.not_testable if (each.effect, each.joint) not in named
         ),
         stages=_with_weightless(refit, stages),
-        confusability=found.confusability,
         series=_series(refit, model),
         tracking=tracking_series(data, first, last),
         notes=_notes(found, speed),

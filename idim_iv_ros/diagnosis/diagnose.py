@@ -17,7 +17,7 @@ from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.controller.check import beside_gains, check_law, controller_causes
-from idim_iv_ros.diagnosis.identifiability import shown_by_motion
+from idim_iv_ros.diagnosis.identifiability import not_shown_by_motion
 from idim_iv_ros.diagnosis.nominal import read_nominal_model, with_nominal
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
 from idim_iv_ros.diagnosis.result import ContrastResult, GapResult
@@ -158,7 +158,7 @@ def concluded(
     measured = measured_transmissions(data, regression)
     causes, excluded = with_transmissions(data, regression, measured, causes, without)
     fit = model.fits[0]
-    shown, not_testable = shown_by_motion(data, regression, effects, found.noise(fit))
+    not_testable = not_shown_by_motion(data, regression, effects, found.noise(fit))
 
     watch.stage("where", 0.95)
     gaps, findings = where(data, regression, fit, found.floors)
@@ -177,6 +177,5 @@ def concluded(
         recordings=agreed,
         where=gaps,
         findings=findings,
-        confusability=shown,
         not_testable=(*not_testable, *refit.not_testable),
     )

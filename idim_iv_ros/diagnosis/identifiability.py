@@ -1,4 +1,4 @@
-"""Which effects a motion shows, from which size on, and how they correlate on it.
+"""Which effects a motion shows, and from which size on.
 
 Only columns and noise enter: the model's own parameters absorb a part of each column, and what is
 left must stand out of the noise.
@@ -12,7 +12,7 @@ import scipy
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import Confusability, NotTestable
+from idim_iv_ros.diagnosis.result import NotTestable
 from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of, spread_shapes
 from idim_iv_ros.diagnosis.structural.likelihood import Columns, Fit, Regression, width_of
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place, Shape
@@ -31,24 +31,14 @@ _TINY = 1e-12
 
 
 @dataclass(frozen=True)
-class ShapedEffect:
-    """One effect at one place, with the columns of a few shapes side by side."""
-
-    effect: Effect
-    place: Place
-    shapes: list[Shape]
-    columns: list[Columns]
-
-
-@dataclass(frozen=True)
 class Detectability:
     """What the motion shows of one effect.
 
     Attributes
     ----------
-    absorbed, least_absorbed : float
-        Share of its energy that the model's own parameters absorb, 0 to 1: of the middle one of
-        its shapes, and of the one that is absorbed least.
+    absorbed : float
+        Share of its energy that the model's own parameters absorb, 0 to 1, of the shape that is
+        absorbed least.
     smallest : str
         Smallest size that would be seen, in words; empty where none would.
     plausible : bool
@@ -56,7 +46,6 @@ class Detectability:
     """
 
     absorbed: float
-    least_absorbed: float
     smallest: str
     plausible: bool
 
@@ -92,31 +81,14 @@ class Absorption:
         return np.diag(products).copy(), products - projected.T @ projected
 
 
-@dataclass(frozen=True)
-class _Remainder:
-    """Columns of all effects at one joint, side by side, less what the model absorbs.
-
-    Attributes
-    ----------
-    energy : (k,)
-        Of the whitened columns.
-    left : (k, k)
-        Products of what the model does not absorb of them.
-    largest : (k,)
-        Absolute values of the joint's own columns, not whitened.
-    parts : for each effect, the columns of each of its shapes.
-    """
-
-    energy: FloatArray
-    left: FloatArray
-    largest: FloatArray
-    parts: list[list[slice]]
-
-
 def detectability(
-    absorption: Absorption, effects: Sequence[ShapedEffect], rows: int, scale: JointScale
-) -> tuple[list[Detectability], FloatArray]:
-    """Say what the motion shows of all effects at one joint.
+    absorption: Absorption,
+    effect: Effect,
+    shapes: Sequence[tuple[Shape, Columns]],
+    rows: int,
+    scale: JointScale,
+) -> Detectability:
+    """Say what the motion shows of an effect in some shapes, each with its columns.
 
     Parameters
     ----------
@@ -124,94 +96,22 @@ def detectability(
         By the refit.
     rows
         Of the joint.
-
-    Returns
-    -------
-    tuple
-        One for each effect, and their correlations (n, n): largest canonical correlation of what
-        the model does not absorb, over all shapes.
     """
-    remainder = _remainder(absorption, effects, scale.joint)
     needed = max(_NONCENTRALITY, _LEAST_SHARE * rows)
-    measures = [
-        _measure(effect, parts, remainder, needed, scale)
-        for effect, parts in zip(effects, remainder.parts, strict=True)
-    ]
-    return measures, _correlations(remainder)
-
-
-def _remainder(absorption: Absorption, effects: Sequence[ShapedEffect], joint: int) -> _Remainder:
-    blocks = [columns for effect in effects for columns in effect.columns]
-    widths = [next(iter(columns.values())).shape[1] for columns in blocks]
-    touched = sorted({j for columns in blocks for j in columns})
-    lengths = {j: len(columns[j]) for columns in blocks for j in columns}
-    stacked = {
-        j: np.hstack(
-            [
-                columns[j] if j in columns else np.zeros((lengths[j], width))
-                for columns, width in zip(blocks, widths, strict=True)
-            ]
-        )
-        for j in touched
-    }
-    energy, left = absorption.left(stacked)
-    energy = np.maximum(energy, _TINY)
-    own = stacked.get(joint)
-    largest = np.zeros(len(energy)) if own is None else np.abs(own).max(axis=0)
-    ends = np.cumsum(widths)
-    slices = iter([slice(int(e) - w, int(e)) for e, w in zip(ends, widths, strict=True)])
-    parts = [[next(slices) for _ in effect.shapes] for effect in effects]
-    return _Remainder(energy, left, largest, parts)
-
-
-def _correlations(remainder: _Remainder) -> FloatArray:
-    left, energy = remainder.left, remainder.energy
-    bases = [
-        [(part, _basis(left[part, part], energy[part])) for part in parts]
-        for parts in remainder.parts
-    ]
-    correlation = np.eye(len(bases))
-    for a in range(len(bases)):
-        for b in range(a):
-            values = [
-                np.linalg.norm(one.T @ left[first, second] @ two, 2)
-                for first, one in bases[a]
-                for second, two in bases[b]
-                if one.size and two.size
-            ]
-            correlation[a, b] = correlation[b, a] = min(max(values, default=0.0), 1.0)
-    return correlation
-
-
-def _basis(left: FloatArray, energy: FloatArray) -> FloatArray:
-    """Combinations (k, m) whose unabsorbed rows are orthonormal; absorbed ones are left out."""
-    scale = 1.0 / np.sqrt(energy)
-    values, vectors = np.linalg.eigh(left * np.outer(scale, scale))
-    kept = values > max(1e-4, 1e-6 * float(values.max(initial=0.0)))
-    return np.asarray(scale[:, None] * vectors[:, kept] / np.sqrt(values[kept]))
-
-
-def _measure(
-    shaped: ShapedEffect,
-    parts: Sequence[slice],
-    remainder: _Remainder,
-    needed: float,
-    scale: JointScale,
-) -> Detectability:
-    """Of one effect; `needed`: energy beside the model at which it is seen."""
-    effect = shaped.effect
     absorbed = []
     options: list[tuple[bool, float, str]] = []
-    for shape, part in zip(shaped.shapes, parts, strict=True):
-        rest = np.clip(np.diag(remainder.left)[part], 0.0, None)
-        share = rest / remainder.energy[part]
-        largest = remainder.largest[part]
+    for shape, columns in shapes:
+        energy, left = absorption.left(columns)
+        energy, rest = np.maximum(energy, _TINY), np.clip(np.diag(left), 0.0, None)
+        share = rest / energy
         absorbed.append(1.0 - float(share.max()))
         if effect.size_in == "shape":
             if rest[0] >= needed and share[0] > 1.0 - settings.ABSORBED:
                 words, plausible = _judged(effect, shape, np.ones(1), 0.0, scale)
                 options.append((plausible, effect.size_of(shape), words))
             continue
+        at_joint = columns.get(scale.joint)
+        largest = np.zeros(len(rest)) if at_joint is None else np.abs(at_joint).max(axis=0)
         size = np.sqrt(needed / np.maximum(rest, _TINY))
         size[(share < 1.0 - settings.ABSORBED) | (largest <= 0.0)] = np.inf
         if effect.size_in == "scale":
@@ -224,10 +124,10 @@ def _measure(
         torque = float(size[k] * largest[k])
         words, plausible = _judged(effect, shape, coefficients, torque, scale)
         options.append((plausible, torque, words))
-    options.sort(key=lambda option: (not option[0], option[1]))
     if not options:
-        return Detectability(float(np.median(absorbed)), min(absorbed), "", False)
-    return Detectability(float(np.median(absorbed)), min(absorbed), options[0][2], options[0][0])
+        return Detectability(min(absorbed), "", plausible=False)
+    plausible, _, words = min(options, key=lambda option: (not option[0], option[1]))
+    return Detectability(min(absorbed), words, plausible)
 
 
 def _judged(
@@ -277,63 +177,41 @@ def too_little(joint: int, covered: OperatingRange) -> bool:
     return fastest < settings.LEAST_FASTEST * lever and span < settings.SMALL_RANGE * lever
 
 
-def shown_by_motion(
+def not_shown_by_motion(
     data: Baseline,
     regression: Regression,
     catalogue: Sequence[Effect],
     noise_models: Sequence[AutoregressiveModel],
-) -> tuple[tuple[Confusability, ...], tuple[NotTestable, ...]]:
-    """Say what the motion can show and what it cannot.
+) -> tuple[NotTestable, ...]:
+    """Say which effects the motion cannot show, joint by joint.
 
     Parameters
     ----------
     regression
         Of the refit; only its regressor is used, not its torque.
     noise_models
-        Noise of each joint, known beforehand or bounded from below (`floor_noise_models`).
+        Noise of each joint, given beforehand or bounded from below (`floor_noise_models`).
     """
     covered = operating_range(data)
     absorption = Absorption(regression, noise_models)
-    rows = [len(joint.torque) for joint in regression.joints]
     friction = _dry_friction(data, covered)
-    tables, refused = [], []
-    for joint, name in enumerate(data.joints):
-        candidates: list[ShapedEffect] = []
+    refused = []
+    for joint, rows in enumerate(regression.joints):
+        scale = JointScale(covered, joint, friction[joint])
         for effect in catalogue:
             for place in _places(effect, joint, len(data.joints)):
-                reason = cannot_show(effect, joint, covered)
-                made = None if reason else _shaped(data, effect, place, covered)
-                if made is None:
-                    reason = reason or "no shape of it is possible on this motion"
-                    reason = data.unit_at(joint, reason)
+                reason, smallest = cannot_show(effect, joint, covered), ""
+                shapes = [] if reason else _shaped(data, effect, place, covered)
+                if shapes:
+                    measure = detectability(absorption, effect, shapes, len(rows.torque), scale)
+                    reason, smallest = _refusal(measure)
+                elif not reason:
+                    reason = "no shape of it is possible on this motion"
+                if reason:
                     needed = _TORQUE if joint in covered.left_out else effect.excitation
-                    refused.append(NotTestable(effect.name, name, reason, needed))
-                else:
-                    candidates.append(made)
-        if not candidates:
-            continue
-        scale = JointScale(covered, joint, friction[joint])
-        measured, correlation = detectability(absorption, candidates, rows[joint], scale)
-        for candidate, measure in zip(candidates, measured, strict=True):
-            refusal = _refusal(candidate, measure, name)
-            if refusal is not None:
-                refused.append(
-                    replace(
-                        refusal,
-                        reason=data.unit_at(joint, refusal.reason),
-                        smallest=data.unit_at(joint, refusal.smallest),
-                    )
-                )
-        tables.append(
-            Confusability(
-                joint=name,
-                effects=tuple(candidate.effect.name for candidate in candidates),
-                correlation=correlation,
-                absorbed=np.array([measure.absorbed for measure in measured]),
-                smallest=tuple(data.unit_at(joint, each.smallest) for each in measured),
-            )
-        )
-    return tuple(tables), tuple(refused)
+                    words = (data.unit_at(joint, text) for text in (reason, needed, smallest))
+                    refused.append(NotTestable(effect.name, data.joints[joint], *words))
+    return tuple(refused)
 
 
 def floor_noise_models(fit: Fit, sigmas: Sequence[float | None]) -> tuple[AutoregressiveModel, ...]:
@@ -354,33 +232,27 @@ def _places(effect: Effect, joint: int, joints: int) -> list[Place]:
 
 def _shaped(
     data: Baseline, effect: Effect, place: Place, covered: OperatingRange
-) -> ShapedEffect | None:
+) -> list[tuple[Shape, Columns]]:
+    """Shapes from all over the grid that are possible on the motion, with their columns."""
     shapes = spread_shapes(effect, place, covered)
-    if not shapes:
-        return None
-    usable = [
+    return [
         (shape, columns)
         for shape, columns in zip(shapes, rows_of(data, effect, place, shapes), strict=True)
         if all(np.max(np.abs(rows), initial=0.0) < _LARGEST_TORQUE for rows in columns.values())
     ]
-    if not usable:
-        return None
-    return ShapedEffect(effect, place, [s for s, _ in usable], [c for _, c in usable])
 
 
-def _refusal(candidate: ShapedEffect, measure: Detectability, joint: str) -> NotTestable | None:
-    effect = candidate.effect
-    if measure.least_absorbed > settings.ABSORBED:
-        share = 100.0 * measure.least_absorbed
-        reason = f"the model's own parameters absorb {share:.1f} % of it on this motion"
-        return NotTestable(effect.name, joint, reason, effect.excitation)
+def _refusal(measure: Detectability) -> tuple[str, str]:
+    """Why an effect is not testable, and the smallest size that is; both empty where it is."""
+    if measure.absorbed > settings.ABSORBED:
+        share = 100.0 * measure.absorbed
+        return f"the model's own parameters absorb {share:.1f} % of it on this motion", ""
     if not measure.smallest:
-        reason = "its torque stays within the noise at every size that was tried"
-        return NotTestable(effect.name, joint, reason, effect.excitation)
+        return "its torque stays within the noise at every size that was tried", ""
     if not measure.plausible:
         reason = f"only sizes from {measure.smallest} would be seen, and smaller ones are common"
-        return NotTestable(effect.name, joint, reason, effect.excitation, measure.smallest)
-    return None
+        return reason, measure.smallest
+    return "", ""
 
 
 def _dry_friction(data: Baseline, covered: OperatingRange) -> list[float]:

@@ -127,7 +127,7 @@ def test_what_is_written_passes_the_check_and_is_read_back(tmp_path: Path, case:
     read = GapResult.read(written)
     assert read == result
     assert read.to_json() == written.read_text(encoding="utf-8")
-    assert (read.series, read.tracking, read.confusability) == ((), (), ())
+    assert (read.series, read.tracking) == ((), ())
     assert page.name == "report.html"
     assert sorted(path.name for path in written.parent.iterdir()) == ["gap.json", "report.html"]
 

@@ -10,7 +10,6 @@ from scipy.signal import lfilter
 
 from idim_iv_ros.diagnosis.result import (
     Cause,
-    Confusability,
     EffectParameter,
     Evidence,
     Gap,
@@ -42,7 +41,6 @@ _AXES = {
     "reversal": ("rad", (0.0, 0.002, 0.02, np.inf)),
     "frequency": ("Hz", (0.0, 1.0, 5.0, 20.0)),
 }
-_ALIKE = ("stribeck", "nonlinear_viscous", "presliding", "load_dependent_friction", "time_delay")
 
 
 def sample_gap(
@@ -111,7 +109,6 @@ def sample_gap(
             ),
         ),
         stages=_stages(names, case, given, tracking, series),
-        confusability=tuple(_confusability(name, random) for name in names),
         series=series,
         tracking=_tracking(names, random) if tracking else (),
         notes=("One stage of joint_1 was re-linearised twice.",)
@@ -140,9 +137,6 @@ def with_first_joint_named(result: GapResult, name: str) -> GapResult:
         ),
         series=tuple(replace(each, joint=other(each.joint)) for each in result.series),
         tracking=tuple(replace(each, joint=other(each.joint)) for each in result.tracking),
-        confusability=tuple(
-            replace(each, joint=other(each.joint)) for each in result.confusability
-        ),
         stages=tuple(
             replace(
                 each,
@@ -401,19 +395,6 @@ def _stages(
             )
         )
     return tuple(stages)
-
-
-def _confusability(name: str, random) -> Confusability:
-    n = len(_ALIKE)
-    points = random.normal(size=(n, 4))
-    points /= np.linalg.norm(points, axis=1)[:, None]
-    return Confusability(
-        name,
-        _ALIKE,
-        np.abs(points @ points.T).clip(0.0, 1.0),
-        random.uniform(0.2, 0.999, n),
-        ("0.12 N m", "0.04 N m s²/rad²", "0.3 N m", "2 % of the load", "1.1 ms"),
-    )
 
 
 def _tracking(names: tuple[str, ...], random) -> tuple[TrackingSeries, ...]:

@@ -40,7 +40,6 @@ def _only_first(result: GapResult) -> GapResult:
         where=replace(result.where, joints=result.joint_gaps[:1]),
         series=result.series[:1],
         tracking=result.tracking[:1],
-        confusability=result.confusability[:1],
     )
 
 
@@ -186,7 +185,6 @@ def test_a_diagnosis_that_could_do_nothing_still_has_its_page() -> None:
         findings=(),
         not_testable=(),
         stages=(),
-        confusability=(),
         series=(),
         tracking=(),
         unexplained=None,

@@ -14,7 +14,6 @@ from idim_iv_ros.diagnosis.result.causes import (
 )
 from idim_iv_ros.diagnosis.result.document import GapResult, NominalModel, TrackingSeries, Verdict
 from idim_iv_ros.diagnosis.result.localisation import (
-    Confusability,
     GapSeries,
     JointGap,
     NotTestable,
@@ -38,7 +37,6 @@ from idim_iv_ros.effects.cause import EffectParameter
 __all__ = [
     "NOT_CALIBRATED",
     "Cause",
-    "Confusability",
     "ContrastCause",
     "ContrastResult",
     "Difference",

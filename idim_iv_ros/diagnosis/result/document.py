@@ -5,7 +5,6 @@ from typing import ClassVar, Literal
 
 from idim_iv_ros.diagnosis.result.causes import Cause, Hint, ParameterError, Unexplained
 from idim_iv_ros.diagnosis.result.localisation import (
-    Confusability,
     GapSeries,
     JointGap,
     NotTestable,
@@ -117,11 +116,10 @@ class GapResult(Document):
     configuration : dict
     timing : dict of str to float
         Seconds by stage.
-    confusability : tuple of Confusability
     series : tuple of GapSeries
     tracking : tuple of TrackingSeries
     twists : tuple of TransmissionSeries
-        These four are for the report and not in the document.
+        These three are for the report and not in the document.
     """
 
     what: ClassVar[str] = "a diagnosis"
@@ -158,7 +156,6 @@ class GapResult(Document):
     why_no_physical: str = ""
     kinematics: str = ""
     timing: dict[str, Number] = field(default_factory=dict)
-    confusability: Unsaved[tuple[Confusability, ...]] = field(default=(), compare=False)
     series: Unsaved[tuple[GapSeries, ...]] = field(default=(), compare=False)
     tracking: Unsaved[tuple[TrackingSeries, ...]] = field(default=(), compare=False)
     twists: Unsaved[tuple[TransmissionSeries, ...]] = field(default=(), compare=False)

@@ -117,29 +117,6 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class Confusability:
-    """Which candidates this recording confuses, from the motion alone.
-
-    Attributes
-    ----------
-    joint : str
-    effects : tuple of str
-    correlation : (n, n)
-        Largest canonical correlation of what the model does not absorb.
-    absorbed : (n,)
-        Share of each candidate's energy that the model absorbs.
-    smallest : tuple of str
-        Smallest size that would be seen, in words with its unit.
-    """
-
-    joint: str
-    effects: tuple[str, ...]
-    correlation: FloatArray
-    absorbed: FloatArray
-    smallest: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class GapSeries:
     """Rows of one joint over all recordings, for the figures; (r,) each.
 
