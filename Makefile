@@ -8,9 +8,9 @@ INTERFACES := $(wildcard idim_iv_interfaces/*.* idim_iv_interfaces/*/*.*)
 # commands that a user gives afterwards look beside the sources.
 KERNELS := $(CURDIR)/$(VENV)/numba
 SOURCES := $(wildcard $(addprefix idim_iv_ros/,compilation.py simulation/*.py effects/*.py model/*.py))
-tests slow load bench $(VENV)/ready-kernels: export NUMBA_CACHE_DIR := $(KERNELS)
+tests check slow load bench $(VENV)/ready-kernels: export NUMBA_CACHE_DIR := $(KERNELS)
 
-.PHONY: demo test slow load lint types docs tests package bench clean
+.PHONY: demo test check slow load lint types docs tests package bench clean
 
 demo: $(VENV)/ready
 	$(BIN)/python -m bags.demo --out out/demo
@@ -22,9 +22,18 @@ test:
 	@$(MAKE) --no-print-directory -j2 types docs $(VENV)/ready-kernels
 	@$(MAKE) --no-print-directory tests
 
+# Before a commit: tests that changed, and those that import a module that changed.
+CHANGED = git diff --name-only HEAD --diff-filter=d; git ls-files --others --exclude-standard
+check: lint types $(VENV)/ready-kernels
+	@tests="$$({ ($(CHANGED)) | grep '^tests/.*/test_.*\.py$$'; \
+		($(CHANGED)) | sed -n 's|/|.|g; s|^\(idim_iv_ros\..*\)\.py$$|\1|p' | \
+		xargs -r -I{} grep -rlw --include='test_*.py' '{}' tests; } | sort -u)"; \
+	[ -z "$$tests" ] || $(BIN)/pytest -n 2 --dist worksteal $$tests
+
 lint: $(VENV)/ready-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --no-cache > $(VENV)/imports || { cat $(VENV)/imports; exit 1; }
 
 types: $(VENV)/ready-test
 	$(BIN)/mypy

@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.controller.law_event import LawEvent
 from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.law_event import LawEvent
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
@@ -24,7 +24,6 @@ from idim_iv_ros.diagnosis.where import Finding
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.recording import SessionPart, in_recordings
-from idim_iv_ros.types import FloatArray
 
 MOST_EVENTS = 5  # that are listed
 
@@ -144,31 +143,6 @@ def controller_cause(
         f"another control law than configured at {data.joints[joint]}: recorded and computed "
         f"commands differ by {gap.before:.3g} {unit}, and by {gap.after:.3g} {unit} with "
         f"{listed_numbers(effect, parameters)}"
-    )
-
-
-def missing_gravity(acceleration: FloatArray) -> str:
-    """Gravity (3,) m/s² that the nominal model lacks."""
-    found = ", ".join(f"{value:.2g}" for value in acceleration)
-    return (
-        f"the nominal model has no gravity, but the recordings show it: ({found}) m/s² with the "
-        "masses of the nominal model. Everything else was diagnosed with gravity in this direction"
-    )
-
-
-def delay_of_all(delay: EffectParameter, period: float, support: float) -> str:
-    """A delay of all joints that no control of this period (s) makes; `support`: of the loop."""
-    assert delay.std is not None
-    half = 1e3 * settings.NORMAL_95 * delay.std
-    if abs(support) < settings.LEAST_SUPPORT:
-        which = "which this recording cannot tell"
-    else:
-        which = f"the motion is that of a loop with{'' if support > 0.0 else 'out'} the delay"
-    return (
-        f"time delay of all joints: efforts act {1e3 * delay.value:.3f} ± {half:.2g} ms after "
-        f"their stamps ({delay.value / period:.2f} control periods, of which a held command takes "
-        f"half a one): the stamps are early, or commands take that long in the loop; {which}. "
-        "Everything else was diagnosed with efforts at the time at which they act"
     )
 
 

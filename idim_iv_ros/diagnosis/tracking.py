@@ -11,8 +11,8 @@ from idim_iv_ros.diagnosis.answer.named_model import (
     effect_parameters,
     simulated_effects,
 )
-from idim_iv_ros.diagnosis.held_out import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.held_out import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.result import EffectParameter, SimulationGap, Stage, TrackingSeries
 from idim_iv_ros.effects.effect import Place
 from idim_iv_ros.errors import UsageError

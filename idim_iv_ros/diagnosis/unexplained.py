@@ -6,12 +6,12 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.answer.named_model import NamedModel
-from idim_iv_ros.diagnosis.controller.law_event import events_in
+from idim_iv_ros.diagnosis.likelihood import Fit
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.law_event import events_in
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import Stage, Unexplained
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
-from idim_iv_ros.diagnosis.structural.likelihood import Fit
 from idim_iv_ros.statistics.residuals import excess_kurtosis
 
 _LEAST_EVENT_ROWS = 200  # from which on events are looked for

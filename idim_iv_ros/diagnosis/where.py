@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.held_out import interval, resampled, time_blocks
+from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
+from idim_iv_ros.diagnosis.refit.held_out import interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import JointGap, Regime, Where
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.types import FloatArray, IntArray
 
 _BANDS = (0.0, 0.1, 0.3, 0.6, 1.0)  # of the band of the rows

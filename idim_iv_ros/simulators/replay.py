@@ -11,8 +11,8 @@ import pinocchio as pin
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.controller.law_speed import with_law_speed
-from idim_iv_ros.diagnosis.held_out import block_sums, interval, resampled, time_blocks
+from idim_iv_ros.diagnosis.refit.held_out import block_sums, interval, resampled, time_blocks
+from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
 from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.errors import DataError, UsageError

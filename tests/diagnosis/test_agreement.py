@@ -11,9 +11,9 @@ import pytest
 
 from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.against.changes import agreement
+from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.result import RecordingAgreement
-from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from tests.diagnosis.worlds import point_mass
 from tests.estimation.test_simulated_arms import recorded
 

@@ -16,8 +16,8 @@ from idim_iv_ros.diagnosis.controller.check import (
     why_not_checked,
 )
 from idim_iv_ros.diagnosis.controller.law_change import command_rows
-from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.law_speed import LawSpeed
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.simulation import control_law, simulate_closed_loop
 from tests.diagnosis.test_verdict import cause

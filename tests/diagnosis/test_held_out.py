@@ -6,10 +6,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.held_out import folds_of, held_out, interleaved_folds, shrinkage
+from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.held_out import folds_of, held_out, interleaved_folds, shrinkage
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat
-from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.estimation.rows import JointRows
 
 ROWS, RATE = 600, 50.0

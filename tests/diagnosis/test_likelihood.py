@@ -8,7 +8,7 @@ from scipy.linalg import block_diag, toeplitz
 from scipy.signal import lfilter
 
 from idim_iv_ros.diagnosis.identifiability import Absorption
-from idim_iv_ros.diagnosis.structural.likelihood import Regression
+from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import AutoregressiveModel
 

@@ -13,10 +13,10 @@ from idim_iv_ros.diagnosis.identifiability import (
     floor_noise_models,
     not_shown_by_motion,
 )
+from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
 from idim_iv_ros.diagnosis.result import Stage
-from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.tracking import simulated_tracking, simulation_gap, tracking_series
 from idim_iv_ros.diagnosis.unexplained import unexplained_residual
 from idim_iv_ros.diagnosis.where import where

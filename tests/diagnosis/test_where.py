@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.held_out import block_sums, interval, resampled, time_blocks
+from idim_iv_ros.diagnosis.refit.held_out import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.refit.noise_floor import difference_energy, find_repeats
 from idim_iv_ros.diagnosis.result import Regime
 from idim_iv_ros.diagnosis.sentences import finding

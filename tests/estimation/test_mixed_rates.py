@@ -9,9 +9,9 @@ from scipy.interpolate import CubicSpline
 
 from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros import identify_recordings
+from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import REPEATS, noise_floors, repeats_of
-from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.tracking import simulated_tracking
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.identification.prepare import prepare

@@ -16,9 +16,9 @@ from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Key, Kind, Sco
 from idim_iv_ros.diagnosis.comparison.folds import FOLDS, chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, torque_ledger
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
+from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Difference, EffectParameter, RecordingAgreement
-from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.effects.parametric_effect import Estimated, ParametricEffect
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.types import FloatArray, IntArray

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import (
     Baseline,
     refit_of,
@@ -22,7 +23,6 @@ from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.refit import on_likelier_motion
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction
-from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare
 from idim_iv_ros.recording import Recording, Session, session_of

@@ -13,11 +13,11 @@ from idim_iv_ros.diagnosis.comparison.folds import Chosen, chosen_without
 from idim_iv_ros.diagnosis.comparison.probability import features, of_set, probability
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import Selection
-from idim_iv_ros.diagnosis.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.identifiability import floor_noise_models
+from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 

@@ -7,10 +7,10 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.beside import Term
+from idim_iv_ros.diagnosis.likelihood import Fit, Regression, white_noise_models
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression, white_noise_models
 from idim_iv_ros.effects.effect import Place
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.simulation import SimulatedEffect

@@ -9,6 +9,7 @@ from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.answer.explained import Explained, JudgedTerm
 from idim_iv_ros.diagnosis.answer.numbers import numbers_of
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
+from idim_iv_ros.diagnosis.likelihood import Fit
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import (
     NOT_CALIBRATED,
@@ -21,7 +22,6 @@ from idim_iv_ros.diagnosis.result import (
     SimulationGap,
 )
 from idim_iv_ros.diagnosis.structural.candidate import parameters_of
-from idim_iv_ros.diagnosis.structural.likelihood import Fit
 
 
 def rivals_of(data: Baseline, judged: JudgedTerm) -> tuple[Indistinguishable, ...]:

@@ -9,9 +9,9 @@ import numpy as np
 from idim_iv_ros.diagnosis.comparison.changes import change_rows, level_axes, still_joints
 from idim_iv_ros.diagnosis.comparison.signals import CommonShift, TiltedMoments
 from idim_iv_ros.diagnosis.identifiability import cannot_show
+from idim_iv_ros.diagnosis.likelihood import Columns, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of
-from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression
 from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.effects.parametric_effect import (

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.diagnosis.comparison.nominal_errors import errors_of_drives, errors_of_links
+from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.types import FloatArray, IntArray
 

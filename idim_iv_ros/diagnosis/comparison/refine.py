@@ -9,7 +9,7 @@ from idim_iv_ros.diagnosis.comparison import rules
 from idim_iv_ros.diagnosis.comparison.beside import Beside, Term
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
-from idim_iv_ros.diagnosis.structural.likelihood import Columns
+from idim_iv_ros.diagnosis.likelihood import Columns
 from idim_iv_ros.effects.effect import Shape, StructuralEffect
 from idim_iv_ros.types import FloatArray
 

@@ -18,7 +18,7 @@ from idim_iv_ros.diagnosis.comparison.compare import Comparison, Prior
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, whitened
 from idim_iv_ros.diagnosis.comparison.refine import refined
-from idim_iv_ros.diagnosis.structural.likelihood import noise_model
+from idim_iv_ros.diagnosis.likelihood import noise_model
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import BoolArray, FloatArray
 

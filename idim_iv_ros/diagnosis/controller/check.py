@@ -12,9 +12,9 @@ from idim_iv_ros.diagnosis.controller.law_change import (
     command_rows,
     law_change,
 )
-from idim_iv_ros.diagnosis.controller.law_event import events_in
-from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, law_speed
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.law_event import events_in
+from idim_iv_ros.diagnosis.refit.law_speed import LawSpeed, law_speed
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,

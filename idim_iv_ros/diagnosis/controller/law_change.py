@@ -19,8 +19,8 @@ from idim_iv_ros.diagnosis.comparison.options import Options, whitened
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.comparison.signals import SignalError
-from idim_iv_ros.diagnosis.controller.law_event import beside_no_event
-from idim_iv_ros.diagnosis.controller.law_speed import LawSpeed, comparable_rows, limited
+from idim_iv_ros.diagnosis.refit.law_event import beside_no_event
+from idim_iv_ros.diagnosis.refit.law_speed import LawSpeed, comparable_rows, limited
 from idim_iv_ros.effects.controller_mismatch import GROUPS, ControllerMismatch
 from idim_iv_ros.effects.effect import Place, Shape
 from idim_iv_ros.effects.motion import RobotMotion

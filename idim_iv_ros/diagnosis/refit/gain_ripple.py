@@ -14,8 +14,8 @@ from scipy.stats import chi2
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.types import FloatArray
 
 # rad of phase a rad: of the motor behind a gear, up to six poles behind one of 100.

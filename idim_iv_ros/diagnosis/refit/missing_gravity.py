@@ -5,16 +5,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.held_out import HeldOut
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.held_out import HeldOut
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
     Evidence,
     Gap,
 )
-from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.effects.registry import name_of
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.simulation import inverse_dynamics
@@ -91,7 +91,7 @@ class MissingGravity:
             indistinguishable_from=(),
             torque_gap=Gap(before, after, None, 1.0 - after / before, None),
             simulation_gap=None,
-            sentence=sentences.missing_gravity(self.acceleration),
+            sentence=_sentence(self.acceleration),
         )
 
 
@@ -120,4 +120,13 @@ def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | 
         acceleration=heavy.coefficients,
         deviation=np.sqrt(np.diag(heavy.coefficient_covariance)),
         statistic=wald,
+    )
+
+
+def _sentence(acceleration: FloatArray) -> str:
+    """Gravity (3,) m/s² that the nominal model lacks."""
+    found = ", ".join(f"{value:.2g}" for value in acceleration)
+    return (
+        f"the nominal model has no gravity, but the recordings show it: ({found}) m/s² with the "
+        "masses of the nominal model. Everything else was diagnosed with gravity in this direction"
     )

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.signal import fftconvolve
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.types import FloatArray, IntArray
 
 _COARSE = 5.0  # tolerances before the shift between two repeats is refined

@@ -6,16 +6,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.held_out import HeldOut, held_out
+from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, refit_of, smooth_regression
 from idim_iv_ros.diagnosis.refit.gain_ripple import GainRipple, without_gain_ripples
+from idim_iv_ros.diagnosis.refit.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.refit.missing_gravity import MissingGravity, missing_gravity
 from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction, soft_friction
 from idim_iv_ros.diagnosis.result import Cause, NotTestable
-from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.recording import Recording

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idim_iv_ros.diagnosis import sentences, settings
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.likelihood import Columns, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, later
 from idim_iv_ros.diagnosis.result import (
     Cause,
@@ -21,7 +22,6 @@ from idim_iv_ros.diagnosis.result import (
     Gap,
     SignalChain,
 )
-from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression
 from idim_iv_ros.effects.registry import name_of
 from idim_iv_ros.simulation import control_period
 from idim_iv_ros.types import BoolArray, FloatArray
@@ -95,7 +95,7 @@ class EffortShift:
             torque_gap=Gap(one, two, None, 1.0 - two / one, None),
             joint_gaps=tuple(sorted(changes, key=lambda each: -each.share_of_torque)),
             simulation_gap=None,
-            sentence=sentences.delay_of_all(delay, self.period, support),
+            sentence=_delay_of_all(delay, self.period, support),
         )
 
     def part_of_result(self, joints: Sequence[str], law_speed: str | None) -> SignalChain:
@@ -216,3 +216,19 @@ def _chain(
         spread = float(np.sum(weights * (shifts[best] - shift) ** 2) / max(best.sum() - 1, 1))
         std = float(np.sqrt(max(1.0, spread) / weights.sum()))
     return EffortShift(shift, std, period, configured, shifts, deviations, best)
+
+
+def _delay_of_all(delay: EffectParameter, period: float, support: float) -> str:
+    """A delay of all joints that no control of this period (s) makes; `support`: of the loop."""
+    assert delay.std is not None
+    half = 1e3 * settings.NORMAL_95 * delay.std
+    if abs(support) < settings.LEAST_SUPPORT:
+        which = "which this recording cannot tell"
+    else:
+        which = f"the motion is that of a loop with{'' if support > 0.0 else 'out'} the delay"
+    return (
+        f"time delay of all joints: efforts act {1e3 * delay.value:.3f} ± {half:.2g} ms after "
+        f"their stamps ({delay.value / period:.2f} control periods, of which a held command takes "
+        f"half a one): the stamps are early, or commands take that long in the loop; {which}. "
+        "Everything else was diagnosed with efforts at the time at which they act"
+    )

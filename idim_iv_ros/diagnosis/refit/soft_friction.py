@@ -18,9 +18,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
 from idim_iv_ros.simulation import joint_inertia
 from idim_iv_ros.types import FloatArray
 

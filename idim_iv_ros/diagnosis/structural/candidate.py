@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idim_iv_ros.diagnosis.likelihood import Columns, Fit, Regression, width_of
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, with_parameters
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.diagnosis.structural.likelihood import Columns, Fit, Regression, width_of
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.types import FloatArray
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import (
     Cause,
@@ -15,7 +16,6 @@ from idim_iv_ros.diagnosis.result import (
     Transmission,
 )
 from idim_iv_ros.diagnosis.sentences import with_interval
-from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.diagnosis.transmission.fit import LOAD, SIDE, held_out
 from idim_iv_ros.diagnosis.transmission.measure import Measured, less, link_inertia, twist_torques
 from idim_iv_ros.effects.registry import BY_NAME, name_of

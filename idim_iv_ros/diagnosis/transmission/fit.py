@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.transmission.twist import TwistRows
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.types import BoolArray, FloatArray

@@ -7,9 +7,9 @@ import numpy as np
 from scipy import stats
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.likelihood import Columns, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter, Transmission, TransmissionSeries
-from idim_iv_ros.diagnosis.structural.likelihood import Columns, Regression
 from idim_iv_ros.diagnosis.transmission.fit import (
     DIRECTION,
     LOAD,

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import scipy
 
+from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import SHIFT_SPLINE, Baseline
-from idim_iv_ros.diagnosis.structural.likelihood import Regression
 from idim_iv_ros.estimation.observation import segments_of
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.signals.motion import all_around

@@ -17,7 +17,7 @@ import scipy
 from numpy.typing import NDArray
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.controller.law_event import beside_no_event
+from idim_iv_ros.diagnosis.refit.law_event import beside_no_event
 from idim_iv_ros.effects.controller_mismatch import CommandParts, ControllerMismatch
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.estimation.sources import InstrumentSources

@@ -11,10 +11,10 @@ from functools import cached_property
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.likelihood import Fit, Regression, white_noise_models
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat, common_floor
 from idim_iv_ros.diagnosis.result import Gap, Stage
-from idim_iv_ros.diagnosis.structural.likelihood import Fit, Regression, white_noise_models
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor, stacked_r_factor
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray, IntArray
