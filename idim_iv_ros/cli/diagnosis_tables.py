@@ -74,7 +74,7 @@ def _print_contrast(console: Console, result: GapResult, contrast: ContrastResul
                 "\n".join(_shown(each.parameters)),
                 "\n".join(
                     f"{one.joint}: {one.rms:.3g} {torque_unit(result, one.joint)} "
-                    f"({100.0 * one.share_of_torque:.2g} %)"
+                    f"({100.0 * one.share_of_torque:.3g} %)"
                     for one in each.torques
                 ),
                 _names(each.indistinguishable_from, each.joint),
@@ -161,7 +161,7 @@ def _gaps(result: GapResult, cause: Cause) -> list[str]:
     unit = torque_unit(result, cause.joint)
     lines = [f"{gap.before:.3g} → {gap.after:.3g} {unit}", _shrinkage(gap)]
     for each in cause.joint_gaps:
-        share = f"{100.0 * each.share_of_torque:.2g} % of its torque"
+        share = f"{100.0 * each.share_of_torque:.3g} % of its torque"
         if each.joint != cause.joint:
             unit = torque_unit(result, each.joint)
             lines.append(f"{each.joint}: {each.before:.3g} → {each.after:.3g} {unit}")

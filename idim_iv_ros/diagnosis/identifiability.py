@@ -250,7 +250,7 @@ def _refusal(measure: Detectability) -> tuple[str, str]:
     if not measure.smallest:
         return "its torque stays within the noise at every size that was tried", ""
     if not measure.plausible:
-        reason = f"only sizes from {measure.smallest} would be seen, and smaller ones are common"
+        reason = f"it would be seen from {measure.smallest} on, and is often smaller"
         return reason, measure.smallest
     return "", ""
 

@@ -100,7 +100,7 @@ def disagreement(differing: Sequence[RecordingAgreement]) -> str:
 
 def _difference(recording: RecordingAgreement) -> str:
     share = 100.0 * recording.share_of_torque
-    text = f"{recording.bag} differs by {share:.2g} % of the torque at {recording.joint}"
+    text = f"{recording.bag} differs by {share:.3g} % of the torque at {recording.joint}"
     causes = ", ".join(
         f"{spaced(one.effect)}{f' of {one.joint}' if one.joint else ''} "
         f"({listed_numbers(one.effect, one.parameters, 1)})"
@@ -197,7 +197,7 @@ def remaining_parameter_errors(
     which = f"perhaps {' or '.join(numbers)}" if numbers else "cannot be determined"
     return (
         f"remaining parameter error: {worst.remaining:.3g} {unit} at {worst.joint} "
-        f"({100.0 * worst.share_of_torque:.2g} % of its torque){more}; which given numbers are in "
+        f"({100.0 * worst.share_of_torque:.3g} % of its torque){more}; which given numbers are in "
         f"error: {which}"
     )
 
@@ -233,7 +233,7 @@ def nonparametric(data: Baseline, candidate: Candidate) -> str:
 def small_nonparametric(data: Baseline, candidate: Candidate) -> str:
     """The same where it is too small to matter."""
     share = 100.0 * candidate.share_of_torque(data.torque_sizes)
-    return f"{nonparametric(data, candidate)}: {share:.2g} % of its torque, too small to matter"
+    return f"{nonparametric(data, candidate)}: {share:.3g} % of its torque, too small to matter"
 
 
 def events(
@@ -398,7 +398,7 @@ def or_else(others: Sequence[Indistinguishable]) -> str:
 
 def _change(data: Baseline, each: JointChange) -> str:
     unit = data.unit_at(data.joints.index(each.joint), "N m")
-    share = f"{100.0 * each.share_of_torque:.2g} % of its torque"
+    share = f"{100.0 * each.share_of_torque:.3g} % of its torque"
     return f"at {each.joint} from {each.before:.3g} to {each.after:.3g} {unit} ({share})"
 
 

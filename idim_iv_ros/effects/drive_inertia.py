@@ -28,7 +28,7 @@ class DriveInertia(ParametricEffect):
     segments = ("multisine",)
     specs = (
         ParameterSpec(
-            "change_of_drive_inertia", "kg m²", "drive inertia less the nominal one", standard="Ia"
+            "change_of_drive_inertia", "kg m²", "change of the drive inertia", standard="Ia"
         ),
     )
 

@@ -21,11 +21,9 @@ class FrictionLevel(ParametricEffect):
     segments = ("plateau",)
     specs = (
         ParameterSpec(
-            "change_of_viscous", "N m s/rad", "viscous friction less the nominal one", standard="Fv"
+            "change_of_viscous", "N m s/rad", "change of viscous friction", standard="Fv"
         ),
-        ParameterSpec(
-            "change_of_coulomb", "N m", "Coulomb friction less the nominal one", standard="Fc"
-        ),
+        ParameterSpec("change_of_coulomb", "N m", "change of Coulomb friction", standard="Fc"),
     )
 
     def admissible(

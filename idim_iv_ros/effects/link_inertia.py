@@ -30,7 +30,7 @@ class LinkInertia(ParametricEffect):
         changed = re.fullmatch(r"change_of_(base_)?([A-Z]+\d+)", name)
         if changed is None:
             return super().parameter_words(name)
-        return f"{changed[2]}{' (grouped)' if changed[1] else ''} less the nominal one"
+        return f"change of {changed[2]}{' (grouped)' if changed[1] else ''}"
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """Mass and first moments, as a payload may have nothing else, and all ten."""

@@ -89,7 +89,10 @@ class ConicProblem:
         solver = clarabel.DefaultSolver(quadratic, linear, matrix, right, cones, settings)
         solution = solver.solve()
         if str(solution.status) not in ("Solved", "AlmostSolved"):
-            raise DataError(f"clarabel found no physical parameters: {solution.status}")
+            raise DataError(
+                "no masses and inertias of real bodies come near the estimates "
+                f"(clarabel: {solution.status})"
+            )
         return np.asarray(solution.x)[:known]
 
     @property

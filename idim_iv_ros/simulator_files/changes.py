@@ -92,7 +92,7 @@ def _of_causes(answer: Answer) -> list[str]:
             "|---|---|---|",
         ]
     return lines + [
-        f"| {each.joint} | {each.remaining:.3g} | {100.0 * each.share_of_torque:.2g} % |"
+        f"| {each.joint} | {each.remaining:.3g} | {100.0 * each.share_of_torque:.3g} % |"
         for each in answer.errors
     ]
 

@@ -37,8 +37,8 @@ def test_a_gain_of_1_25_is_a_factor_of_1_25() -> None:
 @pytest.mark.parametrize(
     ("effect", "name", "words"),
     [
-        ("link_inertia", "change_of_MX3", "MX3 less the nominal one"),
-        ("link_inertia", "change_of_base_MX3", "MX3 (grouped) less the nominal one"),
+        ("link_inertia", "change_of_MX3", "change of MX3"),
+        ("link_inertia", "change_of_base_MX3", "change of MX3 (grouped)"),
         ("payload", "inertia_xy", "moment of inertia xy about the link's frame"),
         ("position_ripple", "sine_12", "torque with the sine 12"),
     ],

@@ -153,7 +153,7 @@ def law(
     )
     return (
         f"control law of {torque.joint} changed: {changed} "
-        f"({100.0 * torque.share_of_torque:.2g} % of its torque)"
+        f"({100.0 * torque.share_of_torque:.3g} % of its torque)"
     )
 
 
@@ -241,7 +241,7 @@ def _torque(data: Baseline, value: float, joint: str) -> str:
 def _torques(data: Baseline, torques: Sequence[JointTorque]) -> str:
     listed = ", ".join(
         f"{_torque(data, each.rms, each.joint)} at {each.joint} "
-        f"({100.0 * each.share_of_torque:.2g} % of its torque)"
+        f"({100.0 * each.share_of_torque:.3g} % of its torque)"
         for each in torques
     )
     return listed and f"; that is {listed}"
