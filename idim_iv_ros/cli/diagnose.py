@@ -57,7 +57,6 @@ def diagnose_command(
             help="Leave an effect out of the catalogue, to see what is said without it; may be "
             "repeated.",
             metavar="EFFECT",
-            show_default=False,
         ),
     ] = None,
     against: Annotated[
@@ -67,7 +66,6 @@ def diagnose_command(
             help="Recordings of the same robot, or of a simulator of it, that may differ: say what "
             "changed from the others to them. Names up to the next option belong to it.",
             metavar="BAG...",
-            show_default=False,
         ),
     ] = None,
     nominal: Annotated[
@@ -76,7 +74,6 @@ def diagnose_command(
             help="A result.json or gap.json of this robot whose base parameters take the place of "
             "the URDF's.",
             metavar="FILE.json",
-            show_default=False,
         ),
     ] = None,
     picture: Picture = None,

@@ -37,9 +37,7 @@ def excite_command(
     config: Config,
     out: Annotated[
         Path,
-        typer.Option(
-            "--out", metavar="TRAJ", help="Writes TRAJ.csv, .yaml, .json.", show_default=False
-        ),
+        typer.Option("--out", metavar="TRAJ", help="Writes TRAJ.csv, .yaml, .json."),
     ],
     purpose: Annotated[
         Purpose, typer.Option("--for", help="Estimate parameters, or separate the causes of a gap.")
@@ -65,8 +63,7 @@ def excite_command(
         float | None,
         typer.Option(
             help="Points per second of the YAML. Default: 5 a period of the fastest content, at "
-            "least 20 (diagnosis: 100).",
-            show_default=False,
+            "least 20 (diagnosis: 100)."
         ),
     ] = None,
     criterion: Annotated[

@@ -17,7 +17,6 @@ def export_command(
         typer.Argument(
             metavar="RESULT.json|GAP.json",
             help="What `idim-iv identify` or `idim-iv diagnose` wrote.",
-            show_default=False,
         ),
     ],
     config: Config,

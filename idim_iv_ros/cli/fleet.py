@@ -26,8 +26,7 @@ Source = Annotated[
     typer.Argument(
         help="A manifest (.csv or .parquet with the columns uri, robot, and also type, time, "
         "labels), a folder, or a URL (s3://, gs://, …) that is searched: ROBOT/BAG or "
-        "TYPE/ROBOT/BAG.",
-        show_default=False,
+        "TYPE/ROBOT/BAG."
     ),
 ]
 FleetConfig = Annotated[
@@ -36,7 +35,6 @@ FleetConfig = Annotated[
         "--config",
         metavar="FILE.yaml|FOLDER",
         help="One configuration for all robots, or a folder with ROBOT.yaml or TYPE.yaml.",
-        show_default=False,
     ),
 ]
 Scheduler = Annotated[
@@ -45,12 +43,11 @@ Scheduler = Annotated[
         metavar="ADDRESS",
         help="Of a running Dask scheduler, as in tcp://host:8786; left out, workers are started "
         "on this machine.",
-        show_default=False,
     ),
 ]
 Workers = Annotated[
     int | None,
-    typer.Option(help="How many on this machine; left out, one for each core.", show_default=False),
+    typer.Option(help="How many on this machine; left out, one for each core."),
 ]
 
 

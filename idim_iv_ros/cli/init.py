@@ -20,9 +20,7 @@ def init_command(
     urdf: Annotated[
         Path | None,
         typer.Option(
-            "--urdf",
-            help="The robot's URDF; may be left out where the bag has /robot_description.",
-            show_default=False,
+            "--urdf", help="The robot's URDF; may be left out where the bag has /robot_description."
         ),
     ] = None,
     driver: Annotated[
@@ -31,7 +29,6 @@ def init_command(
             "--driver",
             help="Topics and units of a driver: ur, franka, kinova, kuka_fri, ros2_control, or a "
             "YAML file with the same keys.",
-            show_default=False,
         ),
     ] = None,
     out: Annotated[Path, typer.Option("--out", help="The configuration to write.")] = Path(

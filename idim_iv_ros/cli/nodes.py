@@ -18,8 +18,7 @@ ROS_ARGUMENTS = {"allow_extra_args": True, "ignore_unknown_options": True}
 Namespace = Annotated[
     str,
     typer.Option(
-        help="ROS namespace of the node, and of the relative topics of the configuration.",
-        show_default=False,
+        help="ROS namespace of the node, and of the relative topics of the configuration."
     ),
 ]
 
@@ -63,9 +62,7 @@ def serve_command(
 
 Result = Annotated[
     Path | None,
-    typer.Option(
-        "--result", help="A result.json; left out: the newest of --results.", show_default=False
-    ),
+    typer.Option("--result", help="A result.json; left out: the newest of --results."),
 ]
 Results = Annotated[
     Path, typer.Option("--results", help="Folder in which `idim-iv serve` writes its results.")
@@ -95,7 +92,6 @@ def watch_command(
         typer.Option(
             "--config",
             help="The robot's YAML file: predict here, too; left out: show what `predict` says.",
-            show_default=False,
         ),
     ] = None,
     result: Result = None,
@@ -108,7 +104,6 @@ def watch_command(
             min=0,
             max=65535,
             help="Show a page on this port of this machine, and no table; 0: any free port.",
-            show_default=False,
         ),
     ] = None,
     namespace: Namespace = "",

@@ -32,7 +32,6 @@ def replay_command(
             metavar="effects.json|gap.json",
             help="What the robot has beyond the model: a file of effects, or a diagnosis, whose "
             "parameters are taken too where --model is urdf.",
-            show_default=False,
         ),
     ] = None,
     out: OutOrJson = None,
@@ -42,7 +41,6 @@ def replay_command(
         typer.Option(
             metavar="FILE.mp4|gif",
             help="Write recorded and simulated robots side by side; needs something that draws.",
-            show_default=False,
         ),
     ] = None,
     force: Force = False,

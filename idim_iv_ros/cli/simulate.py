@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 
 def simulate_command(
     config: Config,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="BAG.mcap", help="The bag.", show_default=False)
-    ],
+    out: Annotated[Path, typer.Option("--out", metavar="BAG.mcap", help="The bag.")],
     trajectory: Annotated[
         Path | None,
         typer.Option(
