@@ -9,16 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from idim_iv_ros.cli.arguments import (
-    AsJson,
-    Bags,
-    Config,
-    Force,
-    OutOrJson,
-    Picture,
-    Quiet,
-    Verbose,
-)
+from idim_iv_ros.cli import arguments as shared
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import GAP, REPORT
 
@@ -48,9 +39,9 @@ def separated_sets(arguments: Sequence[str]) -> Iterator[str]:
 
 
 def diagnose_command(
-    bags: Bags,
-    config: Config,
-    out: OutOrJson = None,
+    bags: shared.Bags,
+    config: shared.Config,
+    out: shared.OutOrJson = None,
     without: Annotated[
         list[str] | None,
         typer.Option(
@@ -76,11 +67,11 @@ def diagnose_command(
             metavar="FILE.json",
         ),
     ] = None,
-    picture: Picture = None,
-    force: Force = False,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
-    verbose: Verbose = False,
+    picture: shared.Picture = None,
+    force: shared.Force = False,
+    quiet: shared.Quiet = False,
+    as_json: shared.AsJson = False,
+    verbose: shared.Verbose = False,
 ) -> None:
     """Say where simulator and robot differ, which effect causes it, and how far the gap shrinks.
 
@@ -90,6 +81,8 @@ def diagnose_command(
 
     What changed: idim-iv diagnose before.mcap --against after.mcap --config ur5.yaml --out changed
     """
+    from functools import partial
+
     from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
     from idim_iv_ros.cli.identify import print_physical
     from idim_iv_ros.cli.output import Output
@@ -100,7 +93,8 @@ def diagnose_command(
     from idim_iv_ros.report.picture import write_picture
 
     output = Output(quiet=quiet, as_json=as_json)
-    for name in without or ():
+    names = tuple(dict.fromkeys(without or ()))
+    for name in names:
         if name not in EFFECTS:
             raise UsageError(f"--without {name}: no such effect; there are {', '.join(EFFECTS)}")
     configuration = load_configuration(config)
@@ -108,12 +102,12 @@ def diagnose_command(
         lambda progress: diagnose(
             bags,
             configuration,
-            without=tuple(dict.fromkeys(without or ())),
+            without=names,
             against=against or (),
             nominal=nominal,
             progress=progress,
         ),
-        lambda result: write_gap_report(result, out or "", force=force, config=config),
+        partial(write_gap_report, force=force, config=config),
         write_picture,
         out=out,
         names=(GAP, REPORT),
