@@ -30,12 +30,9 @@ class BagEntry:
 def find_bags(source: str) -> tuple[BagEntry, ...]:
     """List the bags of a fleet, in the order of the manifest or of their paths.
 
-    Parameters
-    ----------
-    source
-        A manifest (``.csv``, ``.parquet``) with the columns uri and robot, also type and time;
-        any other column is a label. Or a folder, or a URL that fsspec opens, which is searched:
-        ``ROBOT/BAG`` or ``TYPE/ROBOT/BAG``; bags that lie directly in it are of one robot.
+    A source is a manifest (``.csv``, ``.parquet``) with the columns uri and robot, also type and
+    time; any other column is a label. Or a folder, or a URL that fsspec opens, which is searched:
+    ``ROBOT/BAG`` or ``TYPE/ROBOT/BAG``; bags that lie directly in it are of one robot.
 
     Raises
     ------
@@ -47,11 +44,11 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
         if source.endswith((".csv", ".parquet")):
             content = reachable(system.cat_file, path)
             return _manifest(source, _rows(source, bytes(content)))
-        information = reachable(system.info, path)
-        if information["type"] != "directory":
-            folder, files = str(PurePosixPath(path).parent), [path]
+        folder, files = path, [path]
+        if reachable(system.info, path)["type"] == "directory":
+            files = [str(text) for text in reachable(system.find, path)]
         else:
-            folder, files = path, [str(text) for text in reachable(system.find, path)]
+            folder = str(PurePosixPath(path).parent)
     except FileNotFoundError as error:
         raise UsageError(f"{source}: no such file, folder or URL") from error
     except OSError as error:

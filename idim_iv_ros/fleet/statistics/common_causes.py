@@ -41,10 +41,7 @@ def is_nothing(cause: CauseSummary) -> bool:
 def causes_of_robot(bags: Sequence[BagResult]) -> list[CauseSummary]:
     """Causes that most diagnosed bags of one robot name, with the numbers of the newest of them.
 
-    Parameters
-    ----------
-    bags
-        Of the robot, in the order of time.
+    The bags are in the order of time.
     """
     diagnosed = [bag.diagnosis for bag in bags if bag.diagnosis is not None]
     named: dict[tuple[str, str | None], list[CauseSummary]] = defaultdict(list)
@@ -59,14 +56,8 @@ def common_causes(
 ) -> tuple[CommonCause, ...]:
     """Sort the causes of diagnosed robots into those of the type and those of single robots.
 
-    An effect at a joint of which robots have different sizes is several causes.
-
-    Parameters
-    ----------
-    causes
-        By robot, of all that were diagnosed.
-    ordinary
-        Those of them that do not differ from their type.
+    An effect at a joint of which robots have different sizes is several causes. The `ordinary`
+    robots do not differ from their type.
     """
     places: dict[tuple[str, str | None], dict[str, CauseSummary]] = defaultdict(dict)
     for robot, named in causes.items():
