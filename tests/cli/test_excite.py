@@ -17,8 +17,7 @@ QUICK = ("--rate", 100, "--period", 6, "--harmonics", 3, "--repeats", 2)
 
 def test_identification_writes_trajectory_message_and_figures(run, config, tmp_path: Path) -> None:
     out = tmp_path / "run.csv"
-    done = run("excite", "--config", config(), "--out", out, *QUICK)
-    assert done.status == 0, done.error
+    done = run("excite", "--config", config(), "--out", out, *QUICK, status=0)
     assert "condition number" in done.out
     assert "joint_2" in done.out
     assert "ended the search" not in done.out
@@ -103,8 +102,7 @@ def test_bad_request_is_one_line_and_leaves_nothing(
 ) -> None:
     folder = tmp_path / "new"
     folder.mkdir()
-    done = run("excite", "--config", config(), "--out", folder / "run", *arguments)
-    assert done.status == 2, done.out
+    done = run("excite", "--config", config(), "--out", folder / "run", *arguments, status=2)
     assert complaint in done.error
     assert len(done.error.strip().splitlines()) == 1
     assert not list(folder.iterdir())
@@ -116,8 +114,7 @@ def test_missing_velocity_limit_names_the_joint(run, config, tmp_path: Path) -> 
     assert 'velocity="6.0"' in text
     urdf.write_text(text.replace('velocity="6.0"', 'velocity="0"'))
     path = config((str(CONFIG / "arm2.urdf"), str(urdf)))
-    done = run("excite", "--config", path, "--out", tmp_path / "run")
-    assert done.status == 2
+    done = run("excite", "--config", path, "--out", tmp_path / "run", status=2)
     assert "joint_2 has no velocity" in done.error
 
 
@@ -126,8 +123,7 @@ def test_place_that_cannot_be_written_is_refused_before_the_search(
     run, config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
 ) -> None:
     monkeypatch.setattr("idim_iv_ros.excitation.excite", lambda *a, **k: pytest.fail("searched"))
-    done = run("excite", "--config", config(), "--out", tmp_path / place)
-    assert done.status == 2
+    done = run("excite", "--config", config(), "--out", tmp_path / place, status=2)
     assert "cannot write the trajectory there" in done.error
 
 

@@ -20,8 +20,7 @@ def arm(tmp_path: Path) -> Case:
 
 def test_all_files_are_written_and_named(run, arm: Case, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    outcome = run("export", arm.path, "--config", CONFIG / "arm2.yaml", "--out", out)
-    assert outcome.status == 0, outcome.error
+    outcome = run("export", arm.path, "--config", CONFIG / "arm2.yaml", "--out", out, status=0)
     assert sorted(path.name for path in out.iterdir()) == FILES
     assert all(str(out / name) in outcome.out for name in FILES)
     assert "MuJoCo has no element for stribeck at joint_2: effects.json" in outcome.out
@@ -80,8 +79,7 @@ def test_effects_are_simulated_with_the_exported_robot(run, arm: Case, tmp_path:
 
 def test_identify_ends_by_naming_the_export(run, bag: Path, config, tmp_path: Path) -> None:
     out = tmp_path / "found"
-    outcome = run("identify", bag, "--config", config(), "--out", out)
-    assert outcome.status == 0, outcome.error
+    outcome = run("identify", bag, "--config", config(), "--out", out, status=0)
     assert f"Into a simulator: idim-iv export {out / 'result.json'} --config" in outcome.out
 
 
@@ -90,8 +88,7 @@ def test_without_the_solver_one_line_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "clarabel", None)
     out = tmp_path / "found"
-    outcome = run("identify", bag, "--config", config(), "--out", out)
-    assert outcome.status == 0, outcome.error
+    outcome = run("identify", bag, "--config", config(), "--out", out, status=0)
     assert "pip install 'idim-iv-ros[physical]'" in outcome.out
     assert json.loads((out / "result.json").read_text())["physical"] is None
     exported = tmp_path / "out"
@@ -105,8 +102,7 @@ def test_an_mjcf_comes_back_as_the_same_file_and_can_be_replayed(
 ) -> None:
     """Identified, exported, and simulated with the recording that it is from."""
     configuration, found, out = as_mjcf(config, tmp_path), tmp_path / "found", tmp_path / "out"
-    outcome = run("identify", bag, "--config", configuration, "--out", found)
-    assert outcome.status == 0, outcome.error
+    outcome = run("identify", bag, "--config", configuration, "--out", found, status=0)
     outcome = run("export", found / "result.json", "--config", configuration, "--out", out)
     assert outcome.status == 0, outcome.error
     names = ["arm2.xml", "changes.md", "effects.json"]

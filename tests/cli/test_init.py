@@ -70,8 +70,7 @@ def test_stranger_goes_from_a_bag_to_parameters_by_the_commands_that_are_named(
     """Neither a configuration nor a word of documentation: every line names the next one."""
     monkeypatch.chdir(tmp_path)
     write_bag("run1.mcap", [states(record, extra=("left_finger_joint", "torso"))])
-    lost = run("identify", "run1.mcap")
-    assert lost.status == 2
+    lost = run("identify", "run1.mcap", status=2)
     assert "idim-iv init BAG… --urdf FILE" in lost.error
     refused(run("init", "run1.mcap"), 2, "run1.mcap", "--urdf")
     done = run("init", "run1.mcap", "--urdf", "models/arm.urdf")
@@ -123,8 +122,7 @@ def test_joint_that_stands_still_away_from_zero_is_warned_of(run, record, tmp_pa
         "/joint_states", ["joint_1", "joint_2"], record.time, position, None, record.effort
     )
     write_bag(tmp_path / "run.mcap", [topic], robot_description=ARM)
-    done = run("init", tmp_path / "run.mcap", "--out", tmp_path / "arm.yaml", "--quiet")
-    assert done.status == 0
+    done = run("init", tmp_path / "run.mcap", "--out", tmp_path / "arm.yaml", "--quiet", status=0)
     assert "joint_2" in done.error
     assert "0.7" in done.error
     assert load_configuration(tmp_path / "arm.yaml").robot.joints == ["joint_1"]
@@ -134,8 +132,7 @@ def test_control_law_and_reference_are_found_in_the_log(run, record, tmp_path: P
     """The gains within 2 %, so that the instruments of the simulated loop are valid."""
     bag, out = tmp_path / "run.mcap", tmp_path / "arm.yaml"
     write_bag(bag, [states(record), reference(record)], robot_description=ARM)
-    done = run("init", bag, "--out", out)
-    assert done.status == 0, done.error
+    run("init", bag, "--out", out, status=0)
     configuration, truth = load_configuration(out), simulated_arms.arm2().configuration
     assert configuration.robot.urdf is None
     assert configuration.signals.reference == "/arm/joint_command"

@@ -37,8 +37,7 @@ def bag(record, tmp_path_factory) -> Path:
 
 def test_the_state_of_a_controller_is_proposed_as_the_reference(run, bag, tmp_path: Path) -> None:
     out = tmp_path / "arm.yaml"
-    done = run("init", bag, "--urdf", ARM, "--out", out)
-    assert done.status == 0, done.error
+    run("init", bag, "--urdf", ARM, "--out", out, status=0)
     configuration = load_configuration(out)
     assert configuration.signals.reference == SCALED
     assert "what the controller was asked for" in out.read_text()
@@ -61,8 +60,7 @@ def test_a_driver_gives_topics_and_unit_with_its_name_as_the_reason(
     run, bag, tmp_path: Path
 ) -> None:
     out = tmp_path / "arm.yaml"
-    done = run("init", bag, "--urdf", ARM, "--driver", "ur", "--out", out)
-    assert done.status == 0, done.error
+    done = run("init", bag, "--urdf", ARM, "--driver", "ur", "--out", out, status=0)
     signals = load_configuration(out).signals
     assert (signals.joint_states, signals.reference) == ("/joint_states", SCALED)
     assert signals.effort_unit == "A"
@@ -73,8 +71,7 @@ def test_topics_of_a_driver_that_are_not_there_are_said_and_others_are_found(
     run, bag, tmp_path: Path
 ) -> None:
     out = tmp_path / "arm.yaml"
-    done = run("init", bag, "--urdf", ARM, "--driver", "kinova", "--out", out)
-    assert done.status == 0, done.error
+    done = run("init", bag, "--urdf", ARM, "--driver", "kinova", "--out", out, status=0)
     assert load_configuration(out).signals.reference == SCALED
     assert (
         "/joint_trajectory_controller/controller_state of the driver kinova is not in the bag"

@@ -27,8 +27,7 @@ def test_identify_ends_well_with_one_warning_when_a_section_fails(
     run, config, bag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _broken("IDENTIFICATION", "torque", monkeypatch)
-    done = run("identify", bag, "--config", config(), "--out", tmp_path / "results")
-    assert done.status == 0
+    done = run("identify", bag, "--config", config(), "--out", tmp_path / "results", status=0)
     warned = [line for line in done.error.splitlines() if "warning" in line]
     assert len(warned) == 1
     assert "Torque" in warned[0]
@@ -61,8 +60,7 @@ def test_a_page_that_cannot_be_drawn_at_all_leaves_the_numbers(
     monkeypatch.setattr(write, "report_html", _fails)
     monkeypatch.setattr(write, "gap_report_html", _fails)
     if command == "identify":
-        done = run("identify", bag, "--config", config(), "--out", out)
-        assert done.status == 0
+        done = run("identify", bag, "--config", config(), "--out", out, status=0)
         printed, error = done.out, done.error
     else:
         diagnose(StandIn("both"), out=out)

@@ -28,8 +28,7 @@ def test_identify_writes_the_answer_and_says_what_was_left_out(
 ) -> None:
     monkeypatch.setattr(FleetRun, "tasks", one_after_the_other)
     arguments = ("fleet", "identify", folder.path, "--config", CONFIG, "--out", tmp_path)
-    outcome = run(*arguments)
-    assert outcome.status == 0, outcome.error
+    outcome = run(*arguments, status=0)
     assert "3 of 4 bags used, 2 robots" in outcome.out
     assert f"Not used: {folder.corrupt}: nothing can be read of it" in outcome.out
     document = json.loads((tmp_path / "fleet.json").read_text(encoding="utf-8"))
@@ -39,8 +38,7 @@ def test_identify_writes_the_answer_and_says_what_was_left_out(
     assert written == {BAGS, "fleet.json", "fleet.parquet", "fleet.html"}
     assert run(*arguments).status == 0  # its own files are replaced
     (tmp_path / "fleet.parquet").write_bytes(b"PAR1 of somebody else PAR1")
-    refused = run(*arguments)
-    assert refused.status == 2
+    refused = run(*arguments, status=2)
     assert "fleet.parquet: exists, and was not written by idim_iv_ros" in refused.error
 
 
