@@ -78,7 +78,7 @@ def test_wrong_use_is_one_line(
 ) -> None:
     stores = tmp_path / "stores.csv"
     stores.write_text(f"uri,robot\n{folder.bags[0]},arm-1\nfoo://b/a.mcap,arm-2\n")
-    given = [each.format(bags=folder.path, stores=stores) for each in arguments]
+    given = [argument.format(bags=folder.path, stores=stores) for argument in arguments]
     outcome = run("fleet", "identify", *given, "--config", CONFIG, "--out", tmp_path / "out")
     assert outcome.status == 2
     assert words in outcome.error
@@ -88,15 +88,9 @@ def test_wrong_use_is_one_line(
 
 @pytest.mark.parametrize("source", ["s3://nobody/bags", "{manifest}"])
 def test_credentials_that_are_missing_are_no_fault_of_the_bags(
-    run: Any,
-    folder: BagFolder,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    source: str,
-    request: pytest.FixtureRequest,
+    run: Any, folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, source: str
 ) -> None:
-    S3FileSystem.clear_instance_cache()  # of clients with credentials, and then of those without
-    request.addfinalizer(S3FileSystem.clear_instance_cache)
+    monkeypatch.setattr(S3FileSystem, "_cache", {})  # of clients with credentials
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_PROFILE"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
@@ -151,7 +145,7 @@ def test_an_interruption_keeps_what_is_done(folder: BagFolder, tmp_path: Path) -
     assert said[0].endswith("of 4 bags are done and kept; the same command goes on from there")
     kept = list((tmp_path / BAGS).glob("*.json"))
     assert kept
-    assert all(json.loads(each.read_text())["format"] == "idim_iv_ros/bag/1" for each in kept)
+    assert {json.loads(path.read_text())["format"] for path in kept} == {"idim_iv_ros/bag/1"}
     time.sleep(5.0)
     with pytest.raises(ProcessLookupError):  # no worker is left behind
         os.killpg(process.pid, 0)
