@@ -27,10 +27,14 @@ class Outcome(NamedTuple):
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, capfd) -> Callable[..., Outcome]:
-    """Run the command line in this process, which ends with `status` if one is given."""
+    """Run the command line in this process, which ends with `status` if one is given.
 
-    def call(*arguments: object, status: int | None = None) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["idim-iv", *map(str, arguments)])
+    The first argument may be a whole command with its words separated by blanks.
+    """
+
+    def call(command: str, *arguments: object, status: int | None = None) -> Outcome:
+        words = [*command.split(), *map(str, arguments)]
+        monkeypatch.setattr(sys, "argv", ["idim-iv", *words])
         monkeypatch.setenv("COLUMNS", "200")
         with pytest.raises(SystemExit) as stopped:
             main()

@@ -40,8 +40,7 @@ def test_table_becomes_a_bag_is_checked_and_identified(run, config, record, tmp_
 
 def test_least_squares_on_request(run, config, bag, tmp_path: Path) -> None:
     out = tmp_path / "results"
-    done = run("identify", bag, "--config", config(), "--out", out, "--estimator", "idim-ls")
-    assert done.status == 0, done.error
+    run(f"identify {bag} --config {config()} --out {out} --estimator idim-ls", status=0)
     document = json.loads((out / "result.json").read_text())
     assert document["estimator"] == "idim-ls"
     assert document["instruments"]["tests"][0]["reason"]
@@ -50,8 +49,7 @@ def test_least_squares_on_request(run, config, bag, tmp_path: Path) -> None:
 def test_two_bags_are_used_together(run, config, bag, tmp_path: Path) -> None:
     second = simulated_arms.record(simulated_arms.arm2(), 2)
     other = write_arm(tmp_path / "other.mcap", second)
-    done = run("identify", bag, other, "--config", config(), "--out", tmp_path / "results")
-    assert done.status == 0, done.error
+    run(f"identify {bag} {other} --config {config()} --out {tmp_path / 'results'}", status=0)
     assert len(json.loads((tmp_path / "results" / "result.json").read_text())["bags"]) == 2
 
 

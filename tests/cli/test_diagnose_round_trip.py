@@ -27,11 +27,8 @@ def rippled(run, tmp_path: Path):
         gap = gap_file(tmp_path / "truth.json", RIPPLE, parameters=NO_OFFSETS)
         bag = tmp_path / "arm.mcap"
         options = [word for seed in seeds for word in ("--seed", seed)]
-        outcome = run(
-            "simulate", "--config", CONFIG, "--out", bag, "--duration", seconds,
-            "--effects", gap, *options,
-        )  # fmt: skip
-        assert outcome.status == 0, outcome.error
+        command = f"simulate --config {CONFIG} --out {bag} --duration {seconds} --effects {gap}"
+        run(command, *options, status=0)
         if len(seeds) == 1:
             return [bag]
         return [tmp_path / f"arm-{seed}.mcap" for seed in seeds]
@@ -50,7 +47,7 @@ def test_what_was_simulated_is_found_and_can_be_simulated_again(
     """One bag only: ripple within 10 %, then a robot with what was found."""
     (bag,) = rippled(1)
     out = tmp_path / "why"
-    outcome = run("diagnose", bag, "--config", CONFIG, "--out", out, status=0)
+    run("diagnose", bag, "--config", CONFIG, "--out", out, status=0)
     result = document(out)
     structural = [each for each in result["causes"] if each["kind"] == "structural"]
     assert [(each["effect"], each["joint"]) for each in structural] == [
@@ -65,11 +62,8 @@ def test_what_was_simulated_is_found_and_can_be_simulated_again(
     gap = structural[0]["torque_gap"]
     assert gap["after"] < 0.6 * gap["before"]
     again = tmp_path / "again.mcap"
-    outcome = run(
-        "simulate", "--config", CONFIG, "--out", again, "--duration", 2,
-        "--effects", out / "gap.json",
-    )  # fmt: skip
-    assert outcome.status == 0, outcome.error
+    command = f"simulate --config {CONFIG} --out {again} --duration 2 --effects {out / 'gap.json'}"
+    run(command, status=0)
     truth = json.loads((tmp_path / "again.truth.json").read_text())
     assert "position_ripple" in [effect["effect"] for effect in truth["effects"]]
     extended = result["extended_parameters"]

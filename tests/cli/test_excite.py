@@ -40,11 +40,8 @@ def test_identification_writes_trajectory_message_and_figures(run, config, tmp_p
 
 
 def test_short_time_limit_is_admitted(run, config, tmp_path: Path) -> None:
-    done = run(
-        *("excite", "--config", config(), "--out", tmp_path / "run", "--time-limit", 0.001),
-        *QUICK,
-    )
-    assert done.status == 0, done.error
+    command = f"excite --config {config()} --out {tmp_path / 'run'} --time-limit 0.001"
+    done = run(command, *QUICK, status=0)
     assert "time limit" in done.out
     assert json.loads((tmp_path / "run.json").read_text())["ended_early"] is True
 
@@ -69,11 +66,8 @@ def test_diagnosis_writes_its_segments(run, config, tmp_path: Path) -> None:
 
 
 def test_robot_without_inertials_is_told_that_torques_were_not_checked(run, tmp_path: Path) -> None:
-    done = run(
-        *("excite", "--config", CONFIG / "ur10.yaml", "--out", tmp_path / "run"),
-        *("--time-limit", 0.001, *QUICK),
-    )
-    assert done.status == 0, done.error
+    command = f"excite --config {CONFIG / 'ur10.yaml'} --out {tmp_path / 'run'} --time-limit 0.001"
+    done = run(command, *QUICK, status=0)
     assert "Torques" in done.out
     assert json.loads((tmp_path / "run.json").read_text())["limits"]["torque_checked"] is False
 
@@ -137,9 +131,7 @@ def test_full_disk_leaves_nothing_half_written(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    done = run(
-        *("excite", "--config", config(), "--out", folder / "run", "--time-limit", 0.001), *QUICK
-    )
-    assert done.status == 2
+    command = f"excite --config {config()} --out {folder / 'run'} --time-limit 0.001"
+    done = run(command, *QUICK, status=2)
     assert "No space left on device" in done.error
     assert not list(folder.iterdir())

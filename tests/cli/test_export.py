@@ -64,11 +64,10 @@ def test_effects_are_simulated_with_the_exported_robot(run, arm: Case, tmp_path:
     law = "controller: {type: pd, kp: [900.0, 200.0], kd: [40.0, 8.0], period: 0.001}\n"
     config.write_text(robot + section + law, encoding="utf-8")
     bag = tmp_path / "new.mcap"
-    outcome = run(
-        "simulate", "--config", config, "--out", bag, "--effects", out / "effects.json",
-        "--duration", 2,
-    )  # fmt: skip
-    assert outcome.status == 0, outcome.error
+    run(
+        f"simulate --config {config} --out {bag} --effects {out / 'effects.json'} --duration 2",
+        status=0,
+    )
     truth = json.loads((tmp_path / "new.truth.json").read_text())
     model, standard = arm.model, arm.standard
     for name, row in zip(model.base.names, model.base.grouping, strict=True):
@@ -103,8 +102,7 @@ def test_an_mjcf_comes_back_as_the_same_file_and_can_be_replayed(
     """Identified, exported, and simulated with the recording that it is from."""
     configuration, found, out = as_mjcf(config, tmp_path), tmp_path / "found", tmp_path / "out"
     outcome = run("identify", bag, "--config", configuration, "--out", found, status=0)
-    outcome = run("export", found / "result.json", "--config", configuration, "--out", out)
-    assert outcome.status == 0, outcome.error
+    outcome = run(f"export {found / 'result.json'} --config {configuration} --out {out}", status=0)
     names = ["arm2.xml", "changes.md", "effects.json"]
     assert sorted(path.name for path in out.iterdir()) == names
     assert all(str(out / name) in outcome.out for name in names)

@@ -13,8 +13,7 @@ CONFIG = Path(__file__).resolve().parents[2] / "config"
 
 def test_simulated_bag_is_identified_to_its_truth(run, tmp_path: Path) -> None:
     bag = tmp_path / "arm2.mcap"
-    outcome = run("simulate", "--config", CONFIG / "arm2.yaml", "--out", bag, "--duration", 8)
-    assert outcome.status == 0, outcome.error
+    outcome = run(f"simulate --config {CONFIG / 'arm2.yaml'} --out {bag} --duration 8", status=0)
     assert "8001 samples, 8 s at 1000 Hz" in outcome.out
     truth = json.loads((tmp_path / "arm2.truth.json").read_text())
     out = tmp_path / "results"
@@ -33,10 +32,8 @@ def test_designed_motion_is_simulated(run, tmp_path: Path) -> None:
         + "".join(f"{k / 100:.2f},{0.001 * k},{0.002 * k}\n" for k in range(200))
     )
     bag = tmp_path / "a.mcap"
-    outcome = run(
-        "simulate", "--config", CONFIG / "arm2.yaml", "--out", bag, "--trajectory", trajectory
-    )
-    assert outcome.status == 0, outcome.error
+    command = f"simulate --config {CONFIG / 'arm2.yaml'} --out {bag} --trajectory {trajectory}"
+    outcome = run(command, status=0)
     assert "1991 samples" in outcome.out
 
 

@@ -103,8 +103,7 @@ def test_warnings_of_libraries_are_not_shown_but_can_be_asked_for(tmp_path: Path
 def test_a_urdf_that_is_none_is_one_line_on_the_terminal(run, config, tmp_path: Path, urdf) -> None:
     (tmp_path / "bad.urdf").write_text(urdf)
     bad = config((str(CONFIG / "arm2.urdf"), str(tmp_path / "bad.urdf")))
-    done = run("excite", "--config", bad, "--out", tmp_path / "out")  # file descriptors, too
-    assert done.status == 2
+    done = run(f"excite --config {bad} --out {tmp_path / 'out'}", status=2)
     (line,) = lines(done.error)
     assert line.startswith(f"idim-iv: {tmp_path / 'bad.urdf'}: ")
     assert done.out == ""

@@ -49,8 +49,7 @@ def test_a_bag_that_is_not_there_is_missing_and_not_corrupt(
     manifest = tmp_path / "manifest.csv"
     lines = ["uri,robot", f"{folder.corrupt},arm-2", "gone/run-1.mcap,arm-3", "gone,arm-3"]
     manifest.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    outcome = run("fleet", "identify", manifest, "--config", CONFIG, "--out", tmp_path / "out")
-    assert outcome.status == 1, outcome.error
+    outcome = run(f"fleet identify {manifest} --config {CONFIG} --out {tmp_path / 'out'}", status=1)
     assert f"Next: idim-iv check {folder.corrupt} --config {CONFIG}" in outcome.out
     said = [line for line in outcome.out.splitlines() if "gone" in line]
     assert said == [
@@ -100,10 +99,8 @@ def test_credentials_that_are_missing_are_no_fault_of_the_bags(
     manifest = tmp_path / "manifest.csv"
     manifest.write_text(f"uri,robot\ns3://none/a.mcap,arm-2\n{folder.bags[0]},arm-1\n")
     out = tmp_path / "out"
-    outcome = run(
-        "fleet", "identify", source.format(manifest=manifest), "--config", CONFIG, "--out", out
-    )
-    assert outcome.status == 2
+    command = f"fleet identify {source.format(manifest=manifest)} --config {CONFIG} --out {out}"
+    outcome = run(command, status=2)
     assert "no credentials" in outcome.error and "AWS_ACCESS_KEY_ID" in outcome.error
     assert "corrupt" not in outcome.out + outcome.error
     assert not out.exists()

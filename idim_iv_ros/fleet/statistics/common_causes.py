@@ -190,14 +190,14 @@ def _name(cause: CommonCause) -> str:
 
 
 def _size(cause: CommonCause) -> str:
-    """The surest numbers of a cause with their 95 % intervals, in brackets; empty without any."""
+    """The best determined numbers of a cause with their 95 % intervals, in brackets; empty without any."""
     numbers = _determined(cause)
-    surest = sorted(numbers, key=lambda name: -_ratio(cause.effect, name, numbers[name]))[:_SHOWN]
+    clearest = sorted(numbers, key=lambda name: -_ratio(cause.effect, name, numbers[name]))[:_SHOWN]
     about = BY_NAME.get(cause.effect)
     said = [
         f"{about.parameter_words(name) if about else name.replace('_', ' ')} "
         f"{numbers[name].value:.2g} ± {_INTERVAL * (numbers[name].std or 0.0):.1g} "
         f"{numbers[name].unit}".rstrip()
-        for name in surest
+        for name in clearest
     ]
     return f" ({', '.join(said)})" if said else ""
