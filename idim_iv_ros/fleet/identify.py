@@ -126,7 +126,7 @@ def identify_task(uri: str, content: str, key: str, robot: Robot) -> BagResult:
         fields = bag_fields(segments, configuration)
     except IdimError as error:
         torn = isinstance(error, DataError) and (bag.damages or not bag.topics)
-        # The name of the bag is beside it.
+        # The result has the name of the bag.
         reason = str(error).removeprefix(f"{bag.path}: ")
         fields = {"status": "corrupt" if torn else "unusable", "reason": reason}
     return BagResult(**{"uri": uri, "content": content, "key": key, "status": "ok"} | fields)

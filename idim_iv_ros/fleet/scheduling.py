@@ -94,11 +94,11 @@ def _require_same_version(client: Any) -> None:
 
 def _require_version(client: Any, version: str) -> None:
     """Refuse a worker that runs another version than this machine."""
-    if version != code_version():
-        raise UsageError(
-            f"--scheduler {client.scheduler.address}: workers run {version}, this machine "
-            f"{code_version()}; install the same version everywhere"
+    if version != (here := code_version()):
+        where = (
+            f"--scheduler {client.scheduler.address}: workers run {version}, this machine {here}"
         )
+        raise UsageError(f"{where}; install the same version everywhere")
 
 
 @dataclass(frozen=True)

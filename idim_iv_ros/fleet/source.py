@@ -81,29 +81,28 @@ def _entry(bag: str, folder: str, uri: str) -> BagEntry:
 
 
 def _rows(source: str, content: bytes) -> list[dict[str, Any]]:
+    """Return the rows of a manifest by the names of the columns."""
     if source.endswith(".parquet"):
         import pyarrow
         from pyarrow import parquet
 
         try:
-            table = parquet.read_table(io.BytesIO(content))
+            return list(parquet.read_table(io.BytesIO(content)).to_pylist())
         except (pyarrow.ArrowException, OSError) as error:
             raise UsageError(f"{source}: not a Parquet file: {error}") from error
-        rows: list[dict[str, Any]] = table.to_pylist()
-        return rows
     try:
-        reader = csv.DictReader(io.StringIO(content.decode("utf-8-sig")), strict=True)
-        return [dict(row) for row in reader]
+        return list(csv.DictReader(io.StringIO(content.decode("utf-8-sig")), strict=True))
     except (UnicodeDecodeError, csv.Error) as error:
         raise UsageError(f"{source}: not a table in UTF-8: {error}") from error
 
 
 def _manifest(source: str, rows: list[dict[str, Any]]) -> tuple[BagEntry, ...]:
+    """Check the rows of a manifest, and return its bags."""
     if not rows:
         raise UsageError(f"{source}: the manifest names no bag")
     for column in ("uri", "robot"):
         if column not in rows[0]:
-            listed = ", ".join(str(text) for text in rows[0])
+            listed = ", ".join(map(str, rows[0]))
             raise UsageError(f"{source}: no column {column}; it has {listed}")
     entries: dict[str, BagEntry] = {}
     for number, row in enumerate(rows, start=2 if source.endswith(".csv") else 1):
@@ -139,9 +138,8 @@ def _time(where: str, value: object) -> str | None:
     try:
         return iso_time(value if isinstance(value, datetime) else time_of(str(value)))
     except ValueError as error:
-        raise UsageError(
-            f"{where}: time {value} is not in ISO 8601, as in 2026-03-01T12:00:00Z"
-        ) from error
+        words = f"time {value} is not in ISO 8601, as in 2026-03-01T12:00:00Z"
+        raise UsageError(f"{where}: {words}") from error
 
 
 def time_of(text: str) -> datetime:

@@ -24,10 +24,6 @@ def test_all_files_are_written_and_named(run, arm: Case, tmp_path: Path) -> None
     assert sorted(path.name for path in out.iterdir()) == FILES
     assert all(str(out / name) in outcome.out for name in FILES)
     assert "MuJoCo has no element for stribeck at joint_2: effects.json" in outcome.out
-
-
-def test_json_names_the_files(run, arm: Case, tmp_path: Path) -> None:
-    out = tmp_path / "out"
     outcome = run("export", arm.path, "--config", CONFIG / "arm2.yaml", "--out", out, "--json")
     assert sorted(Path(file).name for file in json.loads(outcome.out)["files"]) == FILES
 

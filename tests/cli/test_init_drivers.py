@@ -35,7 +35,9 @@ def bag(record, tmp_path_factory) -> Path:
     return made.write(tmp_path_factory.mktemp("ur") / "bag")
 
 
-def test_the_state_of_a_controller_is_proposed_as_the_reference(run, bag, tmp_path: Path) -> None:
+def test_the_state_of_a_controller_is_a_reference_with_valid_instruments(
+    run, bag, tmp_path: Path
+) -> None:
     out = tmp_path / "arm.yaml"
     run("init", bag, "--urdf", ARM, "--out", out, status=0)
     configuration = load_configuration(out)
@@ -46,12 +48,6 @@ def test_the_state_of_a_controller_is_proposed_as_the_reference(run, bag, tmp_pa
     sentences = [finding["sentence"] for finding in checked["findings"]]
     assert any(f"the reference is reference.positions of {SCALED}" in each for each in sentences)
 
-
-def test_instruments_are_accepted_with_the_reference_of_a_controller(
-    run, bag, tmp_path: Path
-) -> None:
-    out = tmp_path / "arm.yaml"
-    assert run("init", bag, "--urdf", ARM, "--out", out).status == 0
     identified = json.loads(run("identify", bag, "--config", out, "--json").out)
     assert identified["instruments"]["accepted"] is True
 
@@ -92,10 +88,6 @@ def test_drivers_hold_what_a_configuration_may_hold(name: str) -> None:
     assert "https://" in text  # the documentation that it follows
 
 
-def test_every_driver_is_known_by_its_name() -> None:
-    assert sorted(driver_files()) == DRIVERS
-
-
 def test_a_driver_of_the_user_is_a_file_of_the_same_form(run, bag, tmp_path: Path) -> None:
     own, out = tmp_path / "own.yaml", tmp_path / "arm.yaml"
     own.write_text(
@@ -126,6 +118,7 @@ def test_a_wrong_driver_is_refused_in_one_line(tmp_path: Path, text: str, words:
     assert str(path) in str(caught.value)
 
 
-def test_an_unknown_driver_is_answered_with_those_that_are_known() -> None:
+def test_an_unknown_driver_is_answered_with_the_others() -> None:
+    assert sorted(driver_files()) == DRIVERS
     with pytest.raises(UsageError, match=r"abb: .*franka, kinova, kuka_fri"):
         read_driver("abb")

@@ -20,13 +20,13 @@ from idim_iv_ros.fleet.run import FleetRun
 from idim_iv_ros.fleet.scheduling import connected
 from tests.cli.conftest import run as run
 from tests.fleet.conftest import CONFIG, BagFolder
-from tests.fleet.test_fleet import one_after_the_other
+from tests.fleet.test_fleet import LocalRun
 
 
 def test_identify_writes_the_answer_and_says_what_was_left_out(
     run: Any, folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(FleetRun, "tasks", one_after_the_other)
+    monkeypatch.setattr(FleetRun, "tasks", LocalRun.tasks)
     arguments = ("fleet", "identify", folder.path, "--config", CONFIG, "--out", tmp_path)
     outcome = run(*arguments, status=0)
     assert "3 of 4 bags used, 2 robots" in outcome.out
@@ -45,7 +45,7 @@ def test_identify_writes_the_answer_and_says_what_was_left_out(
 def test_a_bag_that_is_not_there_is_missing_and_not_corrupt(
     folder: BagFolder, tmp_path: Path, run: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(FleetRun, "tasks", one_after_the_other)
+    monkeypatch.setattr(FleetRun, "tasks", LocalRun.tasks)
     manifest = tmp_path / "manifest.csv"
     lines = ["uri,robot", f"{folder.corrupt},arm-2", "gone/run-1.mcap,arm-3", "gone,arm-3"]
     manifest.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -25,15 +25,17 @@ from idim_iv_ros.identification.identify import identify
 from tests.fleet.conftest import CONFIG, BagFolder
 
 
-def one_after_the_other(
-    run: FleetRun,
-    function: Callable[..., Any],
-    arguments: Sequence[tuple[Any, ...]],
-    done: Callable[[int, Any, str], None],
-) -> None:
-    """`FleetRun.tasks` without any machine."""
-    for place, values in enumerate(arguments):
-        done(place, function(*values), "")
+class LocalRun(FleetRun):
+    """A run in this process, without Dask."""
+
+    def tasks(
+        self,
+        function: Callable[..., Any],
+        arguments: Sequence[tuple[Any, ...]],
+        done: Callable[[int, Any, str], None],
+    ) -> None:
+        for place, values in enumerate(arguments):
+            done(place, function(*values), "")
 
 
 def kill_workers() -> int:
@@ -117,19 +119,15 @@ def test_a_corrupt_bag_is_a_row_with_its_reason(
     assert [bag.status for bag in serial if bag is not corrupt] == ["ok"] * 3
 
 
-def test_a_second_run_does_only_what_is_missing(
-    folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(FleetRun, "tasks", one_after_the_other)
+def test_a_second_run_does_only_what_is_missing(folder: BagFolder, tmp_path: Path) -> None:
     bags, out = tmp_path / "bags", tmp_path / "out"
     shutil.copytree(folder.path, bags)
     stages: list[str] = []
 
     def run() -> tuple[BagResult, ...]:
         stages.clear()
-        return identify_bags(
-            FleetRun(str(bags), CONFIG, out), lambda stage, share: stages.append(stage)
-        )
+        run = LocalRun(str(bags), CONFIG, out)
+        return identify_bags(run, lambda stage, share: stages.append(stage))
 
     first = run()
     assert any(stage.startswith("identifying 4 of 4 bags") for stage in stages)
@@ -145,13 +143,10 @@ def test_a_second_run_does_only_what_is_missing(
     assert third[0].values == first[0].values
 
 
-def test_a_recording_that_is_there_twice_counts_once(
-    folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(FleetRun, "tasks", one_after_the_other)
+def test_a_recording_that_is_there_twice_counts_once(folder: BagFolder, tmp_path: Path) -> None:
     for name in ("a.mcap", "b.mcap"):
         shutil.copy(folder.bags[0], tmp_path / name)
-    first, second = identify_bags(FleetRun(str(tmp_path), CONFIG, tmp_path / "out"))
+    first, second = identify_bags(LocalRun(str(tmp_path), CONFIG, tmp_path / "out"))
     assert (first.status, second.status) == ("ok", "unusable")
     assert second.reason == f"the same recording as {tmp_path / 'a.mcap'}"
 

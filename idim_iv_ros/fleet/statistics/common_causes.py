@@ -190,9 +190,9 @@ def _name(cause: CommonCause) -> str:
 
 
 def _size(cause: CommonCause) -> str:
-    """The best determined numbers of a cause with their 95 % intervals, in brackets; empty without any."""
+    """Return the best determined numbers of a cause with their 95 % intervals, in brackets."""
     numbers = _determined(cause)
-    clearest = sorted(numbers, key=lambda name: -_ratio(cause.effect, name, numbers[name]))[:_SHOWN]
+    clearest = sorted(numbers, key=lambda n: -_ratio(cause.effect, n, numbers[n]))[:_SHOWN]
     about = BY_NAME.get(cause.effect)
     said = [
         f"{about.parameter_words(name) if about else name.replace('_', ' ')} "

@@ -1,7 +1,7 @@
 """Which robots of a type differ from the others, and in which quantities.
 
 Robots that differ widen the scatter of the others and hide each other. So the robot farthest from
-the others is taken out, then the farthest of the rest, until a third is out; each is held against
+the others is taken out, then the farthest of the rest, until a third is out; each is compared with
 those that are still there (externally studentised). A robot's p-value is the smallest of its own
 and of those taken out after it: if one of these differs, so does a robot that is farther out
 (generalised extreme studentised deviate: Rosner, Technometrics 25, 1983). It is calibrated with
