@@ -9,7 +9,6 @@ import pytest
 from idim_iv_ros.report import page, write
 from tests.cli.test_diagnose import StandIn
 
-
 # Title of the section that is made to fail, and anchor of another.
 SECTIONS = {"result.json": ("Torque", "parameters"), "gap.json": ("Residual", "causes")}
 
