@@ -1,10 +1,12 @@
 """The commands and the options that belong to none of them."""
 
+import sys
 from typing import Annotated, Any
 
 import typer
 from typer import rich_utils
 
+from idim_iv_ros.cli import nodes
 from idim_iv_ros.cli.check import check_command
 from idim_iv_ros.cli.diagnose import WithSets, diagnose_command
 from idim_iv_ros.cli.excite import excite_command
@@ -13,15 +15,9 @@ from idim_iv_ros.cli.fleet import fleet
 from idim_iv_ros.cli.identify import identify_command
 from idim_iv_ros.cli.import_table import import_command
 from idim_iv_ros.cli.init import init_command
-from idim_iv_ros.cli.nodes import (
-    ROS_ARGUMENTS,
-    predict_command,
-    record_command,
-    serve_command,
-    watch_command,
-)
 from idim_iv_ros.cli.replay import replay_command
 from idim_iv_ros.cli.simulate import simulate_command
+from idim_iv_ros.cli.streams import complain
 
 application = typer.Typer(
     name="idim-iv",
@@ -37,10 +33,10 @@ application.command("identify")(identify_command)
 application.command("diagnose", cls=WithSets)(diagnose_command)
 application.command("export")(export_command)
 application.command("import")(import_command)
-application.command("record", context_settings=ROS_ARGUMENTS)(record_command)
-application.command("serve", context_settings=ROS_ARGUMENTS)(serve_command)
-application.command("predict", context_settings=ROS_ARGUMENTS)(predict_command)
-application.command("watch", context_settings=ROS_ARGUMENTS)(watch_command)
+application.command("record", context_settings=nodes.ROS_ARGUMENTS)(nodes.record_command)
+application.command("serve", context_settings=nodes.ROS_ARGUMENTS)(nodes.serve_command)
+application.command("predict", context_settings=nodes.ROS_ARGUMENTS)(nodes.predict_command)
+application.command("watch", context_settings=nodes.ROS_ARGUMENTS)(nodes.watch_command)
 application.command("excite")(excite_command)
 application.command("simulate")(simulate_command)
 application.command("replay")(replay_command)
@@ -50,13 +46,17 @@ _show = rich_utils.rich_format_error
 
 
 def _show_error(error: Any) -> None:
-    """Show what is wrong with an option; recent versions of typer have pydantic's words for it."""
+    """Show what is wrong with an option; where no configuration is given, how to make one."""
     cause = error.__cause__
-    if type(cause).__name__ == "ValidationError":
+    if type(cause).__name__ == "ValidationError":  # recent versions of typer: pydantic's words
         from idim_iv_ros.validation import first_problem
 
         error.message = first_problem(cause)
     _show(error)
+    options = error.ctx.command.params if getattr(error, "ctx", None) else ()
+    needed = any(option.name == "config" and option.required for option in options)
+    if needed and not any(argument.startswith("--config") for argument in sys.argv):
+        complain("`idim-iv init BAG… --urdf FILE` writes a first file for --config")
 
 
 setattr(rich_utils, "rich_format_error", _show_error)  # noqa: B010 - mypy

@@ -11,25 +11,16 @@ import typer
 
 Bags = Annotated[
     list[Path],
-    typer.Argument(
-        help="MCAP files, rosbag2 folders, .db3 or ROS 1 .bag files of one robot.",
-        show_default=False,
-    ),
+    typer.Argument(help="MCAP files, rosbag2 folders, .db3 or ROS 1 .bag files of one robot."),
 ]
 Config = Annotated[
     Path,
-    typer.Option(
-        "--config",
-        help="The robot's YAML file; `idim-iv init` writes a first one.",
-        show_default=False,
-    ),
+    typer.Option("--config", help="The robot's YAML file; `idim-iv init` writes a first one."),
 ]
-Out = Annotated[Path, typer.Option("--out", help="Folder for the results.", show_default=False)]
+Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
 OutOrJson = Annotated[
     Path | None,
-    typer.Option(
-        "--out", help="Folder for the results; may be left out with --json.", show_default=False
-    ),
+    typer.Option("--out", help="Folder for the results; may be left out with --json."),
 ]
 Force = Annotated[
     bool, typer.Option("--force", help="Replace files that idim_iv_ros did not write.")
@@ -47,6 +38,5 @@ Picture = Annotated[
         "--picture",
         metavar="FILE.png|svg",
         help="Write the summary as one picture, too; PNG needs the extra `picture`.",
-        show_default=False,
     ),
 ]

@@ -40,11 +40,14 @@ def check_command(
 
         report = check(bags, configuration, progress)
     output.document(report.to_document())
-    _print_findings(output.console, report)
-    _print_parameters(output.console, report, verbose)
+    _print_report(output.console, report, verbose)
     if not report.usable:
         if quiet:
-            raise DataError(_why_unusable(report))
+            first, *others = [f for f in report.findings if f.level == "unusable"]
+            more = f" (and {len(others)} more)" if others else ""
+            raise DataError(
+                f"not usable for an identification: {first.where}: {first.sentence}{more}"
+            )
         output.console.print("[red]Not usable[/] for an identification.")
         raise typer.Exit(1)
     limits = sum(finding.level == "limited" for finding in report.findings)
@@ -53,33 +56,22 @@ def check_command(
     output.line(f"Next: {next_command('identify', bags, config, '--out', 'results')}")
 
 
-def _why_unusable(report: CheckReport) -> str:
-    """The first reason, and how many more there are."""
-    first, *others = [finding for finding in report.findings if finding.level == "unusable"]
-    more = f" (and {len(others)} more)" if others else ""
-    return f"not usable for an identification: {first.where}: {first.sentence}{more}"
-
-
-def _print_findings(console: Console, report: CheckReport) -> None:
-    """One paragraph a recording and a joint: its name, then each finding with its level."""
+def _print_report(console: Console, report: CheckReport, whole: bool) -> None:
+    """Print the findings on every recording and joint, and what the excitation shows."""
     from rich.padding import Padding
     from rich.text import Text
+
+    from idim_iv_ros.cli.table import LONGEST, print_table
+
+    def print_indented(*parts: str | tuple[str, str]) -> None:
+        console.print(Padding(Text.assemble(*parts), (0, 0, 0, 2), expand=False))
 
     for where in dict.fromkeys(finding.where for finding in report.findings):
         console.print(Text(where, style="bold"), soft_wrap=True)
         for finding in report.findings:
             if finding.where == where:
                 level = "" if finding.level == "good" else f"{finding.level}: "
-                text = Text.assemble((level, _STYLES[finding.level]), finding.sentence)
-                console.print(Padding(text, (0, 0, 0, 2), expand=False))
-
-
-def _print_parameters(console: Console, report: CheckReport, whole: bool) -> None:
-    from rich.padding import Padding
-    from rich.text import Text
-
-    from idim_iv_ros.cli.table import print_table
-
+                print_indented((level, _STYLES[finding.level]), finding.sentence)
     if report.condition_number is None:
         return
     console.print(
@@ -89,13 +81,13 @@ def _print_parameters(console: Console, report: CheckReport, whole: bool) -> Non
     for seen, words in (("well", "well, σ ≤ 10 %"), ("yes", "σ ≤ 30 %")):
         names = [parameter.name for parameter in report.parameters if parameter.seen == seen]
         if names:
-            console.print(Padding(Text(f"{words}: {' '.join(names)}"), (0, 0, 0, 2), expand=False))
+            print_indented(f"{words}: {' '.join(names)}")
     poorly = [
-        ("" if parameter.smallest is None else f"{parameter.smallest:.2g}", parameter)
-        for parameter in report.parameters
-        if parameter.seen == "poorly"
+        (p.name, "" if p.smallest is None else f"{p.smallest:.2g}", p.unit)
+        for p in report.parameters
+        if p.seen == "poorly"
     ]
     if poorly:
-        columns = ["parameter", ">visible from (2σ)", "unit"]
-        rows = [(each.name, smallest, each.unit) for smallest, each in poorly]
-        print_table(console, "Seen poorly, or small", columns, rows, whole=whole)
+        columns = ("parameter", ">visible from (2σ)", "unit")
+        most = None if whole else LONGEST
+        print_table(console, "Seen poorly, or small", columns, poorly, most=most)

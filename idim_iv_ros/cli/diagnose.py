@@ -9,16 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from idim_iv_ros.cli.arguments import (
-    AsJson,
-    Bags,
-    Config,
-    Force,
-    OutOrJson,
-    Picture,
-    Quiet,
-    Verbose,
-)
+from idim_iv_ros.cli import arguments as shared
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import GAP, REPORT
 
@@ -48,16 +39,15 @@ def separated_sets(arguments: Sequence[str]) -> Iterator[str]:
 
 
 def diagnose_command(
-    bags: Bags,
-    config: Config,
-    out: OutOrJson = None,
+    bags: shared.Bags,
+    config: shared.Config,
+    out: shared.OutOrJson = None,
     without: Annotated[
         list[str] | None,
         typer.Option(
             help="Leave an effect out of the catalogue, to see what is said without it; may be "
             "repeated.",
             metavar="EFFECT",
-            show_default=False,
         ),
     ] = None,
     against: Annotated[
@@ -67,7 +57,6 @@ def diagnose_command(
             help="Recordings of the same robot, or of a simulator of it, that may differ: say what "
             "changed from the others to them. Names up to the next option belong to it.",
             metavar="BAG...",
-            show_default=False,
         ),
     ] = None,
     nominal: Annotated[
@@ -76,14 +65,13 @@ def diagnose_command(
             help="A result.json or gap.json of this robot whose base parameters take the place of "
             "the URDF's.",
             metavar="FILE.json",
-            show_default=False,
         ),
     ] = None,
-    picture: Picture = None,
-    force: Force = False,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
-    verbose: Verbose = False,
+    picture: shared.Picture = None,
+    force: shared.Force = False,
+    quiet: shared.Quiet = False,
+    as_json: shared.AsJson = False,
+    verbose: shared.Verbose = False,
 ) -> None:
     """Say where simulator and robot differ, which effect causes it, and how far the gap shrinks.
 
@@ -93,6 +81,8 @@ def diagnose_command(
 
     What changed: idim-iv diagnose before.mcap --against after.mcap --config ur5.yaml --out changed
     """
+    from functools import partial
+
     from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
     from idim_iv_ros.cli.identify import print_physical
     from idim_iv_ros.cli.output import Output
@@ -103,7 +93,8 @@ def diagnose_command(
     from idim_iv_ros.report.picture import write_picture
 
     output = Output(quiet=quiet, as_json=as_json)
-    for name in without or ():
+    names = tuple(dict.fromkeys(without or ()))
+    for name in names:
         if name not in EFFECTS:
             raise UsageError(f"--without {name}: no such effect; there are {', '.join(EFFECTS)}")
     configuration = load_configuration(config)
@@ -111,12 +102,12 @@ def diagnose_command(
         lambda progress: diagnose(
             bags,
             configuration,
-            without=tuple(dict.fromkeys(without or ())),
+            without=names,
             against=against or (),
             nominal=nominal,
             progress=progress,
         ),
-        lambda result: write_gap_report(result, out or "", force=force, config=config),
+        partial(write_gap_report, force=force, config=config),
         write_picture,
         out=out,
         names=(GAP, REPORT),

@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 
 from rich.console import Console
-from rich.markup import escape
+from rich.text import Text
 
+from idim_iv_ros.cli.output import print_marked
 from idim_iv_ros.cli.table import print_table
 from idim_iv_ros.diagnosis.parameter_words import surest
 from idim_iv_ros.diagnosis.result import (
     Cause,
     ContrastResult,
     EffectParameter,
-    Gap,
     GapResult,
     Indistinguishable,
 )
@@ -28,214 +28,189 @@ from idim_iv_ros.report.numerals import measured
 from idim_iv_ros.report.sections.contrast import contrast_badge
 
 _STYLES = {"good": "green", "fair": "blue", "bad": "red", "open": "yellow"}
-_MOST_UNTESTABLE = 10
-_FEW_STAGES = 3  # the nominal model, the refit, and all that was found
-_MOST_ROWS = 24
+# Columns of the tables.
+_CAUSES = (
+    *("effect, joint", "parameters (± 95 %)", "torque gap, shrinkage", "probable"),
+    "indistinguishable from",
+)
+_CHANGES = (
+    *("what changed", "second set less reference (± 95 %)", "torque that it makes"),
+    "indistinguishable from",
+)
+_HINTS = ("would be", "chosen in folds", "why it is only a hint")
+_LEFT = (
+    *("joint", ">model of the reference", ">with what changed", ">with its own model"),
+    ">not explained",
+)
+_STAGES = ("joint", "model", ">torque", ">simulation")
+_UNTESTABLE = ("effect", "joint", "why", "record this next")
+
+_MOST_NAMES = 4  # of hints, without --verbose
 _MOST_NUMBERS = 4  # of one cause
 
 
 def print_diagnosis(console: Console, result: GapResult, *, whole: bool = True) -> None:
-    """Verdict, causes, stages, and what could not be tested; long tables `whole` or their start."""
+    """Print verdict, causes, stages and what could not be tested.
+
+    Not `whole`: the answer alone, with one line a joint and how much more there is.
+    """
     if result.contrast is not None:
         _print_contrast(console, result, result.contrast)
     tone, _, words = VERDICTS[result.verdict]
     words = words if result.contrast is None else f"{words} (the reference by itself)"
-    console.print(f"[bold {_STYLES[tone]}]Verdict: {words}.[/]", highlight=False)
-    console.print(escape(result.own_summary), highlight=False)
-    for finding in result.findings:
-        console.print(f"  {escape(finding)}", highlight=False)
+    console.print(Text(f"Verdict: {words}.", style=f"bold {_STYLES[tone]}"))
+    findings = (f"  {finding}" for finding in result.findings) if whole else ()
+    for text in (result.own_summary, *findings):
+        console.print(Text(text))
     if result.causes:
-        _print_causes(console, result)
-    if result.hints:
-        _print_hints(console, result)
-    if result.stages:
-        _print_stages(console, result, whole)
-    if result.not_testable:
-        _print_untestable(console, result, whole)
-    for note in result.notes:
-        console.print(f"Note: {escape(note)}", highlight=False)
+        rows = [_cause_row(result, cause) for cause in result.causes]
+        print_table(console, "Causes, strongest first", _CAUSES, rows)
+    if result.stages and whole:
+        _print_stages(console, result)
+    elif result.stages:
+        _print_gaps(console, result)
+    names = [effect_at(hint.effect, hint.joint, hint.other_joint) for hint in result.hints]
+    groups = untestable(result)
+    if whole and names:
+        reasons = [(hint.chosen_in_folds or "–", hint.reason) for hint in result.hints]
+        rows = [(name, *reason) for name, reason in zip(names, reasons, strict=True)]
+        print_table(console, "Hints, no causes", _HINTS, rows)
+    if whole and groups:
+        rows = [
+            (effect_words(group.effect), group.joints or "all", group.reason,
+             group.excitation_needed)
+            for group in groups
+        ]  # fmt: skip
+        print_table(console, "Not testable on this recording", _UNTESTABLE, rows)
+    if whole:
+        print_marked(console, "Note", result.notes)
+        return
+    if names:
+        more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+        console.print(Text(f"Hints, no causes: {', '.join(names[:_MOST_NAMES])}{more}"))
+    left = [
+        f"{len(items)} {words if len(items) > 1 else words[:-1]}"
+        for items, words in (
+            (result.findings, "findings"),
+            (groups, "untestable effects"),
+            (result.notes, "notes"),
+        )
+        if items
+    ]
+    if names or left:
+        console.print(Text(f"--verbose adds {', '.join([*['why'] * bool(names), *left])}"))
 
 
 def _print_contrast(console: Console, result: GapResult, contrast: ContrastResult) -> None:
-    """The answer, what changed with its numbers, and what is left joint by joint."""
+    """Print the answer, what changed with its numbers, and the torque left at each joint."""
     tone, _, words = contrast_badge(contrast)
-    console.print(f"[bold {_STYLES[tone]}]Contrast: {words}.[/]", highlight=False)
-    console.print(escape(contrast.sentence), highlight=False)
-    if contrast.causes:
-        columns = [
-            "what changed",
-            "second set less reference (± 95 %)",
-            "torque that it makes",
-            "indistinguishable from",
-        ]
-        rows = [
-            (
-                f"{effect_words(each.effect)}\n{each.joint or 'all joints'}\n{each.change}",
-                "\n".join(_shown(each.parameters)),
-                "\n".join(
-                    f"{one.joint}: {one.rms:.3g} {torque_unit(result, one.joint)} "
-                    f"({100.0 * one.share_of_torque:.3g} %)"
-                    for one in each.torques
-                ),
-                _names(each.indistinguishable_from, each.joint),
-            )
-            for each in contrast.causes
-        ]
-        print_table(console, "What changed, largest torque first", columns, rows)
-    columns = [
-        "joint",
-        ">model of the reference",
-        ">with what changed",
-        ">with its own model",
-        ">not explained",
-    ]
-    joints = [
-        (
-            each.joint,
-            *(
-                f"{value:.3g} {torque_unit(result, each.joint)}"
-                for value in (each.before, each.after, each.own, each.unexplained)
-            ),
-        )
-        for each in contrast.joints
-    ]
-    print_table(console, "Torque left in the second set, rms", columns, joints)
-    for note in contrast.notes:
-        console.print(f"Note: {escape(note)}", highlight=False)
-
-
-def _print_causes(console: Console, result: GapResult) -> None:
-    columns = [
-        "effect, joint",
-        "parameters (± 95 %)",
-        "torque gap, shrinkage",
-        "probable",
-        "indistinguishable from",
-    ]
-    rows = []
-    for cause in result.causes:
-        joints = [each for each in (cause.joint, cause.other_joint) if each]
-        rows.append(
-            (
-                f"{effect_words(cause.effect)}\n{', '.join(joints) or 'all joints'}",
-                "\n".join(_shown(cause.parameters)),
-                "\n".join(_gaps(result, cause)),
-                "–" if cause.probability is None else f"{100.0 * cause.probability:.0f} %",
-                _names(cause.indistinguishable_from, cause.joint),
-            )
-        )
-    print_table(console, "Causes, strongest first", columns, rows)
-
-
-def _print_hints(console: Console, result: GapResult) -> None:
-    """What may be there, and is not sure enough for a cause."""
-    columns = ["would be", "chosen in folds", "why it is only a hint"]
+    console.print(Text(f"Contrast: {words}.", style=f"bold {_STYLES[tone]}"))
+    console.print(Text(contrast.sentence))
     rows = [
         (
-            effect_at(each.effect, each.joint, each.other_joint),
-            each.chosen_in_folds or "–",
-            each.reason,
+            f"{effect_words(cause.effect)}\n{cause.joint or 'all joints'}\n{cause.change}",
+            _parameters(cause.parameters),
+            "\n".join(
+                f"{torque.joint}: {torque.rms:.3g} {torque_unit(result, torque.joint)} "
+                f"({100.0 * torque.share_of_torque:.3g} %)"
+                for torque in cause.torques
+            ),
+            _alternatives(cause.indistinguishable_from, cause.joint),
         )
-        for each in result.hints
+        for cause in contrast.causes
     ]
-    print_table(console, "Hints, no causes", columns, rows)
+    if rows:
+        print_table(console, "What changed, largest torque first", _CHANGES, rows)
+    joints = []
+    for joint in contrast.joints:
+        torques = (joint.before, joint.after, joint.own, joint.unexplained)
+        unit = torque_unit(result, joint.joint)
+        joints.append((joint.joint, *(f"{torque:.3g} {unit}" for torque in torques)))
+    print_table(console, "Torque left in the second set, rms", _LEFT, joints)
+    print_marked(console, "Note", contrast.notes)
 
 
-def _shown(parameters: dict[str, EffectParameter]) -> list[str]:
-    """The best determined numbers under their names in gap.json, and how many more there are."""
-    shown = surest(parameters, _MOST_NUMBERS)
-    lines = [_parameter(name, each) for name, each in shown.items()]
-    more = len(parameters) - len(shown)
-    return [*lines, f"and {more} more"] if more else lines
+def _cause_row(result: GapResult, cause: Cause) -> tuple[str, ...]:
+    """Return the cells of a cause; its gap is that of its joint and of others that it changes."""
+    joints = ", ".join(filter(None, (cause.joint, cause.other_joint))) or "all joints"
+    gap, unit = cause.torque_gap, torque_unit(result, cause.joint)
+    shrinkage = "shrinkage unknown"
+    if gap.shrinkage is not None:
+        ends = [f"{100.0 * end:.0f}" for end in gap.ci95 or ()]
+        interval = f" ({' to '.join(ends)} %)" if ends else ""
+        shrinkage = f"{100.0 * gap.shrinkage:.0f} %{interval} less"
+    lines = [f"{gap.before:.3g} → {gap.after:.3g} {unit}", shrinkage]
+    for other in cause.joint_gaps:
+        if other.joint != cause.joint:
+            unit = torque_unit(result, other.joint)
+            lines.append(f"{other.joint}: {other.before:.3g} → {other.after:.3g} {unit}")
+        lines.append(f"{100.0 * other.share_of_torque:.3g} % of its torque")
+    return (
+        f"{effect_words(cause.effect)}\n{joints}",
+        _parameters(cause.parameters),
+        "\n".join(lines),
+        "–" if cause.probability is None else f"{100.0 * cause.probability:.0f} %",
+        _alternatives(cause.indistinguishable_from, cause.joint),
+    )
 
 
-def _parameter(name: str, parameter: EffectParameter) -> str:
-    value, half = measured(parameter.value, parameter.std)
-    number = " ".join(filter(None, (value, half, parameter.unit)))
-    return f"{name.replace('_', ' ')} = {number}"
+def _parameters(parameters: dict[str, EffectParameter]) -> str:
+    """Return the best determined numbers under their names in gap.json, and how many are left."""
+    lines = []
+    for name, parameter in surest(parameters, _MOST_NUMBERS).items():
+        number = filter(None, (*measured(parameter.value, parameter.std), parameter.unit))
+        lines.append(f"{name.replace('_', ' ')} = {' '.join(number)}")
+    left = len(parameters) - len(lines)
+    return "\n".join([*lines, f"and {left} more"] if left else lines)
 
 
-def _gaps(result: GapResult, cause: Cause) -> list[str]:
-    """Gap before and after at its own joint, and at the others that it changes."""
-    gap = cause.torque_gap
-    unit = torque_unit(result, cause.joint)
-    lines = [f"{gap.before:.3g} → {gap.after:.3g} {unit}", _shrinkage(gap)]
-    for each in cause.joint_gaps:
-        share = f"{100.0 * each.share_of_torque:.3g} % of its torque"
-        if each.joint != cause.joint:
-            unit = torque_unit(result, each.joint)
-            lines.append(f"{each.joint}: {each.before:.3g} → {each.after:.3g} {unit}")
-        lines.append(share)
-    return lines
-
-
-def _shrinkage(gap: Gap) -> str:
-    if gap.shrinkage is None:
-        return "shrinkage unknown"
-    interval = ""
-    if gap.ci95 is not None:
-        interval = f" ({100.0 * gap.ci95[0]:.0f} to {100.0 * gap.ci95[1]:.0f} %)"
-    return f"{100.0 * gap.shrinkage:.0f} %{interval} less"
-
-
-def _names(others: Sequence[Indistinguishable], joint: str | None) -> str:
-    names = [
-        f"{effect_words(each.effect)} at {each.joint}"
-        if each.joint and each.joint != joint
-        else effect_words(each.effect)
-        for each in others
-    ]
+def _alternatives(others: Sequence[Indistinguishable], joint: str | None) -> str:
+    """Return the effects that explain the recording as well, with their joint if it is another."""
+    names = (effect_at(o.effect, None if o.joint == joint else o.joint) for o in others)
     return "\n".join(names) or "–"
 
 
-def _print_stages(console: Console, result: GapResult, whole: bool) -> None:
-    """One row a joint: the nominal model, the refit, the extended model, the noise floor.
-
-    The `whole` table has every stage, one row a joint and stage.
-    """
-    stages = list(result.stages)
-    if not whole and len(stages) > _FEW_STAGES and len(stages) * len(result.joints) > _MOST_ROWS:
-        stages = [*stages[: _FEW_STAGES - 1], stages[-1]]
-    tracked = any(stage.tracking_rms for stage in stages)
-    columns = ["joint", "model", ">torque"]
-    if tracked:
-        columns.append(">simulation")
-    floors = {each.joint: each.noise_floor for each in result.joint_gaps}
+def _print_gaps(console: Console, result: GapResult) -> None:
+    """Print one line a joint: the gap of the first model, of the last one, and the noise."""
+    first, last = result.stages[0], result.stages[-1]
+    floors = {gap.joint: gap.noise_floor for gap in result.joint_gaps}
     rows = []
     for joint in result.joints:
         unit, small = torque_unit(result, joint), small_unit(result, joint)
-        for number, stage in enumerate(stages):
-            row = ["" if number else joint, stage_words(stage.name)]
-            row.append(_with_unit(stage.torque_rms.get(joint), unit))
-            if tracked:
-                error = (stage.tracking_rms or {}).get(joint)
-                row.append(_with_unit(None if error is None else 1e3 * error, small))
-            rows.append(row)
-        floor = ["", _floor_words(result), _with_unit(floors.get(joint), unit)]
-        rows.append(floor + [""] * tracked)
-    print_table(console, "Gap of each model, rms, held out", columns, rows)
-    if len(stages) < len(result.stages):
-        left_out = len(result.stages) - len(stages)
-        console.print(f"… and {left_out} models in between: --verbose prints them")
+        torques = [stage.torque_rms.get(joint) for stage in (first, last)]
+        motions = [(stage.tracking_rms or {}).get(joint) for stage in (first, last)]
+        rows.append(
+            (joint, *(_with_unit(torque, unit) for torque in (*torques, floors.get(joint))),
+             *(_with_unit(motion, small, 1e3) for motion in motions))
+        )  # fmt: skip
+    after = "with the causes" if len(result.stages) > 2 else stage_words(last.name)
+    headings = (
+        "joint",
+        f">{stage_words(first.name)}",
+        f">{after}",
+        ">noise",
+        ">simulated",
+        ">then",
+    )
+    print_table(console, "Gap of the torque and of the simulated motion, rms", headings, rows)
 
 
-def _floor_words(result: GapResult) -> str:
-    origins = {each.floor_origin for each in result.joint_gaps}
-    return f"noise floor ({origins.pop()})" if len(origins) == 1 else "noise floor"
+def _print_stages(console: Console, result: GapResult) -> None:
+    """Print the gap of every model between the nominal and the extended one, joint by joint."""
+    floors = {gap.joint: gap.noise_floor for gap in result.joint_gaps}
+    origins = {gap.floor_origin for gap in result.joint_gaps}
+    floor_words = f"noise floor ({origins.pop()})" if len(origins) == 1 else "noise floor"
+    rows = []
+    for joint in result.joints:
+        unit, small = torque_unit(result, joint), small_unit(result, joint)
+        for stage in result.stages:
+            error = (stage.tracking_rms or {}).get(joint)
+            torque, tracking = stage.torque_rms.get(joint), _with_unit(error, small, 1e3)
+            name = joint if stage is result.stages[0] else ""
+            rows.append((name, stage_words(stage.name), _with_unit(torque, unit), tracking))
+        rows.append(("", floor_words, _with_unit(floors.get(joint), unit), ""))
+    print_table(console, "Gap of each model, rms, held out", _STAGES, rows)
 
 
-def _print_untestable(console: Console, result: GapResult, whole: bool) -> None:
-    groups = untestable(result)
-    columns = ["effect", "joint", "why", "record this next"]
-    rows = [
-        (effect_words(each.effect), each.joints or "all", each.reason, each.excitation_needed)
-        for each in groups
-    ]
-    shown = rows if whole else rows[:_MOST_UNTESTABLE]
-    print_table(console, "Not testable on this recording", columns, shown)
-    if len(shown) < len(rows):
-        console.print(f"… and {len(rows) - len(shown)} more: --verbose prints them")
-
-
-def _with_unit(value: float | None, unit: str) -> str:
-    return "–" if value is None else f"{value:.3g} {unit}"
+def _with_unit(value: float | None, unit: str, factor: float = 1.0) -> str:
+    return "–" if value is None else f"{factor * value:.3g} {unit}"

@@ -3,47 +3,30 @@
 from __future__ import annotations
 
 import math
-from enum import Enum
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
-from idim_iv_ros.cli.arguments import AsJson, Config, Force, Quiet, Verbose
+from idim_iv_ros.cli import arguments as shared
 from idim_iv_ros.errors import UsageError
 
-_FOURIER = "For identification"
-_SEGMENTS = "For diagnosis"
+_fourier = partial(typer.Option, rich_help_panel="For identification")
 _LEAST_MESSAGE_RATES = {"identification": 20.0, "diagnosis": 100.0}
 # Between points controllers fit quintics; so many for each period of the fastest content.
 _POINTS_PER_PERIOD = 5.0
 
 
-class CriterionName(str, Enum):
-    """What a design for identification minimises."""
-
-    condition = "condition"
-    precision = "precision"
-
-
-class Purpose(str, Enum):
-    """What a motion is for."""
-
-    identification = "identification"
-    diagnosis = "diagnosis"
-
-
 def excite_command(
-    config: Config,
+    config: shared.Config,
     out: Annotated[
-        Path,
-        typer.Option(
-            "--out", metavar="TRAJ", help="Writes TRAJ.csv, .yaml, .json.", show_default=False
-        ),
+        Path, typer.Option("--out", metavar="TRAJ", help="Writes TRAJ.csv, .yaml, .json.")
     ],
     purpose: Annotated[
-        Purpose, typer.Option("--for", help="Estimate parameters, or separate the causes of a gap.")
-    ] = Purpose.identification,
+        Literal["identification", "diagnosis"],
+        typer.Option("--for", help="Estimate parameters, or separate the causes of a gap."),
+    ] = "identification",
     floor: Annotated[
         float | None, typer.Option(help="Height all moving frames stay above, m in the base frame.")
     ] = None,
@@ -65,41 +48,30 @@ def excite_command(
         float | None,
         typer.Option(
             help="Points per second of the YAML. Default: 5 a period of the fastest content, at "
-            "least 20 (diagnosis: 100).",
-            show_default=False,
+            "least 20 (diagnosis: 100)."
         ),
     ] = None,
     criterion: Annotated[
-        CriterionName,
+        Literal["condition", "precision"],
         typer.Option(help="Least condition number, or least standard deviations (faster motion)."),
-    ] = CriterionName.condition,
+    ] = "condition",
     seed: Annotated[
         int, typer.Option(min=0, help="Of the random starts, and of the multisine's phases.")
     ] = 1,
-    period: Annotated[
-        float, typer.Option(help="Identification: seconds of a period.", rich_help_panel=_FOURIER)
-    ] = 10.0,
-    repeats: Annotated[int, typer.Option(help="Periods.", rich_help_panel=_FOURIER)] = 3,
-    harmonics: Annotated[
-        int, typer.Option(help="Harmonics of 1 / period.", rich_help_panel=_FOURIER)
-    ] = 5,
+    period: Annotated[float, _fourier(help="Identification: seconds of a period.")] = 10.0,
+    repeats: Annotated[int, _fourier(help="Periods.")] = 3,
+    harmonics: Annotated[int, _fourier(help="Harmonics of 1 / period.")] = 5,
     torque_noise: Annotated[
-        float,
-        typer.Option(
-            help="σ of the torque, share of each limit, to predict σ from.",
-            rich_help_panel=_FOURIER,
-        ),
+        float, _fourier(help="σ of the torque, share of each limit, to predict σ from.")
     ] = 0.005,
-    time_limit: Annotated[
-        float, typer.Option(help="Seconds for the search.", rich_help_panel=_FOURIER)
-    ] = 120.0,
+    time_limit: Annotated[float, _fourier(help="Seconds for the search.")] = 120.0,
     duration: Annotated[
-        float, typer.Option(help="Budget in seconds.", rich_help_panel=_SEGMENTS)
+        float, typer.Option(help="Budget in seconds.", rich_help_panel="For diagnosis")
     ] = 180.0,
-    force: Force = False,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
-    verbose: Verbose = False,
+    force: shared.Force = False,
+    quiet: shared.Quiet = False,
+    as_json: shared.AsJson = False,
+    verbose: shared.Verbose = False,
 ) -> None:
     """Design a motion within the robot's limits that shows its parameters well.
 
@@ -107,27 +79,16 @@ def excite_command(
     """
     import numpy as np
 
-    from idim_iv_ros.cli.excitation_tables import print_diagnosis, print_excitation
-    from idim_iv_ros.cli.output import Output, print_doubts
+    from idim_iv_ros import excitation as motions
+    from idim_iv_ros.cli.excitation_tables import print_excitation, print_segments
+    from idim_iv_ros.cli.output import Output, print_marked
     from idim_iv_ros.configuration import load_configuration
-    from idim_iv_ros.excitation import (
-        DesignSettings,
-        design_diagnosis,
-        diagnosis_document,
-        excite,
-        load_model,
-        motion_limits,
-        require_message_rate,
-        require_place,
-        segment_table,
-        write_motion,
-    )
     from idim_iv_ros.excitation.files import ENDINGS
 
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
-    model = load_model(configuration)
-    limits = motion_limits(
+    model = motions.load_model(configuration)
+    limits = motions.motion_limits(
         model,
         configuration,
         margin=margin,
@@ -136,12 +97,13 @@ def excite_command(
     )
     posture = None if start is None else np.array(_numbers("--start", start))
     if message_rate is not None:
-        require_message_rate(message_rate, rate)
-    print_doubts(output.console, model.robot.doubts)
-    endings = (*ENDINGS, "segments.csv") if purpose is Purpose.diagnosis else ENDINGS
-    with require_place(out, endings, force=force), output.progress() as progress:
-        if purpose is Purpose.diagnosis:
-            diagnosis = design_diagnosis(
+        motions.require_message_rate(message_rate, rate)
+    print_marked(output.console, "Warning", model.robot.doubts, "yellow")
+    segments = {"segments.csv"} if purpose == "diagnosis" else set()
+    place = motions.require_place(out, (*ENDINGS, *segments), force=force)
+    with place, output.progress() as progress:
+        if purpose == "diagnosis":
+            diagnosis = motions.design_diagnosis(
                 model,
                 limits,
                 configuration,
@@ -151,29 +113,27 @@ def excite_command(
                 start=posture,
                 progress=progress,
             )
-            trajectory = diagnosis.trajectory
-            document = diagnosis_document(model.robot.name, limits, diagnosis, seed)
-            tables = {"segments.csv": segment_table(diagnosis.segments)}
-            fastest = diagnosis.highest_frequency
+            trajectory, fastest = diagnosis.trajectory, diagnosis.highest_frequency
+            document = motions.diagnosis_document(model.robot.name, limits, diagnosis, seed)
+            tables = {"segments.csv": motions.segment_table(diagnosis.segments)}
         else:
-            settings = DesignSettings(
-                period, repeats, rate, harmonics, seed, time_limit, posture, criterion.value
+            settings = motions.DesignSettings(
+                period, repeats, rate, harmonics, seed, time_limit, posture, criterion
             )
-            excitation = excite(
+            excitation = motions.excite(
                 model, limits, settings, torque_noise=torque_noise, progress=progress
             )
-            fastest = harmonics / period
-            trajectory, document = excitation.design.trajectory, dict(excitation.document)
-            tables = {}
+            trajectory, fastest = excitation.design.trajectory, harmonics / period
+            document, tables = dict(excitation.document), {}
         if message_rate is None:
-            least = _LEAST_MESSAGE_RATES[purpose.value]
+            least = _LEAST_MESSAGE_RATES[purpose]
             message_rate = min(rate, max(least, _POINTS_PER_PERIOD * fastest))
-        paths = write_motion(
+        paths = motions.write_motion(
             out, trajectory, document, message_rate=message_rate, tables=tables, force=force
         )
     output.document(document)
-    if purpose is Purpose.diagnosis:
-        print_diagnosis(output.console, model, limits, diagnosis)
+    if purpose == "diagnosis":
+        print_segments(output.console, model, limits, diagnosis)
     else:
         print_excitation(output.console, model, limits, excitation, whole=verbose)
     output.line("Written: " + " ".join(map(str, paths)))
@@ -184,7 +144,7 @@ def excite_command(
 
 
 def _numbers(option: str, text: str) -> list[float]:
-    """Finite numbers separated by commas."""
+    """Read finite numbers separated by commas."""
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError as error:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from idim_iv_ros.cli.arguments import AsJson, Config, Force, Out, Quiet
+from idim_iv_ros.cli import arguments as shared
 
 
 def export_command(
@@ -17,11 +16,10 @@ def export_command(
         typer.Argument(
             metavar="RESULT.json|GAP.json",
             help="What `idim-iv identify` or `idim-iv diagnose` wrote.",
-            show_default=False,
         ),
     ],
-    config: Config,
-    out: Out,
+    config: shared.Config,
+    out: shared.Out,
     refit: Annotated[
         bool,
         typer.Option(
@@ -52,9 +50,9 @@ def export_command(
             "EventCfg for Isaac Lab.",
         ),
     ] = False,
-    force: Force = False,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
+    force: shared.Force = False,
+    quiet: shared.Quiet = False,
+    as_json: shared.AsJson = False,
 ) -> None:
     """Write a result as URDF, MuJoCo model, effects, Isaac Lab actuators and a table of changes.
 
@@ -79,33 +77,25 @@ def export_command(
         remainder=remainder,
         randomize=randomize,
     )
-    output.document(
-        {
-            "files": [str(file) for file in made.files],
-            "not_native": list(made.not_native),
-            "notes": list(made.notes),
-        }
-    )
-    for note in made.notes:
+    files = [str(file) for file in made.files]
+    notes, missing = list(made.notes), list(made.not_native)
+    output.document({"files": files, "not_native": missing, "notes": notes})
+    for note in notes:
         output.line(f"Note: {note}")
-    if made.not_native:
+    if missing:
         why = "MuJoCo has no element for" if made.urdf else "Your MJCF was not given elements for"
         output.line(
-            f"{why} {', '.join(made.not_native)}: {made.effects.name} holds "
+            f"{why} {', '.join(missing)}: {made.effects.name} holds "
             "them for its loop (docs/simulators.md)"
         )
-    for file in made.files:
+    for file in files:
         output.line(f"Written: {file}")
     output.line(f"What is new, and how sure it is: {made.changes}")
-    options = ("--model", str(made.mjcf), "--effects", str(made.effects), "--out", "replayed")
-    output.line(f"Next: {next_command('replay', _recordings(made.bags, result), config, *options)}")
-
-
-def _recordings(names: Sequence[str], result: Path) -> list[Path]:
-    """Where the recordings are: a result knows their names alone."""
+    # A result has the names of its recordings alone: they are looked for where it lies.
     folders = (Path(), *result.parents)
-    found = []
-    for name in names:
-        places = [folder / name for folder in folders if (folder / name).exists()]
-        found.append(places[0] if places else Path(name))
-    return found
+    bags = [
+        next((folder / name for folder in folders if (folder / name).exists()), Path(name))
+        for name in made.bags
+    ]
+    options = ("--model", str(made.mjcf), "--effects", str(made.effects), "--out", "replayed")
+    output.line(f"Next: {next_command('replay', bags, config, *options)}")

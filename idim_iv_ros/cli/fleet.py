@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from idim_iv_ros.cli.arguments import Force, Out, Quiet, Verbose
+from idim_iv_ros.cli import arguments as shared
 
 if TYPE_CHECKING:
-    from idim_iv_ros.cli.output import Output
+    from rich.console import Console
+
     from idim_iv_ros.fleet.diagnose import Fleet
     from idim_iv_ros.fleet.run import FleetRun
 
@@ -20,188 +20,169 @@ fleet = typer.Typer(
     help="Many robots, many bags: which robots differ, which have changed, what is known of their "
     'type. Needs Dask: pip install "idim-iv-ros\\[fleet]".',
 )
+_SHOWN = 5  # bags that are not used, without --verbose
 
-Source = Annotated[
-    str,
-    typer.Argument(
-        help="A manifest (.csv or .parquet with the columns uri, robot, and also type, time, "
-        "labels), a folder, or a URL (s3://, gs://, …) that is searched: ROBOT/BAG or "
-        "TYPE/ROBOT/BAG.",
-        show_default=False,
-    ),
-]
-FleetConfig = Annotated[
-    Path,
-    typer.Option(
-        "--config",
-        metavar="FILE.yaml|FOLDER",
-        help="One configuration for all robots, or a folder with ROBOT.yaml or TYPE.yaml.",
-        show_default=False,
-    ),
-]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(
-        metavar="ADDRESS",
-        help="Of a running Dask scheduler, as in tcp://host:8786; left out, workers are started "
-        "on this machine.",
-        show_default=False,
-    ),
-]
-Workers = Annotated[
-    int | None,
-    typer.Option(help="How many on this machine; left out, one for each core.", show_default=False),
-]
-
-
-_IDENTIFY = """\
+_HELP = {
+    "identify": """\
 Identify every bag; compare the robots of each type, and each robot over time.
 
 Writes fleet.json, fleet.parquet and fleet.html. What was done before is kept, so that the same
 command goes on after an interruption, or with new bags.
 
 Example: idim-iv fleet identify manifest.csv --config arm.yaml --out fleet
-"""
-_DIAGNOSE = """\
+""",
+    "diagnose": """\
 Identify every bag, then say why robots differ or have changed, and what their type lacks.
 
 The full diagnosis is made of robots that differ, changed or scatter, and of a few ordinary
 ones for their type; each has a report of its own in robots/ROBOT/.
 
 Example: idim-iv fleet diagnose s3://robots/2026 --config robots --out fleet
-"""
+""",
+}
 
 
-def _add(name: str, about: str) -> None:
-    """Make a command of a public function; both have the same arguments."""
-
-    @fleet.command(name, help=about)
-    def command(
-        source: Source,
-        config: FleetConfig,
-        out: Out,
-        scheduler: Scheduler = None,
-        workers: Workers = None,
-        force: Force = False,
-        quiet: Quiet = False,
-        verbose: Verbose = False,
-    ) -> None:
-        from idim_iv_ros.cli.output import Output
-        from idim_iv_ros.fleet.run import FleetRun
-
-        run = FleetRun(source, config, out, scheduler, workers)
-        _run(name, run, Output(quiet=quiet, verbose=verbose), force)
-
-
-_add("identify", _IDENTIFY)
-_add("diagnose", _DIAGNOSE)
-
-
-def _run(name: str, run: FleetRun, output: Output, force: bool) -> None:
-    from idim_iv_ros.cli.output import report_warnings
+@fleet.command("diagnose", help=_HELP["diagnose"])
+@fleet.command("identify", help=_HELP["identify"])
+def fleet_command(
+    context: typer.Context,
+    source: Annotated[
+        str,
+        typer.Argument(
+            help="A manifest (.csv or .parquet with the columns uri, robot, and also type, time, "
+            "labels), a folder, or a URL (s3://, gs://, …) that is searched: ROBOT/BAG or "
+            "TYPE/ROBOT/BAG."
+        ),
+    ],
+    config: Annotated[
+        Path,
+        typer.Option(
+            metavar="FILE.yaml|FOLDER",
+            help="One configuration for all robots, or a folder with ROBOT.yaml or TYPE.yaml.",
+        ),
+    ],
+    out: shared.Out,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Of a running Dask scheduler, as in tcp://host:8786; left out, workers are "
+            "started on this machine.",
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="How many on this machine; left out, one for each core.")
+    ] = None,
+    force: shared.Force = False,
+    quiet: shared.Quiet = False,
+    verbose: shared.Verbose = False,
+) -> None:
+    """Identify or diagnose a fleet, whichever the command is called."""
+    from idim_iv_ros.cli.output import Output, report_warnings
     from idim_iv_ros.files import FLEET, FLEET_PAGE
     from idim_iv_ros.fleet.diagnose import diagnose_fleet, identify_fleet
+    from idim_iv_ros.fleet.run import FleetRun
     from idim_iv_ros.fleet.table import FILE, write_table
     from idim_iv_ros.report import require_writable
     from idim_iv_ros.report.write import write_fleet_report
 
-    function = {"identify": identify_fleet, "diagnose": diagnose_fleet}[name]
-    out = Path(run.out)
+    output = Output(quiet=quiet)
+    run = FleetRun(source, config, out, scheduler, workers)
+    name = str(context.info_name)
     with output.progress() as progress:
         with require_writable(out, (FILE, FLEET, FLEET_PAGE), force=force):
-            found = function(run, progress)
-            write_table(found.bags, out / FILE)
+            answer = {"identify": identify_fleet, "diagnose": diagnose_fleet}[name](run, progress)
+            write_table(answer.bags, out / FILE)
         with report_warnings():
-            pages = _write_robots(found, run, force)
+            pages = _write_robots(answer, run, force)
             reports = {robot: page.relative_to(out).as_posix() for robot, page in pages.items()}
-            _, page = write_fleet_report(found.result, out, reports=reports, force=force)
-    _print(output, found, pages)
+            _, page = write_fleet_report(answer.result, out, reports=reports, force=force)
+    _print(output.console, answer, pages, verbose)
     output.line(f"Numbers: {out / FLEET}; a row for each bag and parameter: {out / FILE}")
     if page is not None:
         output.line(f"Report: {page}")
-    _require_used(name, run, found, output)
+    if not any(bag.used for bag in answer.result.bags):
+        from idim_iv_ros.errors import DataError
+
+        output.line(f"Next: {_next(name, run, answer)}")
+        first = answer.result.bags[0]
+        words = f"none of {len(answer.bags):,} bags can be used"
+        raise DataError(f"{words}: {first.uri}: {first.why_not}")
 
 
-def _require_used(name: str, run: FleetRun, found: Fleet, output: Output) -> None:
-    """Refuse an answer that is of no bag, with the command that says more."""
+def _next(name: str, run: FleetRun, answer: Fleet) -> str:
+    """Return the command that says more of a bag on this machine, or else the same again."""
     from idim_iv_ros.cli.output import next_command
-    from idim_iv_ros.errors import DataError
     from idim_iv_ros.fleet.remote import is_local, local_path
     from idim_iv_ros.fleet.robots import path_of
 
-    if any(bag.used for bag in found.result.bags):
-        return
-    here = [bag for bag in found.bags if bag.status != "missing" and is_local(bag.uri)]
-    if here:
-        config = path_of(here[0], Path(run.config))
-        command = next_command("check", [local_path(here[0].uri)], config)
-    else:
-        again = [name, run.source]
-        command = next_command("fleet", again, str(run.config), "--out", str(run.out))
-    output.line(f"Next: {command}")
-    first = found.result.bags[0]
-    raise DataError(f"none of {len(found.bags):,} bags can be used: {first.uri}: {first.why_not}")
+    config = Path(run.config)
+    for bag in answer.bags:
+        if bag.status != "missing" and is_local(bag.uri):
+            return next_command("check", [local_path(bag.uri)], path_of(bag, config))
+    return next_command("fleet", [name, run.source], config, "--out", str(run.out))
 
 
-def _write_robots(found: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
-    """Reports of the robots that were diagnosed, by robot."""
+def _write_robots(answer: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
+    """Write the reports of the robots that were diagnosed, and return them by robot."""
     from idim_iv_ros.report import write_gap_report
 
     pages = {}
-    for each in found.diagnoses:
-        folder = Path(run.out) / "robots" / each.screened.robot
+    for diagnosis in answer.diagnoses:
+        folder = Path(run.out) / "robots" / diagnosis.screened.robot
         page: Path | None = folder / "report.html"
-        if each.gap is not None and each.gap.series:
-            _, page = write_gap_report(each.gap, folder, force=force, config=run.config)
+        if diagnosis.gap is not None and diagnosis.gap.series:
+            _, page = write_gap_report(diagnosis.gap, folder, force=force, config=run.config)
         if page is not None and page.is_file():
-            pages[each.screened.robot] = page
+            pages[diagnosis.screened.robot] = page
     return pages
 
 
-def _print(output: Output, found: Fleet, pages: dict[str, Path]) -> None:
-    from idim_iv_ros.cli.table import print_table
+def _print(console: Console, answer: Fleet, pages: dict[str, Path], whole: bool) -> None:
+    """Print which robots need attention, what their types say, and what was left out."""
+    from rich.text import Text
+
+    from idim_iv_ros.cli.table import LONGEST, print_table
     from idim_iv_ros.report.fleet import headline
 
-    used = [bag for bag in found.result.bags if bag.used]
-    left_out = [bag for bag in found.result.bags if not bag.used]
-    output.line(
-        f"{len(used):,} of {len(found.bags):,} bags used, {_robots(len(found.result.robots))}"
-    )
-    noticed = [robot for robot in found.result.robots if robot.attention != "none"]
-    if noticed:
+    result = answer.result
+    left_out = [bag for bag in result.bags if not bag.used]
+    plural = "" if len(result.robots) == 1 else "s"
+    lines = [
+        f"{len(result.bags) - len(left_out):,} of {len(result.bags):,} bags used, "
+        f"{len(result.robots):,} robot{plural}"
+    ]
+    rows = []
+    for robot in result.robots:
+        why, *more = robot.reasons or ("",)
+        if more:
+            why = "; ".join(robot.reasons) if whole else f"{why}; and {len(more)} more"
+        if robot.attention != "none":
+            rows.append((robot.robot, robot.type, why, str(robot.bags)))
+    if rows:
+        console.print(Text(lines.pop()), soft_wrap=True)
         print_table(
-            output.console,
+            console,
             "Robots that need attention, most urgent first",
-            ["robot", "type", "why", ">bags"],
-            [
-                [robot.robot, robot.type, _why(robot.reasons, output.verbose), str(robot.bags)]
-                for robot in noticed
-            ],
-            whole=output.verbose,
+            ("robot", "type", "why", ">bags"),
+            rows,
+            most=None if whole else LONGEST,
             rest="--verbose prints all, and fleet.json has them",
         )
     else:
-        output.line(headline(found.result))
-    for kind in found.result.types:
-        for sentence in (*kind.sentences, *kind.notes):
-            output.line(sentence)
-    for bag in left_out if output.verbose else left_out[:5]:
-        output.line(f"Not used: {bag.uri}: {bag.why_not}")
-    if len(left_out) > 5 and not output.verbose:
-        output.line(f"… and {len(left_out) - 5} more bags are not used; --verbose prints all")
-    for each in found.diagnoses:
-        if each.gap is None:
-            output.line(f"Not diagnosed: {each.screened.robot}: {each.reason}")
-        elif each.screened.robot in pages:
-            output.line(f"{each.screened.robot}: {pages[each.screened.robot]}")
-
-
-def _robots(count: int) -> str:
-    return f"{count:,} robot{'' if count == 1 else 's'}"
-
-
-def _why(reasons: Sequence[str], verbose: bool) -> str:
-    """The strongest reason, or all of them."""
-    if verbose or len(reasons) < 2:
-        return "; ".join(reasons)
-    return f"{reasons[0]}; and {len(reasons) - 1} more"
+        lines.append(headline(result))
+    for kind in result.types:
+        lines += [*kind.sentences, *kind.notes]
+    shown = left_out if whole else left_out[:_SHOWN]
+    lines += [f"Not used: {bag.uri}: {bag.why_not}" for bag in shown]
+    if len(shown) < len(left_out):
+        more_bags = len(left_out) - len(shown)
+        lines.append(f"… and {more_bags} more bags are not used; --verbose prints all")
+    for diagnosis in answer.diagnoses:
+        name = diagnosis.screened.robot
+        if diagnosis.gap is None:
+            lines.append(f"Not diagnosed: {name}: {diagnosis.reason}")
+        elif name in pages:
+            lines.append(f"{name}: {pages[name]}")
+    for line in lines:
+        console.print(Text(line), soft_wrap=True)

@@ -3,22 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from idim_iv_ros.cli.arguments import (
-    AsJson,
-    Bags,
-    Config,
-    Force,
-    OutOrJson,
-    Picture,
-    Quiet,
-    Verbose,
-)
+from idim_iv_ros.cli import arguments as shared
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -28,30 +18,26 @@ if TYPE_CHECKING:
     from idim_iv_ros.identification.result import IdentificationResult
 
 
-class EstimatorName(str, Enum):
-    """Names of the estimators on the command line."""
-
-    idim_iv = "idim-iv"
-    idim_ls = "idim-ls"
-
-
 def identify_command(
-    bags: Bags,
-    config: Config,
-    out: OutOrJson = None,
+    bags: shared.Bags,
+    config: shared.Config,
+    out: shared.OutOrJson = None,
     estimator: Annotated[
-        EstimatorName, typer.Option(help="Instrumental variables, or least squares.")
-    ] = EstimatorName.idim_iv,
-    picture: Picture = None,
-    force: Force = False,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
-    verbose: Verbose = False,
+        Literal["idim-iv", "idim-ls"],
+        typer.Option(help="Instrumental variables, or least squares."),
+    ] = "idim-iv",
+    picture: shared.Picture = None,
+    force: shared.Force = False,
+    quiet: shared.Quiet = False,
+    as_json: shared.AsJson = False,
+    verbose: shared.Verbose = False,
 ) -> None:
     """Identify the dynamic parameters, test them, write result.json and report.html.
 
     Example: idim-iv identify run1.mcap run2.mcap --config ur5.yaml --out results
     """
+    from functools import partial
+
     from idim_iv_ros.cli.output import Output
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.files import REPORT, RESULT
@@ -63,10 +49,8 @@ def identify_command(
         from idim_iv_ros.report import write_report
         from idim_iv_ros.report.picture import write_picture
     result, numbers, page = output.produce(
-        lambda progress: identify(
-            bags, configuration, estimator=estimator.value, progress=progress
-        ),
-        lambda result: write_report(result, out or "", force=force, config=config),
+        lambda progress: identify(bags, configuration, estimator=estimator, progress=progress),
+        partial(write_report, force=force, config=config),
         write_picture,
         out=out,
         names=(RESULT, REPORT),
@@ -106,107 +90,90 @@ def print_parameters(
     *,
     whole: bool = True,
 ) -> None:
-    """Essential parameters with their standard deviations, beside the true values if known.
+    """Print essential parameters with their standard deviations, and true values if known.
 
     The best determined ones come first where not the `whole` table is printed.
     """
-    from idim_iv_ros.cli.table import print_table
+    from idim_iv_ros.cli.table import LONGEST, print_table
 
-    columns = ["parameter", ">value", ">σ", ">%σ"]
-    if truth:
-        columns += [">truth", ">off by"]
-    columns.append("unit")
-    remarked = any(parameter.essential_remark for parameter in result.parameters)
-    if remarked:
-        columns.append("remark")
-    rows: list[tuple[float, list[str]]] = []
+    rows: list[tuple[float, tuple[str, ...]]] = []
     for parameter in result.parameters:
         value, std = parameter.essential_value, parameter.essential_std
         if not parameter.essential or value is None or std is None:
             continue
-        percent = 100.0 * std / abs(value)
-        cells = [parameter.name, f"{value:.4g}", f"{std:.2g}", f"{percent:.2g}"]
+        true = off = ""
         if truth:
-            true = truth[parameter.name]
-            cells += [f"{true:.4g}", f"{(value - true) / std:+.1f} σ"]
-        cells.append(parameter.unit)
-        if remarked:
-            cells.append(parameter.essential_remark)
-        rows.append((percent, cells))
-    ordered = rows if whole else sorted(rows, key=lambda row: row[0])
+            true = f"{truth[parameter.name]:.4g}"
+            off = f"{(value - truth[parameter.name]) / std:+.1f} σ"
+        percent = 100.0 * std / abs(value)
+        cells = (f"{value:.4g}", f"{std:.2g}", f"{percent:.2g}", true, off, parameter.unit)
+        rows.append((percent, (parameter.name, *cells, parameter.essential_remark)))
     title = f"{result.robot}: essential parameters, {result.estimator}"
     if not whole:
+        rows.sort(key=lambda row: row[0])
         title += ", best determined first"
     print_table(
         console,
         title,
-        columns,
-        [cells for _, cells in ordered],
-        whole=whole,
+        ("parameter", ">value", ">σ", ">%σ", ">truth", ">off by", "unit", "remark"),
+        [cells for _, cells in rows],
+        most=None if whole else LONGEST,
         rest="--verbose prints all, and the report has them",
     )
 
 
 def print_remarks(console: Console, result: IdentificationResult) -> None:
-    """What the remarks of the table mean, where there are any."""
+    """Print what the remarks in the table of parameters mean, where there are any."""
     from idim_iv_ros.identification.result import IMPOSSIBLE, NOT_SIGNIFICANT
 
-    found = {parameter.essential_remark for parameter in result.parameters}
-    if IMPOSSIBLE in found:
-        console.print(
-            f"{IMPOSSIBLE}: negative beyond its 95 % interval, and nothing that it groups may be: "
-            "the model lacks an effect that it takes up, or the motion does not excite it.",
-            highlight=False,
-        )
-    if NOT_SIGNIFICANT in found:
-        console.print(
-            f"{NOT_SIGNIFICANT}: its 95 % interval holds zero; it is essential together with "
-            "others, not alone.",
-            highlight=False,
-        )
+    meanings = {
+        IMPOSSIBLE: "negative beyond its 95 % interval, and nothing that it groups may be: the "
+        "model lacks an effect that it takes up, or the motion does not excite it.",
+        NOT_SIGNIFICANT: "its 95 % interval holds zero; it is essential together with others, not "
+        "alone.",
+    }
+    remarks = {parameter.essential_remark for parameter in result.parameters}
+    for remark, meaning in meanings.items():
+        if remark in remarks:
+            console.print(f"{remark}: {meaning}", highlight=False)
 
 
 def print_verdict(console: Console, result: IdentificationResult) -> None:
-    """The verdict, the fit, where the instruments came from, and what was left out."""
-    from rich.markup import escape
+    """Print verdict, fit, where the instruments came from, and what was left out."""
+    from rich.text import Text
 
-    from idim_iv_ros.cli.output import print_doubts
+    from idim_iv_ros.cli.output import print_marked
 
     fit = result.fit
-    console.print(
+    lines = [
         f"{fit.essential_parameters} of {fit.base_parameters} base parameters are essential; "
         f"relative error {fit.relative_error_percent:.3g} % on {fit.samples} rows; "
         f"{result.iterations} iteration{'s' if result.iterations > 1 else ''}, "
-        f"{'converged' if result.converged else 'NOT converged'}",
-        highlight=False,
-    )
-    errors = fit.joint_relative_error_percent
-    if errors:
-        listed = ", ".join(
+        f"{'converged' if result.converged else 'NOT converged'}"
+    ]
+    if errors := fit.joint_relative_error_percent:
+        percents = (
             f"{joint} {'–' if error is None else f'{error:.3g} %'}"
             for joint, error in errors.items()
         )
-        console.print(f"Relative error of the torque by joint: {escape(listed)}", highlight=False)
-    console.print(f"Instruments: {escape(result.instruments.source)}", highlight=False)
-    sentence = f"Verdict: {result.verdict.verdict}. {result.verdict.sentence}"
-    console.print(escape(sentence), highlight=False)
-    print_doubts(console, result.doubts)
-    for advice in result.processing.advice:
-        console.print(f"[yellow]Advice:[/] {escape(advice)}", highlight=False)
-    for warning in data_warnings(result):
-        console.print(f"[yellow]Warning:[/] {escape(warning)}", highlight=False)
+        lines.append(f"Relative error of the torque by joint: {', '.join(percents)}")
+    lines.append(f"Instruments: {result.instruments.source}")
+    lines.append(f"Verdict: {result.verdict.verdict}. {result.verdict.sentence}")
+    for line in lines:
+        console.print(Text(line))
+    print_marked(console, "Warning", result.doubts, "yellow")
+    print_marked(console, "Advice", result.processing.advice, "yellow")
+    print_marked(console, "Warning", data_warnings(result), "yellow")
 
 
 def data_warnings(result: IdentificationResult) -> list[str]:
     """Return what was lost of each bag, or left out because a channel froze."""
-    return [
-        f"{Path(bag.path).name}: {sentence}"
-        for bag in result.bags
-        for sentence in (
-            *(note.sentence for note in bag.notes if note.limits),
-            *(each.sentence for each in bag.frozen),
-        )
-    ]
+    warnings = []
+    for bag in result.bags:
+        sentences = [note.sentence for note in bag.notes if note.limits]
+        sentences += [channel.sentence for channel in bag.frozen]
+        warnings += [f"{Path(bag.path).name}: {sentence}" for sentence in sentences]
+    return warnings
 
 
 def print_next(
@@ -218,5 +185,5 @@ def print_next(
     from idim_iv_ros.cli.output import next_command
 
     if result.verdict.verdict == "misspecified":
-        text = Text(f"Next: {next_command('diagnose', bags, config, '--out', 'why')}")
-        console.print(text, soft_wrap=True)
+        command = next_command("diagnose", bags, config, "--out", "why")
+        console.print(Text(f"Next: {command}"), soft_wrap=True)

@@ -1,43 +1,38 @@
 """`idim-iv import`."""
 
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from idim_iv_ros.cli.arguments import AsJson, Force, Quiet
+from idim_iv_ros.cli import arguments as shared
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import IMPORT_FORMAT
 
+_table = partial(typer.Option, metavar="FILE[:KEY]")
+
 
 def import_command(
     out: Annotated[Path, typer.Argument(metavar="OUT.mcap", help="The bag to write.")],
-    position: Annotated[str, typer.Option(metavar="FILE[:KEY]", help="Measured positions.")],
-    effort: Annotated[str, typer.Option(metavar="FILE[:KEY]", help="Measured efforts.")],
+    position: Annotated[str, _table(help="Measured positions.")],
+    effort: Annotated[str, _table(help="Measured efforts.")],
     joints: Annotated[str, typer.Option(metavar="a,b,c", help="Names for the columns.")],
     rate: Annotated[float | None, typer.Option(help="Samples per second.")] = None,
-    time: Annotated[
-        str | None, typer.Option(metavar="FILE[:KEY]", help="Stamps in s, instead of --rate.")
-    ] = None,
-    velocity: Annotated[str | None, typer.Option(metavar="FILE[:KEY]")] = None,
-    reference: Annotated[
-        str | None, typer.Option(metavar="FILE[:KEY]", help="Position references.")
-    ] = None,
-    velocity_reference: Annotated[str | None, typer.Option(metavar="FILE[:KEY]")] = None,
+    time: Annotated[str | None, _table(help="Stamps in s, instead of --rate.")] = None,
+    velocity: Annotated[str | None, _table()] = None,
+    reference: Annotated[str | None, _table(help="Position references.")] = None,
+    velocity_reference: Annotated[str | None, _table()] = None,
     reference_time: Annotated[
-        str | None,
-        typer.Option(metavar="FILE[:KEY]", help="Stamps of the references, if they differ."),
+        str | None, _table(help="Stamps of the references, if they differ.")
     ] = None,
-    link: Annotated[
-        str | None,
-        typer.Option(metavar="FILE[:KEY]", help="Positions of encoders behind the gears."),
-    ] = None,
+    link: Annotated[str | None, _table(help="Positions of encoders behind the gears.")] = None,
     urdf: Annotated[Path | None, typer.Option(help="URDF to put on /robot_description.")] = None,
-    force: Force = False,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
+    force: shared.Force = False,
+    quiet: shared.Quiet = False,
+    as_json: shared.AsJson = False,
 ) -> None:
     """Turn tables (.csv .npy .npz .mat) into a bag.
 
@@ -55,7 +50,6 @@ def import_command(
     names = [name.strip() for name in joints.split(",")]
     if not all(names) or len(set(names)) != len(names):
         raise UsageError(f"--joints {joints}: different names separated by commas are needed")
-    description = None if urdf is None else read_urdf_file(urdf)
     summary = import_table(
         out,
         joints=names,
@@ -68,14 +62,13 @@ def import_command(
         velocity_reference=velocity_reference,
         reference_time=reference_time,
         link=link,
-        robot_description=description,
+        robot_description=None if urdf is None else read_urdf_file(urdf),
         force=force,
     )
     signals = list(summary.signals)
     output.warn(summary.warnings)
-    output.document(
-        {"format": IMPORT_FORMAT, **asdict(summary), "path": str(out), "signals": signals}
-    )
+    about = asdict(summary) | {"path": str(out), "signals": signals}
+    output.document({"format": IMPORT_FORMAT, **about})
     output.line(
         f"{out}: {summary.samples} samples of {len(names)} joints, {summary.duration:.4g} s at "
         f"{summary.rate:.5g} per second: {', '.join(signals)}"

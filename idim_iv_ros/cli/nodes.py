@@ -18,10 +18,14 @@ ROS_ARGUMENTS = {"allow_extra_args": True, "ignore_unknown_options": True}
 Namespace = Annotated[
     str,
     typer.Option(
-        help="ROS namespace of the node, and of the relative topics of the configuration.",
-        show_default=False,
+        help="ROS namespace of the node, and of the relative topics of the configuration."
     ),
 ]
+Result = Annotated[
+    Path | None,
+    typer.Option(help="A result.json; left out: the newest of --results."),
+]
+Results = Annotated[Path, typer.Option(help="Folder in which `idim-iv serve` writes its results.")]
 
 
 def record_command(
@@ -34,17 +38,14 @@ def record_command(
 
     Example: idim-iv record --config ur5.yaml --out bags --namespace left
     """
-    parameters = {**_robot(config), "bag_directory": out, "autostart": True}
-    _run("recorder", namespace, parameters, context.args)
+    _run("recorder", context, config, namespace, {"bag_directory": out, "autostart": True})
 
 
 def serve_command(
     context: typer.Context,
     config: Config,
     out: Out,
-    bags: Annotated[
-        Path, typer.Option("--bags", help="Folder of the bags that may be asked for.")
-    ] = Path(),
+    bags: Annotated[Path, typer.Option(help="Folder of the bags that may be asked for.")] = Path(),
     auto: Annotated[
         bool, typer.Option("--auto", help="Identify every bag that the recorder closes.")
     ] = False,
@@ -57,19 +58,8 @@ def serve_command(
 
     Example: idim-iv serve --config ur5.yaml --bags bags --out results
     """
-    folders = {"bag_directory": bags, "output_directory": out}
-    _run("identifier", namespace, {**_robot(config), **folders, "auto": auto}, context.args)
-
-
-Result = Annotated[
-    Path | None,
-    typer.Option(
-        "--result", help="A result.json; left out: the newest of --results.", show_default=False
-    ),
-]
-Results = Annotated[
-    Path, typer.Option("--results", help="Folder in which `idim-iv serve` writes its results.")
-]
+    parameters = {"bag_directory": bags, "output_directory": out, "auto": auto}
+    _run("identifier", context, config, namespace, parameters)
 
 
 def predict_command(
@@ -85,7 +75,7 @@ def predict_command(
 
     Example: idim-iv predict --config ur5.yaml --result results/result.json
     """
-    _run("predictor", namespace, _prediction(config, result, results), context.args)
+    _run("predictor", context, config, namespace, _prediction(result, results))
 
 
 def watch_command(
@@ -93,9 +83,7 @@ def watch_command(
     config: Annotated[
         Path | None,
         typer.Option(
-            "--config",
-            help="The robot's YAML file: predict here, too; left out: show what `predict` says.",
-            show_default=False,
+            help="The robot's YAML file: predict here, too; left out: show what `predict` says."
         ),
     ] = None,
     result: Result = None,
@@ -103,12 +91,10 @@ def watch_command(
     web: Annotated[
         int | None,
         typer.Option(
-            "--web",
             metavar="PORT",
             min=0,
             max=65535,
             help="Show a page on this port of this machine, and no table; 0: any free port.",
-            show_default=False,
         ),
     ] = None,
     namespace: Namespace = "",
@@ -122,60 +108,47 @@ def watch_command(
     """
     if config is None and result is not None:
         raise UsageError("--result needs --config: the result is used where efforts are predicted")
-    parameters: dict[str, object] = {}
-    predictor = None
-    if config is not None:
-        parameters = _prediction(config, result, results)
-        predictor = _node("predictor").Predictor
+    predictor = None if config is None else _node("predictor").Predictor
+    parameters = {} if config is None else _prediction(result, results)
     settings = _node("watch").WatchSettings(web=web, predictor=predictor)
-    _run("watch", namespace, parameters, context.args, settings)
+    _run("watch", context, config, namespace, parameters, settings)
 
 
-def _robot(config: Path) -> dict[str, object]:
-    """Parameter that names the robot's file, which is refused here if it cannot be read."""
-    from idim_iv_ros.configuration import load_configuration
-
-    load_configuration(config)
-    return {"configuration": config.resolve()}
-
-
-def _prediction(config: Path, result: Path | None, results: Path) -> dict[str, object]:
-    """Parameters of the predictor."""
-    parameters = {**_robot(config), "output_directory": results.resolve()}
-    if result is not None:
-        if not result.is_file():
-            raise UsageError(f"{result}: no such file; `idim-iv identify` writes one")
-        parameters["result"] = result.resolve()
-    return parameters
+def _prediction(result: Path | None, results: Path) -> dict[str, object]:
+    """Return the parameters of the predictor."""
+    if result is None:
+        return {"output_directory": results.resolve()}
+    if not result.is_file():
+        raise UsageError(f"{result}: no such file; `idim-iv identify` writes one")
+    return {"output_directory": results.resolve(), "result": result.resolve()}
 
 
 def _run(
     name: str,
+    context: typer.Context,
+    config: Path | None,
     namespace: str,
     parameters: Mapping[str, object],
-    others: Sequence[str],
     *settings: object,
 ) -> None:
     """Run a node of `idim_iv_ros.nodes` until a signal, and exit with its status.
 
-    Parameters
-    ----------
-    name
-    namespace
-    parameters
-        Of ROS, by name.
-    others
-        Arguments of ROS that the user gave.
-    settings
-        What the node takes besides arguments of ROS.
+    The node gets the robot's file, ROS parameters by name, the arguments of ROS that the user
+    gave, and `settings`.
 
     Raises
     ------
     UsageError
-        rclpy or the messages are not installed, or an argument is neither the command's nor ROS's.
+        rclpy or the messages are not installed, the robot's file cannot be read, or an argument is
+        neither the command's nor ROS's.
     typer.Exit
     """
-    arguments = ros_arguments(namespace, parameters, others)
+    if config is not None:
+        from idim_iv_ros.configuration import load_configuration
+
+        load_configuration(config)
+        parameters = {"configuration": config.resolve(), **parameters}
+    arguments = ros_arguments(namespace, parameters, context.args)
     raise typer.Exit(_node(name).run(arguments, *settings))
 
 
@@ -193,7 +166,7 @@ def _node(name: str) -> Any:
 def ros_arguments(
     namespace: str, parameters: Mapping[str, object], others: Sequence[str]
 ) -> list[str]:
-    """Arguments of ROS that set the namespace and the parameters, and those of the user."""
+    """Return arguments of ROS that set the namespace and the parameters, and those of the user."""
     if others and others[0] != "--ros-args":
         raise UsageError(f"no such option: {others[0]} (arguments of ROS go behind --ros-args)")
     arguments = ["idim-iv", "--ros-args"]

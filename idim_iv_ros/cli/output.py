@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
-from typing import Protocol, TextIO, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from rich import progress as bars
 from rich.console import Console
@@ -32,28 +32,20 @@ AnyResult = TypeVar("AnyResult", bound=Result)
 
 
 class Output:
-    """Stdout and stderr of one command.
+    """Stdout and stderr of one command; `console` takes nothing with `quiet` or `as_json`."""
 
-    Attributes
-    ----------
-    console : rich.console.Console
-        Stdout for people; takes nothing with `quiet` or `as_json`.
-    quiet, as_json, verbose : bool
-        As the user asked.
-    """
-
-    def __init__(self, *, quiet: bool = False, as_json: bool = False, verbose: bool = False):
-        self.quiet, self.as_json, self.verbose = quiet, as_json, verbose
+    def __init__(self, *, quiet: bool = False, as_json: bool = False):
+        self.quiet, self.as_json = quiet, as_json
         self.console = Console(quiet=quiet or as_json, highlight=False)
 
     def progress(self) -> AbstractContextManager[Progress]:
-        """Progress on stderr; it is gone, or stays as lines, when the work ends."""
+        """Show progress on stderr; it is gone, or stays as lines, when the work ends."""
         return shown_progress(self.quiet)
 
     def produce(
         self,
         compute: Callable[[Progress], AnyResult],
-        write: Callable[[AnyResult], tuple[Path, Path | None]],
+        write: Callable[[AnyResult, Path], tuple[Path, Path | None]],
         draw: Callable[[AnyResult, Path], object],
         *,
         out: Path | None,
@@ -63,42 +55,27 @@ class Output:
     ) -> tuple[AnyResult, Path | None, Path | None]:
         """Compute a result, write its files and its picture, and print it for a program.
 
-        Parameters
-        ----------
-        compute
-        write
-            Writes the files and returns the paths of the numbers and of the page.
-        draw
-            Draws the picture.
-        out
-            Folder of the files; None with --json.
-        names
-            Of the files.
-        picture
-            File of the picture, if one is wanted.
-        force
-            Replace files that idim_iv_ros did not write.
-
-        Returns
-        -------
-        result, numbers, page
-            The paths are None where no file was written.
+        `write` writes the files `names` into the folder `out` and returns the paths of numbers and
+        page, which are returned with the result; they are None without --out.
 
         Raises
         ------
         UsageError
-            There is no place for a file: nothing was computed.
+            There is no place for a file, or neither --out nor --json: nothing was computed.
         """
+        from idim_iv_ros.report import require_writable
         from idim_iv_ros.report.picture import require_picture
 
         numbers = page = None
         require_picture(picture, force=force)
-        with require_destination(out, names, as_json=self.as_json, force=force):
+        if out is None and not self.as_json:
+            raise UsageError("give --out FOLDER for the report, or --json for the result on stdout")
+        with nullcontext() if out is None else require_writable(out, names, force=force):
             with self.progress() as progress:
                 result = compute(progress)
             if out is not None:
                 with report_warnings():
-                    numbers, page = write(result)
+                    numbers, page = write(result, out)
             if picture is not None:
                 draw(result, picture)
         self.document(result.to_document())
@@ -116,7 +93,7 @@ class Output:
         self.console.print(Text(text), soft_wrap=True)
 
     def warn_quietly(self, warnings: Iterable[str]) -> None:
-        """Print warnings on stderr where the tables that hold them are not printed."""
+        """Print warnings on stderr where the tables with these warnings are not printed."""
         if self.console.quiet:
             self.warn(warnings)
 
@@ -131,25 +108,6 @@ class Output:
             sys.stdout.write(json_text(content, encoding=sys.stdout.encoding or "utf-8"))
 
 
-def require_destination(
-    out: Path | None, names: Sequence[str], *, as_json: bool, force: bool
-) -> AbstractContextManager[None]:
-    """Make sure, before long work, that a result has somewhere to go.
-
-    Raises
-    ------
-    UsageError
-        Neither --out nor --json was given, or as `require_writable`.
-    """
-    if out is not None:
-        from idim_iv_ros.report import require_writable
-
-        return require_writable(out, names, force=force)
-    if not as_json:
-        raise UsageError("give --out FOLDER for the report, or --json for the result on stdout")
-    return nullcontext()
-
-
 @contextmanager
 def shown_progress(quiet: bool = False) -> Iterator[Progress]:
     """Show stage, share and time: a bar on a terminal, else a line every few seconds."""
@@ -162,23 +120,16 @@ def shown_progress(quiet: bool = False) -> Iterator[Progress]:
 
 @contextmanager
 def _bar() -> Iterator[Progress]:
-    columns = (
-        bars.TextColumn("{task.description:<28}"),
-        bars.BarColumn(),
-        bars.TimeElapsedColumn(),
-    )
+    stage = bars.TextColumn("{task.description:<28}")
+    columns = (stage, bars.BarColumn(), bars.TimeElapsedColumn())
     with bars.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("loading", total=1.0)
-
-        def report(stage: str, share: float) -> None:
-            bar.update(task, description=stage, completed=share)
-
-        yield report
+        yield lambda stage, share: bar.update(task, description=stage, completed=share)
 
 
 @contextmanager
 def _lines() -> Iterator[Progress]:
-    """A line after each interval, also where a stage says nothing for long."""
+    """Print a line after each interval, also where a stage says nothing for long."""
     begin, done = time.monotonic(), threading.Event()
     latest = ("loading", 0.0)
 
@@ -189,11 +140,8 @@ def _lines() -> Iterator[Progress]:
     def print_lines() -> None:
         while not done.wait(INTERVAL):
             stage, share = latest
-            print(
-                f"{time.monotonic() - begin:.0f} s: {stage}, {100.0 * share:.0f} %",
-                file=sys.stderr,
-                flush=True,
-            )
+            words = f"{time.monotonic() - begin:.0f} s: {stage}, {100.0 * share:.0f} %"
+            print(words, file=sys.stderr, flush=True)
 
     printer = threading.Thread(target=print_lines, daemon=True)
     printer.start()
@@ -206,39 +154,32 @@ def _lines() -> Iterator[Progress]:
 
 @contextmanager
 def report_warnings() -> Iterator[None]:
-    """Print each `ReportWarning` as one line on stderr; others as they were before."""
+    """Print each `ReportWarning` as one line on stderr; other warnings as without this context."""
     console = Console(stderr=True, soft_wrap=True, highlight=False)
     with warnings.catch_warnings():
         otherwise = warnings.showwarning
 
         def show(
-            message: Warning | str,
-            category: type[Warning],
-            filename: str,
-            lineno: int,
-            file: TextIO | None = None,
-            line: str | None = None,
+            message: Warning | str, category: type[Warning], *place: Any, **named: Any
         ) -> None:
             if issubclass(category, ReportWarning):
                 text = escape(" ".join(str(message).split()))
                 console.print(f"[bold yellow]idim-iv: warning:[/] {text}")
             else:
-                otherwise(message, category, filename, lineno, file, line)
+                otherwise(message, category, *place, **named)
 
         warnings.showwarning = show
         warnings.simplefilter("always", ReportWarning)
         yield
 
 
-def print_doubts(console: Console, doubts: Sequence[str]) -> None:
-    """One line for each doubt."""
-    for doubt in doubts:
-        console.print(f"[yellow]Warning:[/] {escape(doubt)}", highlight=False, soft_wrap=True)
+def print_marked(console: Console, mark: str, texts: Iterable[str], style: str = "") -> None:
+    """Print texts, one a line, each behind the same word: ``Note: …``."""
+    for text in texts:
+        console.print(Text.assemble((f"{mark}:", style), f" {text}"))
 
 
-def next_command(
-    command: str, bags: Sequence[Path | str], config: Path | str, *options: str
-) -> str:
+def next_command(command: str, bags: Sequence[Path | str], config: Path, *options: str) -> str:
     """Return ``idim-iv COMMAND BAG… --config FILE OPTIONS``."""
     words = [command, *map(str, bags), "--config", str(config), *options]
     return f"idim-iv {shell_command(*words)}"

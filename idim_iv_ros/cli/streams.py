@@ -41,6 +41,15 @@ def drop_stdout() -> None:
     os.close(devnull)
 
 
+def complain(text: str) -> None:
+    """Print what went wrong as one line on stderr."""
+    from rich.console import Console
+    from rich.text import Text
+
+    line = Text.assemble(("idim-iv:", "bold red"), " ", " ".join(text.split()))
+    Console(stderr=True, soft_wrap=True).print(line)
+
+
 def _naming(name: str, write: Callable[..., object]) -> Callable[..., object]:
     """Return the same function, whose errors say which file it is of."""
 

@@ -3,14 +3,13 @@
 import re
 from collections.abc import Sequence
 from textwrap import fill
-from typing import Literal
 
 from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-_LONGEST = 24  # rows that are printed without --verbose
+LONGEST = 24  # rows that are printed without --verbose
 
 
 def print_table(
@@ -19,41 +18,36 @@ def print_table(
     columns: Sequence[str],
     rows: Sequence[Sequence[str]],
     *,
-    whole: bool = True,
+    most: int | None = None,
     rest: str = "--verbose prints them",
 ) -> None:
     """Print rows of plain text under a title; columns that say nothing in any row are left out.
 
-    Names and numbers stay on one line: only texts are broken where the terminal is narrow.
-
-    Parameters
-    ----------
-    columns
-        Headings; ``>`` in front of one says that numbers with their units are under it, which are
-        aligned to the right.
-    whole
-        Print all rows; else the first 24, and how many there are besides.
-    rest
-        Where the other rows are.
+    A heading that begins with ``>`` stands over numbers with their units, aligned to the right.
+    Names and numbers stay on one line: only texts are broken where the terminal is narrow, for
+    which rich wants the least width of every column. Of more than `most` rows the first are
+    printed, how many are left, and in the words of `rest` where they are.
     """
-    shown = rows if whole else rows[:_LONGEST]
+    shown = rows[:most]
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="dim")
     contents, least = [], -2
     for place, heading in enumerate(columns):
         if rows and all(row[place] in ("", "–") for row in rows):
             continue
-        cells = [row[place] for row in shown]
-        words = heading.removeprefix(">")
-        justify: Literal["left", "right"] = "left" if words == heading else "right"
+        cells, words = [row[place] for row in shown], heading.removeprefix(">")
         unbroken = words != heading or not any(" " in cell for cell in cells)
         parts = re.split("\n" if unbroken else r"\s", "\n".join([*cells, *words.split()]))
         width = max(map(cell_len, parts))
-        words = fill(words, width) if unbroken else words
-        table.add_column(words, justify=justify, min_width=width, no_wrap=unbroken)
-        contents.append(cells)
+        table.add_column(
+            fill(words, width) if unbroken else words,
+            justify="left" if words == heading else "right",
+            min_width=width,
+            no_wrap=unbroken,
+        )
+        contents.append(map(Text, cells))
         least += width + 2
     for row in zip(*contents, strict=True):
-        table.add_row(*map(Text, row))
+        table.add_row(*row)
     if title:
         console.print(Text(title, style="bold"))
     table.width = least if least > console.width else None

@@ -1,5 +1,6 @@
 """What is kept of one bag of a fleet: small, complete for the statistics, blind to other bags."""
 
+import math
 from dataclasses import dataclass, field
 from typing import ClassVar, Final, Literal
 
@@ -59,59 +60,33 @@ class BagResult(Document):
     Where `status` is not ``ok``, `reason` says why, and everything from `duration` on is empty or
     null as far as it is unknown.
 
-    Attributes
-    ----------
-    uri : str
-        Path or URL, as in the source of the fleet.
-    content : str
-        Digest of the content of the bag; equal contents are the same recording.
-    key : str
-        Digest of content, configuration with its robot description, and version of the code:
-        the name under which the result is kept.
-    robot, type : str
-        Which robot, and of which model.
-    time : str or None
-        Start of the recording, ISO 8601, UTC: ``2026-03-01T12:00:00Z``; None where neither source
-        nor stamps say it.
-    labels : dict of str to str
-        Other columns of the manifest.
-    status : str
-        ``ok``; ``missing``: no such file; ``corrupt``: cannot be read; ``unusable``: can be read
-        and supports no estimate.
-    reason : str
-        In words, where it is not ok.
-    duration : float
-        s
-    samples : dict of joint to int
-        Rows that count.
-    names, expressions, units : (p,) tuples of str
-        Of the base parameters.
-    kinematics : str
-        Digest of the geometry: base parameters of bags are comparable where it is the same.
-    r_factor : (p + 1, p + 1)
-        Upper triangular R of the whitened [X y]: RᵀR holds XᵀWX, XᵀWy and yᵀWy, where W is the
-        inverse of the covariance of the residual as an autoregressive process, joint by joint.
-        Divided by its deviation, so that the whitened residual has variance one.
-    rows : int
-        Whitened rows behind it.
-    estimator : str
-        Of `values`: ``idim-iv`` where the instruments were accepted, else ``idim-ls``.
-    why_least_squares : str
-        Why not IDIM-IV; empty where it is.
-    values, std : (p,) tuples of float
-        The estimate of this bag alone and its deviations, which know the autocorrelation of the
-        residual; in `units`. Of a bag in segments IDIM-IV is the average weighted by covariance,
-        and IDIM-LS that of the whitened rows of all.
-    given : (p,) tuple of float or None
-        What the nominal model holds; None where there is none to compare with.
-    condition_number : float
-        Of the stacked regressor matrix.
-    verdict, sentence : str or None, str
-        See `OverallVerdict`.
-    checks : tuple of str
-        Findings on the recording: losses, frozen channels, segments.
-    diagnosis : GapSummary or None
-        Where the bag was diagnosed.
+    - `uri`: path or URL, as in the source of the fleet
+    - `content`: digest of the content of the bag; equal contents are the same recording
+    - `key`: digest of content, configuration with its robot description, and version of the code:
+      the name under which the result is kept
+    - `robot`, `type`: which robot, and of which model
+    - `time`: start of the recording, ISO 8601, UTC: ``2026-03-01T12:00:00Z``; null where neither
+      source nor stamps say it
+    - `labels`: other columns of the manifest
+    - `status`: ``ok``; ``missing``: no such file; ``corrupt``: cannot be read; ``unusable``: can be
+      read and supports no estimate
+    - `duration`: s; `samples`: number of rows that count, by joint
+    - `names`, `expressions`, `units`: (p,), of the base parameters
+    - `kinematics`: digest of the geometry: base parameters of bags are comparable where it is equal
+    - `r_factor`: (p + 1, p + 1), upper triangular R of the whitened [X y]: RᵀR has XᵀWX, XᵀWy and
+      yᵀWy, where W is the inverse of the covariance of the residual as an autoregressive process,
+      joint by joint. Divided by its deviation, so that the whitened residual has variance one
+    - `rows`: number of whitened rows behind `r_factor`
+    - `estimator`: ``idim-iv`` where the instruments were accepted, else ``idim-ls``, and
+      `why_least_squares` says why
+    - `values`, `std`: (p,), estimate of this bag alone and its deviations, which know the
+      autocorrelation of the residual; in `units`. Of a bag in segments IDIM-IV is the average
+      weighted by covariance, and IDIM-LS that of the whitened rows of all
+    - `given`: (p,), values of the nominal model; null where there are none
+    - `condition_number`: of the stacked regressor matrix
+    - `verdict`, `sentence`: verdict on the identification in a word and in a sentence
+    - `checks`: findings on the recording: losses, frozen channels, segments
+    - `diagnosis`: where the bag was diagnosed
     """
 
     what: ClassVar[str] = "the result of a bag"
@@ -127,7 +102,7 @@ class BagResult(Document):
     labels: dict[str, str] = field(default_factory=dict)
     status: Status
     reason: str = ""
-    duration: Number = float("nan")
+    duration: Number = math.nan
     samples: dict[str, int] = field(default_factory=dict)
     names: tuple[str, ...] = ()
     expressions: tuple[str, ...] = ()
@@ -142,7 +117,7 @@ class BagResult(Document):
     values: tuple[Number, ...] = ()
     std: tuple[Number, ...] = ()
     given: tuple[Number, ...] | None = None
-    condition_number: Number = float("nan")
+    condition_number: Number = math.nan
     verdict: Verdict | None = None
     sentence: str = ""
     checks: tuple[str, ...] = ()

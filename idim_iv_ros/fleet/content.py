@@ -7,14 +7,13 @@ import os
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.files import is_there
 from idim_iv_ros.fleet.remote import bag_parts, file_system, is_local, local_path, reachable
 from idim_iv_ros.recording.bags.folder import bag_files
 
-_BLOCK = 1 << 20
+_BLOCK = 1 << 20  # bytes
 # What stores say of a content: a checksum first, else when it was written.
 _CHECKSUMS = ("ETag", "etag", "md5Hash", "content_md5", "crc32c", "sha256")
 _WRITTEN = ("LastModified", "updated", "mtime", "last_modified", "created")
@@ -45,23 +44,19 @@ def content_of(uri: str) -> str:
     for part in bag_parts(system, name):
         # A listing may say less than the store knows of one object.
         details = reachable(system.info, part["name"])
-        digest.update(f"{details['size']} {_says(details)}\n".encode())
+        marks = (key for key in (*_CHECKSUMS, *_WRITTEN) if details.get(key))
+        mark = next((f"{key} {details[key]}" for key in marks), "")
+        digest.update(f"{details['size']} {mark}\n".encode())
     return digest.hexdigest()
 
 
 def _of_file(path: Path) -> bytes:
+    """SHA-256 of a file, read block by block."""
     digest = hashlib.sha256()
     with path.open("rb") as file:
         while block := file.read(_BLOCK):
             digest.update(block)
     return digest.digest()
-
-
-def _says(information: dict[str, Any]) -> str:
-    for key in (*_CHECKSUMS, *_WRITTEN):
-        if information.get(key):
-            return f"{key} {information[key]}"
-    return ""
 
 
 def configuration_digest(configuration: Configuration, description: bytes) -> str:

@@ -30,16 +30,9 @@ _IDENTIFIED = 0.5
 
 @dataclass(frozen=True)
 class RobotDiagnosis:
-    """The diagnosis of one robot of a fleet.
+    """The diagnosis of one robot of a fleet, or the reason why there is none.
 
-    Attributes
-    ----------
-    screened : Screened
-        Which robot, from which bags, and why it was diagnosed.
-    gap : GapResult or None
-        With the series that a report draws where it was made in this run.
-    reason : str
-        Why there is none.
+    `gap` has the series that a report draws where it was made in this run.
     """
 
     screened: Screened
@@ -49,15 +42,10 @@ class RobotDiagnosis:
 
 @dataclass(frozen=True)
 class Fleet:
-    """Everything that was found of a fleet.
+    """All results of a fleet.
 
-    Attributes
-    ----------
-    bags : tuple of BagResult
-        In the order of the source.
-    result : FleetResult
-    diagnoses : tuple of RobotDiagnosis
-        In the order of `FleetResult.screen`; empty where none was asked for.
+    `bags` are in the order of the source, `diagnoses` in that of `FleetResult.screen`; they are
+    empty where none was asked for.
     """
 
     bags: tuple[BagResult, ...]
@@ -82,22 +70,22 @@ def diagnose_fleet(run: FleetRun, progress: Progress | None = None) -> Fleet:
     _, robots = robots_of(find_bags(run.source), Path(run.config))
     contents = {bag.uri: bag.content for bag in identified.bags}
     tasks = []
-    for chosen in identified.result.screen:
-        robot = robots[chosen.robot]
-        content = "\n".join(contents[uri] for uri in chosen.bags)
+    for screened in identified.result.screen:
+        robot = robots[screened.robot]
+        content = "\n".join(contents[uri] for uri in screened.bags)
         key = key_of(content, robot.digest, code_version(), "diagnose")
-        tasks.append((key, (chosen.bags, robot)))
+        tasks.append((key, (screened.bags, robot)))
     rest = part_of(progress, _IDENTIFIED, 1.0)
     stage = ("diagnosing", "robots")
     answers = run.answers(DIAGNOSES, GapResult, diagnose_task, tasks, stage, rest)
     diagnoses = []
     summaries: dict[str, GapSummary] = {}
-    for chosen, answer in zip(identified.result.screen, answers, strict=True):
-        if isinstance(answer, GapResult):
-            diagnoses.append(RobotDiagnosis(chosen, answer))
-            summaries |= dict.fromkeys(chosen.bags, gap_summary(answer))
+    for screened, answer in zip(identified.result.screen, answers, strict=True):
+        if isinstance(answer, str):
+            diagnoses.append(RobotDiagnosis(screened, None, answer))
         else:
-            diagnoses.append(RobotDiagnosis(chosen, None, answer))
+            diagnoses.append(RobotDiagnosis(screened, answer))
+            summaries |= dict.fromkeys(screened.bags, gap_summary(answer))
     bags = tuple(replace(bag, diagnosis=summaries.get(bag.uri)) for bag in identified.bags)
     return Fleet(bags, fleet_result(bags), tuple(diagnoses))
 
@@ -120,11 +108,8 @@ def diagnose_task(uris: Sequence[str], robot: Robot) -> GapResult | str:
 
 def gap_summary(gap: GapResult) -> GapSummary:
     """Return a diagnosis in short; a cause whose numbers may all be zero is none."""
-    causes = [
-        CauseSummary(
-            cause.effect, cause.kind, cause.joint, cause.parameters, cause.torque_gap.shrinkage
-        )
-        for cause in gap.causes
-    ]
-    shown = tuple(cause for cause in causes if not is_nothing(cause))
-    return GapSummary(gap.verdict, shown, gap.summary)
+    causes = (
+        CauseSummary(c.effect, c.kind, c.joint, c.parameters, c.torque_gap.shrinkage)
+        for c in gap.causes
+    )
+    return GapSummary(gap.verdict, tuple(c for c in causes if not is_nothing(c)), gap.summary)

@@ -1,9 +1,10 @@
-"""From the results of all bags to one answer."""
+"""From the results of all bags to the document of the fleet."""
 
 import math
 from collections import defaultdict
 from collections.abc import Sequence
 from importlib.metadata import version
+from typing import get_args
 
 import numpy as np
 
@@ -28,10 +29,14 @@ from idim_iv_ros.fleet.statistics.resemblance import resemblance
 from idim_iv_ros.fleet.statistics.robots import ComparedType, compare_robots
 from idim_iv_ros.statistics.change_points import LEAST as LEAST_BAGS
 
-TYPICAL = 3  # ordinary robots that represent their type
-NEWEST = 3  # bags of a robot that are diagnosed
-_ORDER: tuple[Attention, ...] = ("differs", "changed", "unsteady", "recordings", "none")
+_TYPICAL = 3  # ordinary robots that represent their type
+_NEWEST = 3  # bags of a robot that are diagnosed
 _SOFTWARE = ("idim-iv-ros", "numpy", "scipy")
+_WHY_DIAGNOSE = {
+    "differs": "differs from its type in {}",
+    "changed": "{} changed over time",
+    "unsteady": "{}: its bags disagree",
+}
 
 LIMITS = (
     "Robots are compared in their base parameters and in the residual of each joint. An effect "
@@ -49,11 +54,8 @@ LIMITS = (
 def fleet_result(results: Sequence[BagResult]) -> FleetResult:
     """Say what the bags of a fleet say together.
 
-    Parameters
-    ----------
-    results
-        Of all bags, those that cannot be used among them, each recording once (`identify_bags`).
-        The order does not matter but for the list of bags.
+    `results` are those of all bags, also of those that cannot be used, each recording once
+    (`identify_bags`). Their order matters for the list of bags alone.
 
     Raises
     ------
@@ -62,23 +64,22 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
     """
     if not results:
         raise UsageError("a fleet needs at least one bag; none was found")
-    why_not = {
-        place: bag.reason or bag.status
-        if bag.status != "ok"
-        else "it says nothing of any parameter"
-        for place, bag in enumerate(results)
-        if bag.status != "ok" or not bag.names
-    }
+    why_not = {}
+    for place, bag in enumerate(results):
+        if bag.status != "ok":
+            why_not[place] = bag.reason or bag.status
+        elif not bag.names:
+            why_not[place] = "it says nothing of any parameter"
     groups = types_of([bag for place, bag in enumerate(results) if place not in why_not])
     other = {id(bag) for group in groups for bag in group.other_model}
+    unused: dict[tuple[str, str], list[BagResult]] = defaultdict(list)
     for place, bag in enumerate(results):
         if id(bag) in other:
             why_not[place] = (
                 f"its base parameters, geometry or unit are not those of most bags of {bag.type}"
             )
-    unused: dict[tuple[str, str], list[BagResult]] = defaultdict(list)
-    for place in why_not:
-        unused[results[place].type, results[place].robot].append(results[place])
+        if place in why_not:
+            unused[bag.type, bag.robot].append(bag)
     types: list[FleetType] = []
     robots: list[FleetRobot] = []
     screen: list[Screened] = []
@@ -143,7 +144,7 @@ def _fleet_type(compared: ComparedType) -> FleetType:
 
 
 def _notes(compared: ComparedType) -> list[str]:
-    """What of a type cannot be judged, and why."""
+    """Say what of a type cannot be judged, and why."""
     notes = []
     count = len(compared.bags.robots)
     robots = f"{count} robot{'s' if count != 1 else ''}"
@@ -152,7 +153,7 @@ def _notes(compared: ComparedType) -> list[str]:
             f"{robots} of this type: with fewer than {LEAST_ROBOTS} nothing says what is ordinary, "
             "and no robot is called different"
         )
-    if not np.isfinite(compared.common.variance).any():
+    if not np.isfinite(compared.between).any():
         notes.append(
             "no robot has two bags: what differs from day to day is unknown and counts as a "
             "difference between robots"
@@ -174,27 +175,20 @@ def _notes(compared: ComparedType) -> list[str]:
 
 
 def _type_quantities(compared: ComparedType) -> tuple[TypeQuantity, ...]:
-    apart = compared.outlying.chosen.entries
-    values = np.where(apart, np.nan, compared.estimates.ordinary_values)
+    """Return each quantity over the robots that do not differ in it."""
+    differing = compared.outlying.chosen.entries
+    values = np.where(differing, np.nan, compared.estimates.ordinary_values)
     numbers = type_estimate(values, compared.estimates.ordinary_variances)
-    numbers["between_bags"] = np.sqrt(compared.common.variance)
+    numbers["between_bags"] = np.sqrt(compared.between)
     residual = [quantity.kind == "residual" for quantity in compared.bags.quantities]
     for name in ("mean", "mean_low", "mean_high", "next_low", "next_high"):
         numbers[name] = np.where(residual, np.exp(numbers[name]), numbers[name])
+    names = np.array([robot.robot for robot in compared.bags.robots])
     return tuple(
         TypeQuantity(
-            name=quantity.name,
-            kind=quantity.kind,
-            expression=quantity.expression,
-            unit=quantity.unit,
             robots=int(np.isfinite(values[:, column]).sum()),
-            left_out=tuple(
-                robot.robot
-                for robot, out in zip(compared.bags.robots, apart[:, column], strict=True)
-                if out
-            ),
-            given=quantity.given,
-            **{name: float(number[column]) for name, number in numbers.items()},
+            left_out=tuple(names[differing[:, column]].tolist()),
+            **vars(quantity) | {name: float(row[column]) for name, row in numbers.items()},
         )
         for column, quantity in enumerate(compared.bags.quantities)
     )
@@ -205,38 +199,26 @@ def _screened(compared: ComparedType, robots: Sequence[FleetRobot]) -> list[Scre
 
     These are the ordinary ones nearest to the others, by their largest studentised distance.
     """
-    words = {
-        "differs": "differs from its type in {}",
-        "changed": "{} changed over time",
-        "unsteady": "{}: its bags disagree",
-    }
-    chosen: list[Screened] = []
-    typical: list[tuple[float, Screened]] = []
+    conspicuous: list[Screened] = []
+    typical: list[tuple[float, str, Screened]] = []
     for robot, bags in zip(robots, compared.bags.robots, strict=True):
-        newest = tuple(bag.uri for bag in reversed(bags.bags[-NEWEST:]))
+        newest = tuple(bag.uri for bag in reversed(bags.bags[-_NEWEST:]))
         why = robot.attention
         if why in ("differs", "changed", "unsteady"):
             names = ", ".join(q.name for q in robot.quantities if getattr(q, why))
-            reason = words[why].format(names)
-            chosen.append(Screened(robot.robot, robot.type, why, reason, newest))
+            reason = _WHY_DIAGNOSE[why].format(names)
+            conspicuous.append(Screened(robot.robot, robot.type, why, reason, newest))
         else:
             reason = f"represents {robot.type}: nothing about it is unusual"
-            distance = max(
-                (abs(q.distance) for q in robot.quantities if math.isfinite(q.distance)),
-                default=0.0,
-            )
-            typical.append((distance, Screened(robot.robot, robot.type, "typical", reason, newest)))
-    typical.sort(key=lambda pair: (pair[0], pair[1].robot))
-    return chosen + [robot for _, robot in typical[:TYPICAL]]
+            distances = [abs(q.distance) for q in robot.quantities if math.isfinite(q.distance)]
+            screened = Screened(robot.robot, robot.type, "typical", reason, newest)
+            typical.append((max(distances, default=0.0), robot.robot, screened))
+    return conspicuous + [screened for *_, screened in sorted(typical)[:_TYPICAL]]
 
 
 def _urgency(robot: FleetRobot) -> tuple[int, float, float, str, str]:
+    """Return by what robots are sorted: attention, largest distance, smallest p-value, names."""
     p_values = [p for p in (robot.p_value, robot.change_p_value) if math.isfinite(p)]
     distance = max((abs(q.distance) for q in robot.quantities if q.differs), default=0.0)
-    return (
-        _ORDER.index(robot.attention),
-        -distance,
-        min(p_values, default=1.0),
-        robot.type,
-        robot.robot,
-    )
+    attention = get_args(Attention).index(robot.attention)
+    return attention, -distance, min(p_values, default=1.0), robot.type, robot.robot

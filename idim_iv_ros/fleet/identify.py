@@ -24,21 +24,13 @@ from idim_iv_ros.recording.segments import read_segments
 BAGS = "bags"  # folder of the results of bags, below those of the fleet
 # Bags whose content is looked at at once: disks and stores answer several.
 _THREADS = 8
+_WHOSE = ("uri", "content", "key", "robot", "type", "time", "labels")
 
 
 def identify_bags(run: FleetRun, progress: Progress | None = None) -> tuple[BagResult, ...]:
-    """Identify every bag of a fleet that was not identified before.
+    """Identify every bag of a fleet that was not identified before, in the order of the source.
 
-    Parameters
-    ----------
-    run
-    progress
-        Called with a stage in words and the share that is done, 0 to 1.
-
-    Returns
-    -------
-    tuple of BagResult
-        One for each bag, in the order of the source; a bag that cannot be used says why.
+    A bag that cannot be used says why.
 
     Raises
     ------
@@ -52,19 +44,19 @@ def identify_bags(run: FleetRun, progress: Progress | None = None) -> tuple[BagR
     # This machine waits for disks and stores, and computes little.
     with ThreadPoolExecutor(_THREADS) as pool:
         results = list(pool.map(content_task, [entry.uri for entry in entries]))
-    places = [place for place, result in enumerate(results) if result.status == "ok"]
-    tasks = []
-    for place in places:
-        robot, content = robots[entries[place].robot], results[place].content
-        key = key_of(content, robot.digest, code_version(), "identify")
-        tasks.append((key, (entries[place].uri, content, key, robot)))
+    places, tasks = [], []
+    for place, (entry, result) in enumerate(zip(entries, results, strict=True)):
+        if result.status == "ok":
+            robot = robots[entry.robot]
+            key = key_of(result.content, robot.digest, code_version(), "identify")
+            places.append(place)
+            tasks.append((key, (entry.uri, result.content, key, robot)))
     stage = ("identifying", "bags")
     answers = run.answers(BAGS, BagResult, identify_task, tasks, stage, progress)
     for place, answer in zip(places, answers, strict=True):
-        if isinstance(answer, BagResult):
-            results[place] = answer
-        else:  # of the machines, not of the bag
-            results[place] = replace(results[place], status="unusable", reason=answer)
+        if isinstance(answer, str):  # the machines failed, not the bag
+            answer = replace(results[place], status="unusable", reason=answer)
+        results[place] = answer
     return without_repeats(map(owned_by, results, entries))
 
 
@@ -87,17 +79,9 @@ def without_repeats(results: Iterable[BagResult]) -> tuple[BagResult, ...]:
     for result in results:
         before = first.setdefault(result.content, result.uri) if result.status == "ok" else None
         if before is not None and before != result.uri:
-            result = BagResult(
-                uri=result.uri,
-                content=result.content,
-                key=result.key,
-                robot=result.robot,
-                type=result.type,
-                time=result.time,
-                labels=result.labels,
-                status="unusable",
-                reason=f"the same recording as {before}",
-            )
+            about = {name: getattr(result, name) for name in _WHOSE}
+            reason = f"the same recording as {before}"
+            result = BagResult(**about, status="unusable", reason=reason)
         kept.append(result)
     return tuple(kept)
 
@@ -138,11 +122,11 @@ def identify_task(uri: str, content: str, key: str, robot: Robot) -> BagResult:
     try:
         bag = open_bag(uri)
         configuration = robot.local()
-        request = configured_request(configuration)
-        fields = bag_fields(read_segments(bag, request), configuration)
+        segments = read_segments(bag, configured_request(configuration))
+        fields = bag_fields(segments, configuration)
     except IdimError as error:
         torn = isinstance(error, DataError) and (bag.damages or not bag.topics)
-        # The name of the bag is beside it.
+        # The result has the name of the bag.
         reason = str(error).removeprefix(f"{bag.path}: ")
         fields = {"status": "corrupt" if torn else "unusable", "reason": reason}
     return BagResult(**{"uri": uri, "content": content, "key": key, "status": "ok"} | fields)

@@ -32,40 +32,21 @@ _FIRST_YEAR = 2000
 
 @dataclass(frozen=True)
 class Segment:
-    """What is kept of one segment.
+    """What is kept of one segment of a bag."""
 
-    Attributes
-    ----------
-    start, duration : float
-        s, on the clock of the bag.
-    result : IdentificationResult
-    r_factor : (b + 1, b + 1)
-        See `whitened_r_factor`.
-    rows : dict of joint to int
-        Behind it.
-    floor : (n_joints,)
-        Noise floor of the torque, N m (N).
-    checks : tuple of str
-    """
-
-    start: float
-    duration: float
+    start: float  # s, on the clock of the bag
+    duration: float  # s
     result: IdentificationResult
-    r_factor: FloatArray
-    rows: dict[str, int]
-    floor: FloatArray
+    r_factor: FloatArray  # (b + 1, b + 1), see `whitened_r_factor`
+    rows: dict[str, int]  # behind the R factor, by joint
+    floor: FloatArray  # (n_joints,), noise floor of the torque, N m (N)
     checks: tuple[str, ...]
 
 
 def bag_fields(
     recordings: Iterable[Recording | DataError], configuration: Configuration
 ) -> dict[str, Any]:
-    """Identify the segments of one bag, one after the other, and join them.
-
-    Returns
-    -------
-    dict
-        Fields of `BagResult`, from `time` and `duration` on.
+    """Identify the segments of one bag one after the other: `time`, `duration` … of `BagResult`.
 
     Raises
     ------
@@ -73,8 +54,7 @@ def bag_fields(
         As `identify`; a segment that supports no estimate is left out if another one does.
     """
     segments: list[Segment] = []
-    left_out: list[str] = []
-    first: DataError | None = None
+    errors: list[DataError] = []
     with one_thread():
         for recording in recordings:
             try:
@@ -82,26 +62,24 @@ def bag_fields(
                     raise recording
                 segments.append(_segment(recording, configuration))
             except DataError as error:
-                first = first or error
-                left_out.append(f"a segment is left out: {error}")
+                errors.append(error)
     if not segments:
-        raise first or DataError("the bag holds no recording")
-    return _joined(segments, left_out)
+        raise errors[0] if errors else DataError("the bag holds no recording")
+    return _joined(segments, [f"a segment is left out: {error}" for error in errors])
 
 
 def _segment(recording: Recording, configuration: Configuration) -> Segment:
     identification = identified([recording], configuration, "idim-iv", Stopwatch(None))
-    result = assemble_result(
-        identification.prepared, identification.estimates, identification.validation
-    )
+    prepared, estimates = identification.prepared, identification.estimates
+    result = assemble_result(prepared, estimates, identification.validation)
     return Segment(
-        start=recording.start,
-        duration=recording.duration,
-        result=replace(result, series=()),
-        r_factor=whitened_r_factor(identification),
-        rows={joint.name: len(joint) for joint in identification.estimates.rows},
-        floor=torque_noise(identification.prepared.motions),
-        checks=loss_sentences([recording]),
+        recording.start,
+        recording.duration,
+        replace(result, series=()),
+        whitened_r_factor(identification),
+        {joint.name: len(joint) for joint in estimates.rows},
+        torque_noise(prepared.motions),
+        loss_sentences([recording]),
     )
 
 
@@ -117,16 +95,15 @@ def whitened_r_factor(identification: Identified) -> FloatArray:
     factors = [
         joint.standardized_r_factor(model) for joint, model in zip(plain, models, strict=True)
     ]
-    factor = stacked_r_factor(factors, [joint.places for joint in plain], width)
-    return square(factor)
+    return _square(stacked_r_factor(factors, [joint.places for joint in plain], width))
 
 
 def stacked(factors: Sequence[FloatArray]) -> FloatArray:
     """R factor (b + 1, b + 1) of the rows of several, without a negative diagonal."""
-    return square(r_factor(np.vstack(factors)))
+    return _square(r_factor(np.vstack(factors)))
 
 
-def square(factor: FloatArray) -> FloatArray:
+def _square(factor: FloatArray) -> FloatArray:
     """R factor with as many rows as columns and no negative diagonal."""
     width = factor.shape[1]
     whole = np.zeros((width, width))
@@ -136,7 +113,7 @@ def square(factor: FloatArray) -> FloatArray:
 
 
 def _why_not(result: IdentificationResult) -> str:
-    """Why IDIM-IV is not what the fleet takes of this bag."""
+    """Say why a bag is represented by least squares; nothing where the instruments are accepted."""
     instruments = result.instruments
     if instruments.accepted:
         return ""
@@ -149,6 +126,7 @@ def _why_not(result: IdentificationResult) -> str:
 
 
 def _joined(segments: Sequence[Segment], left_out: Sequence[str]) -> dict[str, Any]:
+    """Join the segments of a bag; `left_out` says which were not used."""
     first, result = segments[0], segments[0].result
     factor = stacked([segment.r_factor for segment in segments])
     samples = {joint: sum(segment.rows[joint] for segment in segments) for joint in first.rows}
@@ -167,30 +145,24 @@ def _joined(segments: Sequence[Segment], left_out: Sequence[str]) -> dict[str, A
     count = len(segments) + len(left_out)
     if count > 1:
         checks.insert(0, f"read in {count} segments")
-    given = tuple(
-        parameter.given_value
-        for parameter in result.parameters
-        if parameter.given_value is not None
-    )
+    given = [p.given_value for p in result.parameters if p.given_value is not None]
     return {
         "time": date_of(first.start),
         "duration": sum(segment.duration for segment in segments),
         "samples": samples,
-        "names": tuple(parameter.name for parameter in result.parameters),
-        "expressions": tuple(parameter.expression for parameter in result.parameters),
-        "units": tuple(parameter.unit for parameter in result.parameters),
+        "names": tuple(p.name for p in result.parameters),
+        "expressions": tuple(p.expression for p in result.parameters),
+        "units": tuple(p.unit for p in result.parameters),
         "kinematics": result.kinematics,
         "effort_unit": result.effort_unit,
         "r_factor": factor,
         "rows": rows,
-        "noise": tuple(
-            JointNoise(joint, float(rms[k]), float(floor[k])) for k, joint in enumerate(samples)
-        ),
+        "noise": tuple(map(JointNoise, samples, rms.tolist(), floor.tolist())),
         "estimator": estimator,
         "why_least_squares": why,
-        "values": tuple(map(float, values)),
-        "std": tuple(map(float, std)),
-        "given": given if len(given) == len(values) else None,
+        "values": tuple(values.tolist()),
+        "std": tuple(std.tolist()),
+        "given": tuple(given) if len(given) == len(values) else None,
         "condition_number": max(segment.result.fit.condition_number for segment in segments),
         "verdict": worst.verdict,
         "sentence": worst.sentence,
@@ -201,7 +173,7 @@ def _joined(segments: Sequence[Segment], left_out: Sequence[str]) -> dict[str, A
 def _values(
     segments: Sequence[Segment], factor: FloatArray, rows: int, estimator: Estimator
 ) -> tuple[FloatArray, FloatArray]:
-    """Estimate of the bag: its own, or that of all segments together.
+    """Return estimate and deviations (b,) of the bag, all segments together.
 
     Segments are independent: IDIM-IV estimates are averaged with the inverse of their covariances
     as weights, and least squares is solved on the stacked R factor.

@@ -17,14 +17,7 @@ INSTALL = 'a fleet needs Dask: pip install "idim-iv-ros[fleet]"'
 
 
 class FetchedFile:
-    """A file of an fsspec file system, see `ByteSource`.
-
-    Attributes
-    ----------
-    size : int
-    fetched : int
-        Bytes that were read so far.
-    """
+    """A file of an fsspec file system, see `ByteSource`; `fetched` counts the bytes read so far."""
 
     def __init__(self, system: Any, path: str, size: int):
         self.system, self.path, self.size = system, path, size
@@ -86,16 +79,13 @@ def file_system(uri: str) -> tuple[Any, str]:
     try:
         system, path = url_to_fs(uri)
     except ImportError as error:
-        raise UsageError(
-            f"{uri}: cannot be opened: {scheme}:// needs a package: {error}"
-        ) from error
+        words = f"{scheme}:// needs a package: {error}"
+        raise UsageError(f"{uri}: cannot be opened: {words}") from error
     except Exception as error:
+        words = one_line(error)
         if scheme != uri and scheme not in available_protocols():
-            raise UsageError(
-                f"{uri}: cannot be opened: {scheme}:// is no kind of store; s3://, gs://, abfs:// "
-                "and https:// are"
-            ) from error
-        raise UsageError(f"{uri}: cannot be opened: {one_line(error)}") from error
+            words = f"{scheme}:// is no kind of store; s3://, gs://, abfs:// and https:// are"
+        raise UsageError(f"{uri}: cannot be opened: {words}") from error
     return system, str(path)
 
 

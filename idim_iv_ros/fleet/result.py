@@ -1,4 +1,4 @@
-"""What a fleet says: the document fleet.json, and what its page draws."""
+"""The document fleet.json: what the bags of a fleet say together."""
 
 import math
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ class FleetBag:
     status: Status
     used: bool
     why_not: str = ""
-    duration: Number = float("nan")
+    duration: Number = math.nan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,23 +35,13 @@ class TypeQuantity:
     Residuals (`kind` residual) scatter by factors: `mean` is their geometric mean, and `sigma` and
     `between_bags` are relative, 0.1 for a tenth.
 
-    Attributes
-    ----------
-    robots : int
-        Behind the numbers.
-    left_out : tuple of str
-        Robots that differ in it.
-    mean, mean_low, mean_high : float
-        With its 95 % interval.
-    sigma, sigma_low, sigma_high : float
-        Standard deviation from robot to robot, with its 95 % interval.
-    next_low, next_high : float
-        95 % prediction interval of the next robot's true value.
-    between_bags : float
-        Standard deviation from bag to bag of a robot, beyond the noise of a bag; null where no
-        robot has two bags, and then it is part of `sigma`.
-    given : float
-        In the nominal model; null for residuals.
+    - `robots`: number of robots behind the numbers; `left_out`: robots that differ in the quantity
+    - `mean`, `mean_low`, `mean_high`: mean with its 95 % interval
+    - `sigma`, `sigma_low`, `sigma_high`: standard deviation from robot to robot, 95 % interval
+    - `next_low`, `next_high`: 95 % prediction interval of the next robot's true value
+    - `between_bags`: standard deviation from bag to bag of a robot, beyond the noise of a bag; null
+      where no robot has two bags, and then it is part of `sigma`
+    - `given`: value in the nominal model; null for residuals
     """
 
     name: str
@@ -76,15 +66,10 @@ class TypeQuantity:
 class CommonCause:
     """A cause that diagnoses named, of one sign and size.
 
-    Attributes
-    ----------
-    robots : tuple of str
-        Where it was found; robots that have the effect with another size are another cause.
-    of_type : bool
-        Whether nearly all diagnosed robots that are ordinary for their type have it.
-    parameters : dict of name to EffectParameter
-        Mean over these robots of each number that half of them determine or more; the standard
-        deviation is that of the mean and holds what they differ by.
+    - `robots`: robots that have it; those that have the effect with another size are another cause
+    - `of_type`: whether nearly all diagnosed robots that are ordinary for their type have it
+    - `parameters`: mean over these robots of each number that half of them determine or more; the
+      standard deviation is that of the mean, with what the robots differ by
     """
 
     effect: str
@@ -99,19 +84,9 @@ class CommonCause:
 class FleetType:
     """The robots of one type.
 
-    Attributes
-    ----------
-    robots : int
-        With usable bags.
-    bags : int
-        Used.
-    diagnosed : tuple of str
-        Robots with a diagnosis.
-    causes : tuple of CommonCause
-    notes : tuple of str
-        What could not be judged, and why.
-    sentences : tuple of str
-        What the diagnoses say together.
+    - `robots`, `bags`: number of robots with usable bags, and of the bags that were used
+    - `diagnosed`: robots with a diagnosis; `causes`, `sentences`: what the diagnoses say together
+    - `notes`: what could not be judged, and why
     """
 
     type: str
@@ -141,21 +116,14 @@ class AgreementTest:
 class RobotQuantity:
     """One quantity of one robot.
 
-    Attributes
-    ----------
-    value, low, high : float
-        All bags in one regression, with a 95 % interval that holds what bags differ by.
-    distance : float
-        From the other robots of the type, in standard deviations of that difference; where the
-        quantity changed over time, of its value before. Null where nothing says what is ordinary.
-    p_value : float
-        Of the null hypothesis that it is one of them.
-    differs : bool
-        At the fleet's false discovery rate.
-    changed : bool
-        Over time.
-    unsteady : bool
-        From bag to bag, more than in other robots.
+    - `value`, `low`, `high`: all bags in one regression, with a 95 % interval that covers how much
+      bags differ
+    - `distance`: distance from the other robots of the type, in standard deviations of that
+      difference; where the quantity changed over time, of its value before. Null where nothing says
+      what is ordinary
+    - `p_value`: p-value of the null hypothesis that the robot is one of its type
+    - `differs`: from the type at the fleet's false discovery rate; `changed`: over time;
+      `unsteady`: from bag to bag, more than in other robots
     """
 
     name: str
@@ -173,23 +141,14 @@ class RobotQuantity:
 class ParameterChange:
     """A change of one quantity of one robot over time.
 
-    Attributes
-    ----------
-    kind : str
-        ``step``, or ``ramp``: it begins after the bag before `begin` and goes on to the last bag.
-    p_value : float
-        The search over dates included.
-    begin : str
-        Time of the first bag that is changed, ISO 8601.
-    begin_low, begin_high : str
-        Between these bags, 95 %.
-    before, after : float
-        Level before, and at the last bag.
-    size, size_low, size_high : float
-        Of the change at the last bag; for residuals a factor.
-    times : tuple of str
-    values, stds, fitted : tuple of float
-        Of each bag; the deviations hold what bags of an unchanged robot differ by.
+    - `kind`: ``step``, or ``ramp``: it begins after the bag before `begin` and goes on to the last
+    - `p_value`: of the null hypothesis that nothing changed, the search over dates included
+    - `begin`: time of the first bag that is changed, ISO 8601; `begin_low`, `begin_high`: it lies
+      between these bags, 95 %
+    - `before`, `after`: level before the change, and at the last bag
+    - `size`, `size_low`, `size_high`: size of the change at the last bag; for residuals a factor
+    - `times`, `values`, `stds`, `fitted`: of each bag; the standard deviations include what bags of
+      an unchanged robot differ by
     """
 
     name: str
@@ -214,27 +173,15 @@ class ParameterChange:
 class FleetRobot:
     """One robot.
 
-    Attributes
-    ----------
-    attention : str
-        The strongest reason to look at it: ``differs`` from its type, ``changed`` over time,
-        ``unsteady`` from bag to bag, ``recordings`` that cannot be used; or ``none``.
-    reasons : tuple of str
-        All of them in sentences.
-    bags : int
-        Used.
-    not_used : int
-    first, last : str or None
-        Times of the bags that were used.
-    p_value : float
-        Of the null hypothesis that it is one of its type.
-    change_p_value : float
-        Of the null hypothesis that nothing changed over time.
-    quantities : tuple of RobotQuantity
-        In the order of its type's.
-    changes : tuple of ParameterChange
-    diagnosis : GapSummary or None
-        Of its last bag that was diagnosed.
+    - `attention`: strongest reason to look at it: ``differs`` from its type, ``changed`` over time,
+      ``unsteady`` from bag to bag, ``recordings`` that cannot be used; or ``none``
+    - `reasons`: all reasons in sentences
+    - `bags`, `not_used`: number of bags that were used, and of the others
+    - `first`, `last`: times of the first and last bag that were used, null where unknown
+    - `p_value`, `change_p_value`: of the null hypotheses that the robot is one of its type, and
+      that nothing changed over time
+    - `quantities`: in the order of its type's
+    - `diagnosis`: of its last bag that was diagnosed
     """
 
     robot: str
@@ -271,21 +218,12 @@ class Screened:
 class FleetResult(Document):
     """What the bags of a fleet say together: fleet.json.
 
-    Attributes
-    ----------
-    false_discoveries : float
-        Largest expected share of false ones among the robots that differ, and among those that
-        changed.
-    level : float
-        Of all intervals.
-    robots : tuple of FleetRobot
-        What needs attention first.
-    bags : tuple of FleetBag
-        In the order in which they were given.
-    screen : tuple of Screened
-        What to diagnose.
-    limits : tuple of str
-        What R factors cannot show.
+    - `false_discoveries`: largest expected share of false ones among the robots that differ, and
+      among those that changed
+    - `level`: level of all intervals
+    - `robots`: what needs attention first; `bags`: in the order in which they were given
+    - `screen`: which robots to diagnose
+    - `limits`: what R factors cannot show
     """
 
     what: ClassVar[str] = "the result of a fleet"

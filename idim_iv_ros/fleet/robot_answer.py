@@ -20,41 +20,33 @@ from idim_iv_ros.fleet.statistics.quantities import stamp_of
 from idim_iv_ros.fleet.statistics.robots import ComparedType
 from idim_iv_ros.fleet.statistics.stacking import agreement
 
-AGREEMENT_LEVEL = 0.05
 # Share of a robot's bags that cannot be used from which on its recordings need attention.
 _MANY_UNUSED = 0.2
-_GROUPS = {"off": "torque offsets", "Fv": "friction", "Fc": "friction", "Fvm": "friction",
-           "Fcm": "friction"}  # fmt: skip
+_GROUPS = {"off": "torque offsets"} | dict.fromkeys(("Fv", "Fc", "Fvm", "Fcm"), "friction")
 _INERTIA = "inertia and gravity"
 
 
 def fleet_robot(
-    compared: ComparedType, place: int, usual: Sequence[TypeQuantity], unused: Sequence[BagResult]
+    compared: ComparedType,
+    place: int,
+    type_quantities: Sequence[TypeQuantity],
+    unused: Sequence[BagResult],
 ) -> FleetRobot:
-    """Return the robot at `place` of its type.
-
-    Parameters
-    ----------
-    usual
-        The quantities of its type.
-    unused
-        Its bags that could not be used.
-    """
-    robot, over = compared.bags.robots[place], compared.changes[place]
+    """Return the robot at `place` of its type, with its `unused` bags counted."""
+    robot, over_time = compared.bags.robots[place], compared.changes[place]
     quantities = _quantities(compared, place)
-    changes = [_change(compared, place, int(column)) for column in np.flatnonzero(over.changed)]
-    changes.sort(key=lambda change: change.p_value)
+    changed = map(int, np.flatnonzero(over_time.changed))
+    changes = sorted((_change(compared, place, k) for k in changed), key=lambda c: c.p_value)
     differing = sorted(
-        ((q, u) for q, u in zip(quantities, usual, strict=True) if q.differs),
+        ((q, usual) for q, usual in zip(quantities, type_quantities, strict=True) if q.differs),
         key=lambda pair: -abs(pair[0].distance),
     )
-    unsteady = [q.name for q in quantities if q.unsteady]
-    reasons = [_difference_words(q, u) for q, u in differing]
+    unsteady = ", ".join(q.name for q in quantities if q.unsteady)
+    reasons = [_difference_words(*pair) for pair in differing]
     reasons += [_change_words(change) for change in changes]
     if unsteady:
         reasons.append(
-            f"{', '.join(unsteady)}: bags differ from each other more than those of the other "
-            "robots do"
+            f"{unsteady}: bags differ from each other more than those of the other robots do"
         )
     if unused:
         reasons.append(_unused_words(unused, len(robot.bags)))
@@ -66,22 +58,22 @@ def fleet_robot(
         "recordings": bool(unused) and many,
     }
     times = [bag.time for bag in robot.bags if bag.time is not None]
-    diagnosed = [bag.diagnosis for bag in robot.bags if bag.diagnosis is not None]
+    diagnoses = [bag.diagnosis for bag in robot.bags if bag.diagnosis is not None]
     return FleetRobot(
         robot=robot.robot,
         type=compared.bags.type,
-        attention=next((name for name, seen in attentions.items() if seen), "none"),
+        attention=next((name for name, applies in attentions.items() if applies), "none"),
         reasons=tuple(reasons),
         bags=len(robot.bags),
         not_used=len(unused),
         first=times[0] if times else None,
         last=times[-1] if times else None,
         p_value=float(compared.outlying.chosen.p_values[place]),
-        change_p_value=over.p_value,
+        change_p_value=over_time.p_value,
         agreement=_agreement(compared, place),
         quantities=quantities,
         changes=tuple(changes),
-        diagnosis=diagnosed[-1] if diagnosed else None,
+        diagnosis=diagnoses[-1] if diagnoses else None,
     )
 
 
@@ -94,6 +86,7 @@ def robot_without_bags(kind: str, name: str, bags: Sequence[BagResult]) -> Fleet
 
 
 def _quantities(compared: ComparedType, place: int) -> tuple[RobotQuantity, ...]:
+    """Return all quantities of a robot; residuals, compared by logarithms, in their own unit."""
     estimates, outlying = compared.estimates, compared.outlying
     value, half = estimates.values[place], estimates.half[place]
     residual = [quantity.kind == "residual" for quantity in compared.bags.quantities]
@@ -102,32 +95,33 @@ def _quantities(compared: ComparedType, place: int) -> tuple[RobotQuantity, ...]
     return tuple(
         RobotQuantity(
             name=quantity.name,
-            value=float(values[column]),
-            low=float(low[column]),
-            high=float(high[column]),
-            distance=float(outlying.statistics[place, column]),
-            p_value=float(outlying.p_values[place, column]),
-            differs=bool(outlying.chosen.entries[place, column]),
-            changed=bool(compared.changes[place].changed[column]),
-            unsteady=bool(estimates.unsteady[place, column]),
+            value=float(values[k]),
+            low=float(low[k]),
+            high=float(high[k]),
+            distance=float(outlying.statistics[place, k]),
+            p_value=float(outlying.p_values[place, k]),
+            differs=bool(outlying.chosen.entries[place, k]),
+            changed=bool(compared.changes[place].changed[k]),
+            unsteady=bool(estimates.unsteady[place, k]),
         )
-        for column, quantity in enumerate(compared.bags.quantities)
+        for k, quantity in enumerate(compared.bags.quantities)
     )
 
 
 def _change(compared: ComparedType, place: int, column: int) -> ParameterChange:
+    """Return the change of one quantity of a robot, with the series in which it was found."""
     robot, quantity = compared.bags.robots[place], compared.bags.quantities[column]
     rows, change = compared.changes[place].rows[column], compared.changes[place].changes[column]
     assert change is not None
-    times = [stamp_of(float(time)) for time in robot.times[rows]]
+    times = tuple(stamp_of(float(time)) for time in robot.times[rows])
     values, fitted = robot.values[rows, column], change.fitted
-    stds = np.sqrt(robot.variances[rows, column] + np.nan_to_num(compared.common.variance[column]))
+    stds = np.sqrt(robot.variances[rows, column] + np.nan_to_num(compared.between[column]))
     numbers = np.array([change.before, change.before + change.size, change.size,
                         change.size_low, change.size_high])  # fmt: skip
     if quantity.kind == "residual":
         values, fitted, numbers = np.exp(values), np.exp(fitted), np.exp(numbers)
         stds = values * stds
-    before, after, size, low, high = map(float, numbers)
+    before, after, size, low, high = numbers.tolist()
     return ParameterChange(
         name=quantity.name,
         kind=change.kind,
@@ -142,43 +136,38 @@ def _change(compared: ComparedType, place: int, column: int) -> ParameterChange:
         size=size,
         size_low=low,
         size_high=high,
-        times=tuple(times),
-        values=tuple(map(float, values)),
-        stds=tuple(map(float, stds)),
-        fitted=tuple(map(float, fitted)),
+        times=times,
+        values=tuple(values.tolist()),
+        stds=tuple(stds.tolist()),
+        fitted=tuple(fitted.tolist()),
     )
 
 
 def _agreement(compared: ComparedType, place: int) -> tuple[AgreementTest, ...]:
+    """Test whether the bags of a robot agree, in all parameters and in each kind of them."""
     group, robot = compared.bags, compared.bags.robots[place]
     usable = [bag for bag, fit in zip(robot.bags, robot.fits, strict=True) if fit.complete]
     columns: dict[str, list[int]] = defaultdict(list)
+    columns["all parameters"] = list(range(group.parameters))
     for column, quantity in enumerate(group.quantities[: group.parameters]):
         kind = re.match(r"[A-Za-z]+", quantity.name)
         columns[_GROUPS.get(kind.group() if kind else "", _INERTIA)].append(column)
-    tests = agreement(
-        [bag.r_factor for bag in usable],
-        [bag.rows for bag in usable],
-        columns,
-        alpha=AGREEMENT_LEVEL,
+    p_values = agreement(
+        [bag.r_factor for bag in usable], [bag.rows for bag in usable], columns.values()
     )
-    everything, unsteady = list(range(group.parameters)), compared.estimates.unsteady[place]
+    unsteady = compared.estimates.unsteady[place]
     return tuple(
-        AgreementTest(
-            test.scope,
-            math.nan if test.p_value is None else test.p_value,
-            bool(unsteady[columns.get(test.scope, everything)].any()),
-        )
-        for test in tests
+        AgreementTest(what, p_value, bool(unsteady[columns[what]].any()))
+        for what, p_value in zip(columns, p_values, strict=True)
     )
 
 
 def _unused_words(unused: Sequence[BagResult], used: int) -> str:
+    """Say how many bags of a robot could not be used, and how many are missing or corrupt."""
     statuses = [bag.status for bag in unused]
     counts = {status: statuses.count(status) for status in ("missing", "corrupt")}
-    parts = "".join(f", {count} of them {name}" for name, count in counts.items() if count)
-    only = next((name for name, count in counts.items() if count == len(unused)), "")
-    detail = f": {only}" if only else parts
+    detail = "".join(f", {count} of them {name}" for name, count in counts.items() if count)
+    detail = next((f": {name}" for name, n in counts.items() if n == len(unused)), detail)
     return f"{len(unused)} of {len(unused) + used} bags could not be used{detail}"
 
 

@@ -17,15 +17,9 @@ from idim_iv_ros.model import build_inverse_model, read_urdf_file
 
 @dataclass(frozen=True)
 class Robot:
-    """A configuration with the text of its robot description: all that a worker needs.
+    """A configuration with its robot description (URDF or MJCF; empty where the bags have it).
 
-    Attributes
-    ----------
-    configuration : Configuration
-    description : bytes
-        Of the URDF or MJCF; empty where the bags have it.
-    digest : str
-        Of both.
+    That is all that a worker needs; `digest` is that of both.
     """
 
     configuration: Configuration
@@ -72,19 +66,10 @@ def _kept(name: str, description: bytes) -> Path:
 def robots_of(
     entries: Sequence[BagEntry], config: Path
 ) -> tuple[tuple[BagEntry, ...], dict[str, Robot]]:
-    """Find the configuration of every robot, and build its model once.
+    """Find the configuration of every robot by its name, and build its model once.
 
-    Parameters
-    ----------
-    config
-        A YAML file for all, or a folder with ``ROBOT.yaml`` or ``TYPE.yaml``, the first before the
-        second.
-
-    Returns
-    -------
-    entries : tuple of BagEntry
-        With a type where none was given: the name of the file.
-    robots : dict of robot to Robot
+    `config` is a YAML file for all, or a folder with ``ROBOT.yaml`` or ``TYPE.yaml``, the first
+    before the second. The entries get a type where none was given: the name of that file.
 
     Raises
     ------

@@ -21,30 +21,17 @@ D = TypeVar("D", bound=Document)
 class FleetRun:
     """One run over the bags of a fleet.
 
-    Attributes
-    ----------
-    source : str
-        Manifest, folder or URL, see `find_bags`.
-    config : path
-        Of one configuration or a folder of them, see `robots_of`.
-    out : path
-        Folder of the results; those of bags are kept in ``bags/`` below it.
-    scheduler : str or None
-        Address of a running Dask scheduler; None starts workers on this machine.
-    workers : int or None
-        How many on this machine; None: one for each core.
-
     Raises
     ------
     UsageError
         Scheduler and workers are both given, or no worker.
     """
 
-    source: str
-    config: FilePath
-    out: FilePath
-    scheduler: str | None = None
-    workers: int | None = None
+    source: str  # manifest, folder or URL, see `find_bags`
+    config: FilePath  # one configuration or a folder of them, see `robots_of`
+    out: FilePath  # folder of the results; those of bags are kept in ``bags/`` below it
+    scheduler: str | None = None  # address of a running Dask scheduler; None: on this machine
+    workers: int | None = None  # on this machine; None: one for each core
 
     def __post_init__(self) -> None:
         if self.scheduler is not None and self.workers is not None:
@@ -74,21 +61,10 @@ class FleetRun:
     ) -> list[D | str]:
         """Call a function for all tasks that earlier runs did not do, and keep what it returns.
 
-        Parameters
-        ----------
-        folder
-            Below `out`: each answer is a file of its own there, whole or not at all.
-        kind
-            Of document that the function returns, or why there is none.
-        tasks
-            Key under which the answer is kept, and the arguments.
-        stage
-            What is done and to what, in words: ``("identifying", "bags")``.
-
-        Returns
-        -------
-        list of Document or str
-            In the order of the tasks; what failed, with its reason, is tried again by another run.
+        A task is the key under which its answer is kept, and the arguments of the function. This
+        returns a document of `kind`, which becomes a file in `folder` below `out`, or says why
+        there is none; then another run tries again. `stage` says in words what is done and to
+        what: ``("identifying", "bags")``. The answers are in the order of the tasks.
 
         Raises
         ------
@@ -98,12 +74,12 @@ class FleetRun:
         paths = [Path(self.out) / folder / f"{key}.json" for key, _ in tasks]
         answers: list[D | str] = [_read(kind, path) or "" for path in paths]
         waiting = [place for place, answer in enumerate(answers) if not answer]
-        count, begin = 0, time.monotonic()
+        total, count, begin = len(waiting), 0, time.monotonic()
 
-        def say() -> None:
+        def report() -> None:
             if progress is not None and waiting:
-                progress(_words(stage, count, len(waiting), time.monotonic() - begin),
-                         count / len(waiting))  # fmt: skip
+                words = _words(stage, count, total, time.monotonic() - begin)
+                progress(words, count / total)
 
         def done(number: int, answer: D | str | None, why: str) -> None:
             nonlocal count
@@ -112,15 +88,14 @@ class FleetRun:
             if isinstance(answer, Document):
                 _write(answer, paths[place])
             count += 1
-            say()
+            report()
 
-        say()
-        with said_if_interrupted(
-            lambda: (
-                f"{count:,} of {len(waiting):,} {stage[1]} are done and kept; the same command "
-                "goes on from there"
-            )
-        ):
+        def interrupted() -> str:
+            words = f"{count:,} of {total:,} {stage[1]} are done and kept"
+            return f"{words}; the same command goes on from there"
+
+        report()
+        with said_if_interrupted(interrupted):
             self.tasks(function, [tasks[place][1] for place in waiting], done)
         return answers
 

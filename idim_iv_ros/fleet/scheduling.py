@@ -74,9 +74,8 @@ def connected(scheduler: str | None = None, workers: int | None = None) -> Itera
         try:
             client.wait_for_workers(1, timeout=_WAIT)
         except TimeoutError as error:
-            raise UsageError(
-                f"--scheduler {scheduler}: it has no worker after {_WAIT} s"
-            ) from error
+            words = f"--scheduler {scheduler}: it has no worker after {_WAIT} s"
+            raise UsageError(words) from error
         _require_same_version(client)
         yield client
 
@@ -94,11 +93,12 @@ def _require_same_version(client: Any) -> None:
 
 
 def _require_version(client: Any, version: str) -> None:
-    if version != code_version():
-        raise UsageError(
-            f"--scheduler {client.scheduler.address}: workers run {version}, this machine "
-            f"{code_version()}; install the same version everywhere"
+    """Refuse a worker that runs another version than this machine."""
+    if version != (here := code_version()):
+        where = (
+            f"--scheduler {client.scheduler.address}: workers run {version}, this machine {here}"
         )
+        raise UsageError(f"{where}; install the same version everywhere")
 
 
 @dataclass(frozen=True)
@@ -121,11 +121,8 @@ def run_tasks(
 ) -> None:
     """Call a function once for each tuple of arguments, in no order.
 
-    Parameters
-    ----------
-    done
-        Called here with the place among the arguments, and what the function returned, or None and
-        why there is nothing.
+    `done` is called here with the place among the arguments, and what the function returned, or
+    None and why there is nothing.
 
     Raises
     ------

@@ -30,12 +30,9 @@ class BagEntry:
 def find_bags(source: str) -> tuple[BagEntry, ...]:
     """List the bags of a fleet, in the order of the manifest or of their paths.
 
-    Parameters
-    ----------
-    source
-        A manifest (``.csv``, ``.parquet``) with the columns uri and robot, also type and time;
-        any other column is a label. Or a folder, or a URL that fsspec opens, which is searched:
-        ``ROBOT/BAG`` or ``TYPE/ROBOT/BAG``; bags that lie directly in it are of one robot.
+    A source is a manifest (``.csv``, ``.parquet``) with the columns uri and robot, also type and
+    time; any other column is a label. Or a folder, or a URL that fsspec opens, which is searched:
+    ``ROBOT/BAG`` or ``TYPE/ROBOT/BAG``; bags that lie directly in it are of one robot.
 
     Raises
     ------
@@ -47,11 +44,11 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
         if source.endswith((".csv", ".parquet")):
             content = reachable(system.cat_file, path)
             return _manifest(source, _rows(source, bytes(content)))
-        information = reachable(system.info, path)
-        if information["type"] != "directory":
-            folder, files = str(PurePosixPath(path).parent), [path]
+        folder, files = path, [path]
+        if reachable(system.info, path)["type"] == "directory":
+            files = [str(text) for text in reachable(system.find, path)]
         else:
-            folder, files = path, [str(text) for text in reachable(system.find, path)]
+            folder = str(PurePosixPath(path).parent)
     except FileNotFoundError as error:
         raise UsageError(f"{source}: no such file, folder or URL") from error
     except OSError as error:
@@ -84,29 +81,28 @@ def _entry(bag: str, folder: str, uri: str) -> BagEntry:
 
 
 def _rows(source: str, content: bytes) -> list[dict[str, Any]]:
+    """Return the rows of a manifest by the names of the columns."""
     if source.endswith(".parquet"):
         import pyarrow
         from pyarrow import parquet
 
         try:
-            table = parquet.read_table(io.BytesIO(content))
+            return list(parquet.read_table(io.BytesIO(content)).to_pylist())
         except (pyarrow.ArrowException, OSError) as error:
             raise UsageError(f"{source}: not a Parquet file: {error}") from error
-        rows: list[dict[str, Any]] = table.to_pylist()
-        return rows
     try:
-        reader = csv.DictReader(io.StringIO(content.decode("utf-8-sig")), strict=True)
-        return [dict(row) for row in reader]
+        return list(csv.DictReader(io.StringIO(content.decode("utf-8-sig")), strict=True))
     except (UnicodeDecodeError, csv.Error) as error:
         raise UsageError(f"{source}: not a table in UTF-8: {error}") from error
 
 
 def _manifest(source: str, rows: list[dict[str, Any]]) -> tuple[BagEntry, ...]:
+    """Check the rows of a manifest, and return its bags."""
     if not rows:
         raise UsageError(f"{source}: the manifest names no bag")
     for column in ("uri", "robot"):
         if column not in rows[0]:
-            listed = ", ".join(str(text) for text in rows[0])
+            listed = ", ".join(map(str, rows[0]))
             raise UsageError(f"{source}: no column {column}; it has {listed}")
     entries: dict[str, BagEntry] = {}
     for number, row in enumerate(rows, start=2 if source.endswith(".csv") else 1):
@@ -142,9 +138,8 @@ def _time(where: str, value: object) -> str | None:
     try:
         return iso_time(value if isinstance(value, datetime) else time_of(str(value)))
     except ValueError as error:
-        raise UsageError(
-            f"{where}: time {value} is not in ISO 8601, as in 2026-03-01T12:00:00Z"
-        ) from error
+        words = f"time {value} is not in ISO 8601, as in 2026-03-01T12:00:00Z"
+        raise UsageError(f"{where}: {words}") from error
 
 
 def time_of(text: str) -> datetime:

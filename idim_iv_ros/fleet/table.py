@@ -66,8 +66,7 @@ def write_table(results: Sequence[BagResult], path: Path) -> None:
 
 
 def _rows(result: BagResult) -> list[dict[str, Any]]:
-    """Rows of one bag; what does not exist is null."""
-    usable = result.status == "ok"
+    """Return the rows of one bag, one a parameter; what does not exist is null."""
     common: dict[str, Any] = {
         name: getattr(result, name)
         for name in ("uri", "robot", "type", "status", "duration", "verdict")
@@ -75,18 +74,15 @@ def _rows(result: BagResult) -> list[dict[str, Any]]:
     common |= {name: getattr(result, name) or None for name in ("reason", "content")}
     common |= {"time": time_of(result.time) if result.time is not None else None}
     common |= {f"label_{name}": text for name, text in result.labels.items()}
-    parameters: list[dict[str, Any]] = [{}]
-    if usable:
+    rows = [common]
+    if result.status == "ok":
         common |= {"rows": result.rows, "estimator": result.estimator}
         given = result.given or (None,) * len(result.names)
         columns = zip(result.names, result.units, result.values, result.std, given, strict=True)
         names = ("parameter", "unit", "value", "std", "given")
-        parameters = [dict(zip(names, column, strict=True)) for column in columns]
-    rows = [common | parameter for parameter in parameters]
-    return [
-        {
-            name: None if isinstance(value, float) and not math.isfinite(value) else value
-            for name, value in row.items()
-        }
-        for row in rows
-    ]
+        rows = [common | dict(zip(names, column, strict=True)) for column in columns]
+    return [{name: _or_null(value) for name, value in row.items()} for row in rows]
+
+
+def _or_null(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -27,16 +27,22 @@ class Outcome(NamedTuple):
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, capfd) -> Callable[..., Outcome]:
-    """Run the command line in this process."""
+    """Run the command line in this process, which ends with `status` if one is given.
 
-    def call(*arguments: object) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["idim-iv", *map(str, arguments)])
+    The first argument may be a whole command with its words separated by blanks.
+    """
+
+    def call(command: str, *arguments: object, status: int | None = None) -> Outcome:
+        words = [*command.split(), *map(str, arguments)]
+        monkeypatch.setattr(sys, "argv", ["idim-iv", *words])
         monkeypatch.setenv("COLUMNS", "200")
         with pytest.raises(SystemExit) as stopped:
             main()
             raise SystemExit(0)
         captured = capfd.readouterr()
-        return Outcome(int(stopped.value.code or 0), captured.out, captured.err)
+        outcome = Outcome(int(stopped.value.code or 0), captured.out, captured.err)
+        assert status in (None, outcome.status), outcome
+        return outcome
 
     return call
 
@@ -62,16 +68,17 @@ def record():
 @pytest.fixture(scope="session")
 def bag(record, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same as a bag."""
-    path = tmp_path_factory.mktemp("bags") / "arm2.mcap"
-    write_arm(path, record.time, record.position, record.effort, record.position_reference)
-    return path
+    return write_arm(tmp_path_factory.mktemp("bags") / "arm2.mcap", record)
 
 
-def write_arm(path: Path, time, position, effort, reference) -> Path:
-    """Write joint states and references of two joints."""
+def write_arm(path: Path, record, rows=slice(None), **changed: np.ndarray) -> Path:
+    """Write some rows of a record as joint states and references, with other signals in places."""
+    names = ("time", "position", "effort", "position_reference")
+    signals = {name: getattr(record, name) for name in names} | changed
+    time, position, effort, reference = (signals[name][rows] for name in names)
     topics = [
-        JointTopic("/joint_states", JOINTS, np.asarray(time), position, None, effort),
-        JointTopic("/joint_reference", JOINTS, np.asarray(time), reference),
+        JointTopic("/joint_states", JOINTS, time, position, None, effort),
+        JointTopic("/joint_reference", JOINTS, time, reference),
     ]
     write_bag(path, topics)
     return path

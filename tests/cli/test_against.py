@@ -53,10 +53,8 @@ def test_the_report_begins_with_what_changed() -> None:
 
 
 def test_a_recording_in_both_sets_is_refused(run, bag: Path, config, tmp_path: Path) -> None:
-    outcome = run(
-        "diagnose", bag, "--against", bag, "--config", config(), "--out", tmp_path / "why"
-    )
-    assert outcome.status == 2
+    command = f"diagnose {bag} --against {bag} --config {config()} --out {tmp_path / 'why'}"
+    outcome = run(command, status=2)
     assert bag.name in outcome.error
     assert len(outcome.error.strip().splitlines()) == 1
     assert not (tmp_path / "why" / "gap.json").exists()
@@ -65,8 +63,6 @@ def test_a_recording_in_both_sets_is_refused(run, bag: Path, config, tmp_path: P
 def test_a_file_that_is_no_result_is_refused(run, bag: Path, config, tmp_path: Path) -> None:
     wrong = tmp_path / "wrong.json"
     wrong.write_text("{}")
-    outcome = run(
-        "diagnose", bag, "--nominal", wrong, "--config", config(), "--out", tmp_path / "why"
-    )
-    assert outcome.status == 2
+    command = f"diagnose {bag} --nominal {wrong} --config {config()} --out {tmp_path / 'why'}"
+    outcome = run(command, status=2)
     assert "wrong.json" in outcome.error

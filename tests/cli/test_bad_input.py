@@ -11,6 +11,11 @@ import pytest
 from tests.cli.conftest import write_arm
 from tests.recording import bag_writer
 
+OTHER_JOINTS = (
+    ("[joint_1, joint_2]", "[a, b]"),
+    ("reference: joint_reference", "reference: null"),
+)
+
 
 def refused(outcome, status: int, *words: str) -> None:
     """One line on stderr that starts with the program's name and holds all words."""
@@ -37,43 +42,23 @@ def identify(run, config, tmp_path: Path):
     return call
 
 
-def test_empty_bag(identify, tmp_path: Path) -> None:
+def test_what_is_no_recording(identify, tmp_path: Path) -> None:
     identify(bag_writer.write(tmp_path / "bag", []), 1, "bag", "empty")
-
-
-def test_missing_file(identify, tmp_path: Path) -> None:
     identify(tmp_path / "none.mcap", 2, "none.mcap", "no such file")
-
-
-def test_table_instead_of_a_bag(identify, tmp_path: Path) -> None:
     (tmp_path / "run.csv").write_text("1,2\n")
     identify(tmp_path / "run.csv", 1, "run.csv", "idim-iv import")
 
 
-def test_missing_topic(identify, bag, config) -> None:
-    wrong = config(("joint_states: joint_states", "joint_states: /states"))
-    identify(bag, 1, "/states", "/joint_states", configuration=wrong)
-
-
-def test_joint_that_the_urdf_does_not_have(identify, bag, config) -> None:
-    wrong = config(("[joint_1, joint_2]", "[joint_1, elbow]"))
-    identify(bag, 1, "elbow", configuration=wrong)
-
-
 def test_joint_of_the_bag_that_the_urdf_does_not_have(identify, config, tmp_path: Path) -> None:
     bag = bag_writer.write(tmp_path / "bag", bag_writer.steady(3000, 1000.0))
-    wrong = config(
-        ("[joint_1, joint_2]", "[a, b]"), ("reference: joint_reference", "reference: null")
-    )
+    wrong = config(*OTHER_JOINTS)
     identify(bag, 2, "arm2.urdf", "no joint a", "joint_1, joint_2", configuration=wrong)
 
 
 @pytest.mark.parametrize(("value", "word"), [(0.0, "zero"), (np.nan, "NaN")])
 def test_effort_that_says_nothing(identify, record, tmp_path: Path, value, word) -> None:
     effort = np.full_like(record.effort, value)
-    bag = write_arm(
-        tmp_path / "r.mcap", record.time, record.position, effort, record.position_reference
-    )
+    bag = write_arm(tmp_path / "r.mcap", record, effort=effort)
     identify(bag, 1, "r.mcap", "effort", "joint_1", word)
 
 
@@ -83,33 +68,16 @@ def test_time_that_goes_backward(identify, config, tmp_path: Path) -> None:
         ("/joint_states", 1.0 + k / 1000, bag_writer.joint_state(s)) for k, s in enumerate(stamps)
     ]
     bag = bag_writer.write(tmp_path / "bag", messages)
-    wrong = config(
-        ("[joint_1, joint_2]", "[a, b]"), ("reference: joint_reference", "reference: null")
-    )
-    identify(bag, 1, "bag", "backward", configuration=wrong)
+    identify(bag, 1, "bag", "backward", configuration=config(*OTHER_JOINTS))
 
 
 def test_half_a_second(identify, record, tmp_path: Path) -> None:
-    some = slice(5000, 5500)
-    bag = write_arm(
-        tmp_path / "short.mcap",
-        record.time[some],
-        record.position[some],
-        record.effort[some],
-        record.position_reference[some],
-    )
+    bag = write_arm(tmp_path / "short.mcap", record, slice(5000, 5500))
     identify(bag, 1, "short.mcap", "record")
 
 
 def test_two_seconds_are_refused_or_named_by_check(run, config, record, tmp_path: Path) -> None:
-    some = slice(4000, 6000)
-    bag = write_arm(
-        tmp_path / "short.mcap",
-        record.time[some],
-        record.position[some],
-        record.effort[some],
-        record.position_reference[some],
-    )
+    bag = write_arm(tmp_path / "short.mcap", record, slice(4000, 6000))
     checked = run("check", bag, "--config", config())
     assert "short.mcap" in checked.out + checked.error
     assert "only 2 s" in checked.out or "record for longer" in checked.error
@@ -123,16 +91,15 @@ def test_robot_that_never_moves(identify, record, tmp_path: Path) -> None:
     random = np.random.default_rng(0)
     still = 0.3 + 1e-5 * random.normal(size=record.position.shape)
     effort = 5.0 + random.normal(size=record.effort.shape)
-    bag = write_arm(tmp_path / "still.mcap", record.time, still, effort, still)
+    signals = {"position": still, "effort": effort, "position_reference": still}
+    bag = write_arm(tmp_path / "still.mcap", record, **signals)
     identify(bag, 1, "still.mcap", "no joint moves")
 
 
 def test_joint_that_stands_still(identify, record, tmp_path: Path) -> None:
     position = record.position.copy()
     position[:, 1] = 0.4
-    bag = write_arm(
-        tmp_path / "one.mcap", record.time, position, record.effort, record.position_reference
-    )
+    bag = write_arm(tmp_path / "one.mcap", record, position=position)
     identify(bag, 1, "one.mcap", "joint_2 stands still", "Ia2, Fv2")
 
 
@@ -140,39 +107,36 @@ def test_rank_deficient_excitation_lists_what_cannot_be_seen(
     identify, config, record, tmp_path: Path
 ) -> None:
     """Both joints sweep at constant speed: friction and offset cannot be told apart."""
-    position = record.position.copy()
-    position[:, 1] = 0.1 * record.time
-    position[:, 0] = 0.2 * record.time
-    bag = write_arm(
-        tmp_path / "sweep.mcap", record.time, position, record.effort, record.position_reference
-    )
+    position = np.outer(record.time, [0.2, 0.1])
+    bag = write_arm(tmp_path / "sweep.mcap", record, position=position)
     wide = config(extra="processing:\n  position_cutoff: 50.0\n  decimation_cutoff: 20.0\n")
     words = ("sweep.mcap", "rank deficient", "Fc1", "record a richer motion")
     identify(bag, 1, *words, configuration=wide)
 
 
+SINGULAR = ": [[0, 0], [0, 1]]\n  joints: [joint_1"
+
+
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "status", "words"),
     [
-        ("armature:", "armatur:", ("arm2.yaml", "unknown key simulator.armatur")),
-        ("kd: [52.0, 9.2]", "kd: [52.0]", ("arm2.yaml", "controller.kd has 1 values")),
-        ("robot:", "robot: [", ("arm2.yaml", "line")),
+        ("armature:", "armatur:", 2, "unknown key simulator.armatur"),
+        ("kd: [52.0, 9.2]", "kd: [52.0]", 2, "controller.kd has 1 values"),
+        ("robot:", "robot: [", 2, "line"),
+        ("joints: [joint_1", f"motor_to_joint{SINGULAR}", 2, "motor_to_joint is singular"),
+        ("joints: [joint_1", f"motor_to_joint_torque{SINGULAR}", 2, "_joint_torque is singular"),
+        ("joint_states: joint_states", "joint_states: /states", 1, "/joint_states"),
+        ("[joint_1, joint_2]", "[joint_1, elbow]", 1, "elbow"),
     ],
 )
-def test_wrong_configuration(identify, bag, config, old, new, words) -> None:
-    identify(bag, 2, *words, configuration=config((old, new)))
-
-
-@pytest.mark.parametrize("key", ["motor_to_joint", "motor_to_joint_torque"])
-def test_singular_transmission(identify, bag, config, key) -> None:
-    wrong = config(("joints: [joint_1", f"{key}: [[0, 0], [0, 1]]\n  joints: [joint_1"))
-    identify(bag, 2, "arm2.yaml", f"robot.{key} is singular", configuration=wrong)
+def test_wrong_configuration(identify, bag, config, old, new, status: int, words: str) -> None:
+    file = "arm2.yaml" if status == 2 else "arm2.mcap"
+    identify(bag, status, file, words, configuration=config((old, new)))
 
 
 def test_gains_that_hardly_move_the_robot_end_in_an_answer(run, bag, config, tmp_path) -> None:
     weak = config(("kp: [1200.0, 250.0]", "kp: [1.0e-6, 1.0e-6]"))
-    outcome = run("identify", bag, "--config", weak, "--out", tmp_path / "results")
-    assert outcome.status == 0, outcome.error
+    run("identify", bag, "--config", weak, "--out", tmp_path / "results", status=0)
 
 
 @pytest.mark.parametrize(
@@ -207,8 +171,7 @@ def test_truncated_bag_is_read_as_far_as_it_goes_and_the_loss_is_said(
     content = bag.read_bytes()
     torn.write_bytes(content[: int(0.8 * len(content))])
     out = tmp_path / "results"
-    outcome = run("identify", torn, "--config", config(), "--out", out)
-    assert outcome.status == 0, outcome.error
+    run("identify", torn, "--config", config(), "--out", out, status=0)
     document = json.loads((out / "result.json").read_text())
     assert "ends in the middle" in json.dumps(document["bags"])
     assert "ends in the middle" in (out / "report.html").read_text()
@@ -216,6 +179,5 @@ def test_truncated_bag_is_read_as_far_as_it_goes_and_the_loss_is_said(
 
 @pytest.mark.parametrize("arguments", [["identfy"], ["identify", "--colour", "red"], ["check"]])
 def test_wrong_use_is_status_two(run, arguments) -> None:
-    outcome = run(*arguments)
-    assert outcome.status == 2
+    outcome = run(*arguments, status=2)
     assert "Traceback" not in outcome.error

@@ -21,11 +21,9 @@ def test_table_becomes_a_bag_is_checked_and_identified(run, config, record, tmp_
     )
     assert imported.status == 0, imported.error
     assert "10000 samples of 2 joints" in imported.out
-    checked = run("check", bag, "--config", config())
-    assert checked.status == 0, checked.error
+    checked = run("check", bag, "--config", config(), status=0)
     assert "Usable" in checked.out
-    identified = run("identify", bag, "--config", config(), "--out", out)
-    assert identified.status == 0, identified.error
+    identified = run("identify", bag, "--config", config(), "--out", out, status=0)
     assert "Verdict" in identified.out
     assert len(identified.out.splitlines()) < 40
     assert (out / "report.html").is_file()
@@ -42,8 +40,7 @@ def test_table_becomes_a_bag_is_checked_and_identified(run, config, record, tmp_
 
 def test_least_squares_on_request(run, config, bag, tmp_path: Path) -> None:
     out = tmp_path / "results"
-    done = run("identify", bag, "--config", config(), "--out", out, "--estimator", "idim-ls")
-    assert done.status == 0, done.error
+    run(f"identify {bag} --config {config()} --out {out} --estimator idim-ls", status=0)
     document = json.loads((out / "result.json").read_text())
     assert document["estimator"] == "idim-ls"
     assert document["instruments"]["tests"][0]["reason"]
@@ -51,15 +48,8 @@ def test_least_squares_on_request(run, config, bag, tmp_path: Path) -> None:
 
 def test_two_bags_are_used_together(run, config, bag, tmp_path: Path) -> None:
     second = simulated_arms.record(simulated_arms.arm2(), 2)
-    other = write_arm(
-        tmp_path / "other.mcap",
-        second.time,
-        second.position,
-        second.effort,
-        second.position_reference,
-    )
-    done = run("identify", bag, other, "--config", config(), "--out", tmp_path / "results")
-    assert done.status == 0, done.error
+    other = write_arm(tmp_path / "other.mcap", second)
+    run(f"identify {bag} {other} --config {config()} --out {tmp_path / 'results'}", status=0)
     assert len(json.loads((tmp_path / "results" / "result.json").read_text())["bags"]) == 2
 
 
@@ -68,8 +58,7 @@ COMMANDS = ["init", "import", "check", "identify", "diagnose", "excite", "simula
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_shows_an_example(run, command: str) -> None:
-    done = run(command, "--help")
-    assert done.status == 0
+    done = run(command, "--help", status=0)
     assert f"Example: idim-iv {command}" in done.out
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.conftest import JOINTS, write_arm
+from tests.cli.conftest import write_arm
 from tests.cli.test_bad_input import refused
 from tests.cli.test_simulate import gap_file
 
@@ -27,11 +27,8 @@ def rippled(run, tmp_path: Path):
         gap = gap_file(tmp_path / "truth.json", RIPPLE, parameters=NO_OFFSETS)
         bag = tmp_path / "arm.mcap"
         options = [word for seed in seeds for word in ("--seed", seed)]
-        outcome = run(
-            "simulate", "--config", CONFIG, "--out", bag, "--duration", seconds,
-            "--effects", gap, *options,
-        )  # fmt: skip
-        assert outcome.status == 0, outcome.error
+        command = f"simulate --config {CONFIG} --out {bag} --duration {seconds} --effects {gap}"
+        run(command, *options, status=0)
         if len(seeds) == 1:
             return [bag]
         return [tmp_path / f"arm-{seed}.mcap" for seed in seeds]
@@ -50,8 +47,7 @@ def test_what_was_simulated_is_found_and_can_be_simulated_again(
     """One bag only: ripple within 10 %, then a robot with what was found."""
     (bag,) = rippled(1)
     out = tmp_path / "why"
-    outcome = run("diagnose", bag, "--config", CONFIG, "--out", out)
-    assert outcome.status == 0, outcome.error
+    run("diagnose", bag, "--config", CONFIG, "--out", out, status=0)
     result = document(out)
     structural = [each for each in result["causes"] if each["kind"] == "structural"]
     assert [(each["effect"], each["joint"]) for each in structural] == [
@@ -66,11 +62,8 @@ def test_what_was_simulated_is_found_and_can_be_simulated_again(
     gap = structural[0]["torque_gap"]
     assert gap["after"] < 0.6 * gap["before"]
     again = tmp_path / "again.mcap"
-    outcome = run(
-        "simulate", "--config", CONFIG, "--out", again, "--duration", 2,
-        "--effects", out / "gap.json",
-    )  # fmt: skip
-    assert outcome.status == 0, outcome.error
+    command = f"simulate --config {CONFIG} --out {again} --duration 2 --effects {out / 'gap.json'}"
+    run(command, status=0)
     truth = json.loads((tmp_path / "again.truth.json").read_text())
     assert "position_ripple" in [effect["effect"] for effect in truth["effects"]]
     extended = result["extended_parameters"]
@@ -114,8 +107,7 @@ def test_without_references_or_controller_it_ends_with_what_can_be_said(
     else:
         dropped = []
     out = tmp_path / "why"
-    outcome = run("diagnose", bag, "--config", config((old, new), *dropped), "--out", out)
-    assert outcome.status == 0, outcome.error
+    run("diagnose", bag, "--config", config((old, new), *dropped), "--out", out, status=0)
     result = document(out)
     notes = " ".join(result["notes"]).lower()
     for word in words:
@@ -125,17 +117,9 @@ def test_without_references_or_controller_it_ends_with_what_can_be_said(
 
 
 def test_two_seconds_end_with_what_can_be_said(run, config, record, tmp_path: Path) -> None:
-    some = slice(4000, 6000)
-    short = write_arm(
-        tmp_path / "short.mcap",
-        record.time[some],
-        record.position[some],
-        record.effort[some],
-        record.position_reference[some],
-    )
+    short = write_arm(tmp_path / "short.mcap", record, slice(4000, 6000))
     out = tmp_path / "why"
-    outcome = run("diagnose", short, "--config", config(), "--out", out)
-    assert outcome.status == 0, outcome.error
+    run("diagnose", short, "--config", config(), "--out", out, status=0)
     (note,) = [each for each in document(out)["notes"] if "record a minute" in each]
     assert note.startswith("only 2 s were recorded")
     page = (out / "report.html").read_text(encoding="utf-8")
@@ -150,33 +134,23 @@ def test_bad_input_is_one_line_and_leaves_nothing(run, bag, config, record, tmp_
         refused(run("diagnose", *arguments, "--out", out), status, *words)
         assert not out.exists()
 
-    good = config()
-    must_refuse(2, "none.mcap", "no such file",
-                arguments=(tmp_path / "none.mcap", "--config", good))  # fmt: skip
-    must_refuse(2, "strybeck", "stribeck",
-                arguments=(bag, "--config", good, "--without", "strybeck"))  # fmt: skip
-    must_refuse(2, "nowhere.yaml", arguments=(bag, "--config", tmp_path / "nowhere.yaml"))
-    must_refuse(2, "the same recording", "give each one once",
-                arguments=(bag, bag, "--config", good))  # fmt: skip
     copy = tmp_path / "copy.mcap"
     copy.write_bytes(bag.read_bytes())
-    must_refuse(2, "copy.mcap", "arm2.mcap", arguments=(bag, copy, "--config", good))
+    short = write_arm(tmp_path / "short.mcap", record, slice(5000, 5500))
+    still = np.full_like(record.position, 0.3)
+    rest = write_arm(tmp_path / "still.mcap", record, position=still, position_reference=still)
+    for status, bags, words in (
+        (2, [tmp_path / "none.mcap"], ("none.mcap", "no such file")),
+        (2, [bag, "--without", "strybeck"], ("strybeck", "stribeck")),
+        (2, [bag, bag], ("the same recording", "give each one once")),
+        (2, [bag, copy], ("copy.mcap", "arm2.mcap")),
+        (1, [short], ("short.mcap",)),
+        (1, [rest], ("still.mcap", "no joint moves")),
+    ):
+        must_refuse(status, *words, arguments=(*bags, "--config", config()))
+    must_refuse(2, "nowhere.yaml", arguments=(bag, "--config", tmp_path / "nowhere.yaml"))
     must_refuse(1, "no topic /nowhere", "write `reference: /joint_reference` under signals",
                 arguments=(bag, "--config", config(("joint_reference", "/nowhere"))))  # fmt: skip
-    good = config()
-    some = slice(5000, 5500)
-    short = write_arm(
-        tmp_path / "short.mcap",
-        record.time[some],
-        record.position[some],
-        record.effort[some],
-        record.position_reference[some],
-    )
-    must_refuse(1, "short.mcap", arguments=(short, "--config", good))
-    still = np.full_like(record.position, 0.3)
-    rest = write_arm(tmp_path / "still.mcap", record.time, still, record.effort, still)
-    must_refuse(1, "still.mcap", "no joint moves", arguments=(rest, "--config", good))
-    assert len(JOINTS) == 2
     wrong = config(("armature:", "armatur:"))
     must_refuse(2, "arm2.yaml", "simulator.armatur", arguments=(bag, "--config", wrong))
     out.write_text("mine")

@@ -17,8 +17,7 @@ QUICK = ("--rate", 100, "--period", 6, "--harmonics", 3, "--repeats", 2)
 
 def test_identification_writes_trajectory_message_and_figures(run, config, tmp_path: Path) -> None:
     out = tmp_path / "run.csv"
-    done = run("excite", "--config", config(), "--out", out, *QUICK)
-    assert done.status == 0, done.error
+    done = run("excite", "--config", config(), "--out", out, *QUICK, status=0)
     assert "condition number" in done.out
     assert "joint_2" in done.out
     assert "ended the search" not in done.out
@@ -41,11 +40,8 @@ def test_identification_writes_trajectory_message_and_figures(run, config, tmp_p
 
 
 def test_short_time_limit_is_admitted(run, config, tmp_path: Path) -> None:
-    done = run(
-        *("excite", "--config", config(), "--out", tmp_path / "run", "--time-limit", 0.001),
-        *QUICK,
-    )
-    assert done.status == 0, done.error
+    command = f"excite --config {config()} --out {tmp_path / 'run'} --time-limit 0.001"
+    done = run(command, *QUICK, status=0)
     assert "time limit" in done.out
     assert json.loads((tmp_path / "run.json").read_text())["ended_early"] is True
 
@@ -70,11 +66,8 @@ def test_diagnosis_writes_its_segments(run, config, tmp_path: Path) -> None:
 
 
 def test_robot_without_inertials_is_told_that_torques_were_not_checked(run, tmp_path: Path) -> None:
-    done = run(
-        *("excite", "--config", CONFIG / "ur10.yaml", "--out", tmp_path / "run"),
-        *("--time-limit", 0.001, *QUICK),
-    )
-    assert done.status == 0, done.error
+    command = f"excite --config {CONFIG / 'ur10.yaml'} --out {tmp_path / 'run'} --time-limit 0.001"
+    done = run(command, *QUICK, status=0)
     assert "Torques" in done.out
     assert json.loads((tmp_path / "run.json").read_text())["limits"]["torque_checked"] is False
 
@@ -103,8 +96,7 @@ def test_bad_request_is_one_line_and_leaves_nothing(
 ) -> None:
     folder = tmp_path / "new"
     folder.mkdir()
-    done = run("excite", "--config", config(), "--out", folder / "run", *arguments)
-    assert done.status == 2, done.out
+    done = run("excite", "--config", config(), "--out", folder / "run", *arguments, status=2)
     assert complaint in done.error
     assert len(done.error.strip().splitlines()) == 1
     assert not list(folder.iterdir())
@@ -116,8 +108,7 @@ def test_missing_velocity_limit_names_the_joint(run, config, tmp_path: Path) -> 
     assert 'velocity="6.0"' in text
     urdf.write_text(text.replace('velocity="6.0"', 'velocity="0"'))
     path = config((str(CONFIG / "arm2.urdf"), str(urdf)))
-    done = run("excite", "--config", path, "--out", tmp_path / "run")
-    assert done.status == 2
+    done = run("excite", "--config", path, "--out", tmp_path / "run", status=2)
     assert "joint_2 has no velocity" in done.error
 
 
@@ -126,8 +117,7 @@ def test_place_that_cannot_be_written_is_refused_before_the_search(
     run, config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
 ) -> None:
     monkeypatch.setattr("idim_iv_ros.excitation.excite", lambda *a, **k: pytest.fail("searched"))
-    done = run("excite", "--config", config(), "--out", tmp_path / place)
-    assert done.status == 2
+    done = run("excite", "--config", config(), "--out", tmp_path / place, status=2)
     assert "cannot write the trajectory there" in done.error
 
 
@@ -141,9 +131,7 @@ def test_full_disk_leaves_nothing_half_written(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    done = run(
-        *("excite", "--config", config(), "--out", folder / "run", "--time-limit", 0.001), *QUICK
-    )
-    assert done.status == 2
+    command = f"excite --config {config()} --out {folder / 'run'} --time-limit 0.001"
+    done = run(command, *QUICK, status=2)
     assert "No space left on device" in done.error
     assert not list(folder.iterdir())

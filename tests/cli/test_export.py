@@ -20,15 +20,10 @@ def arm(tmp_path: Path) -> Case:
 
 def test_all_files_are_written_and_named(run, arm: Case, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    outcome = run("export", arm.path, "--config", CONFIG / "arm2.yaml", "--out", out)
-    assert outcome.status == 0, outcome.error
+    outcome = run("export", arm.path, "--config", CONFIG / "arm2.yaml", "--out", out, status=0)
     assert sorted(path.name for path in out.iterdir()) == FILES
     assert all(str(out / name) in outcome.out for name in FILES)
     assert "MuJoCo has no element for stribeck at joint_2: effects.json" in outcome.out
-
-
-def test_json_names_the_files(run, arm: Case, tmp_path: Path) -> None:
-    out = tmp_path / "out"
     outcome = run("export", arm.path, "--config", CONFIG / "arm2.yaml", "--out", out, "--json")
     assert sorted(Path(file).name for file in json.loads(outcome.out)["files"]) == FILES
 
@@ -65,11 +60,10 @@ def test_effects_are_simulated_with_the_exported_robot(run, arm: Case, tmp_path:
     law = "controller: {type: pd, kp: [900.0, 200.0], kd: [40.0, 8.0], period: 0.001}\n"
     config.write_text(robot + section + law, encoding="utf-8")
     bag = tmp_path / "new.mcap"
-    outcome = run(
-        "simulate", "--config", config, "--out", bag, "--effects", out / "effects.json",
-        "--duration", 2,
-    )  # fmt: skip
-    assert outcome.status == 0, outcome.error
+    run(
+        f"simulate --config {config} --out {bag} --effects {out / 'effects.json'} --duration 2",
+        status=0,
+    )
     truth = json.loads((tmp_path / "new.truth.json").read_text())
     model, standard = arm.model, arm.standard
     for name, row in zip(model.base.names, model.base.grouping, strict=True):
@@ -80,8 +74,7 @@ def test_effects_are_simulated_with_the_exported_robot(run, arm: Case, tmp_path:
 
 def test_identify_ends_by_naming_the_export(run, bag: Path, config, tmp_path: Path) -> None:
     out = tmp_path / "found"
-    outcome = run("identify", bag, "--config", config(), "--out", out)
-    assert outcome.status == 0, outcome.error
+    outcome = run("identify", bag, "--config", config(), "--out", out, status=0)
     assert f"Into a simulator: idim-iv export {out / 'result.json'} --config" in outcome.out
 
 
@@ -90,8 +83,7 @@ def test_without_the_solver_one_line_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "clarabel", None)
     out = tmp_path / "found"
-    outcome = run("identify", bag, "--config", config(), "--out", out)
-    assert outcome.status == 0, outcome.error
+    outcome = run("identify", bag, "--config", config(), "--out", out, status=0)
     assert "pip install 'idim-iv-ros[physical]'" in outcome.out
     assert json.loads((out / "result.json").read_text())["physical"] is None
     exported = tmp_path / "out"
@@ -105,10 +97,8 @@ def test_an_mjcf_comes_back_as_the_same_file_and_can_be_replayed(
 ) -> None:
     """Identified, exported, and simulated with the recording that it is from."""
     configuration, found, out = as_mjcf(config, tmp_path), tmp_path / "found", tmp_path / "out"
-    outcome = run("identify", bag, "--config", configuration, "--out", found)
-    assert outcome.status == 0, outcome.error
-    outcome = run("export", found / "result.json", "--config", configuration, "--out", out)
-    assert outcome.status == 0, outcome.error
+    outcome = run("identify", bag, "--config", configuration, "--out", found, status=0)
+    outcome = run(f"export {found / 'result.json'} --config {configuration} --out {out}", status=0)
     names = ["arm2.xml", "changes.md", "effects.json"]
     assert sorted(path.name for path in out.iterdir()) == names
     assert all(str(out / name) in outcome.out for name in names)

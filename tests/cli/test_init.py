@@ -14,6 +14,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.first_configuration.yaml_text import SECTIONS
 from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.recording.other_topics import sounds_like_reference
+from tests.cli.conftest import JOINTS
 from tests.cli.test_bad_input import refused
 
 ARM = (simulated_arms.CONFIG / "arm2.urdf").read_text()
@@ -54,14 +55,21 @@ def states(record, *, scale: float = 1.0, extra: tuple[str, ...] = ()) -> JointT
     )
 
 
-def reference(record, name: str = "/arm/joint_command") -> JointTopic:
-    return JointTopic(
-        name,
-        ["joint_1", "joint_2"],
-        record.time,
-        record.position_reference,
-        record.velocity_reference,
-    )
+def reference(record) -> JointTopic:
+    references = record.position_reference, record.velocity_reference
+    return JointTopic("/arm/joint_command", JOINTS, record.time, *references)
+
+
+@pytest.fixture
+def init(run, tmp_path: Path):
+    """Propose a configuration from topics; return its file, what was printed and the bag."""
+
+    def call(*topics: JointTopic, status: int = 0, options=(), description: str | None = ARM):
+        bag, out = tmp_path / "run.mcap", tmp_path / "arm.yaml"
+        write_bag(bag, topics, robot_description=description)
+        return out, run("init", bag, "--out", out, *options, status=status), bag
+
+    return call
 
 
 def test_stranger_goes_from_a_bag_to_parameters_by_the_commands_that_are_named(
@@ -70,8 +78,7 @@ def test_stranger_goes_from_a_bag_to_parameters_by_the_commands_that_are_named(
     """Neither a configuration nor a word of documentation: every line names the next one."""
     monkeypatch.chdir(tmp_path)
     write_bag("run1.mcap", [states(record, extra=("left_finger_joint", "torso"))])
-    lost = run("identify", "run1.mcap")
-    assert lost.status == 2
+    lost = run("identify", "run1.mcap", status=2)
     assert "idim-iv init BAG… --urdf FILE" in lost.error
     refused(run("init", "run1.mcap"), 2, "run1.mcap", "--urdf")
     done = run("init", "run1.mcap", "--urdf", "models/arm.urdf")
@@ -115,27 +122,18 @@ def test_what_is_left_out_is_said_with_the_reason(run, record, urdf, tmp_path: P
     assert load_configuration(out).robot.urdf == urdf.resolve()
 
 
-def test_joint_that_stands_still_away_from_zero_is_warned_of(run, record, tmp_path: Path) -> None:
+def test_joint_that_stands_still_away_from_zero_is_warned_of(init, record) -> None:
     """The model locks it at zero, where it was not."""
-    position = record.position.copy()
-    position[:, 1] = 0.7
-    topic = JointTopic(
-        "/joint_states", ["joint_1", "joint_2"], record.time, position, None, record.effort
-    )
-    write_bag(tmp_path / "run.mcap", [topic], robot_description=ARM)
-    done = run("init", tmp_path / "run.mcap", "--out", tmp_path / "arm.yaml", "--quiet")
-    assert done.status == 0
-    assert "joint_2" in done.error
-    assert "0.7" in done.error
-    assert load_configuration(tmp_path / "arm.yaml").robot.joints == ["joint_1"]
+    position = np.column_stack([record.position[:, 0], np.full(len(record.time), 0.7)])
+    topic = JointTopic("/joint_states", JOINTS, record.time, position, None, record.effort)
+    out, done, _ = init(topic, options=["--quiet"])
+    assert "joint_2" in done.error and "0.7" in done.error
+    assert load_configuration(out).robot.joints == ["joint_1"]
 
 
-def test_control_law_and_reference_are_found_in_the_log(run, record, tmp_path: Path) -> None:
+def test_control_law_and_reference_are_found_in_the_log(run, init, record) -> None:
     """The gains within 2 %, so that the instruments of the simulated loop are valid."""
-    bag, out = tmp_path / "run.mcap", tmp_path / "arm.yaml"
-    write_bag(bag, [states(record), reference(record)], robot_description=ARM)
-    done = run("init", bag, "--out", out)
-    assert done.status == 0, done.error
+    out, _, bag = init(states(record), reference(record))
     configuration, truth = load_configuration(out), simulated_arms.arm2().configuration
     assert configuration.robot.urdf is None
     assert configuration.signals.reference == "/arm/joint_command"
@@ -146,25 +144,19 @@ def test_control_law_and_reference_are_found_in_the_log(run, record, tmp_path: P
     assert json.loads(identified.out)["instruments"]["accepted"] is True
 
 
-def test_efforts_that_are_no_torques_are_not_taken_for_torques(run, record, tmp_path) -> None:
-    bag, out = tmp_path / "run.mcap", tmp_path / "arm.yaml"
-    write_bag(bag, [states(record, scale=0.1), reference(record)], robot_description=ARM)
-    done = run("init", bag, "--out", out)
+def test_efforts_that_are_no_torques_are_not_taken_for_torques(run, init, record, tmp_path) -> None:
+    out, done, bag = init(states(record, scale=0.1), reference(record))
     assert load_configuration(out).signals.effort_unit == "A"
     assert "effort over the torque" in out.read_text()
     assert "effort_scale" in done.out
     assert run("identify", bag, "--config", out, "--out", tmp_path / "r").status == 0
 
 
-def test_ratio_of_effort_and_torque_is_not_moved_by_drives_that_no_urdf_has(
-    run, record, tmp_path: Path
-) -> None:
+def test_ratio_of_effort_and_torque_is_not_moved_by_drives_that_no_urdf_has(init, record) -> None:
     """The arm's masses are 10 to 30 % off the URDF's, its drives add as much again."""
-    bag = tmp_path / "run.mcap"
-    write_bag(bag, [states(record)], robot_description=ARM)
-    done = run("init", bag, "--out", tmp_path / "arm.yaml", "--json")
+    _, done, _ = init(states(record), options=["--json"])
     reason = json.loads(done.out)["reasons"]["signals.effort_unit"]
-    ratios = [float(each) for each in re.findall(r"joint_\d (\d\.?\d*)", reason)]
+    ratios = [float(ratio) for ratio in re.findall(r"joint_\d (\d\.?\d*)", reason)]
     assert ratios
     assert all(0.7 <= ratio <= 1.3 for ratio in ratios)
 
@@ -174,46 +166,34 @@ def test_ratio_of_effort_and_torque_is_not_moved_by_drives_that_no_urdf_has(
     [(0.0, ("effort", "zero throughout")), (np.nan, ("effort", "empty"))],
 )
 def test_bag_without_efforts_is_refused_in_one_line(
-    run, record, tmp_path: Path, effort: float, words: tuple[str, ...]
+    init, record, effort: float, words: tuple[str, ...]
 ) -> None:
-    topic = JointTopic(
-        "/joint_states",
-        ["joint_1", "joint_2"],
-        record.time,
-        record.position,
-        None,
-        np.full_like(record.effort, effort),
-    )
-    write_bag(tmp_path / "run.mcap", [topic], robot_description=ARM)
-    out = tmp_path / "arm.yaml"
-    refused(run("init", tmp_path / "run.mcap", "--out", out), 1, "run.mcap", *words)
+    efforts = np.full_like(record.effort, effort)
+    topic = JointTopic("/joint_states", JOINTS, record.time, record.position, None, efforts)
+    out, done, _ = init(topic, status=1)
+    refused(done, 1, "run.mcap", *words)
     assert not out.exists()
 
 
 @pytest.mark.parametrize(
     ("text", "word"), [("<robot", "not XML"), ("<sdf/>", "not a URDF"), ("\xff", "not")]
 )
-def test_broken_urdf_is_refused_in_one_line(run, record, tmp_path, text: str, word: str) -> None:
-    write_bag(tmp_path / "run.mcap", [states(record)])
+def test_broken_urdf_is_refused_in_one_line(init, record, tmp_path, text: str, word: str) -> None:
     (tmp_path / "arm.urdf").write_bytes(text.encode("latin-1"))
-    outcome = run(
-        *("init", tmp_path / "run.mcap", "--urdf", tmp_path / "arm.urdf"),
-        *("--out", tmp_path / "arm.yaml"),
-    )
-    refused(outcome, 2, "arm.urdf", word)
+    options = ["--urdf", tmp_path / "arm.urdf"]
+    _, done, _ = init(states(record), description=None, options=options, status=2)
+    refused(done, 2, "arm.urdf", word)
 
 
-def test_edited_configuration_is_kept(run, record, tmp_path: Path) -> None:
-    bag, out = tmp_path / "run.mcap", tmp_path / "arm.yaml"
-    write_bag(bag, [states(record)], robot_description=ARM)
-    assert run("init", bag, "--out", out).status == 0
-    assert run("init", bag, "--out", out).status == 0
+def test_edited_configuration_is_kept(run, init, record) -> None:
+    out, _, bag = init(states(record))
+    run("init", bag, "--out", out, status=0)
     out.write_text(out.read_text().replace("effort_unit: N m", "effort_unit: A"))
     refused(run("init", bag, "--out", out), 2, "arm.yaml", "--force")
     assert load_configuration(out).signals.effort_unit == "A"
 
 
-def test_every_key_of_a_configuration_has_its_line(run, record, tmp_path: Path) -> None:
+def test_every_key_of_a_configuration_has_its_line(init, record) -> None:
     sections = {
         name: field.annotation
         for name, field in Configuration.model_fields.items()
@@ -222,9 +202,7 @@ def test_every_key_of_a_configuration_has_its_line(run, record, tmp_path: Path) 
     assert {name: set(keys) for name, keys in SECTIONS.items()} == {
         name: set(section.model_fields) for name, section in sections.items()
     }
-    bag, out = tmp_path / "run.mcap", tmp_path / "arm.yaml"
-    write_bag(bag, [states(record)], robot_description=ARM)
-    assert run("init", bag, "--out", out).status == 0
+    out, *_ = init(states(record))
     lines = out.read_text().splitlines()
     for keys in SECTIONS.values():
         for name in keys:
@@ -232,11 +210,9 @@ def test_every_key_of_a_configuration_has_its_line(run, record, tmp_path: Path) 
             assert "default: " in line
 
 
-def test_every_example_of_a_left_out_key_is_valid(run, record, tmp_path: Path) -> None:
+def test_every_example_of_a_left_out_key_is_valid(init, record) -> None:
     """Each line may be taken as it is: the # away, and with it that of its section."""
-    bag, out = tmp_path / "run.mcap", tmp_path / "arm.yaml"
-    write_bag(bag, [states(record)], robot_description=ARM)
-    assert run("init", bag, "--out", out).status == 0
+    out, *_ = init(states(record))
     text = out.read_text()
     tried = 0
     for section, keys in SECTIONS.items():
@@ -255,19 +231,10 @@ def test_every_example_of_a_left_out_key_is_valid(run, record, tmp_path: Path) -
     assert tried > 25
 
 
-@pytest.mark.parametrize(
-    ("topic", "expected"),
-    [
-        ("/joint_reference", True),
-        ("/arm_controller/joint_command", True),
-        ("/desired_joint_states", True),
-        ("/joint_states", False),
-        ("/link_states", False),
-        ("/preference", False),
-    ],
-)
-def test_references_are_known_by_a_word_of_their_name(topic: str, expected: bool) -> None:
-    assert sounds_like_reference(topic) is expected
+def test_references_are_known_by_a_word_of_their_name() -> None:
+    references = ("/joint_reference", "/arm_controller/joint_command", "/desired_joint_states")
+    assert all(map(sounds_like_reference, references))
+    assert not any(map(sounds_like_reference, ("/joint_states", "/link_states", "/preference")))
 
 
 def test_unused_reference_is_answered_with_the_line_to_write(

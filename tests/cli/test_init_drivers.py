@@ -35,10 +35,11 @@ def bag(record, tmp_path_factory) -> Path:
     return made.write(tmp_path_factory.mktemp("ur") / "bag")
 
 
-def test_the_state_of_a_controller_is_proposed_as_the_reference(run, bag, tmp_path: Path) -> None:
+def test_the_state_of_a_controller_is_a_reference_with_valid_instruments(
+    run, bag, tmp_path: Path
+) -> None:
     out = tmp_path / "arm.yaml"
-    done = run("init", bag, "--urdf", ARM, "--out", out)
-    assert done.status == 0, done.error
+    run("init", bag, "--urdf", ARM, "--out", out, status=0)
     configuration = load_configuration(out)
     assert configuration.signals.reference == SCALED
     assert "what the controller was asked for" in out.read_text()
@@ -47,12 +48,6 @@ def test_the_state_of_a_controller_is_proposed_as_the_reference(run, bag, tmp_pa
     sentences = [finding["sentence"] for finding in checked["findings"]]
     assert any(f"the reference is reference.positions of {SCALED}" in each for each in sentences)
 
-
-def test_instruments_are_accepted_with_the_reference_of_a_controller(
-    run, bag, tmp_path: Path
-) -> None:
-    out = tmp_path / "arm.yaml"
-    assert run("init", bag, "--urdf", ARM, "--out", out).status == 0
     identified = json.loads(run("identify", bag, "--config", out, "--json").out)
     assert identified["instruments"]["accepted"] is True
 
@@ -61,8 +56,7 @@ def test_a_driver_gives_topics_and_unit_with_its_name_as_the_reason(
     run, bag, tmp_path: Path
 ) -> None:
     out = tmp_path / "arm.yaml"
-    done = run("init", bag, "--urdf", ARM, "--driver", "ur", "--out", out)
-    assert done.status == 0, done.error
+    done = run("init", bag, "--urdf", ARM, "--driver", "ur", "--out", out, status=0)
     signals = load_configuration(out).signals
     assert (signals.joint_states, signals.reference) == ("/joint_states", SCALED)
     assert signals.effort_unit == "A"
@@ -73,8 +67,7 @@ def test_topics_of_a_driver_that_are_not_there_are_said_and_others_are_found(
     run, bag, tmp_path: Path
 ) -> None:
     out = tmp_path / "arm.yaml"
-    done = run("init", bag, "--urdf", ARM, "--driver", "kinova", "--out", out)
-    assert done.status == 0, done.error
+    done = run("init", bag, "--urdf", ARM, "--driver", "kinova", "--out", out, status=0)
     assert load_configuration(out).signals.reference == SCALED
     assert (
         "/joint_trajectory_controller/controller_state of the driver kinova is not in the bag"
@@ -93,10 +86,6 @@ def test_drivers_hold_what_a_configuration_may_hold(name: str) -> None:
     assert "effort_unit" in preset.keys["signals"]
     text = preset.path.read_text()
     assert "https://" in text  # the documentation that it follows
-
-
-def test_every_driver_is_known_by_its_name() -> None:
-    assert sorted(driver_files()) == DRIVERS
 
 
 def test_a_driver_of_the_user_is_a_file_of_the_same_form(run, bag, tmp_path: Path) -> None:
@@ -129,6 +118,7 @@ def test_a_wrong_driver_is_refused_in_one_line(tmp_path: Path, text: str, words:
     assert str(path) in str(caught.value)
 
 
-def test_an_unknown_driver_is_answered_with_those_that_are_known() -> None:
+def test_an_unknown_driver_is_answered_with_the_others() -> None:
+    assert sorted(driver_files()) == DRIVERS
     with pytest.raises(UsageError, match=r"abb: .*franka, kinova, kuka_fri"):
         read_driver("abb")

@@ -44,8 +44,7 @@ def test_the_same_arm_as_urdf_and_mjcf_has_the_same_diagnosis(
 ) -> None:
     answers = []
     for name, path in (("mjcf", as_mjcf(config, tmp_path)), ("urdf", config())):
-        done = run("diagnose", bag, "--config", path, "--out", tmp_path / name)
-        assert done.status == 0, done.error
+        run("diagnose", bag, "--config", path, "--out", tmp_path / name, status=0)
         answers.append(answer(tmp_path / name / "gap.json"))
         document = json.loads((tmp_path / name / "gap.json").read_text())
         assert read_nominal(document["configuration"]).skeleton is not None
@@ -59,14 +58,12 @@ def test_the_same_arm_as_urdf_and_mjcf_has_the_same_diagnosis(
 def test_a_first_configuration_names_an_mjcf_and_can_be_used(run, bag, tmp_path: Path) -> None:
     (tmp_path / "arm2.xml").write_text(ARM2, encoding="utf-8")
     out = tmp_path / "arm.yaml"
-    done = run("init", bag, "--urdf", tmp_path / "arm2.xml", "--out", out)
-    assert done.status == 0, done.error
+    run("init", bag, "--urdf", tmp_path / "arm2.xml", "--out", out, status=0)
     assert re.search(r"^  mjcf: arm2\.xml", out.read_text(), flags=re.MULTILINE)
     assert load_configuration(out).robot.joints == ["joint_1", "joint_2"]
     for command in ("check", "identify"):
         more = ("--out", tmp_path / command) if command == "identify" else ()
-        done = run(command, bag, "--config", out, *more)
-        assert done.status == 0, done.error
+        run(command, bag, "--config", out, *more, status=0)
 
 
 def test_urdf_and_mjcf_together_are_refused(run, config, bag) -> None:

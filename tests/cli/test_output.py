@@ -12,6 +12,7 @@ import pytest
 
 from bags import simulated_arms
 from idim_iv_ros.cli import output
+from tests.cli.conftest import write_arm
 from tests.cli.test_bad_input import refused
 from tests.cli.test_start import REPOSITORY, START
 
@@ -39,8 +40,7 @@ def test_json_is_all_that_is_on_stdout(run, config, bag, table, tmp_path: Path) 
         "simulation": ("simulate", "--config", config(), "--out", simulated, "--duration", 2),
     }
     for name, arguments in requests.items():
-        done = run(*arguments, "--json")
-        assert done.status == 0, done.error
+        done = run(*arguments, "--json", status=0)
         document = json.loads(done.out)
         assert document["format"] == f"idim_iv_ros/{name}/1"
     written = json.loads((out / "result.json").read_text())
@@ -50,15 +50,9 @@ def test_json_is_all_that_is_on_stdout(run, config, bag, table, tmp_path: Path) 
 
 
 def test_unusable_recording_is_a_document_with_status_one(run, config, record, tmp_path) -> None:
-    from tests.cli.conftest import write_arm
-
-    position = record.position.copy()
-    position[:, 1] = 0.4
-    still = write_arm(
-        tmp_path / "one.mcap", record.time, position, record.effort, record.position_reference
-    )
-    done = run("check", still, "--config", config(), "--json")
-    assert done.status == 1
+    position = np.column_stack([record.position[:, 0], np.full(len(record.time), 0.4)])
+    still = write_arm(tmp_path / "one.mcap", record, position=position)
+    done = run("check", still, "--config", config(), "--json", status=1)
     assert json.loads(done.out)["usable"] is False
     quiet = run("check", still, "--config", config(), "--quiet")
     refused(quiet, 1, "not usable", "Fv2")
@@ -108,35 +102,26 @@ def test_tables_of_a_check_fit_the_terminal(config, bag, width: int) -> None:
     assert lines[-1].startswith("Next: idim-iv identify ")  # to be pasted: not broken
 
 
-FOREIGN = {
-    "identify": ("results/report.html", "--out", "results"),
-    "simulate": ("a.mcap", "--out", "a.mcap"),
-    "excite": ("run.csv", "--out", "run"),
-    "init": ("my_arm.yaml", "--out", "my_arm.yaml"),
-    "import": ("b.mcap", "b.mcap"),
-}
-
-
-@pytest.mark.parametrize("command", FOREIGN)
+@pytest.mark.parametrize(
+    ("place", "arguments"),
+    [
+        ("results/report.html", "identify no.mcap --out results --config arm2.yaml"),
+        ("a.mcap", "simulate --out a.mcap --trajectory no.csv --config arm2.yaml"),
+        ("run.csv", "excite --out run --config arm2.yaml"),
+        ("my_arm.yaml", "init no.mcap --out my_arm.yaml"),
+        ("b.mcap", "import b.mcap --rate 9 --joints a --position no.npz:q --effort no.npz:q"),
+    ],
+)
 def test_no_command_replaces_what_it_did_not_write(
-    run, config, bag, table, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+    run, config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, arguments: str
 ) -> None:
     """It is refused before anything is read or computed: the inputs do not even exist."""
-    place, *out = FOREIGN[command]
     monkeypatch.chdir(tmp_path)
+    config()
     path = tmp_path / place
     path.parent.mkdir(exist_ok=True)
     path.write_text("mine")
-    missing = tmp_path / "missing.npz"
-    rest: dict[str, tuple[object, ...]] = {
-        "identify": ("no.mcap", "--config", config()),
-        "simulate": ("--config", config(), "--trajectory", "no.csv"),
-        "excite": ("--config", config()),
-        "init": ("no.mcap",),
-        "import": importing(missing, Path("b.mcap"))[2:],
-    }
-    outcome = run(command, *out, *rest[command])
-    refused(outcome, 2, path.name, "--force")
+    refused(run(*arguments.split()), 2, path.name, "--force")
     assert path.read_text() == "mine"
 
 

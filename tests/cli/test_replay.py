@@ -13,25 +13,14 @@ from tests.simulators.test_replay import OTHER
 @pytest.fixture(scope="session")
 def short(record, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three seconds of the two-joint arm."""
-    path = tmp_path_factory.mktemp("short") / "arm2.mcap"
-    part = slice(0, 3000)
-    return write_arm(
-        path,
-        record.time[part],
-        record.position[part],
-        record.effort[part],
-        record.position_reference[part],
-    )
+    return write_arm(tmp_path_factory.mktemp("short") / "arm2.mcap", record, slice(0, 3000))
 
 
 @pytest.fixture
 def effects(tmp_path: Path) -> Path:
     path = tmp_path / "effects.json"
-    planted = {
-        "effect": "stribeck",
-        "joint": "joint_1",
-        "parameters": {"excess": 1.0, "speed": 0.1},
-    }
+    numbers = {"excess": 1.0, "speed": 0.1}
+    planted = {"effect": "stribeck", "joint": "joint_1", "parameters": numbers}
     path.write_text(json.dumps({"format": "idim_iv_ros/effects/1", "effects": [planted]}))
     return path
 

@@ -9,6 +9,9 @@ import pytest
 from idim_iv_ros.report import page, write
 from tests.cli.test_diagnose import StandIn
 
+# Title of the section that is made to fail, and anchor of another.
+SECTIONS = {"result.json": ("Torque", "parameters"), "gap.json": ("Residual", "causes")}
+
 
 def _fails(*_: object, **__: object) -> str:
     raise ValueError("'list' argument must have no negative elements")
@@ -23,53 +26,46 @@ def _broken(which: str, anchor: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(page, which, tuple(sections))
 
 
-def test_identify_ends_well_with_one_warning_when_a_section_fails(
-    run, config, bag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture(params=["identify", "diagnose"])
+def answered(request, run, diagnose, config, bag, tmp_path: Path, capfd):
+    """Run a command that ends well; return its folder, its stdout and its only warning."""
+
+    def call() -> tuple[Path, str, str]:
+        out = tmp_path / "out"
+        if request.param == "identify":
+            done = run("identify", bag, "--config", config(), "--out", out, status=0)
+            printed, error = done.out, done.error
+        else:
+            diagnose(StandIn("both"), out=out)
+            printed, error = capfd.readouterr()
+        (warning,) = (line for line in error.splitlines() if "warning" in line)
+        assert "Traceback" not in error
+        return out, printed.replace("\n", ""), warning
+
+    return call
+
+
+def test_a_section_that_fails_costs_itself_alone(answered, monkeypatch: pytest.MonkeyPatch) -> None:
     _broken("IDENTIFICATION", "torque", monkeypatch)
-    done = run("identify", bag, "--config", config(), "--out", tmp_path / "results")
-    assert done.status == 0
-    warned = [line for line in done.error.splitlines() if "warning" in line]
-    assert len(warned) == 1
-    assert "Torque" in warned[0]
-    assert "Traceback" not in done.error
-    assert json.loads((tmp_path / "results" / "result.json").read_text())["parameters"]
-    text = (tmp_path / "results" / "report.html").read_text()
-    assert "no negative elements). All numbers are in result.json." in text
-    assert 'id="parameters"' in text
-    assert f"Report: {tmp_path / 'results' / 'report.html'}" in done.out
-
-
-def test_diagnose_ends_well_with_one_warning_when_a_section_fails(
-    diagnose, tmp_path: Path, capfd, monkeypatch: pytest.MonkeyPatch
-) -> None:
     _broken("DIAGNOSIS", "residuals", monkeypatch)
-    diagnose(StandIn("both"))
-    printed = capfd.readouterr()
-    warned = [line for line in printed.err.splitlines() if "warning" in line]
-    assert len(warned) == 1
-    assert "Residual" in warned[0]
-    assert json.loads((tmp_path / "why" / "gap.json").read_text())["verdict"] == "both"
-    assert "All numbers are in gap.json." in (tmp_path / "why" / "report.html").read_text()
+    out, printed, warning = answered()
+    (numbers,) = out.glob("*.json")
+    title, other = SECTIONS[numbers.name]
+    assert title in warning
+    assert json.loads(numbers.read_text())["robot"]
+    text = (out / "report.html").read_text()
+    assert f"no negative elements). All numbers are in {numbers.name}." in text
+    assert f'id="{other}"' in text
+    assert f"Report: {out / 'report.html'}" in printed
 
 
-@pytest.mark.parametrize("command", ["identify", "diagnose"])
 def test_a_page_that_cannot_be_drawn_at_all_leaves_the_numbers(
-    run, diagnose, config, bag, tmp_path: Path, capfd, monkeypatch, command: str
+    answered, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    out = tmp_path / "out"
     monkeypatch.setattr(write, "report_html", _fails)
     monkeypatch.setattr(write, "gap_report_html", _fails)
-    if command == "identify":
-        done = run("identify", bag, "--config", config(), "--out", out)
-        assert done.status == 0
-        printed, error = done.out, done.error
-    else:
-        diagnose(StandIn("both"), out=out)
-        printed, error = capfd.readouterr()
+    out, printed, warning = answered()
     (numbers,) = out.iterdir()
     assert json.loads(numbers.read_text())["robot"]
-    assert f"Numbers: {numbers}" in printed.replace("\n", "")
-    warned = [line for line in error.splitlines() if "warning" in line]
-    assert len(warned) == 1
-    assert str(numbers) in warned[0]
+    assert f"Numbers: {numbers}" in printed
+    assert str(numbers) in warning

@@ -13,8 +13,7 @@ CONFIG = Path(__file__).resolve().parents[2] / "config"
 
 def test_simulated_bag_is_identified_to_its_truth(run, tmp_path: Path) -> None:
     bag = tmp_path / "arm2.mcap"
-    outcome = run("simulate", "--config", CONFIG / "arm2.yaml", "--out", bag, "--duration", 8)
-    assert outcome.status == 0, outcome.error
+    outcome = run(f"simulate --config {CONFIG / 'arm2.yaml'} --out {bag} --duration 8", status=0)
     assert "8001 samples, 8 s at 1000 Hz" in outcome.out
     truth = json.loads((tmp_path / "arm2.truth.json").read_text())
     out = tmp_path / "results"
@@ -33,10 +32,8 @@ def test_designed_motion_is_simulated(run, tmp_path: Path) -> None:
         + "".join(f"{k / 100:.2f},{0.001 * k},{0.002 * k}\n" for k in range(200))
     )
     bag = tmp_path / "a.mcap"
-    outcome = run(
-        "simulate", "--config", CONFIG / "arm2.yaml", "--out", bag, "--trajectory", trajectory
-    )
-    assert outcome.status == 0, outcome.error
+    command = f"simulate --config {CONFIG / 'arm2.yaml'} --out {bag} --trajectory {trajectory}"
+    outcome = run(command, status=0)
     assert "1991 samples" in outcome.out
 
 
@@ -69,8 +66,7 @@ def test_robot_of_a_diagnosis_has_its_parameters_and_effects(run, tmp_path: Path
     plain, bag = tmp_path / "plain.mcap", tmp_path / "a.mcap"
     common = ("--config", CONFIG / "arm2.yaml", "--duration", 2)
     assert run("simulate", *common, "--out", plain).status == 0
-    outcome = run("simulate", *common, "--out", bag, "--effects", gap)
-    assert outcome.status == 0, outcome.error
+    run("simulate", *common, "--out", bag, "--effects", gap, status=0)
     given = json.loads((tmp_path / "plain.truth.json").read_text())
     truth = json.loads((tmp_path / "a.truth.json").read_text())
     effects = truth.pop("effects")
@@ -82,43 +78,38 @@ def test_robot_of_a_diagnosis_has_its_parameters_and_effects(run, tmp_path: Path
     assert bag.read_bytes() != plain.read_bytes()
 
 
-def test_bad_diagnosis_is_one_line_with_file_and_key(run, tmp_path: Path) -> None:
-    config, bag, gap = CONFIG / "arm2.yaml", tmp_path / "a.mcap", tmp_path / "gap.json"
-
-    def simulate_must_refuse(*words: str) -> None:
-        outcome = run("simulate", "--config", config, "--out", bag, "--effects", gap)
-        refused(outcome, 2, "gap.json", *words)
-
-    simulate_must_refuse("cannot read the diagnosis")
-    gap.write_text("{")
-    simulate_must_refuse("not JSON")
-    gap.write_bytes(b"\xff\xfe\x00")
-    simulate_must_refuse("not a text file")
-    gap.write_text("[]")
-    simulate_must_refuse("format")
-    gap_file(gap, format="idim_iv_ros/identification/1")
-    simulate_must_refuse("format")
-    gap_file(gap, causes=None)
-    simulate_must_refuse("causes")
-    gap_file(gap, causes=["stribeck"])
-    simulate_must_refuse("causes.0")
-    gap_file(gap, STRIBECK, STRIBECK | {"effect": "warp"})
-    simulate_must_refuse("causes.1", "warp")
-    gap_file(gap, STRIBECK | {"joint": "elbow"})
-    simulate_must_refuse("causes.0", "elbow")
-    gap_file(gap, STRIBECK | {"joint": 2})
-    simulate_must_refuse("causes.0.joint")
-    gap_file(gap, STRIBECK | {"parameters": {"excess": "much", "speed": 0.1}})
-    simulate_must_refuse("causes.0.parameters.excess.value")
-    gap_file(gap, STRIBECK | {"parameters": {"excess": 1.0}})
-    simulate_must_refuse("causes.0", "speed is missing")
-    gap_file(gap, parameters={"ZZ9": 1.0})
-    simulate_must_refuse("extended_parameters.ZZ9")
-    gap_file(gap, extended_parameters=None)
-    simulate_must_refuse("extended_parameters")
-    gap_file(gap, parameters={"Fv1": float("inf")})
-    simulate_must_refuse("extended_parameters.Fv1.value", "finite")
-    assert [path.name for path in tmp_path.iterdir()] == ["gap.json"]
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (None, "cannot read the diagnosis"),
+        (b"{", "not JSON"),
+        (b"\xff\xfe\x00", "not a text file"),
+        (b"[]", "format"),
+        ({"format": "idim_iv_ros/identification/1"}, "format"),
+        ({"causes": None}, "causes"),
+        ({"causes": ["stribeck"]}, "causes.0"),
+        ([STRIBECK, STRIBECK | {"effect": "warp"}], "causes.1 warp"),
+        ([STRIBECK | {"joint": "elbow"}], "causes.0 elbow"),
+        ([STRIBECK | {"joint": 2}], "causes.0.joint"),
+        (
+            [STRIBECK | {"parameters": {"excess": "much", "speed": 0.1}}],
+            "causes.0.parameters.excess.value",
+        ),
+        ([STRIBECK | {"parameters": {"excess": 1.0}}], "causes.0 speed missing"),
+        ({"parameters": {"ZZ9": 1.0}}, "extended_parameters.ZZ9"),
+        ({"extended_parameters": None}, "extended_parameters"),
+        ({"parameters": {"Fv1": float("inf")}}, "extended_parameters.Fv1.value finite"),
+    ],
+)
+def test_bad_diagnosis_is_one_line_with_file_and_key(run, tmp_path: Path, changes, words) -> None:
+    gap, bag = tmp_path / "gap.json", tmp_path / "a.mcap"
+    if isinstance(changes, bytes):
+        gap.write_bytes(changes)
+    elif changes is not None:
+        gap_file(gap, **changes) if isinstance(changes, dict) else gap_file(gap, *changes)
+    outcome = run("simulate", "--config", CONFIG / "arm2.yaml", "--out", bag, "--effects", gap)
+    refused(outcome, 2, "gap.json", *words.split())
+    assert not bag.exists()
 
 
 def test_effects_that_were_written_by_hand_are_simulated(run, tmp_path: Path) -> None:
@@ -128,8 +119,7 @@ def test_effects_that_were_written_by_hand_are_simulated(run, tmp_path: Path) ->
     content = {"base_parameters": {"Fv1": 9.0}, "effects": [shaft]}
     file.write_text(json.dumps({"format": "idim_iv_ros/effects/1", **content}))
     config, bag = CONFIG / "arm2.yaml", tmp_path / "soft.mcap"
-    outcome = run("simulate", "--config", config, "--out", bag, "--effects", file)
-    assert outcome.status == 0, outcome.error
+    run("simulate", "--config", config, "--out", bag, "--effects", file, status=0)
     truth = json.loads((tmp_path / "soft.truth.json").read_text())
     assert truth["Fv1"] == 9.0
     assert truth["effects"][0]["effect"] == "elasticity"

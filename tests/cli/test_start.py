@@ -16,15 +16,8 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 START = "from idim_iv_ros.cli.main import main; main()"
 HEAVY = ("numpy", "scipy", "numba", "pinocchio", "plotly", "ruamel", "rosbags")
 COMMANDS = (
-    "check",
-    "diagnose",
-    "excite",
-    "identify",
-    "import",
-    "init",
-    "record",
-    "serve",
-    "simulate",
+    *("check", "diagnose", "excite", "export", "fleet", "identify", "import", "init", "predict"),
+    *("record", "replay", "serve", "simulate", "watch"),
 )
 
 

@@ -65,8 +65,7 @@ def test_a_result_of_a_bag_whose_name_is_no_text_is_written_and_read(
 ) -> None:
     named = tmp_path / os.fsdecode(b"b\xe9.mcap")
     shutil.copy(bag, named)
-    done = run("identify", named, "--config", config(), "--out", tmp_path / "out")
-    assert done.status == 0, done.error
+    run("identify", named, "--config", config(), "--out", tmp_path / "out", status=0)
     document = json.loads((tmp_path / "out" / "result.json").read_text())
     assert [Path(each["path"]).name for each in document["bags"]] == [r"b\xe9.mcap"]
     assert r"b\xe9.mcap" in (tmp_path / "out" / "report.html").read_text()
@@ -115,6 +114,5 @@ def test_no_file_is_named_by_a_dash_or_by_nothing(
 
 
 def test_an_option_is_refused_in_our_words(run, config) -> None:
-    done = run("simulate", "--config", config(), "--out", "a.mcap", "--duration", 0)
-    assert done.status == 2
+    done = run("simulate", "--config", config(), "--out", "a.mcap", "--duration", 0, status=2)
     assert "--duration" in done.error and "Input should" not in done.error

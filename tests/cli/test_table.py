@@ -31,7 +31,7 @@ def test_no_name_and_no_number_with_its_unit_is_cut(width: int) -> None:
 
 def test_columns_that_say_nothing_and_rows_beyond_24_are_left_out() -> None:
     rows = [(f"joint_{k}", "–", "said") for k in range(30)]
-    text = printed(80, rows, whole=False)
+    text = printed(80, rows, most=24)
     assert "torque" not in text
     assert text.count("said") == 24
     assert printed(80, rows).count("said") == 30

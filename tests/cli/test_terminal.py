@@ -34,9 +34,7 @@ def odd(config, record, tmp_path: Path):
     """A recording with other efforts, and the configuration of its arm."""
 
     def write(effort: np.ndarray) -> tuple[Path, Path]:
-        bag = tmp_path / "odd.mcap"
-        write_arm(bag, record.time, record.position, effort, record.position_reference)
-        return bag, config()
+        return write_arm(tmp_path / "odd.mcap", record, effort=effort), config()
 
     return write
 
@@ -49,8 +47,7 @@ def test_efforts_that_no_drive_has_are_refused_in_one_line(
     effort[:, 1] *= 1e-160
     bag, config = odd(effort)
     out = [] if command == "check" else ["--out", tmp_path / "out"]
-    done = run(command, bag, "--config", config, *out)
-    assert done.status == 1
+    done = run(command, bag, "--config", config, *out, status=1)
     (line,) = lines(done.error)
     assert line.startswith("idim-iv: odd.mcap: the largest torque of joint_2 is")
     assert "N m" in line
@@ -70,12 +67,9 @@ def test_a_poor_recording_prints_no_warning_of_a_library(odd, record, tmp_path: 
 def test_a_joint_that_stands_still_is_named_by_the_diagnosis(
     run, config, record, tmp_path: Path
 ) -> None:
-    position = record.position.copy()
-    position[:, 1] = 0.4
-    bag = tmp_path / "still.mcap"
-    write_arm(bag, record.time, position, record.effort, record.position_reference)
-    outcome = run("diagnose", bag, "--config", config(), "--out", tmp_path / "out")
-    assert outcome.status == 1
+    position = np.column_stack([record.position[:, 0], np.full(len(record.time), 0.4)])
+    bag = write_arm(tmp_path / "still.mcap", record, position=position)
+    outcome = run("diagnose", bag, "--config", config(), "--out", tmp_path / "out", status=1)
     assert "joint_2 stands still" in outcome.error
     assert not (tmp_path / "out").exists()
 
@@ -109,8 +103,7 @@ def test_warnings_of_libraries_are_not_shown_but_can_be_asked_for(tmp_path: Path
 def test_a_urdf_that_is_none_is_one_line_on_the_terminal(run, config, tmp_path: Path, urdf) -> None:
     (tmp_path / "bad.urdf").write_text(urdf)
     bad = config((str(CONFIG / "arm2.urdf"), str(tmp_path / "bad.urdf")))
-    done = run("excite", "--config", bad, "--out", tmp_path / "out")  # file descriptors, too
-    assert done.status == 2
+    done = run(f"excite --config {bad} --out {tmp_path / 'out'}", status=2)
     (line,) = lines(done.error)
     assert line.startswith(f"idim-iv: {tmp_path / 'bad.urdf'}: ")
     assert done.out == ""

@@ -20,16 +20,15 @@ from idim_iv_ros.fleet.run import FleetRun
 from idim_iv_ros.fleet.scheduling import connected
 from tests.cli.conftest import run as run
 from tests.fleet.conftest import CONFIG, BagFolder
-from tests.fleet.test_fleet import one_after_the_other
+from tests.fleet.test_fleet import LocalRun
 
 
 def test_identify_writes_the_answer_and_says_what_was_left_out(
     run: Any, folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(FleetRun, "tasks", one_after_the_other)
+    monkeypatch.setattr(FleetRun, "tasks", LocalRun.tasks)
     arguments = ("fleet", "identify", folder.path, "--config", CONFIG, "--out", tmp_path)
-    outcome = run(*arguments)
-    assert outcome.status == 0, outcome.error
+    outcome = run(*arguments, status=0)
     assert "3 of 4 bags used, 2 robots" in outcome.out
     assert f"Not used: {folder.corrupt}: nothing can be read of it" in outcome.out
     document = json.loads((tmp_path / "fleet.json").read_text(encoding="utf-8"))
@@ -39,20 +38,18 @@ def test_identify_writes_the_answer_and_says_what_was_left_out(
     assert written == {BAGS, "fleet.json", "fleet.parquet", "fleet.html"}
     assert run(*arguments).status == 0  # its own files are replaced
     (tmp_path / "fleet.parquet").write_bytes(b"PAR1 of somebody else PAR1")
-    refused = run(*arguments)
-    assert refused.status == 2
+    refused = run(*arguments, status=2)
     assert "fleet.parquet: exists, and was not written by idim_iv_ros" in refused.error
 
 
 def test_a_bag_that_is_not_there_is_missing_and_not_corrupt(
     folder: BagFolder, tmp_path: Path, run: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(FleetRun, "tasks", one_after_the_other)
+    monkeypatch.setattr(FleetRun, "tasks", LocalRun.tasks)
     manifest = tmp_path / "manifest.csv"
     lines = ["uri,robot", f"{folder.corrupt},arm-2", "gone/run-1.mcap,arm-3", "gone,arm-3"]
     manifest.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    outcome = run("fleet", "identify", manifest, "--config", CONFIG, "--out", tmp_path / "out")
-    assert outcome.status == 1, outcome.error
+    outcome = run(f"fleet identify {manifest} --config {CONFIG} --out {tmp_path / 'out'}", status=1)
     assert f"Next: idim-iv check {folder.corrupt} --config {CONFIG}" in outcome.out
     said = [line for line in outcome.out.splitlines() if "gone" in line]
     assert said == [
@@ -80,7 +77,7 @@ def test_wrong_use_is_one_line(
 ) -> None:
     stores = tmp_path / "stores.csv"
     stores.write_text(f"uri,robot\n{folder.bags[0]},arm-1\nfoo://b/a.mcap,arm-2\n")
-    given = [each.format(bags=folder.path, stores=stores) for each in arguments]
+    given = [argument.format(bags=folder.path, stores=stores) for argument in arguments]
     outcome = run("fleet", "identify", *given, "--config", CONFIG, "--out", tmp_path / "out")
     assert outcome.status == 2
     assert words in outcome.error
@@ -90,15 +87,9 @@ def test_wrong_use_is_one_line(
 
 @pytest.mark.parametrize("source", ["s3://nobody/bags", "{manifest}"])
 def test_credentials_that_are_missing_are_no_fault_of_the_bags(
-    run: Any,
-    folder: BagFolder,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    source: str,
-    request: pytest.FixtureRequest,
+    run: Any, folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, source: str
 ) -> None:
-    S3FileSystem.clear_instance_cache()  # of clients with credentials, and then of those without
-    request.addfinalizer(S3FileSystem.clear_instance_cache)
+    monkeypatch.setattr(S3FileSystem, "_cache", {})  # of clients with credentials
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_PROFILE"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
@@ -108,10 +99,8 @@ def test_credentials_that_are_missing_are_no_fault_of_the_bags(
     manifest = tmp_path / "manifest.csv"
     manifest.write_text(f"uri,robot\ns3://none/a.mcap,arm-2\n{folder.bags[0]},arm-1\n")
     out = tmp_path / "out"
-    outcome = run(
-        "fleet", "identify", source.format(manifest=manifest), "--config", CONFIG, "--out", out
-    )
-    assert outcome.status == 2
+    command = f"fleet identify {source.format(manifest=manifest)} --config {CONFIG} --out {out}"
+    outcome = run(command, status=2)
     assert "no credentials" in outcome.error and "AWS_ACCESS_KEY_ID" in outcome.error
     assert "corrupt" not in outcome.out + outcome.error
     assert not out.exists()
@@ -153,7 +142,7 @@ def test_an_interruption_keeps_what_is_done(folder: BagFolder, tmp_path: Path) -
     assert said[0].endswith("of 4 bags are done and kept; the same command goes on from there")
     kept = list((tmp_path / BAGS).glob("*.json"))
     assert kept
-    assert all(json.loads(each.read_text())["format"] == "idim_iv_ros/bag/1" for each in kept)
+    assert {json.loads(path.read_text())["format"] for path in kept} == {"idim_iv_ros/bag/1"}
     time.sleep(5.0)
     with pytest.raises(ProcessLookupError):  # no worker is left behind
         os.killpg(process.pid, 0)

@@ -25,15 +25,17 @@ from idim_iv_ros.identification.identify import identify
 from tests.fleet.conftest import CONFIG, BagFolder
 
 
-def one_after_the_other(
-    run: FleetRun,
-    function: Callable[..., Any],
-    arguments: Sequence[tuple[Any, ...]],
-    done: Callable[[int, Any, str], None],
-) -> None:
-    """`FleetRun.tasks` without any machine."""
-    for place, values in enumerate(arguments):
-        done(place, function(*values), "")
+class LocalRun(FleetRun):
+    """A run in this process, without Dask."""
+
+    def tasks(
+        self,
+        function: Callable[..., Any],
+        arguments: Sequence[tuple[Any, ...]],
+        done: Callable[[int, Any, str], None],
+    ) -> None:
+        for place, values in enumerate(arguments):
+            done(place, function(*values), "")
 
 
 def kill_workers() -> int:
@@ -57,8 +59,8 @@ def serial(folder: BagFolder) -> tuple[BagResult, ...]:
     """The bags one after the other in this process, without Dask."""
     entries, robots = robots_of(find_bags(str(folder.path)), CONFIG)
     return tuple(
-        owned_by(identify_task(each.uri, content_of(each.uri), "", robots[each.robot]), each)
-        for each in entries
+        owned_by(identify_task(entry.uri, content_of(entry.uri), "", robots[entry.robot]), entry)
+        for entry in entries
     )
 
 
@@ -74,16 +76,14 @@ def test_a_worker_that_is_killed_changes_nothing(
     results = identify_bags(FleetRun(str(folder.path), CONFIG, tmp_path, workers=1), kill_once)
     assert killed == [1]
     (tmp_path / "serial").mkdir()
-    found, expected = rows_of(results, tmp_path), rows_of(serial, tmp_path / "serial")
-    assert len(found) == len(expected)
-    for row, other in zip(found, expected, strict=True):
+    for row, other in zip(
+        rows_of(results, tmp_path), rows_of(serial, tmp_path / "serial"), strict=True
+    ):
         for name, value in other.items():
-            if isinstance(value, float):
-                assert row[name] == pytest.approx(value, rel=1e-12)
-            else:
-                assert row[name] == value
-    for bag, other_bag in zip(results, serial, strict=True):
-        np.testing.assert_allclose(bag.r_factor, other_bag.r_factor, rtol=1e-12, atol=1e-300)
+            near = pytest.approx(value, rel=1e-12) if isinstance(value, float) else value
+            assert row[name] == near, name
+    for bag, same in zip(results, serial, strict=True):
+        np.testing.assert_allclose(bag.r_factor, same.r_factor, rtol=1e-12, atol=1e-300)
 
 
 def test_the_estimate_of_a_bag_is_that_of_identify(
@@ -91,11 +91,10 @@ def test_the_estimate_of_a_bag_is_that_of_identify(
 ) -> None:
     alone = identify(folder.bags[0], load_configuration(CONFIG))
     bag = serial[0]
-    assert bag.uri == str(folder.bags[0])
+    assert (bag.uri, bag.estimator) == (str(folder.bags[0]), "idim-iv")
     assert alone.instruments.accepted
-    assert bag.estimator == "idim-iv"
-    assert bag.values == tuple(each.value for each in alone.parameters)
-    assert bag.std == tuple(each.std for each in alone.parameters)
+    parameters = [(parameter.value, parameter.std) for parameter in alone.parameters]
+    assert list(zip(bag.values, bag.std, strict=True)) == parameters
 
 
 def test_the_r_factor_holds_the_whitened_regression(serial: tuple[BagResult, ...]) -> None:
@@ -120,19 +119,15 @@ def test_a_corrupt_bag_is_a_row_with_its_reason(
     assert [bag.status for bag in serial if bag is not corrupt] == ["ok"] * 3
 
 
-def test_a_second_run_does_only_what_is_missing(
-    folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(FleetRun, "tasks", one_after_the_other)
+def test_a_second_run_does_only_what_is_missing(folder: BagFolder, tmp_path: Path) -> None:
     bags, out = tmp_path / "bags", tmp_path / "out"
     shutil.copytree(folder.path, bags)
     stages: list[str] = []
 
     def run() -> tuple[BagResult, ...]:
         stages.clear()
-        return identify_bags(
-            FleetRun(str(bags), CONFIG, out), lambda stage, share: stages.append(stage)
-        )
+        run = LocalRun(str(bags), CONFIG, out)
+        return identify_bags(run, lambda stage, share: stages.append(stage))
 
     first = run()
     assert any(stage.startswith("identifying 4 of 4 bags") for stage in stages)
@@ -148,38 +143,23 @@ def test_a_second_run_does_only_what_is_missing(
     assert third[0].values == first[0].values
 
 
-def test_a_recording_that_is_there_twice_counts_once(
-    folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(FleetRun, "tasks", one_after_the_other)
+def test_a_recording_that_is_there_twice_counts_once(folder: BagFolder, tmp_path: Path) -> None:
     for name in ("a.mcap", "b.mcap"):
         shutil.copy(folder.bags[0], tmp_path / name)
-    first, second = identify_bags(FleetRun(str(tmp_path), CONFIG, tmp_path / "out"))
+    first, second = identify_bags(LocalRun(str(tmp_path), CONFIG, tmp_path / "out"))
     assert (first.status, second.status) == ("ok", "unusable")
     assert second.reason == f"the same recording as {tmp_path / 'a.mcap'}"
 
 
-def test_the_key_knows_the_robot_description() -> None:
+def test_a_robot_is_its_description_wherever_the_file_lies() -> None:
     robot = Robot.of(load_configuration(CONFIG))
     other = robot.description.replace(b'<mass value="', b'<mass value="1')
-    assert other != robot.description
     assert configuration_digest(robot.configuration, other) != robot.digest
     elsewhere = robot.configuration.robot.model_copy(update={"urdf": Path("/nowhere/arm2.urdf")})
     moved = robot.configuration.model_copy(update={"robot": elsewhere})
     assert configuration_digest(moved, robot.description) == robot.digest
-
-
-def test_a_worker_without_the_file_of_the_robot_uses_its_text(folder: BagFolder) -> None:
-    robot = Robot.of(load_configuration(CONFIG))
-    elsewhere = robot.configuration.robot.model_copy(update={"urdf": Path("/nowhere/arm2.urdf")})
-    far = Robot(
-        robot.configuration.model_copy(update={"robot": elsewhere}),
-        robot.description,
-        robot.digest,
-    )
-    path = far.local().robot.urdf
-    assert path is not None
-    assert path.read_bytes() == robot.description
+    path = Robot(moved, robot.description, robot.digest).local().robot.urdf
+    assert path is not None and path.read_bytes() == robot.description
 
 
 def test_workers_and_scheduler_exclude_each_other() -> None:

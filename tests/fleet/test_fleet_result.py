@@ -24,15 +24,8 @@ DRAWN = Drawn(
 
 def broken(bag: BagResult, reason: str = "the file is cut off") -> BagResult:
     """The row of a bag that cannot be read."""
-    return BagResult(
-        uri=bag.uri,
-        content="",
-        robot=bag.robot,
-        type=bag.type,
-        time=bag.time,
-        status="corrupt",
-        reason=reason,
-    )
+    about = {name: getattr(bag, name) for name in ("uri", "robot", "type", "time")}
+    return BagResult(**about, content="", status="corrupt", reason=reason)
 
 
 def robot_of(result: FleetResult, name: str) -> FleetRobot:
@@ -58,7 +51,7 @@ def test_planted_robots_differ_in_what_was_planted(found: FleetResult) -> None:
     for name, quantity in (("arm2-001", "MX2"), ("arm2-002", "residual joint_2")):
         robot = robot_of(found, name)
         assert robot.attention == "differs"
-        assert quantity in [each.name for each in robot.quantities if each.differs]
+        assert quantity in [q.name for q in robot.quantities if q.differs]
         assert any(quantity.split()[-1] in reason for reason in robot.reasons)
 
 
@@ -74,10 +67,9 @@ def test_changes_are_dated(found: FleetResult) -> None:
 
 
 def test_what_needs_attention_comes_first(found: FleetResult) -> None:
-    order = [robot.attention for robot in found.robots]
-    ranks = {"differs": 0, "changed": 1, "unsteady": 2, "recordings": 3, "none": 4}
-    assert order == sorted(order, key=lambda each: ranks[each])
-    assert order[0] == "differs" and order[-1] == "none"
+    ranks = ("differs", "changed", "unsteady", "recordings", "none")
+    order = [ranks.index(robot.attention) for robot in found.robots]
+    assert order == sorted(order) and (order[0], order[-1]) == (0, 4)
 
 
 def test_every_bag_is_listed_and_a_corrupt_one_with_its_reason(
@@ -92,22 +84,20 @@ def test_every_bag_is_listed_and_a_corrupt_one_with_its_reason(
 def test_the_robots_that_stand_out_are_screened_and_ordinary_ones_for_the_type(
     found: FleetResult,
 ) -> None:
-    why = {each.robot: each.why for each in found.screen}
+    why = {screened.robot: screened.why for screened in found.screen}
     assert why["arm2-001"] == why["arm2-002"] == "differs"
     assert why["arm2-004"] == why["arm2-005"] == "changed"
-    assert sum(each == "typical" for each in why.values()) == 3
-    first = next(each for each in found.screen if each.robot == "arm2-001")
-    assert first.bags == ("arm2-001/08.mcap", "arm2-001/07.mcap", "arm2-001/06.mcap")
+    assert list(why.values()).count("typical") == 3
+    (bags,) = (screened.bags for screened in found.screen if screened.robot == "arm2-001")
+    assert bags == tuple(f"arm2-001/0{number}.mcap" for number in (8, 7, 6))
 
 
 def test_the_order_of_bags_does_not_matter(found: FleetResult, bags: Sequence[BagResult]) -> None:
     again = fleet_result(list(reversed(bags)))
     for one, other in zip(found.robots, again.robots, strict=True):
         assert one.robot == other.robot and one.attention == other.attention
-        np.testing.assert_allclose(
-            [each.value for each in one.quantities], [each.value for each in other.quantities],
-            rtol=1e-9,
-        )  # fmt: skip
+        values = [[q.value for q in robot.quantities] for robot in (one, other)]
+        np.testing.assert_allclose(*values, rtol=1e-9)
 
 
 def test_it_is_read_back_as_it_was_written(found: FleetResult) -> None:

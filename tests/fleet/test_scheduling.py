@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
+import dask
 import pytest
 
 from idim_iv_ros.errors import UsageError
@@ -37,14 +38,8 @@ def reciprocal(value: int) -> float:
 
 def test_workers_keep_no_call_stacks(client: Any) -> None:
     """Dask's profiler keeps those of an hour: a worker would grow with every bag."""
-    settings = client.run(_profiler)
+    settings = client.run(dask.config.get, "distributed.worker.profile.enabled")
     assert list(settings.values()) == [False]
-
-
-def _profiler() -> bool:
-    import dask
-
-    return bool(dask.config.get("distributed.worker.profile.enabled"))
 
 
 def test_a_task_that_fails_is_one_answer_with_its_reason(client: Any) -> None:

@@ -33,13 +33,9 @@ def bag(arm: simulated_arms.SimulatedArm, tmp_path_factory: pytest.TempPathFacto
 def filtered_as(position: float, decimation: float) -> Configuration:
     """The configuration with filters that do not depend on what is recorded."""
     configuration = load_configuration(CONFIG)
-    processing = configuration.processing.model_copy(
-        update={
-            "position_cutoff": position,
-            "decimation_cutoff": decimation,
-            "minimum_speed": [0.05, 0.05],
-        }
-    )
+    cutoffs = {"position_cutoff": position, "decimation_cutoff": decimation}
+    update = {**cutoffs, "minimum_speed": [0.05, 0.05]}
+    processing = configuration.processing.model_copy(update=update)
     return configuration.model_copy(update={"processing": processing})
 
 

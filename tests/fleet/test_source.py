@@ -17,28 +17,23 @@ def touched(folder: Path, *names: str) -> None:
         path.write_bytes(b"")
 
 
-def test_folders_name_type_and_robot(tmp_path: Path) -> None:
-    touched(tmp_path, "ur5/r17/a.mcap", "ur5/r18/b.db3", "ur5/r18/notes.txt", "ur5/.c.mcap")
-    entries = find_bags(str(tmp_path))
-    assert [(e.type, e.robot, Path(e.uri).name) for e in entries] == [
-        ("ur5", "r17", "a.mcap"),
-        ("ur5", "r18", "b.db3"),
-    ]
-
-
-def test_bags_beside_each_other_are_of_one_robot(tmp_path: Path) -> None:
-    touched(tmp_path / "r17", "b.mcap", "a.mcap")
-    entries = find_bags(str(tmp_path / "r17"))
-    assert [(e.type, e.robot, Path(e.uri).name) for e in entries] == [
-        ("", "r17", "a.mcap"),
-        ("", "r17", "b.mcap"),
-    ]
-
-
-def test_a_rosbag2_folder_is_one_bag(tmp_path: Path) -> None:
-    touched(tmp_path, "r1/day/metadata.yaml", "r1/day/day_0.mcap", "r1/day/day_1.mcap")
-    (entry,) = find_bags(str(tmp_path))
-    assert (entry.robot, entry.uri) == ("r1", str(tmp_path / "r1" / "day"))
+@pytest.mark.parametrize(
+    ("files", "expected"),
+    [
+        (
+            ["ur5/r17/a.mcap", "ur5/r18/b.db3", "ur5/r18/notes.txt", "ur5/.c.mcap"],
+            [("ur5", "r17", "a.mcap"), ("ur5", "r18", "b.db3")],
+        ),
+        (["b.mcap", "a.mcap"], [("", "fleet", "a.mcap"), ("", "fleet", "b.mcap")]),
+        (["r1/day/metadata.yaml", "r1/day/0.mcap", "r1/day/1.mcap"], [("", "r1", "day")]),
+    ],
+)
+def test_folders_name_type_and_robot(
+    tmp_path: Path, files: list[str], expected: list[tuple[str, str, str]]
+) -> None:
+    touched(tmp_path / "fleet", *files)
+    entries = find_bags(str(tmp_path / "fleet"))
+    assert [(e.type, e.robot, Path(e.uri).name) for e in entries] == expected
 
 
 def test_a_manifest_names_robots_times_and_labels(tmp_path: Path) -> None:

@@ -41,10 +41,7 @@ def is_nothing(cause: CauseSummary) -> bool:
 def causes_of_robot(bags: Sequence[BagResult]) -> list[CauseSummary]:
     """Causes that most diagnosed bags of one robot name, with the numbers of the newest of them.
 
-    Parameters
-    ----------
-    bags
-        Of the robot, in the order of time.
+    The bags are in the order of time.
     """
     diagnosed = [bag.diagnosis for bag in bags if bag.diagnosis is not None]
     named: dict[tuple[str, str | None], list[CauseSummary]] = defaultdict(list)
@@ -59,14 +56,8 @@ def common_causes(
 ) -> tuple[CommonCause, ...]:
     """Sort the causes of diagnosed robots into those of the type and those of single robots.
 
-    An effect at a joint of which robots have different sizes is several causes.
-
-    Parameters
-    ----------
-    causes
-        By robot, of all that were diagnosed.
-    ordinary
-        Those of them that do not differ from their type.
+    An effect at a joint of which robots have different sizes is several causes. The `ordinary`
+    robots do not differ from their type.
     """
     places: dict[tuple[str, str | None], dict[str, CauseSummary]] = defaultdict(dict)
     for robot, named in causes.items():
@@ -199,14 +190,14 @@ def _name(cause: CommonCause) -> str:
 
 
 def _size(cause: CommonCause) -> str:
-    """The surest numbers of a cause with their 95 % intervals, in brackets; empty without any."""
+    """Return the best determined numbers of a cause with their 95 % intervals, in brackets."""
     numbers = _determined(cause)
-    surest = sorted(numbers, key=lambda name: -_ratio(cause.effect, name, numbers[name]))[:_SHOWN]
+    clearest = sorted(numbers, key=lambda n: -_ratio(cause.effect, n, numbers[n]))[:_SHOWN]
     about = BY_NAME.get(cause.effect)
     said = [
         f"{about.parameter_words(name) if about else name.replace('_', ' ')} "
         f"{numbers[name].value:.2g} ± {_INTERVAL * (numbers[name].std or 0.0):.1g} "
         f"{numbers[name].unit}".rstrip()
-        for name in surest
+        for name in clearest
     ]
     return f" ({', '.join(said)})" if said else ""

@@ -21,29 +21,17 @@ FALSE_DISCOVERIES = 0.1  # at most, on average, of what is called different
 
 @dataclass(frozen=True)
 class Chosen:
-    """Which of many tests are called.
+    """Which of the tests of k units (robots) in m entries (quantities) are called."""
 
-    Attributes
-    ----------
-    p_values : (k,)
-        One a unit; NaN where nothing was tested.
-    units : (k,) bool
-    entries : (k, m) bool
-        Only in chosen units.
-    """
-
-    p_values: FloatArray
-    units: NDArray[np.bool_]
-    entries: NDArray[np.bool_]
+    p_values: FloatArray  # (k,); NaN where nothing was tested
+    units: NDArray[np.bool_]  # (k,)
+    entries: NDArray[np.bool_]  # (k, m), only in chosen units
 
 
 def choose(groups: Sequence[FloatArray], level: float = FALSE_DISCOVERIES) -> list[Chosen]:
     """Choose units and their entries at one rate for all groups.
 
-    Parameters
-    ----------
-    groups : sequence of (k, m)
-        p-values, NaN where none was computed; m may differ.
+    A group has p-values (k, m), NaN where none was computed; k and m may differ.
     """
     simes = [np.array([_simes(row) for row in p_values]) for p_values in groups]
     units = np.concatenate([np.zeros(0), *simes])
@@ -70,6 +58,7 @@ def benjamini_hochberg(p_values: FloatArray, level: float) -> NDArray[np.bool_]:
 
 
 def _simes(p_values: FloatArray) -> float:
+    """p-value of Simes for all of (m,) hypotheses together; NaN where none was tested."""
     ordered = np.sort(p_values[np.isfinite(p_values)])
     if not len(ordered):
         return float("nan")

@@ -1,7 +1,7 @@
 """Which robots of a type differ from the others, and in which quantities.
 
 Robots that differ widen the scatter of the others and hide each other. So the robot farthest from
-the others is taken out, then the farthest of the rest, until a third is out; each is held against
+the others is taken out, then the farthest of the rest, until a third is out; each is compared with
 those that are still there (externally studentised). A robot's p-value is the smallest of its own
 and of those taken out after it: if one of these differs, so does a robot that is farther out
 (generalised extreme studentised deviate: Rosner, Technometrics 25, 1983). It is calibrated with
@@ -29,29 +29,17 @@ _TAIL = 20  # of these with a smaller p-value; beyond, both fall in proportion
 
 @dataclass(frozen=True)
 class Outlying:
-    """Outcome for one type.
+    """How far the k robots of a type are from the others in m quantities."""
 
-    Attributes
-    ----------
-    statistics : (k, m)
-        Studentised distance from the others.
-    p_values : (k, m)
-    chosen : Chosen
-        Robots that differ, and the quantities in which they do.
-    """
-
-    statistics: FloatArray
-    p_values: FloatArray
-    chosen: Chosen
+    statistics: FloatArray  # (k, m), studentised distance from the others
+    p_values: FloatArray  # (k, m)
+    chosen: Chosen  # robots that differ, and the quantities in which they do
 
 
 def outlying(types: Sequence[tuple[FloatArray, FloatArray]]) -> list[Outlying]:
     """Judge the robots of all types together at one false discovery rate.
 
-    Parameters
-    ----------
-    types : sequence of ((k, m), (k, m))
-        Values and variances of the robots of each type, NaN where one has no estimate.
+    A type has values (k, m) and variances (k, m) of its robots, NaN where one has no estimate.
     """
     tested = [_p_values(values, variances) for values, variances in types]
     return [

@@ -12,40 +12,25 @@ from idim_iv_ros.fleet.statistics.quantities import RobotBags
 from idim_iv_ros.statistics.change_points import LEAST, Change, change_of
 from idim_iv_ros.types import FloatArray
 
-# Probability of so large a scatter beside a change, below which it is the robot's own.
+# Probability of so large a scatter around a change, below which only the robot's bags say it.
 _SCATTERS_MORE = 0.05
 
 
 @dataclass(frozen=True)
 class OverTime:
-    """Outcome for one robot.
+    """What changed over time at one robot, in m quantities."""
 
-    Attributes
-    ----------
-    rows : sequence of (k,) int
-        For each quantity, the bags that have an estimate and a time.
-    changes : sequence of Change or None
-        For each quantity, the best supported one; None where nothing can be judged.
-    changed : (m,) bool
-        At the false discovery rate of the fleet.
-    p_value : float
-        Of the robot; NaN where nothing can be judged.
-    """
-
-    rows: Sequence[NDArray[np.int64]]
-    changes: Sequence[Change | None]
-    changed: NDArray[np.bool_]
-    p_value: float
+    rows: Sequence[NDArray[np.int64]]  # by quantity, the bags that have an estimate and a time
+    changes: Sequence[Change | None]  # the best supported ones; None where none can be judged
+    changed: NDArray[np.bool_]  # (m,), at the false discovery rate of the fleet
+    p_value: float  # of the robot; NaN where nothing can be judged
 
 
 def over_time(robots: Sequence[tuple[RobotBags, FloatArray, FloatArray]]) -> list[OverTime]:
     """Search every robot and quantity for a change, at one false discovery rate.
 
-    Parameters
-    ----------
-    robots : sequence of (RobotBags, (m,), (m,))
-        With the variance between the bags of an unchanged robot, NaN where it is unknown, and the
-        degrees of freedom by which other robots say it.
+    Each robot comes with the variance (m,) between the bags of an unchanged robot, NaN where it is
+    unknown, and the degrees of freedom (m,) by which other robots say it.
     """
     series = []
     for bags, between, prior in robots:
@@ -58,14 +43,11 @@ def over_time(robots: Sequence[tuple[RobotBags, FloatArray, FloatArray]]) -> lis
         ]
         series.append((rows, changes))
     chosen = choose(
-        [
-            np.array([np.nan if change is None else change.p_value for change in changes])[None, :]
-            for _, changes in series
-        ]
+        [np.array([[np.nan if c is None else c.p_value for c in changes]]) for _, changes in series]
     )
     return [
-        OverTime(rows, changes, one.entries[0], float(one.p_values[0]))
-        for (rows, changes), one in zip(series, chosen, strict=True)
+        OverTime(rows, changes, robot.entries[0], float(robot.p_values[0]))
+        for (rows, changes), robot in zip(series, chosen, strict=True)
     ]
 
 

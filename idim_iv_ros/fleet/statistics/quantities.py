@@ -34,46 +34,31 @@ class Quantity:
 
 @dataclass(frozen=True)
 class RobotBags:
-    """Usable bags of one robot in the order of time.
+    """The k usable bags of one robot in the order of time, in m quantities.
 
-    Attributes
-    ----------
-    robot : str
-    bags : tuple of BagResult
-        Those without a time come last.
-    times : (k,) days since 1970
-        NaN where unknown.
-    fits : tuple of Regression
-    values, variances : (k, m)
-        NaN for the parameters of a bag that does not show all of them.
+    Bags without a time come last. Values and variances are NaN for the parameters of a bag that
+    does not show all of them.
     """
 
     robot: str
     bags: tuple[BagResult, ...]
-    times: FloatArray
+    times: FloatArray  # (k,), days since 1970; NaN where unknown
     fits: tuple[Regression, ...]
-    values: FloatArray
-    variances: FloatArray
+    values: FloatArray  # (k, m)
+    variances: FloatArray  # (k, m)
 
 
 @dataclass(frozen=True)
 class TypeBags:
     """Usable bags of the robots of one type.
 
-    Attributes
-    ----------
-    type : str
-    quantities : tuple of Quantity
-    parameters : int
-        The first so many are base parameters.
-    robots : tuple of RobotBags
-    other_model : tuple of BagResult
-        With other base parameters, geometry or unit than most of the type: not comparable.
+    Bags of another model have other base parameters, geometry or unit than most of the type and are
+    not comparable.
     """
 
     type: str
     quantities: tuple[Quantity, ...]
-    parameters: int
+    parameters: int  # the first so many quantities are base parameters
     robots: tuple[RobotBags, ...]
     other_model: tuple[BagResult, ...]
 
@@ -104,30 +89,25 @@ def _model(bag: BagResult) -> tuple[tuple[str, ...], str, str]:
 
 
 def _type(bags: Sequence[BagResult], name: str) -> TypeBags:
+    """Collect the robots of a type, in the model that most of its bags have."""
     (usual, _), *_ = Counter(map(_model, bags)).most_common(1)
     comparable = [bag for bag in bags if _model(bag) == usual]
     first = comparable[0]
     given = first.given or (math.nan,) * len(first.names)
-    about = zip(first.units, first.expressions, given, strict=True)
-    columns = zip(first.names, about, strict=True)
+    columns = zip(first.names, first.units, first.expressions, given, strict=True)
+    quantities = [Quantity(label, "parameter", unit, text, g) for label, unit, text, g in columns]
     joints = [noise.joint for noise in first.noise]
-    robots = sorted({bag.robot for bag in comparable})
-    return TypeBags(
-        name,
-        (
-            *(Quantity(label, "parameter", *rest) for label, rest in columns),
-            *(Quantity(f"residual {joint}", "residual", first.effort_unit) for joint in joints),
-        ),
-        len(first.names),
-        tuple(
-            _robot([bag for bag in comparable if bag.robot == robot], robot, joints)
-            for robot in robots
-        ),
-        tuple(bag for bag in bags if _model(bag) != usual),
-    )
+    quantities += [Quantity(f"residual {joint}", "residual", first.effort_unit) for joint in joints]
+    robots = [
+        _robot([bag for bag in comparable if bag.robot == robot], robot, joints)
+        for robot in sorted({bag.robot for bag in comparable})
+    ]
+    other_model = tuple(bag for bag in bags if _model(bag) != usual)
+    return TypeBags(name, tuple(quantities), len(first.names), tuple(robots), other_model)
 
 
 def _robot(bags: Sequence[BagResult], robot: str, joints: Sequence[str]) -> RobotBags:
+    """Sort the bags of a robot by time, and collect what is compared of them."""
     dated = [(_days_of(bag.time), bag) for bag in bags]
     dated.sort(key=lambda pair: (math.isnan(pair[0]), pair[0], pair[1].uri))
     times, bags = np.array([days for days, _ in dated]), [bag for _, bag in dated]

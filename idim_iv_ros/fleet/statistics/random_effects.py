@@ -26,13 +26,7 @@ _CLOSE = 1e-12
 def generalised_q(
     values: FloatArray, variances: FloatArray, between: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Q (m,), the weighted mean (m,) and its variance (m,) at τ² = `between` (m,).
-
-    Parameters
-    ----------
-    values, variances : (k, m)
-        NaN where a unit has none.
-    """
+    """Q (m,), the weighted mean (m,) and its variance (m,) of k units at τ² = `between` (m,)."""
     estimated = np.isfinite(values) & np.isfinite(variances)
     weights = np.where(estimated, 1.0 / (np.where(estimated, variances, 1.0) + between), 0.0)
     filled = np.where(estimated, values, 0.0)
@@ -46,13 +40,9 @@ def generalised_q(
 def between_variance(
     values: FloatArray, variances: FloatArray, target: FloatArray | None = None
 ) -> FloatArray:
-    """τ² (m,) at which Q is `target`, zero where it is below that already.
+    """τ² (m,) at which Q is `target` (m,), zero where it is below that already.
 
-    Parameters
-    ----------
-    values, variances : (k, m)
-    target : (m,), optional
-        k − 1 of each column if left out: the estimate of Paule and Mandel.
+    Without a target it is k − 1 of each column: the estimate of Paule and Mandel.
     """
     estimated = np.isfinite(values) & np.isfinite(variances)
     count = estimated.sum(axis=0)
@@ -88,17 +78,8 @@ def common_between_variance(groups: list[tuple[FloatArray, FloatArray]]) -> Floa
     """τ² (m,) within groups, common to them: the median of P(χ² < Q) over groups is one half.
 
     Groups that scatter more than the others, by a drift or a fault, do not move it as long as they
-    are fewer than half.
-
-    Parameters
-    ----------
-    groups : list of (values, variances), (k_g, m) each
-        Those with fewer than two units in a column say nothing about it.
-
-    Returns
-    -------
-    (m,)
-        NaN where no group has two units.
+    are fewer than half. A group has values and variances, (k_g, m) each, and says nothing of a
+    column where it has fewer than two units; NaN where no group says anything.
     """
     counts = np.array([np.isfinite(v + s).sum(axis=0) for v, s in groups])
     usable = (counts > 1).any(axis=0)
@@ -139,22 +120,14 @@ def between_interval(values: FloatArray, variances: FloatArray) -> tuple[FloatAr
 
 
 def type_estimate(values: FloatArray, variances: FloatArray) -> dict[str, FloatArray]:
-    """Mean, scatter and prediction interval of quantities over the robots of a type.
+    """Mean, scatter and prediction interval (m,) of quantities over the k robots of a type.
 
-    Parameters
-    ----------
-    values, variances : (k, m)
-        NaN where a robot has none.
-
-    Returns
-    -------
-    dict of str to (m,)
-        By the names of `TypeQuantity`: ``mean`` with the interval of Hartung and Knapp (Statist.
-        Med. 20, 2001), at the τ² of Paule and Mandel never narrower than the estimates' own
-        variances allow; ``sigma``, from robot to robot, with its Q-profile interval; ``next_low``
-        and ``next_high``, between which the true value of the next robot lies (Higgins, Thompson
-        and Spiegelhalter, J. R. Statist. Soc. A 172, 2009). NaN where there are too few robots:
-        of two there is no next one, of one only its value.
+    By the names of `TypeQuantity`: ``mean`` with the interval of Hartung and Knapp (Statist. Med.
+    20, 2001), at the τ² of Paule and Mandel never narrower than the estimates' variances allow;
+    ``sigma``, from robot to robot, with its Q-profile interval; ``next_low`` and ``next_high``,
+    between which the true value of the next robot lies (Higgins, Thompson and Spiegelhalter, J. R.
+    Statist. Soc. A 172, 2009). NaN where there are too few robots: of two there is no next one, of
+    one only its value.
     """
     count = (np.isfinite(values) & np.isfinite(variances)).sum(axis=0)
     between = between_variance(values, variances)

@@ -32,6 +32,7 @@ def resemblance(robots: Sequence[RobotBags]) -> float | None:
 
 
 def _lag_one(robot: RobotBags) -> float | None:
+    """Lag-one correlation of the bags of one robot; None where there are too few."""
     values = robot.values[np.isfinite(robot.times)]
     values = values[:, np.isfinite(values).all(axis=0)]
     if len(values) < _FEWEST_BAGS or not values.shape[1]:

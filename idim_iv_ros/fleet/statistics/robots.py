@@ -22,7 +22,7 @@ from idim_iv_ros.fleet.statistics.stacking import regression, shares
 from idim_iv_ros.types import FloatArray
 
 # Probability that any quantity of any robot of a type is called unsteady although it is not.
-UNSTEADY_LEVEL = 0.01
+_UNSTEADY_LEVEL = 0.01
 _FEWEST_UNSTEADY = 3  # bags
 # Bags of a robot from which on its scatter says how scatters differ, and the smallest that counts.
 _FEWEST_OF_SCATTER, _LEAST_SCATTER = 3, 1e-6
@@ -30,55 +30,32 @@ _PRIORS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0)
 
 
 @dataclass(frozen=True)
-class BetweenBags:
-    """What bags of one robot differ by beyond their noise.
-
-    Attributes
-    ----------
-    variance : (m,)
-        Common to the robots of the type; NaN where no robot has two bags.
-    dof : (m,)
-        Bags less robots behind it.
-    prior : (m,)
-        Degrees of freedom by which the scatter of a robot's bags is known from the other robots:
-        many where all scatter as much, none where each does as it likes.
-    """
-
-    variance: FloatArray
-    dof: FloatArray
-    prior: FloatArray
-
-
-@dataclass(frozen=True)
 class Estimates:
-    """Each robot of a type, all its bags together.
+    """k robots of a type, all bags of each together, in m quantities.
 
-    Attributes
-    ----------
-    values : (k, m)
-        Of all bags in one regression; the mean logarithm for residuals. NaN where the bags
-        together do not show a parameter.
-    half : (k, m)
-        Half of the 95 % interval.
-    unsteady : (k, m) bool
-        The bags differ more than those of the other robots do.
-    ordinary_values, ordinary_variances : (k, m)
-        For a comparison with other robots: what changed over time as it was before.
+    `values` are of all bags in one regression, and the mean logarithm for residuals; NaN where the
+    bags together do not show a parameter. `half` is half of the 95 % interval. The bags of an
+    `unsteady` robot differ more than those of the other robots do. Robots are compared by their
+    ordinary values: what changed over time as it was before.
     """
 
-    values: FloatArray
-    half: FloatArray
-    unsteady: NDArray[np.bool_]
-    ordinary_values: FloatArray
-    ordinary_variances: FloatArray
+    values: FloatArray  # (k, m)
+    half: FloatArray  # (k, m)
+    unsteady: NDArray[np.bool_]  # (k, m)
+    ordinary_values: FloatArray  # (k, m)
+    ordinary_variances: FloatArray  # (k, m)
 
 
 @dataclass(frozen=True)
 class ComparedType:
-    """All that the statistics say of the robots of one type, in the order of `bags.robots`."""
+    """All that the statistics say of the robots of one type, in the order of `bags.robots`.
+
+    `between` is the variance between the bags of one robot beyond their noise, common to the robots
+    of the type; NaN where no robot has two bags.
+    """
 
     bags: TypeBags
-    common: BetweenBags
+    between: FloatArray  # (m,)
     changes: Sequence[OverTime]
     estimates: Estimates
     outlying: Outlying
@@ -89,40 +66,32 @@ def compare_robots(groups: Sequence[TypeBags]) -> list[ComparedType]:
 
     Robots of all types share one false discovery rate.
     """
-    common = [between_bags(group) for group in groups]
-    changes = iter(
-        over_time(
-            [
-                (robot, between.variance, between.prior)
-                for group, between in zip(groups, common, strict=True)
-                for robot in group.robots
-            ]
-        )
-    )
+    between = [common_between_variance([(r.values, r.variances) for r in g.robots]) for g in groups]
+    series = []
+    for group, variance in zip(groups, between, strict=True):
+        prior = _prior(group.robots, np.nan_to_num(variance))
+        series += [(robot, variance, prior) for robot in group.robots]
+    changes = iter(over_time(series))
     by_type = [[next(changes) for _ in group.robots] for group in groups]
-    estimates = list(map(_estimates, groups, common, by_type))
-    outliers = outlying([(kind.ordinary_values, kind.ordinary_variances) for kind in estimates])
-    return list(map(ComparedType, groups, common, by_type, estimates, outliers))
+    estimates = list(map(_estimates, groups, between, by_type))
+    outliers = outlying([(e.ordinary_values, e.ordinary_variances) for e in estimates])
+    return list(map(ComparedType, groups, between, by_type, estimates, outliers))
 
 
-def between_bags(group: TypeBags) -> BetweenBags:
-    """Variance between bags that is common to the robots of a type."""
-    pairs = [(robot.values, robot.variances) for robot in group.robots]
-    counts = np.array([np.isfinite(v + s).sum(axis=0) for v, s in pairs])
-    dof = np.maximum(counts - 1, 0).sum(axis=0).astype(float)
-    common = common_between_variance(pairs)
-    return BetweenBags(common, dof, _prior(pairs, np.nan_to_num(common), counts))
+def _estimated(robots: Sequence[RobotBags]) -> NDArray[np.int64]:
+    """Count the bags (k, m) of each robot with an estimate of each quantity."""
+    return np.array([np.isfinite(robot.values + robot.variances).sum(axis=0) for robot in robots])
 
 
-def _prior(
-    pairs: Sequence[tuple[FloatArray, FloatArray]], between: FloatArray, counts: FloatArray
-) -> FloatArray:
-    """Degrees of freedom ν (m,) for which robots' scatters spread as those of F with d and ν.
+def _prior(robots: Sequence[RobotBags], between: FloatArray) -> FloatArray:
+    """Degrees of freedom ν (m,) by which a robot's scatter is known from the other robots.
 
-    By the distance of their quartiles, which a drifting robot does not move. No more than robots
-    less one: few robots say little of how the scatter differs from robot to robot.
+    Those of F with d and ν, as which the robots' scatters spread: many where all scatter as much,
+    none where they do as they like. By the distance of the quartiles, which a drifting robot does
+    not move. No more than robots less one: few robots say little of how the scatter differs.
     """
-    q = np.array([generalised_q(v, s, between)[0] for v, s in pairs])
+    counts = _estimated(robots)
+    q = np.array([generalised_q(robot.values, robot.variances, between)[0] for robot in robots])
     prior = np.zeros(len(between))
     for column in range(len(between)):
         scattering = counts[:, column] >= _FEWEST_OF_SCATTER
@@ -144,30 +113,36 @@ def _spread(dof: float, prior: float) -> float:
     return float(np.subtract(*np.log(scipy.stats.f.ppf([0.75, 0.25], dof, prior))))
 
 
-def _estimates(group: TypeBags, common: BetweenBags, changes: Sequence[OverTime]) -> Estimates:
-    """Estimate each robot of a type; a quantity that changed is not called unsteady beside."""
+def _estimates(group: TypeBags, between: FloatArray, changes: Sequence[OverTime]) -> Estimates:
+    """Estimate the robots of a type; a quantity that changed is not called unsteady as well."""
     tests = sum(robot.values.shape[1] for robot in group.robots if len(robot.bags) > 1)
-    alpha = UNSTEADY_LEVEL / max(tests, 1)
+    alpha = _UNSTEADY_LEVEL / max(tests, 1)
+    dof = np.maximum(_estimated(group.robots) - 1, 0).sum(axis=0)
     rows = [
-        _estimate(robot, group.parameters, common, change, alpha)
+        _estimate(robot, group.parameters, between, dof, change, alpha)
         for robot, change in zip(group.robots, changes, strict=True)
     ]
     return Estimates(*map(np.array, zip(*rows, strict=True)))
 
 
 def _estimate(
-    robot: RobotBags, parameters: int, common: BetweenBags, changes: OverTime, alpha: float
-) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], FloatArray, FloatArray]:
-    """Rows of `Estimates`, (m,) each."""
-    between = np.nan_to_num(common.variance)
-    count = np.isfinite(robot.values + robot.variances).sum(axis=0)
+    robot: RobotBags,
+    parameters: int,
+    between: FloatArray,
+    common_dof: NDArray[np.int64],
+    changes: OverTime,
+    alpha: float,
+) -> tuple[FloatArray, ...]:
+    """Estimate one robot: the rows of `Estimates`, (m,)."""
+    between = np.nan_to_num(between)
+    (count,) = _estimated([robot])
     q, _, _ = generalised_q(robot.values, robot.variances, between)
     surprise = scipy.stats.chi2.sf(q, np.maximum(count - 1, 1))
     unsteady = (count >= _FEWEST_UNSTEADY) & (surprise < alpha) & ~changes.changed
     apart = unsteady | changes.changed
     scatter = between_variance(robot.values, robot.variances)
     between = np.where(apart, np.maximum(scatter, between), between)
-    dof = np.where(apart, count - 1, np.maximum(common.dof, 1))
+    dof = np.where(apart, count - 1, np.maximum(common_dof, 1))
     _, values, variances = generalised_q(robot.values, robot.variances, between)
     values[:parameters], variances[:parameters] = _together(robot, between[:parameters])
     half = scipy.stats.t.isf(0.5 * (1.0 - LEVEL), dof) * np.sqrt(variances)

@@ -8,54 +8,35 @@ k bags and n rows, one set of parameters for all bags is tested by
 and a group of parameters by giving each bag its own of the group and the others in common.
 """
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis
 from idim_iv_ros.fleet.regression import stacked
-from idim_iv_ros.statistics.hypothesis import HypothesisTest, f_test
 from idim_iv_ros.types import FloatArray
-
-NULL = "one set of {what} holds for all bags"
-ALL = "all parameters"
 
 
 @dataclass(frozen=True)
 class Regression:
     """Least squares from an R factor.
 
-    Attributes
-    ----------
-    values : (p,)
-    covariance : (p, p)
-    squares : float
-        Sum of squares that is left.
-    dof : int
-        Rows less parameters.
-    complete : bool
-        Whether every parameter is shown; else its values are those of least squares without the
-        columns that depend on others, and its covariance says nothing.
+    `complete` says whether every parameter is shown; else the values are those of least squares
+    without the columns that depend on others, and the covariance says nothing.
     """
 
-    values: FloatArray
-    covariance: FloatArray
-    squares: float
-    dof: int
+    values: FloatArray  # (p,)
+    covariance: FloatArray  # (p, p)
+    squares: float  # sum of squares that is left
+    dof: int  # rows less parameters
     complete: bool
 
 
 def regression(factor: FloatArray, rows: int) -> Regression:
-    """Solve for the parameters.
-
-    Parameters
-    ----------
-    factor : (p + 1, p + 1)
-        R factor of the whitened [X y].
-    rows
-        Behind it.
-    """
+    """Solve for the parameters, from the R factor (p + 1, p + 1) of `rows` whitened rows [X y]."""
     width = factor.shape[1] - 1
     basis = independent_basis(factor[:, :width], tolerance=NOT_SHOWN)
     rest = basis.remove(factor[:, -1])
@@ -63,13 +44,8 @@ def regression(factor: FloatArray, rows: int) -> Regression:
     dof = rows - basis.rank
     variance = squares / dof if dof > 0 else np.nan
     root = basis.inverse_root(width)
-    return Regression(
-        basis.solve(factor[:, -1], width),
-        variance * root @ root.T,
-        squares,
-        dof,
-        basis.rank == width and dof > 0,
-    )
+    values, complete = basis.solve(factor[:, -1], width), basis.rank == width and dof > 0
+    return Regression(values, variance * root @ root.T, squares, dof, complete)
 
 
 def shares(factors: Sequence[FloatArray]) -> list[FloatArray]:
@@ -81,64 +57,30 @@ def shares(factors: Sequence[FloatArray]) -> list[FloatArray]:
 
 
 def agreement(
-    factors: Sequence[FloatArray],
-    rows: Sequence[int],
-    groups: Mapping[str, Sequence[int]],
-    *,
-    alpha: float,
-) -> tuple[HypothesisTest, ...]:
-    """Test whether one set of parameters holds for all bags, and group by group.
+    factors: Sequence[FloatArray], rows: Sequence[int], groups: Collection[Sequence[int]]
+) -> list[float]:
+    """p-value, for each group of columns, of one set of its parameters for all bags.
 
-    Parameters
-    ----------
-    factors, rows
-        Of bags that show every parameter.
-    groups
-        Columns by the name of the group.
-    alpha
-        Of the test of all parameters; shared among the groups (Bonferroni).
+    The bags show every parameter. NaN for one bag, too few rows, or residuals that vanish.
     """
-    names = (ALL, *groups)
-
-    def not_run(why: str) -> tuple[HypothesisTest, ...]:
-        return tuple(
-            HypothesisTest.not_run(NULL.format(what=name), name, why, alpha) for name in names
-        )
-
     count = len(factors)
     width = factors[0].shape[1] - 1 if count else 0
     dof = sum(rows) - count * width
-    if count < 2 or dof <= 0:
-        return not_run("one bag" if count == 1 else "no bags" if count == 0 else "too few rows")
     separate = sum(float(factor[-1, -1]) ** 2 for factor in factors)
+    if count < 2 or dof <= 0 or separate <= 0.0:
+        return [math.nan] * len(groups)
     pooled = float(stacked(factors)[-1, -1]) ** 2
-    if separate <= 0.0:
-        return not_run("the residual vanishes")
-    tests = []
-    for name in names:
-        columns = list(range(width)) if name == ALL else list(groups[name])
-        free = separate if name == ALL else _squares_with_own(factors, columns)
-        level = alpha if name == ALL else alpha / max(len(groups), 1)
-        tests.append(
-            f_test(
-                NULL.format(what=name),
-                name,
-                explained=max(pooled - free, 0.0),
-                df=(count - 1) * len(columns),
-                unexplained=separate,
-                df_denom=dof,
-                alpha=level,
-            )
-        )
-    return tuple(tests)
+    p_values = []
+    for columns in groups:
+        extra = (count - 1) * len(columns)
+        gain = max(pooled - _squares_apart(factors, columns), 0.0) / extra
+        p_values.append(float(scipy.stats.f.sf(gain / (separate / dof), extra, dof)))
+    return p_values
 
 
-def _squares_with_own(factors: Sequence[FloatArray], columns: Sequence[int]) -> float:
+def _squares_apart(factors: Sequence[FloatArray], columns: Sequence[int]) -> float:
     """Sum of squares left when each bag has its own parameters of these columns."""
-    width = factors[0].shape[1]
-    others = [k for k in range(width) if k not in set(columns)]
-    reduced = []
-    for factor in factors:
-        ordered = stacked([factor[:, [*columns, *others]]])
-        reduced.append(ordered[len(columns) :, len(columns) :])
+    others = [k for k in range(factors[0].shape[1]) if k not in set(columns)]
+    ordered = [stacked([factor[:, [*columns, *others]]]) for factor in factors]
+    reduced = [factor[len(columns) :, len(columns) :] for factor in ordered]
     return float(stacked(reduced)[-1, -1]) ** 2

@@ -75,46 +75,35 @@ def test_robots_have_a_cause_in_common_where_sign_and_size_agree(
     assert [cause.of_type for cause in causes] == [count >= 2 for count in groups]
 
 
-def test_wide_intervals_agree_with_any_size_in_them() -> None:
-    diagnosed = {"robot_1": [level(0.1, 0.2)], "robot_2": [level(0.5, 0.1)]}
-    assert shown(common_causes(diagnosed, ["robot_1", "robot_2"])) == [
-        ({"robot_1", "robot_2"}, True)
-    ]
+def coupling(direction: float) -> CauseSummary:
+    """Friction that couples two joints in a direction, 1 or -1."""
+    signed = EffectParameter(direction, None, "")
+    numbers = {"direction": signed, "coulomb": EffectParameter(0.5, 0.01, "N m")}
+    return CauseSummary("joint_coupling", "structural", "joint_1", numbers)
 
 
-def test_a_gain_is_compared_by_its_distance_from_one() -> None:
-    diagnosed = {"robot_1": [gain(1.1)], "robot_2": [gain(0.9)]}
-    assert len(common_causes(diagnosed, ["robot_1", "robot_2"])) == 2
-    assert is_nothing(gain(1.015)) and not is_nothing(gain(1.1))
+def inertia(moment: str) -> CauseSummary:
+    """A change of one moment of a link."""
+    numbers = {f"change_of_base_{moment}": EffectParameter(0.1, 0.01, "kg m")}
+    return CauseSummary("link_inertia", "parametric", "joint_2", numbers)
 
 
-def test_a_coupling_in_the_other_direction_is_another_cause() -> None:
-    diagnosed = {}
-    for name, direction in (("robot_1", 1.0), ("robot_2", -1.0)):
-        numbers = {
-            "direction": EffectParameter(direction, None, ""),
-            "coulomb": EffectParameter(0.5, 0.01, "N m"),
-        }
-        diagnosed[name] = [CauseSummary("joint_coupling", "structural", "joint_1", numbers)]
-    assert len(common_causes(diagnosed, list(diagnosed))) == 2
-
-
-def test_robots_without_a_number_in_common_are_not_compared() -> None:
-    inertia = {
-        name: [
-            CauseSummary(
-                "link_inertia",
-                "parametric",
-                "joint_2",
-                {moment: EffectParameter(0.1, 0.01, "kg m")},
-            )
-        ]
-        for name, moment in (("robot_1", "change_of_base_MX2"), ("robot_2", "change_of_base_MZ2"))
-    }
-    assert [cause.of_type for cause in common_causes(inertia, list(inertia))] == [False, False]
+@pytest.mark.parametrize(
+    ("first", "second", "agree"),
+    [
+        (level(0.1, 0.2), level(0.5, 0.1), True),  # wide intervals agree with sizes in them
+        (gain(1.1), gain(0.9), False),  # compared by its distance from one
+        (coupling(1.0), coupling(-1.0), False),
+        (inertia("MX2"), inertia("MZ2"), False),  # no number in common
+    ],
+)
+def test_two_robots_agree(first: CauseSummary, second: CauseSummary, agree: bool) -> None:
+    causes = common_causes({"robot_1": [first], "robot_2": [second]}, ["robot_1", "robot_2"])
+    assert [cause.of_type for cause in causes] == ([True] if agree else [False, False])
 
 
 def test_a_cause_of_zeros_is_not_named() -> None:
+    assert is_nothing(gain(1.015)) and not is_nothing(gain(1.1))
     assert is_nothing(drift((1.1e5, 1.3e6), (40.0, 500.0)))
     assert not is_nothing(drift((30.0, 4.0), (0.5, 0.02)))
     assert not is_nothing(CauseSummary("backlash", "structural", "joint_1"))
