@@ -23,6 +23,7 @@ from typing import Any
 from benchmarks.withheld_effects.cells import MASTER_SEED, Cell, chosen_cells
 from benchmarks.withheld_effects.robot import given_robot
 from benchmarks.withheld_effects.session import Session, make_session
+from benchmarks.withheld_effects.world import Runaway
 from idim_iv_ros.recording import JointTopic, write_bag
 
 LABELS, SEAL, OPTIONS = "labels.sealed.json", "labels.sha256", "options.json"
@@ -67,6 +68,8 @@ def write_cells(
 ) -> None:
     """Write these cells, by name, and seal their labels (errors as in `generate`).
 
+    Cells whose loop runs away with the effect are left out.
+
     `write` writes one cell of another benchmark, as `write_cell` does.
     """
     write = write or write_cell
@@ -84,17 +87,19 @@ def write_cells(
     os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
         jobs = {pool.submit(write, out, name, cells[name], master): name for name in missing}
-        failed = []
+        failed, runaways = [], set()
         for number, job in enumerate(as_completed(jobs), start=1):
             error = job.exception()
-            if error is not None:
-                failed.append(f"{jobs[job]}: {error!r}")
-            said = failed[-1] if error is not None else f"{jobs[job]} {job.result():.1f} s"
+            said = f"{jobs[job]} " + (repr(error) if error else f"{job.result():.1f} s")
+            if isinstance(error, Runaway):
+                runaways.add(jobs[job])
+            elif error is not None:
+                failed.append(said)
             elapsed = time.perf_counter() - started
             print(f"{number}/{len(missing)} {said}, {elapsed:.0f} s in all", flush=True)
     if failed:
         raise RuntimeError("cells that could not be made: " + "; ".join(failed))
-    seal(out, cells, master)
+    seal(out, {name: cell for name, cell in cells.items() if name not in runaways}, master)
 
 
 def write_cell(out: Path, name: str, cell: Cell, master: int) -> float:

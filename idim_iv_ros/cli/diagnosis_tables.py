@@ -63,7 +63,7 @@ def print_diagnosis(console: Console, result: GapResult, *, whole: bool = True) 
     for text in (result.own_summary, *findings):
         console.print(Text(text))
     if result.causes:
-        rows = [_cause_row(result, cause) for cause in result.causes]
+        rows = [_cause_row(result, cause, whole) for cause in result.causes]
         print_table(console, "Causes, strongest first", _CAUSES, rows)
     if result.stages and whole:
         _print_stages(console, result)
@@ -130,7 +130,7 @@ def _print_contrast(console: Console, result: GapResult, contrast: ContrastResul
     print_marked(console, "Note", contrast.notes)
 
 
-def _cause_row(result: GapResult, cause: Cause) -> tuple[str, ...]:
+def _cause_row(result: GapResult, cause: Cause, whole: bool) -> tuple[str, ...]:
     """Return the cells of a cause; its gap is that of its joint and of others that it changes."""
     joints = ", ".join(filter(None, (cause.joint, cause.other_joint))) or "all joints"
     gap, unit = cause.torque_gap, torque_unit(result, cause.joint)
@@ -140,11 +140,14 @@ def _cause_row(result: GapResult, cause: Cause) -> tuple[str, ...]:
         interval = f" ({' to '.join(ends)} %)" if ends else ""
         shrinkage = f"{100.0 * gap.shrinkage:.0f} %{interval} less"
     lines = [f"{gap.before:.3g} → {gap.after:.3g} {unit}", shrinkage]
-    for other in cause.joint_gaps:
+    gaps = sorted(cause.joint_gaps, key=lambda other: -other.share_of_torque)
+    for other in gaps if whole else gaps[:1]:
         if other.joint != cause.joint:
             unit = torque_unit(result, other.joint)
             lines.append(f"{other.joint}: {other.before:.3g} → {other.after:.3g} {unit}")
         lines.append(f"{100.0 * other.share_of_torque:.3g} % of its torque")
+    if not whole and len(gaps) > 1:
+        lines.append(f"and {len(gaps) - 1} joints more")
     return (
         f"{effect_words(cause.effect)}\n{joints}",
         _parameters(cause.parameters),
@@ -171,7 +174,7 @@ def _alternatives(others: Sequence[Indistinguishable], joint: str | None) -> str
 
 
 def _print_gaps(console: Console, result: GapResult) -> None:
-    """Print one line a joint: the gap of the first model, of the last one, and the noise."""
+    """Print one line a joint: the gap of the first model and of the last one, and the noise."""
     first, last = result.stages[0], result.stages[-1]
     floors = {gap.joint: gap.noise_floor for gap in result.joint_gaps}
     rows = []
@@ -179,20 +182,16 @@ def _print_gaps(console: Console, result: GapResult) -> None:
         unit, small = torque_unit(result, joint), small_unit(result, joint)
         torques = [stage.torque_rms.get(joint) for stage in (first, last)]
         motions = [(stage.tracking_rms or {}).get(joint) for stage in (first, last)]
-        rows.append(
-            (joint, *(_with_unit(torque, unit) for torque in (*torques, floors.get(joint))),
-             *(_with_unit(motion, small, 1e3) for motion in motions))
-        )  # fmt: skip
-    after = "with the causes" if len(result.stages) > 2 else stage_words(last.name)
-    headings = (
-        "joint",
-        f">{stage_words(first.name)}",
-        f">{after}",
-        ">noise",
-        ">simulated",
-        ">then",
-    )
-    print_table(console, "Gap of the torque and of the simulated motion, rms", headings, rows)
+        noise = _with_unit(floors.get(joint), unit)
+        rows.append((joint, _arrow(torques, unit), noise, _arrow(motions, small, 1e3)))
+    after = "causes" if len(result.stages) > 2 else stage_words(last.name)
+    title = f"Gap, rms: {stage_words(first.name)} → {after}"
+    print_table(console, title, ("joint", ">torque", ">noise", ">simulated motion"), rows)
+
+
+def _arrow(pair: Sequence[float | None], unit: str, factor: float = 1.0) -> str:
+    numbers = ["–" if value is None else f"{factor * value:.3g}" for value in pair]
+    return "–" if pair[0] is None and pair[1] is None else f"{' → '.join(numbers)} {unit}"
 
 
 def _print_stages(console: Console, result: GapResult) -> None:

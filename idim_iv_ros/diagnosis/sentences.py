@@ -128,9 +128,12 @@ def parametric_cause(
     mass = numbers.get("mass")
     if mass is not None and mass.value < 0.0:
         text += " (negative: a part that the nominal model has is not mounted)"
-    smaller = [_change(data, each) for each in changed if each.share_of_torque > 0.0]
+    smaller = [change for change in changed if change.share_of_torque > 0.0]
     if smaller:
-        text += f"; correcting it reduces the torque gap {', '.join(smaller)}"
+        most = max(smaller, key=lambda change: change.share_of_torque)
+        text += f"; correcting it reduces the torque gap {_change(data, most)}"
+        if len(smaller) > 1:
+            text += f" and at {_count(len(smaller) - 1, 'more joint')}"
     return text + or_else(others)
 
 
@@ -393,7 +396,7 @@ def or_else(others: Sequence[Indistinguishable]) -> str:
         f"({100.0 * each.weight:.0f} %)"
         for each in others
     )
-    return listed and f"; on this recording it may as well be {listed}"
+    return listed and f"; this recording cannot exclude {listed}"
 
 
 def _change(data: Baseline, each: JointChange) -> str:

@@ -43,4 +43,5 @@ def test_a_diagnosis_fits_and_keeps_the_names_of_its_joints(width: int) -> None:
     print_diagnosis(console, with_first_joint_named(sample_gap(6, "both"), LONG), whole=False)
     text = console.file.getvalue()
     assert max(len(line.rstrip()) for line in text.splitlines()) <= width
+    assert len(text.splitlines()) <= 50
     assert LONG in text
