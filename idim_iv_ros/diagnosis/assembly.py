@@ -192,8 +192,10 @@ def assembled(found: Diagnosis) -> GapResult:
         sentences.further_causes(causes[1:]),
         sentences.not_in_catalogue(outside),
         sentences.unexplained_residual(data, residual),
-        sentences.next_step(causes, unknown=verdict == "unknown"),
         sentences.remaining_parameter_errors(data, not_named or small, found.hints),
+        sentences.next_step(
+            causes, unknown=verdict == "unknown", remaining=bool(not_named or small)
+        ),
         sentences.left_out(data),
         *law.beyond,
         *(cause.sentence for cause in causes[1:] if measured_behind(cause)),

@@ -197,11 +197,10 @@ def remaining_parameter_errors(
         for each in hints
         if BY_NAME[each.effect].kind == "parametric"
     ]
-    which = f"perhaps {' or '.join(numbers)}" if numbers else "cannot be determined"
+    which = f"perhaps {' or '.join(numbers)}" if numbers else "no given number stands out"
     return (
         f"remaining parameter error: {worst.remaining:.3g} {unit} at {worst.joint} "
-        f"({100.0 * worst.share_of_torque:.3g} % of its torque){more}; which given numbers are in "
-        f"error: {which}"
+        f"({100.0 * worst.share_of_torque:.3g} % of its torque){more}: {which}"
     )
 
 
@@ -370,10 +369,15 @@ def not_in_catalogue(unexplained: Unexplained | None) -> str:
     )
 
 
-def next_step(causes: Sequence[Cause], *, unknown: bool) -> str:
-    """What to do with the answer."""
+def next_step(causes: Sequence[Cause], *, unknown: bool, remaining: bool) -> str:
+    """What to do with the answer; `remaining`: parameter errors are left that no cause names."""
     if unknown:
         return "next: look at where the residual lies, or record a motion that excites it more"
+    if not causes and remaining:
+        return (
+            "next: put the estimates into the simulator (idim-iv export --remainder changes the "
+            "numbers that the recording asks for, --refit all of them)"
+        )
     if not causes:
         return ""
     if any(each.indistinguishable_from for each in causes):
