@@ -1,7 +1,7 @@
 """Thresholds of the diagnosis: value, what it decides, and where it comes from.
 
 They are read from this module when they are needed, so that `benchmarks.sensitivity` can change
-one at run time. `python -m idim_iv_ros.diagnosis.settings` prints the table of docs/settings.md.
+one at run time. `python -m idim_iv_ros.diagnosis.settings` prints the table of all.
 
 Shares that decide whether something is large enough differ in what they are a share of: of the
 whitened energy of a residual, which is what the likelihood sees; of the torque gap's energy, which
@@ -238,12 +238,8 @@ def readers() -> dict[str, list[str]]:
 
 
 def table() -> Iterator[str]:
-    """Lines of docs/settings.md."""
+    """Lines of a table of all settings, in Markdown."""
     files = readers()
-    yield "# Thresholds of the diagnosis"
-    yield ""
-    yield "Made by `python -m idim_iv_ros.diagnosis.settings > docs/settings.md`."
-    yield ""
     yield "| name | value | unit | decides | origin | read in `idim_iv_ros/diagnosis/` |"
     yield "|---|---|---|---|---|---|"
     for name, each in all_settings().items():
