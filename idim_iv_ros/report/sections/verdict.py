@@ -143,7 +143,7 @@ def _diagnosis_tiles(result: GapResult) -> Sequence[Tile]:
     bags = _recordings(len(result.bags))
     untestable = "effects that this recording cannot show"
     return [
-        ("Causes accepted", str(len(result.causes)), "each beyond chance, strongest first below"),
+        ("Causes named", str(len(result.causes)), "strongest first below, with their probability"),
         *tiles,
         ("Recorded", with_unit(duration(result), "s"), bags),
         ("Not testable", str(len(result.not_testable)), untestable),
