@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 BRISTLES = 4
+MOST_JOINTS = 7
 
 
 class Drive(NamedTuple):
@@ -115,12 +116,26 @@ def packed(drive: Drive) -> np.void:
     A tuple of sixty arrays is copied, and its references counted, at every call: with the record
     a step takes a sixth of the time.
     """
-    values = drive._asdict()
+    values = {
+        name: value if name.startswith("pair") else _padded(value)
+        for name, value in drive._asdict().items()
+    }
     kind = np.dtype([(name, value.dtype, value.shape) for name, value in values.items()])
     record = np.zeros(1, kind)[0]
     for name, value in values.items():
         record[name] = value
     return record
+
+
+def _padded(values: FloatArray) -> FloatArray:
+    """Values (MOST_JOINTS, …) with zeros for joints that are not there.
+
+    All records then have one type. numba names compiled code after types by numbers that another
+    process gives otherwise: of two types the cached code of one would be run with the other.
+    """
+    padded = np.zeros((MOST_JOINTS, *values.shape[1:]))
+    padded[: len(values)] = values
+    return padded
 
 
 def altered(drive: Drive, joint: int, **values: float | FloatArray) -> Drive:
