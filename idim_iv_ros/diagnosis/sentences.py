@@ -34,7 +34,6 @@ def structural_cause(
     numbers: dict[str, EffectParameter],
     others: Sequence[Indistinguishable],
     gap: Gap,
-    gain: float,
     probability: float,
 ) -> str:
     """Where an effect is, how large, how probable, and how far the gap shrinks.
@@ -45,8 +44,6 @@ def structural_cause(
         Of the effect, in the units of its joint.
     others
         What explains the recording nearly as well.
-    gain
-        Share of the residual's energy that goes on held-out data.
     probability
         That it is a cause, 0 to 1.
     """
@@ -63,10 +60,7 @@ def structural_cause(
     )
     if gap.noise_floor is not None:
         text += f" (noise {gap.noise_floor:.3g} {unit})"
-    text += or_else(others)
-    if gain <= 0.0:
-        text += "; it does not help on held-out data, so do not rely on it"
-    return text
+    return text + or_else(others)
 
 
 def likely(probability: float | None) -> str:

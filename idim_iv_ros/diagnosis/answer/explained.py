@@ -22,6 +22,7 @@ from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
 INADEQUATE = "most of what remains at its joint is something else"
+NO_HELP = "it does not reduce the torque gap on data that it was not fitted to"
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +85,28 @@ class Explained:
 
 
 def explained(data: Baseline, regression: Regression, selection: Selection) -> Explained:
-    """Judge every term of a selection and predict held-out rows with those that are causes."""
+    """Judge every term of a selection and predict held-out rows with those that are causes.
+
+    Effects that do not help on held-out rows are causes no more, and the others are tested anew.
+    """
     judged = judged_terms(data, regression, selection)
+    while True:
+        found = _tested(data, regression, selection, judged)
+        idle = {
+            effect.term.key
+            for number, effect in enumerate(found.effects)
+            if found.tested.gain(number)[0] <= 0.0
+        }
+        if not idle:
+            return found
+        judged = [
+            replace(each, reason=NO_HELP) if each.term.key in idle else each for each in judged
+        ]
+
+
+def _tested(
+    data: Baseline, regression: Regression, selection: Selection, judged: Sequence[JudgedTerm]
+) -> Explained:
     causes = _without_doubtful(selection, [each for each in judged if not each.reason])
     judged = [*causes, *(each for each in judged if each.reason)]
     causes = [each for each in causes if not each.reason]

@@ -80,7 +80,7 @@ def structural_causes(
                 torque_gap=gap,
                 simulation_gap=simulation,
                 sentence=sentences.structural_cause(
-                    data, candidate, numbers, others, gap, gain, judged.probability
+                    data, candidate, numbers, others, gap, judged.probability
                 ),
                 joint_gaps=(data.joint_change(place.joint, gap.before, gap.after),),
             )
