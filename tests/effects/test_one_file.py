@@ -21,7 +21,7 @@ ALLOWED = {
     ("diagnosis/against/law.py", "controller_mismatch"): LAW,
     ("diagnosis/controller/check.py", "controller_mismatch"): LAW,
     ("diagnosis/controller/law_change.py", "controller_mismatch"): LAW,
-    ("diagnosis/controller/law_speed.py", "controller_mismatch"): LAW,
+    ("diagnosis/refit/law_speed.py", "controller_mismatch"): LAW,
     ("simulators/replay.py", "controller_mismatch"): LAW,
     ("report/sections/transmissions.py", "backlash"): "a column of measured numbers",
     ("simulator_files/changes.py", "torque_offset"): KEY,

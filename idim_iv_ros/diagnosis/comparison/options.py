@@ -54,6 +54,10 @@ class Options:
             if spans:
                 place[np.concatenate(spans)] = np.arange(sum(map(len, spans)))
                 table = np.concatenate([candidates[k].lines[joint] for k in there])
+                ends = np.cumsum([len(candidates[k].lines[joint]) for k in there])
+                for k, end in zip(there, ends, strict=True):  # nothing is held twice
+                    lines_of = candidates[k].lines
+                    lines_of[joint] = table[end - len(lines_of[joint]) : end]
             else:
                 table = np.zeros((0, len(rows)), dtype=np.float32)
             lines.append(np.zeros_like(table) if rows.left_out else table)
