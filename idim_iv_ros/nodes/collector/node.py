@@ -5,7 +5,6 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
@@ -13,8 +12,8 @@ from rclpy.node import Node
 from idim_iv_interfaces.action import Collect
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import IdimError, UsageError
-from idim_iv_ros.nodes.collector.collection import Collected, Collection, Order, Parts
-from idim_iv_ros.nodes.collector.controller import make_controller
+from idim_iv_ros.nodes.collector.collection import Collection, Parts
+from idim_iv_ros.nodes.collector.controller import Controller
 from idim_iv_ros.nodes.collector.joint_positions import JointPositions
 from idim_iv_ros.nodes.collector.neighbours import IdentifierNeighbour, RecorderNeighbour
 from idim_iv_ros.nodes.collector.settings import CollectorSettings
@@ -52,9 +51,7 @@ class Collector:
         self._settings = declare(node, CollectorSettings, arguments)
         self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._guard = node.create_guard_condition(self._do_calls)
-        self._controller = make_controller(
-            node, self._settings.controller, self._settings.interface
-        )
+        self._controller = Controller(node, self._settings.controller, self._settings.interface)
         self._recorder = RecorderNeighbour(node)
         self._identifier = IdentifierNeighbour(node)
         self._configuration: Configuration | None = None
@@ -94,9 +91,9 @@ class Collector:
 
     def _load(self) -> None:
         """Read the configuration, and hear its robot."""
-        for each in (self._positions, self._references):
-            if each is not None:
-                each.close()
+        for topic in (self._positions, self._references):
+            if topic is not None:
+                topic.close()
         self._configuration = self._positions = self._references = None
         if not self._settings.configuration:
             return
@@ -109,7 +106,7 @@ class Collector:
 
     def _accepted(self, goal: ServerGoalHandle) -> None:
         try:
-            collection = Collection(self._order(goal.request), self._parts(), self._say)
+            collection = Collection(self._filled_in(goal.request), self._parts(), self._say)
         except IdimError as error:
             self.node.get_logger().warning(f"refused: {error}")
             self._actions.finish(goal, Collect.Result(success=False, message=str(error)))
@@ -119,15 +116,15 @@ class Collector:
         goal.execute()
 
         def work() -> None:
-            collected = collection.run()
-            self._calls.put(lambda: self._ended(goal, collected))
+            result = collection.run()
+            self._calls.put(lambda: self._ended(goal, result))
             self._guard.trigger()
 
         self._thread = threading.Thread(target=work, name="collection", daemon=True)
         self._thread.start()
 
-    def _order(self, request: Any) -> Order:
-        """Fill in what a request leaves to the parameters.
+    def _filled_in(self, request: Collect.Goal) -> Collect.Goal:
+        """Return a request with the parameters where it leaves a number to them.
 
         Raises
         ------
@@ -159,7 +156,7 @@ class Collector:
             raise UsageError(f"speed_scale: {request.speed_scale:g} is more than 1")
         if not request.seed >= 0:
             raise UsageError(f"seed: {request.seed} is negative")
-        return Order(
+        return Collect.Goal(
             duration=request.duration or settings.motion_duration,
             speed_scale=request.speed_scale or settings.speed_scale,
             seed=request.seed or settings.motion_seed,
@@ -208,22 +205,13 @@ class Collector:
         if self._collection is not None and goal is self._goal:
             self._collection.cancel("cancelled")
 
-    def _ended(self, goal: ServerGoalHandle, collected: Collected) -> None:
+    def _ended(self, goal: ServerGoalHandle, result: Collect.Result) -> None:
         self._goal = self._collection = None
-        result = Collect.Result(
-            success=collected.success,
-            message=collected.message,
-            bag=collected.bag,
-            usable=collected.usable,
-            findings=collected.findings,
-        )
-        if collected.result is not None:
-            result.result = collected.result
         log = self.node.get_logger()
-        if collected.success:
-            log.info(collected.message)
+        if result.success:
+            log.info(result.message)
         else:
-            log.error(collected.message)
+            log.error(result.message)
         self._actions.finish(goal, result)
 
     def _do_calls(self) -> None:
