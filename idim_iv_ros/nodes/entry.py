@@ -4,8 +4,10 @@ import os
 import signal
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Protocol
 
 import rclpy
@@ -126,6 +128,16 @@ def diagnostic_status(
 def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
     """Return a timer that runs every `period` seconds whatever the clock of ROS says."""
     return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+def new_folder_path(directory: Path, prefix: str) -> Path:
+    """Return the path of a folder that is not there yet, named by a prefix and the time."""
+    stamp = time.strftime(f"{prefix}_%Y_%m_%d-%H_%M_%S")
+    folder, number = directory / stamp, 1
+    while folder.exists():
+        number += 1
+        folder = directory / f"{stamp}_{number}"
+    return folder
 
 
 def time_message(stamp: int) -> Time:

@@ -43,15 +43,6 @@ class Settings:
             One line that names the parameter.
         """
 
-    def check_files(self) -> None:
-        """Check what is read when the node is configured, where that is not at the start.
-
-        Raises
-        ------
-        IdimError
-            One line that names the file.
-        """
-
 
 Kind = TypeVar("Kind", bound=Settings)
 
@@ -174,7 +165,6 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
     new = type(settings)(**values)
     try:
         new.check()
-        new.check_files()
     except IdimError as error:
         names = ", ".join(given)
         text = str(error)

@@ -16,19 +16,13 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.nodes.entry import LATCHED, CannotGoOnError, run_node, steady_timer
 from idim_iv_ros.nodes.parameters import Settings, declare, follow_changes, parameter
-from idim_iv_ros.nodes.simulator.playback import (
-    REST,
-    Playback,
-    commanded,
-    continued,
-    published,
-)
+from idim_iv_ros.nodes.simulator.playback import REST, MotionSimulation, Playback, commanded
 from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
 from idim_iv_ros.simulators.robot import simulated_robot
@@ -82,15 +76,13 @@ class RobotSimulator:
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         self.node = node = Node("robot_simulator")
         self._settings = declare(node, SimulatorSettings, arguments)
-        configuration, urdf, self._rate = _loaded(Path(self._settings.configuration))
-        text = read_urdf_file(urdf)
-        self._configuration = configuration
-        self._robot = simulated_robot(configuration, text, urdf.name)
-        limits = self._robot.robot.limits
+        self._simulation, text = _loaded(Path(self._settings.configuration))
+        robot = self._simulation.robot
+        limits = robot.robot.limits
         middle = 0.5 * (limits.lower + limits.upper)
         self._references = np.where(np.isfinite(middle), middle, 0.0)[None]
         node.create_publisher(String, ROBOT_DESCRIPTION, LATCHED).publish(String(data=text))
-        truth = json.dumps(self._robot.truth)
+        truth = json.dumps(robot.truth)
         node.create_publisher(String, "~/truth", LATCHED).publish(String(data=truth))
         self._playback: Playback | None = None
         self._planning = threading.Lock()
@@ -115,16 +107,8 @@ class RobotSimulator:
         """Simulate the robot at rest; what is compiled for it, and for ~/move, is compiled now."""
         try:
             with contextlib.suppress(IdimError):  # without joint limits there are no random motions
-                random_motion(self._configuration, duration=1.0, rate=self._rate, seed=1)
-            topics, self._references = published(
-                self._configuration,
-                self._robot,
-                self._rate,
-                self._references[-1],
-                None,
-                self._settings.seed,
-            )
-            self._rest.set_result(topics)
+                self._random_motion(duration=1.0, seed=1)
+            self._rest.set_result(self._from_rest(None))
         except Exception as error:  # for the node to say
             self._rest.set_exception(error)
 
@@ -182,7 +166,7 @@ class RobotSimulator:
                 np.array(times, dtype=float),
                 np.array([point.positions for point in points], dtype=float),
                 np.array([p.velocities for p in points], dtype=float) if smooth else None,
-                self._rate,
+                self._simulation.rate,
             )
 
         playback = self._playback
@@ -195,12 +179,8 @@ class RobotSimulator:
         def trajectory() -> Trajectory:
             if self._settings.trajectory:
                 return read_trajectory(Path(self._settings.trajectory))
-            return random_motion(
-                self._configuration,
-                duration=self._settings.motion_duration,
-                rate=self._rate,
-                seed=self._settings.motion_seed,
-            )
+            settings = self._settings
+            return self._random_motion(settings.motion_duration, settings.motion_seed)
 
         refusal = self._plan(trajectory)
         response.success = not refusal
@@ -217,7 +197,7 @@ class RobotSimulator:
 
         def plan() -> None:
             try:
-                self._begin_from_rest(playback, trajectory())
+                playback.play(self._from_rest(trajectory()))
             finally:
                 self._planning.release()
 
@@ -238,26 +218,23 @@ class RobotSimulator:
 
         threading.Thread(target=work, name="planning", daemon=True).start()
 
-    def _begin_from_rest(self, playback: Playback, trajectory: Trajectory) -> None:
-        topics, self._references = published(
-            self._configuration,
-            self._robot,
-            self._rate,
-            self._references[-1],
-            trajectory,
-            self._settings.seed,
+    def _random_motion(self, duration: float, seed: int) -> Trajectory:
+        configuration, rate = self._simulation.configuration, self._simulation.rate
+        return random_motion(configuration, duration=duration, rate=rate, seed=seed)
+
+    def _from_rest(self, trajectory: Trajectory | None) -> list[JointTopic]:
+        """Return the messages of a motion that begins where the last one ended."""
+        topics, self._references = self._simulation.published(
+            self._references[-1], trajectory, self._settings.seed
         )
-        playback.play(topics)
+        return topics
 
     def _replace(self, playback: Playback, trajectory: Trajectory) -> None:
         """Drop the motion under way for another, as a trajectory controller does."""
         begun, lead = time.monotonic(), _LEAD
         with self._planning:
             while (sample := playback.change(lead)) is not None:
-                topics, references = continued(
-                    self._configuration,
-                    self._robot,
-                    self._rate,
+                topics, references = self._simulation.continued(
                     self._references[: sample + 1],
                     time.monotonic() - begun + lead,
                     trajectory,
@@ -267,7 +244,7 @@ class RobotSimulator:
                     self._references = references
                     return
                 lead *= 2.0
-            self._begin_from_rest(playback, trajectory)
+            playback.play(self._from_rest(trajectory))
 
     def _report(self) -> None:
         if not self._begin():
@@ -282,8 +259,8 @@ class RobotSimulator:
             self.node.get_logger().error(problem)
 
 
-def _loaded(path: Path) -> tuple[Configuration, Path, float]:
-    """Configuration, its URDF, and the rate of the references in Hz."""
+def _loaded(path: Path) -> tuple[MotionSimulation, str]:
+    """Return the simulation of the robot in a configuration, and the text of its URDF."""
     configuration = load_configuration(path)
     urdf = configuration.robot.description
     if urdf is None:
@@ -294,7 +271,9 @@ def _loaded(path: Path) -> tuple[Configuration, Path, float]:
         raise UsageError(
             f"{path}: simulated_robot.rate: {rate:g} Hz; at most {_FASTEST:g} Hz in real time"
         )
-    return configuration, urdf, float(rate)
+    text = read_urdf_file(urdf)
+    robot = simulated_robot(configuration, text, urdf.name)
+    return MotionSimulation(configuration, robot, float(rate)), text
 
 
 def run(arguments: Sequence[str]) -> int:
