@@ -127,8 +127,7 @@ def watch_command(
     if config is not None:
         parameters = _prediction(config, result, results)
         predictor = _node("predictor").Predictor
-    settings = _node("watch").WatchSettings(web=web, predictor=predictor)
-    _run("watch", namespace, parameters, context.args, settings)
+    _run("watch", namespace, parameters, context.args, web, predictor)
 
 
 def _robot(config: Path) -> dict[str, object]:

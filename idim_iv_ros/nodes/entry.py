@@ -23,7 +23,7 @@ from rclpy.timer import Timer
 from rclpy.utilities import try_shutdown
 
 from idim_iv_ros.errors import IdimError, UsageError, one_line, silence_foreign_warnings
-from idim_iv_ros.nodes.unknown_names import refuse_unknown_arguments
+from idim_iv_ros.nodes.parameters import refuse_unknown_arguments
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Quality of service of a topic whose last message reaches those who subscribe later."""

@@ -14,8 +14,7 @@ from idim_iv_interfaces.msg import BagClosed
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.entry import run_node, steady_timer
-from idim_iv_ros.nodes.identifier.folder_lock import FolderLock
-from idim_iv_ros.nodes.identifier.gap_publisher import GapPublisher
+from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
 from idim_iv_ros.nodes.identifier.job import (
     Job,
     JobListener,
@@ -24,9 +23,9 @@ from idim_iv_ros.nodes.identifier.job import (
 )
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue
 from idim_iv_ros.nodes.identifier.managed_node import ACTIVE, FINALIZED, INACTIVE, ManagedNode
+from idim_iv_ros.nodes.identifier.publishers import GapPublisher, ResultPublisher
 from idim_iv_ros.nodes.identifier.report import work_diagnosis
 from idim_iv_ros.nodes.identifier.request_server import RequestServer
-from idim_iv_ros.nodes.identifier.result_publisher import ResultPublisher
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
 from idim_iv_ros.nodes.parameters import declare, follow_changes, resolved_topics
 

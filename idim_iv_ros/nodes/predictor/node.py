@@ -25,13 +25,13 @@ from idim_iv_ros.nodes.parameters import (
     period_of_status,
     read_configuration,
 )
-from idim_iv_ros.nodes.predictor.markers import residual_markers
-from idim_iv_ros.nodes.predictor.model_source import ModelSource
-from idim_iv_ros.nodes.predictor.report import (
+from idim_iv_ros.nodes.predictor.messages import (
     joint_diagnosis,
     prediction_diagnosis,
     prediction_message,
+    residual_markers,
 )
+from idim_iv_ros.nodes.predictor.model_source import ModelSource
 from idim_iv_ros.prediction import LivePrediction, Prediction
 from idim_iv_ros.prediction.rows import joint_levels
 from idim_iv_ros.signal_source import field_of, topic_of
