@@ -1,10 +1,8 @@
 """The node `collector`: moves a robot, has the motion recorded, checked and identified."""
 
 import math
-import queue
 import threading
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
@@ -22,7 +20,6 @@ from idim_iv_ros.nodes.identifier.job import ESTIMATORS
 from idim_iv_ros.nodes.identifier.request_server import Clients, DeferredActionServer
 from idim_iv_ros.nodes.parameters import declare, follow_changes, read_configuration
 
-_GONE_LOOK = 0.5  # s between two looks whether the client is there
 _TURNS = 10  # of the executor, in which the last result is sent
 
 ABOUT = """collector: move the robot along a motion that shows its parameters, record it, check the
@@ -49,8 +46,6 @@ class Collector:
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         self.node = node = Node("collector")
         self._settings = declare(node, CollectorSettings, arguments)
-        self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._guard = node.create_guard_condition(self._do_calls)
         self._controller = Controller(node, self._settings.controller, self._settings.interface)
         self._recorder = RecorderNeighbour(node)
         self._identifier = IdentifierNeighbour(node)
@@ -66,7 +61,6 @@ class Collector:
         )
         self._name = action = node.resolve_service_name("~/collect")
         self._clients = Clients(node, f"{action}/_action/get_result")
-        self._looked, self._nobody = 0.0, False
         follow_changes(node, lambda: self._settings, self._apply, self._refuse)
         robot = self._settings.configuration or "no robot configured"
         may = "may" if self._settings.allow_motion else "must not"
@@ -82,7 +76,6 @@ class Collector:
         while self._thread is not None and self._thread.is_alive():
             if executor is not None:
                 executor.spin_once(timeout_sec=0.05)
-        self._do_calls()
         if executor is not None:
             for _ in range(_TURNS):
                 executor.spin_once(timeout_sec=0.0)
@@ -112,13 +105,12 @@ class Collector:
             self._actions.finish(goal, Collect.Result(success=False, message=str(error)))
             return
         self._goal, self._collection = goal, collection
-        self._nobody = False
         goal.execute()
 
         def work() -> None:
-            result = collection.run()
-            self._calls.put(lambda: self._ended(goal, result))
-            self._guard.trigger()
+            result, executor = collection.run(), self.node.executor
+            assert executor is not None
+            executor.create_task(self._ended, goal, result)
 
         self._thread = threading.Thread(target=work, name="collection", daemon=True)
         self._thread.start()
@@ -182,15 +174,8 @@ class Collector:
             recorder=self._recorder,
             identifier=self._identifier,
             settings=lambda: self._settings,
-            gone=self._gone,
+            gone=self._clients.gone,
         )
-
-    def _gone(self) -> bool:
-        """Whether nobody waits for the goal any more; in the thread of the collection."""
-        now = time.monotonic()
-        if now > self._looked + _GONE_LOOK:
-            self._looked, self._nobody = now, self._clients.gone()
-        return self._nobody
 
     def _say(self, stage: str, share: float, error: float, joint: str) -> None:
         goal = self._goal
@@ -213,14 +198,6 @@ class Collector:
         else:
             log.error(result.message)
         self._actions.finish(goal, result)
-
-    def _do_calls(self) -> None:
-        while True:
-            try:
-                call = self._calls.get_nowait()
-            except queue.Empty:
-                return
-            call()
 
     def _refuse(self, given: Mapping[str, object]) -> str:
         if "configuration" in given and self._goal is not None:

@@ -4,7 +4,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, make_interp_spline
@@ -204,19 +204,18 @@ class MotionSimulation:
 
 
 def _without(topic: JointTopic, seconds: float) -> JointTopic:
-    """Leave the beginning out."""
-    kept = topic.time >= seconds - 1e-9
+    """Return a topic without its first seconds, with times from zero."""
+    rows = topic.time >= seconds - 1e-9
 
-    def part(values: FloatArray | None) -> FloatArray | None:
-        return None if values is None else values[kept]
+    def later(values: FloatArray | None) -> FloatArray | None:
+        return None if values is None else values[rows]
 
-    return JointTopic(
-        topic.name,
-        topic.joints,
-        topic.time[kept] - seconds,
-        part(topic.position),
-        part(topic.velocity),
-        part(topic.effort),
+    return replace(
+        topic,
+        time=topic.time[rows] - seconds,
+        position=later(topic.position),
+        velocity=later(topic.velocity),
+        effort=later(topic.effort),
     )
 
 
