@@ -7,8 +7,9 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import rclpy
 from builtin_interfaces.msg import Time
@@ -29,6 +30,8 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Quality of service of a topic whose last message reaches those who subscribe later."""
 
 _WAIT = 0.2  # s until a signal is noticed
+
+Result = TypeVar("Result")
 
 
 class Closable(Protocol):
@@ -128,6 +131,20 @@ def diagnostic_status(
 def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
     """Return a timer that runs every `period` seconds whatever the clock of ROS says."""
     return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+def in_thread(function: Callable[[], Result], name: str) -> Future[Result]:
+    """Call a function in a thread that ends with the process, and return its future."""
+    future: Future[Result] = Future()
+
+    def work() -> None:
+        try:
+            future.set_result(function())
+        except Exception as error:  # belongs to whoever asks the future
+            future.set_exception(error)
+
+    threading.Thread(target=work, name=name, daemon=True).start()
+    return future
 
 
 def new_folder_path(directory: Path, prefix: str) -> Path:

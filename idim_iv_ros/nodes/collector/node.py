@@ -1,8 +1,8 @@
 """The node `collector`: moves a robot, has the motion recorded, checked and identified."""
 
 import math
-import threading
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
 
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
@@ -15,7 +15,7 @@ from idim_iv_ros.nodes.collector.controller import Controller
 from idim_iv_ros.nodes.collector.joint_positions import JointPositions
 from idim_iv_ros.nodes.collector.neighbours import IdentifierNeighbour, RecorderNeighbour
 from idim_iv_ros.nodes.collector.settings import CollectorSettings
-from idim_iv_ros.nodes.entry import run_node
+from idim_iv_ros.nodes.entry import in_thread, run_node
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS
 from idim_iv_ros.nodes.identifier.request_server import Clients, DeferredActionServer
 from idim_iv_ros.nodes.parameters import declare, follow_changes, read_configuration
@@ -55,7 +55,7 @@ class Collector:
         self._load()
         self._goal: ServerGoalHandle | None = None
         self._collection: Collection | None = None
-        self._thread: threading.Thread | None = None
+        self._running: Future[Collect.Result] | None = None
         self._actions = DeferredActionServer(
             node, Collect, "~/collect", self._accepted, self._cancel
         )
@@ -73,7 +73,7 @@ class Collector:
         if self._collection is not None:
             self._collection.cancel("the collector was shut down")
         executor = self.node.executor
-        while self._thread is not None and self._thread.is_alive():
+        while self._running is not None and not self._running.done():
             if executor is not None:
                 executor.spin_once(timeout_sec=0.05)
         if executor is not None:
@@ -106,14 +106,12 @@ class Collector:
             return
         self._goal, self._collection = goal, collection
         goal.execute()
-
-        def work() -> None:
-            result, executor = collection.run(), self.node.executor
-            assert executor is not None
-            executor.create_task(self._ended, goal, result)
-
-        self._thread = threading.Thread(target=work, name="collection", daemon=True)
-        self._thread.start()
+        executor = self.node.executor
+        assert executor is not None
+        self._running = in_thread(collection.run, "collection")
+        self._running.add_done_callback(
+            lambda done: executor.create_task(self._ended, goal, done.result())
+        )
 
     def _filled_in(self, request: Collect.Goal) -> Collect.Goal:
         """Return a request with the parameters where it leaves a number to them.

@@ -5,7 +5,6 @@ import json
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
 from idim_iv_ros.model import read_urdf_file
-from idim_iv_ros.nodes.entry import LATCHED, CannotGoOnError, run_node, steady_timer
+from idim_iv_ros.nodes.entry import LATCHED, CannotGoOnError, in_thread, run_node, steady_timer
 from idim_iv_ros.nodes.parameters import Settings, declare, follow_changes, parameter
 from idim_iv_ros.nodes.simulator.playback import REST, MotionSimulation, Playback, commanded
 from idim_iv_ros.recording import JointTopic
@@ -94,8 +93,7 @@ class RobotSimulator:
         steady_timer(node, _LOOK, self._report)
         follow_changes(node, lambda: self._settings, self._apply)
         self._begun, self._said_compiling = time.monotonic(), False
-        self._rest: Future[list[JointTopic]] = Future()
-        threading.Thread(target=self._prepare, name="preparing", daemon=True).start()
+        self._rest = in_thread(self._prepare, "preparing")
 
     def close(self) -> None:
         """Stop publishing."""
@@ -103,14 +101,11 @@ class RobotSimulator:
             self._playback.end()
         self.node.destroy_node()
 
-    def _prepare(self) -> None:
+    def _prepare(self) -> list[JointTopic]:
         """Simulate the robot at rest; what is compiled for it, and for ~/move, is compiled now."""
-        try:
-            with contextlib.suppress(IdimError):  # without joint limits there are no random motions
-                self._random_motion(duration=1.0, seed=1)
-            self._rest.set_result(self._from_rest(None))
-        except Exception as error:  # for the node to say
-            self._rest.set_exception(error)
+        with contextlib.suppress(IdimError):  # without joint limits there are no random motions
+            self._random_motion(duration=1.0, seed=1)
+        return self._from_rest(None)
 
     def _begin(self) -> bool:
         """Whether the robot publishes; it begins when its simulation is compiled."""
@@ -173,7 +168,7 @@ class RobotSimulator:
         if playback is None:
             self.node.get_logger().error(f"joint_trajectory: {self._not_ready()}")
             return
-        self._in_thread(lambda: self._replace(playback, trajectory()))
+        self._plan_in_thread(lambda: self._replace(playback, trajectory()))
 
     def _move(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         def trajectory() -> Trajectory:
@@ -201,13 +196,13 @@ class RobotSimulator:
             finally:
                 self._planning.release()
 
-        self._in_thread(plan)
+        self._plan_in_thread(plan)
         return ""
 
     def _not_ready(self) -> str:
         return f"not ready for {time.monotonic() - self._begun:.0f} s: {_COMPILING}"
 
-    def _in_thread(self, plan: Callable[[], None]) -> None:
+    def _plan_in_thread(self, plan: Callable[[], None]) -> None:
         def work() -> None:
             try:
                 plan()
@@ -216,7 +211,7 @@ class RobotSimulator:
             except Exception as error:  # the next motion may be one that can be planned
                 self._problem = f"defect in idim_iv_ros ({one_line(error)})"
 
-        threading.Thread(target=work, name="planning", daemon=True).start()
+        in_thread(work, "planning")
 
     def _random_motion(self, duration: float, seed: int) -> Trajectory:
         configuration, rate = self._simulation.configuration, self._simulation.rate
